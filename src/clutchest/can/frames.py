@@ -1,0 +1,80 @@
+"""Frames: a CAN log as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Flag(IntFlag):
+    """Bits of ``Frames.flags``."""
+
+    EXTENDED = 1
+    REMOTE = 2
+    ERROR = 4
+    FD = 8
+    BITRATE_SWITCH = 16
+    ERROR_STATE = 32
+    SENT = 64  # transmitted by the logger itself
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """One row per frame, in the order of the file.
+
+    ``t_ns`` int64 (n,): ns since the epoch, or since the log's start where ``absolute`` is False;
+    ``channel`` uint8 (n,); ``id`` uint32 (n,) without flag bits; ``flags`` uint8 (n,), see
+    :class:`Flag`; ``length`` uint8 (n,) payload bytes; ``data`` uint8 (n, 8) or (n, 64), zero
+    behind the payload.
+    """
+
+    t_ns: NDArray[np.int64]
+    channel: NDArray[np.uint8]
+    id: NDArray[np.uint32]
+    flags: NDArray[np.uint8]
+    length: NDArray[np.uint8]
+    data: NDArray[np.uint8]
+    absolute: bool = True
+    rejected: tuple[tuple[str, int], ...] = ()  # reason → lines or objects of the file not read
+
+    @classmethod
+    def empty(cls, n: int = 0, width: int = 8, absolute: bool = True) -> Frames:
+        """``n`` rows of zeros."""
+        return cls(np.zeros(n, np.int64), np.zeros(n, np.uint8), np.zeros(n, np.uint32),
+                   np.zeros(n, np.uint8), np.zeros(n, np.uint8),
+                   np.zeros((n, width), np.uint8), absolute)  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def take(self, rows: NDArray) -> Frames:
+        """The given rows (indices or a mask)."""
+        return Frames(self.t_ns[rows], self.channel[rows], self.id[rows], self.flags[rows],
+                      self.length[rows], self.data[rows], self.absolute, self.rejected)  # fmt: skip
+
+    def sorted(self) -> Frames:
+        """Rows in order of time; frames of equal time keep their order."""
+        if len(self) < 2 or np.all(np.diff(self.t_ns) >= 0):
+            return self
+        return self.take(np.argsort(self.t_ns, kind="stable"))
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Frames]) -> Frames:
+        """All rows of ``parts``, one after the other; a narrow payload is padded with zeros."""
+        if not parts:
+            return cls.empty()
+        width = max(part.data.shape[1] for part in parts)
+        columns = {f.name: np.concatenate([getattr(p, f.name) for p in parts])
+                   for f in fields(cls) if f.name not in ("data", "absolute", "rejected")}  # fmt: skip
+        columns["data"] = np.concatenate(
+            [np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts])  # fmt: skip
+        rejected: dict[str, int] = {}
+        for part in parts:
+            for reason, count in part.rejected:
+                rejected[reason] = rejected.get(reason, 0) + count
+        return cls(**columns, absolute=all(p.absolute for p in parts),
+                   rejected=tuple(rejected.items()))  # fmt: skip

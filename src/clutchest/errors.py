@@ -1,0 +1,26 @@
+"""The one exception that a user may see, and the hint at what they may have meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class ClutchestError(Exception):
+    """Bad input, told in one line: where, what was expected, and the nearest valid thing.
+
+    The command line prints it without a traceback and ends with exit code 1.
+    """
+
+
+def nearest(given: str, valid: Iterable[str]) -> str:
+    """``"; did you mean 'x'?"`` for the closest valid names, else a list of what is valid."""
+    names = sorted(set(valid))
+    lowered = {name.lower(): name for name in names}
+    close = [lowered[m] for m in get_close_matches(given.lower(), lowered, n=3, cutoff=0.55)]
+    if close:
+        return "; did you mean " + " or ".join(repr(name) for name in close) + "?"
+    if not names:
+        return ""
+    shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+    return f"; valid: {shown}"

@@ -1,0 +1,59 @@
+"""What a model is made of: states, parameters, inputs and sensors, each with its unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A quantity with memory.
+
+    ``process_noise`` (unit/√s) and ``initial_std`` (unit) hold where the vehicle file is silent;
+    ``useful_std`` is the largest standard deviation at which the estimate still tells something.
+    """
+
+    name: str
+    unit: str
+    symbol: str
+    what: str
+    process_noise: float
+    initial_std: float
+    useful_std: float
+    role: str = "adaptive"  # adaptive | constant | nuisance
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A constant of the equations, from the vehicle file; bounds in ``unit``."""
+
+    key: str
+    unit: str
+    symbol: str
+    what: str
+    lower: float = -inf
+    upper: float = inf
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A signal that drives the equations.  ``default`` stands in where no such signal is mapped;
+    None means that the model cannot do without.  ``gap``: longest hole, s, that may be bridged."""
+
+    name: str
+    unit: str
+    symbol: str
+    what: str
+    default: float | None = None
+    gap: float = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A signal that the model predicts, compared with what was measured."""
+
+    name: str
+    unit: str
+    symbol: str
+    what: str

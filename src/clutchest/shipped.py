@@ -1,0 +1,36 @@
+"""Where the DBCs, vehicles and logs stand that travel with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from clutchest.errors import ClutchestError, nearest
+
+_PACKAGE = Path(__file__).parent
+# In the wheel they lie inside the package; in a checkout at its top level.
+_ROOTS = (_PACKAGE / "data", _PACKAGE.parents[1])
+
+
+def shipped(kind: str) -> dict[str, Path]:
+    """Name → path of every shipped file of ``kind`` (``dbc``, ``logs`` or ``vehicles``)."""
+    for root in _ROOTS:
+        folder = root / kind
+        if folder.is_dir():
+            return {p.name.split(".")[0]: p for p in sorted(folder.iterdir()) if p.is_file()}
+    return {}
+
+
+def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
+    """The file ``name``: as a path, else in one of the folders ``beside``, else a shipped one.
+
+    Raises ClutchestError, naming the nearest shipped file, where there is none.
+    """
+    direct = Path(name)
+    for candidate in (direct, *(folder / direct for folder in beside)):
+        if candidate.is_file():
+            return candidate
+    stock = shipped(kind)
+    for path in stock.values():
+        if name in (path.name, path.name.split(".")[0]):
+            return path
+    raise ClutchestError(f"no such file: {name}" + nearest(direct.name.split(".")[0], stock))

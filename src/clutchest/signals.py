@@ -1,0 +1,125 @@
+"""Signals: what the rest of the toolkit works on, whatever bus or file it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.errors import ClutchestError, nearest
+
+Floats = NDArray[np.float64]
+
+
+class Why(IntEnum):
+    """Why a sample is not a number."""
+
+    VALID = 0
+    NOT_AVAILABLE = 1  # the bus says so (J1939: all ones)
+    ERROR = 2  # the bus says so (J1939: 0xFE…)
+    RESERVED = 3  # a code that J1939 keeps back
+    TOO_SHORT = 4  # the frame ends before the signal does
+    OUT_OF_RANGE = 5  # not finite, or outside what the vehicle file allows
+    CHECKSUM = 6
+    COUNTER = 7
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """Samples of one quantity at their own times.
+
+    ``time`` s since the log's start, non-decreasing, shape (n,); ``value`` shape (n,) in ``unit``,
+    NaN where ``why`` (uint8, codes of :class:`Why`) is not VALID.
+    """
+
+    name: str
+    unit: str
+    time: Floats
+    value: Floats
+    why: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, name: str, unit: str, time: Floats, value: Floats,
+           why: NDArray[np.uint8] | None = None) -> Signal:  # fmt: skip
+        """A signal from plain arrays; samples that are not finite become invalid, times sorted."""
+        time, value = np.asarray(time, np.float64), np.array(value, np.float64)
+        why = np.zeros(len(time), np.uint8) if why is None else np.array(why, np.uint8)
+        why[(why == Why.VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
+        value[why != Why.VALID] = np.nan
+        if len(time) > 1 and np.any(np.diff(time) < 0):
+            order = np.argsort(time, kind="stable")
+            time, value, why = time[order], value[order], why[order]
+        return cls(name, unit, time, value, why)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where the sample is a number; shape (n,)."""
+        return self.why == Why.VALID
+
+    def only_valid(self) -> Signal:
+        """The same signal without its invalid samples."""
+        keep = self.valid
+        return replace(self, time=self.time[keep], value=self.value[keep], why=self.why[keep])
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """What became of the frames of a log."""
+
+    frames: int = 0
+    decoded: int = 0  # frames of mapped messages that gave at least one sample
+    rejected: Mapping[str, int] = field(default_factory=dict)  # reason → frames
+    messages: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # message → counts
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What the generator knows: columns on one time grid, shape (n,) each; ``mode`` holds names."""
+
+    time: Floats
+    columns: Mapping[str, NDArray]
+
+
+@dataclass(frozen=True)
+class Signals(Mapping[str, Signal]):
+    """The named signals of one drive; later drives of the same read hang on ``later``.
+
+    Behaves as a mapping of canonical name → :class:`Signal`.  ``start_ns`` is the epoch time of
+    t = 0 in ns, None where the log only has relative times.  ``end`` is the log's last time, s.
+    """
+
+    signals: Mapping[str, Signal]
+    start_ns: int | None = None
+    end: float = 0.0
+    counts: Counts = field(default_factory=Counts)
+    warnings: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+    truth: Truth | None = None
+    later: tuple[Signals, ...] = ()
+
+    @property
+    def drives(self) -> tuple[Signals, ...]:
+        """Every drive in order of reading, this one first."""
+        return (replace(self, later=()), *self.later)
+
+    def __getitem__(self, name: str) -> Signal:
+        try:
+            return self.signals[name]
+        except KeyError:
+            raise ClutchestError(f"no signal '{name}' in this log"
+                                 + nearest(name, self.signals)) from None  # fmt: skip
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.signals)
+
+    def __len__(self) -> int:
+        return len(self.signals)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.signals

@@ -1,0 +1,89 @@
+"""A vehicle: one TOML file that says which bus signal is what, and which numbers hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class BusSignal:
+    """One signal on the bus: the DBC's names, and the bus unit the file claims for it."""
+
+    message: str
+    signal: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class SignalMap:
+    """How the bus makes one canonical signal, and how well.
+
+    ``noise`` standard deviation in the canonical unit (SI, mm for positions), ``delay`` s,
+    ``noise_ar`` AR(1) coefficient per sample of this signal.
+
+    A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``.
+    A wheel speed becomes an input-shaft speed through ``gears`` (ratio engine/wheel, first gear
+    first), the gear taken from ``gear`` where mapped, else inferred.
+    """
+
+    name: str
+    bus: BusSignal
+    noise: float
+    delay: float = 0.0
+    noise_ar: float = 0.0
+    reference: float | None = None
+    fraction: BusSignal | None = None
+    friction: BusSignal | None = None
+    gears: tuple[float, ...] = ()
+    gear: BusSignal | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterValue:
+    """``value`` ± ``spread`` (one standard deviation) in ``unit``, the model's own unit."""
+
+    value: float
+    unit: str
+    spread: float = 0.0
+    source: str = ""
+
+    @property
+    def guessed(self) -> bool:
+        """Whether the file calls the value a guess."""
+        return self.source.lower().startswith("guess")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimation:
+    """How the filter treats one state: role adaptive, constant or nuisance."""
+
+    role: str
+    process_noise: float
+    initial_std: float
+    useful_std: float
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """Everything that is particular to one vehicle.  ``hash`` is over the file's content."""
+
+    name: str
+    model: str
+    path: Path
+    hash: str
+    dbc: tuple[Path, ...]
+    signals: Mapping[str, SignalMap]
+    parameters: Mapping[str, ParameterValue]
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    estimation: Mapping[str, Estimation] = field(default_factory=dict)
+    modes: Mapping[str, float] = field(default_factory=dict)  # thresholds, SI and mm
+    limits: Mapping[str, ParameterValue] = field(default_factory=dict)
+    monitors: Mapping[str, float] = field(default_factory=dict)
+    effects_files: tuple[Path, ...] = ()
+
+    @property
+    def guessed(self) -> tuple[str, ...]:
+        """Keys of the parameters that the file calls guesses."""
+        return tuple(key for key, p in self.parameters.items() if p.guessed)
