@@ -1,0 +1,113 @@
+"""What an estimation gives back: estimates with their uncertainty, validity and reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.signals import Floats, Signals
+from clutchest.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One quantity over the output grid: ``value``, ``std`` and ``valid``, shape (m,) each.
+
+    ``std`` contains the filter's own uncertainty and that of the parameters' spreads.
+    """
+
+    value: Floats
+    std: Floats
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Innovations:
+    """Measured less predicted, per sensor event: ``time`` s, ``sensor`` index into ``names``,
+    ``innovation`` and its predicted standard deviation ``std`` in the sensor's unit; shape (k,)."""
+
+    names: tuple[str, ...]
+    time: Floats
+    sensor: NDArray[np.int8]
+    innovation: Floats
+    std: Floats
+
+    def of(self, name: str) -> tuple[Floats, Floats, Floats]:
+        """(time, innovation, std) of one sensor."""
+        rows = self.sensor == self.names.index(name)
+        return self.time[rows], self.innovation[rows], self.std[rows]
+
+
+@dataclass(frozen=True, slots=True)
+class Engagement:
+    """One slip event: s, s, J (± std), Nm, °C."""
+
+    start_s: float
+    duration_s: float
+    energy_J: float
+    energy_std_J: float
+    peak_torque: float
+    peak_temp_disc: float
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """The estimates of one drive on the output grid.
+
+    ``mode`` uint8 (m,), index into ``mode_names``; ``states`` by state name.
+    """
+
+    time: Floats
+    mode: NDArray[np.uint8]
+    mode_names: tuple[str, ...]
+    states: Mapping[str, Estimate]
+    clutch_torque: Estimate
+    slip_energy: Estimate
+    innovations: Innovations
+    engagements: tuple[Engagement, ...]
+    log_likelihood: float
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A replay: signals in, one :class:`Track` per drive out.
+
+    ``summary`` is what ``summary.json`` holds; ``final`` what ``state.json`` carries to the
+    next drive.
+    """
+
+    vehicle: Vehicle
+    signals: Signals
+    tracks: tuple[Track, ...]
+    summary: Mapping[str, Any]
+    final: Mapping[str, Any]
+    provenance: Mapping[str, str]  # versions, hashes of vehicle, parameters and compiled model
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The columns of ``estimates.parquet``; all drives, one below the other."""
+        import pandas as pd
+
+        frames = []
+        for drive, track in enumerate(self.tracks):
+            columns: dict[str, Any] = {
+                "time": track.time,
+                "drive": np.full(len(track.time), drive, np.int32),
+                "mode": pd.Categorical.from_codes(track.mode, list(track.mode_names)),
+            }
+            for name, estimate in track.states.items():
+                columns[name] = estimate.value
+                columns[f"{name}_std"] = estimate.std
+                columns[f"{name}_valid"] = estimate.valid
+            columns["clutch_torque"] = track.clutch_torque.value
+            columns["clutch_torque_std"] = track.clutch_torque.std
+            columns["slip_energy"] = track.slip_energy.value
+            columns["slip_energy_std"] = track.slip_energy.std
+            frames.append(pd.DataFrame(columns))
+        return pd.concat(frames, ignore_index=True)
