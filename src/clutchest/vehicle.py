@@ -6,6 +6,35 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+# Canonical columns of decoded signals, per model: name → unit (SI, mm for dry-clutch positions).
+COLUMNS: Mapping[str, Mapping[str, str]] = {
+    "dry_clutch": {
+        "engine_speed": "rad/s",
+        "input_shaft_speed": "rad/s",
+        "slave_position": "mm",
+        "motor_position": "mm",
+        "engine_torque": "Nm",
+        "coolant_temp": "°C",
+        "ambient_temp": "°C",
+        "vehicle_speed": "m/s",
+    },
+    "alsd": {
+        "armature_voltage": "V",
+        "armature_current": "A",
+        "motor_angle": "rad",
+        "slip_speed": "rad/s",
+        "oil_temp": "°C",
+        "armature_temp": "°C",
+        "clutch_torque": "Nm",
+        "motor_torque": "Nm",
+        "drive_torque": "Nm",
+        "shaft_torque": "Nm",
+        "drive_angle": "rad",
+        "wheel_speed_left": "rad/s",
+        "wheel_speed_right": "rad/s",
+    },
+}
+
 
 @dataclass(frozen=True, slots=True)
 class BusSignal:
@@ -25,7 +54,12 @@ class SignalMap:
 
     A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``.
     A wheel speed becomes an input-shaft speed through ``gears`` (ratio engine/wheel, first gear
-    first), the gear taken from ``gear`` where mapped, else inferred.
+    first), the gear taken from ``gear`` where mapped, else inferred; with ``other``, the second
+    wheel of the axle, the mean of both turns the differential.
+
+    ``minimum``, ``maximum`` in the bus unit: samples outside are invalid.  ``source_address``
+    (J1939) and ``channel`` choose among several senders.  ``period`` s, for simulation where the
+    DBC states no cycle time.
     """
 
     name: str
@@ -38,6 +72,12 @@ class SignalMap:
     friction: BusSignal | None = None
     gears: tuple[float, ...] = ()
     gear: BusSignal | None = None
+    other: BusSignal | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    source_address: int | None = None
+    channel: int | None = None
+    period: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +107,18 @@ class Estimation:
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """Everything that is particular to one vehicle.  ``hash`` is over the file's content."""
+    """Everything that is particular to one vehicle.
+
+    ``hash`` is over the file's content.  Two vehicles are equal when they say the same, wherever
+    their files lie.  A DBC found neither beside the file nor among the shipped stands in ``dbc``
+    as the bare name; it is looked for again when a log is read.  ``checked`` names the messages
+    whose counter and checksum are verified.
+    """
 
     name: str
     model: str
-    path: Path
-    hash: str
+    path: Path = field(compare=False)
+    hash: str = field(compare=False)
     dbc: tuple[Path, ...]
     signals: Mapping[str, SignalMap]
     parameters: Mapping[str, ParameterValue]
@@ -82,8 +128,32 @@ class Vehicle:
     limits: Mapping[str, ParameterValue] = field(default_factory=dict)
     monitors: Mapping[str, float] = field(default_factory=dict)
     effects_files: tuple[Path, ...] = ()
+    checked: tuple[str, ...] = ()
 
     @property
     def guessed(self) -> tuple[str, ...]:
         """Keys of the parameters that the file calls guesses."""
         return tuple(key for key, p in self.parameters.items() if p.guessed)
+
+
+def load_vehicle(v: str | Path) -> Vehicle:
+    """The vehicle in the TOML file ``v``, or the shipped one of that name.
+
+    Units are checked and values converted to the model's own.  Raises ClutchestError naming file,
+    line and key, what was expected and the nearest valid key.
+    """
+    from clutchest.vehicle_file import read_vehicle
+
+    return read_vehicle(v)
+
+
+def dump_vehicle(vehicle: Vehicle, path: str | Path, heading: str = "") -> None:
+    """Write ``vehicle`` as a complete file; :func:`load_vehicle` reads it back equal.
+
+    ``heading`` becomes comment lines at the top.  DBCs that do not travel with the package are
+    named relative to the new file.
+    """
+    from clutchest.vehicle_file import vehicle_text
+
+    path = Path(path)
+    path.write_text(vehicle_text(vehicle, path, heading), encoding="utf-8")
