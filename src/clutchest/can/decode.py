@@ -1,0 +1,116 @@
+"""Decoding: whole columns of one message at a time, the same numbers as cantools gives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.can import j1939
+from clutchest.can.database import Message, SignalLayout
+from clutchest.can.frames import Flag, Frames
+from clutchest.signals import Why
+
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """The samples of one signal, shape (n,) each.
+
+    ``rows``: the rows of the log that carry the signal — those asked for, less those where a
+    multiplexer selects another; the samples' times are ``frames.t_ns[column.rows]``.
+    ``value`` in the bus unit, NaN where ``why`` (codes of :class:`Why`) is not VALID; ``raw``
+    int64 for signed signals, else uint64 (of a float its bit pattern).
+    """
+
+    rows: Rows
+    value: NDArray[np.float64]
+    raw: NDArray[np.int64] | NDArray[np.uint64]
+    why: NDArray[np.uint8]
+
+
+def rows_of(frames: Frames, message: Message, channel: int | None = None) -> Rows:
+    """Rows of the data frames that are ``message``, shape (n,).
+
+    The id must be the same; with J1939 only its parameter group: priority, source and, where there
+    is one, destination do not matter.
+    """
+    kind = Flag.EXTENDED if message.extended else 0
+    same = (frames.id & np.uint32(message.id_mask)) == (message.id & message.id_mask)
+    same &= (frames.flags & (Flag.EXTENDED | Flag.REMOTE | Flag.ERROR)) == kind
+    if channel is not None:
+        same &= frames.channel == channel
+    return np.flatnonzero(same)
+
+
+def decode(frames: Frames, rows: Rows, message: Message,
+           signal_names: Sequence[str]) -> dict[str, Column]:  # fmt: skip
+    """The named signals of ``message`` from the given ``rows``, by name.
+
+    Frames longer than the message are read as far as the DBC goes; in shorter ones every signal
+    that does not lie wholly inside is TOO_SHORT.  Raises ClutchestError for an unknown signal.
+    """
+    data, length = frames.data[rows], frames.length[rows]
+    return {name: _column(rows, data, length, message, message.signal(name))
+            for name in signal_names}  # fmt: skip
+
+
+def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.uint8], message: Message,
+            layout: SignalLayout) -> Column:  # fmt: skip
+    short = length <= layout.last_byte
+    if layout.multiplexer:
+        switch = _column(rows, data, length, message, message.signal(layout.multiplexer))
+        unread = switch.why == Why.TOO_SHORT
+        ids = np.array(sorted(layout.multiplexer_ids), np.float64)
+        keep = np.isin(np.trunc(switch.value), ids) | unread
+        inside = np.searchsorted(rows, switch.rows[keep])
+        rows, data, short = rows[inside], data[inside], short[inside] | unread[keep]
+    raw = extract(data, layout)
+    value = scaled(raw, layout)
+    why = (j1939.why_of(raw, layout.width, layout.spn) if layout.coded
+           else np.zeros(len(rows), np.uint8))  # fmt: skip
+    why[short] = Why.TOO_SHORT
+    if layout.is_float:
+        why[(why == Why.VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
+    value[why != Why.VALID] = np.nan
+    return Column(rows, value, raw, why)
+
+
+def extract(data: NDArray[np.uint8], layout: SignalLayout) -> NDArray:
+    """Raw values (n,) from payloads (n, width): int64 if signed, else uint64."""
+    raw = np.zeros(len(data), np.uint64)
+    first, last = layout.first_bit // 8, layout.last_byte
+    # Bits of the first byte before the signal; big endian: bits of the last byte behind it.
+    below = (layout.first_bit % 8 if layout.little_endian
+             else 8 * (last + 1) - layout.first_bit - layout.width)  # fmt: skip
+    for byte in range(first, min(last + 1, data.shape[1])):
+        shift = 8 * (byte - first if layout.little_endian else last - byte) - below
+        bits = data[:, byte].astype(np.uint64)
+        raw |= bits << np.uint64(shift) if shift >= 0 else bits >> np.uint64(-shift)
+    unused = np.uint64(64 - layout.width)
+    raw = (raw << unused) >> unused
+    if layout.signed and not layout.is_float:
+        return (raw << unused).view(np.int64) >> unused.astype(np.int64)
+    return raw
+
+
+def scaled(raw: NDArray, layout: SignalLayout) -> NDArray[np.float64]:
+    """raw · scale + offset with the rounding of cantools: integers exactly, else in float64."""
+    scale, offset = layout.scale, layout.offset
+    if layout.is_float:
+        bits = raw.astype(f"u{layout.width // 8}")
+        return bits.view(f"f{layout.width // 8}").astype(np.float64) * scale + offset
+    if scale == 1 and offset == 0:
+        return raw.astype(np.float64)
+    if float(scale).is_integer() and float(offset).is_integer():
+        scale, offset = int(scale), int(offset)
+    if not isinstance(scale, int):
+        return raw.astype(np.float64) * scale + offset
+    if layout.width + scale.bit_length() > 62 or abs(offset) > 2**62:
+        raw = raw.astype(object)  # exact at any size; such signals are rare
+    else:
+        raw = raw.astype(np.int64)
+    return (raw * scale + offset).astype(np.float64)

@@ -1,0 +1,1 @@
+"""One module per kind of log file that can be written."""
