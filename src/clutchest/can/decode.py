@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from clutchest.can import j1939
 from clutchest.can.database import Message, SignalLayout
 from clutchest.can.frames import Flag, Frames
+from clutchest.errors import ClutchestError
 from clutchest.signals import Why
 
 Rows = NDArray[np.intp]
@@ -60,12 +61,16 @@ def decode(frames: Frames, rows: Rows, message: Message,
 
 def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.uint8], message: Message,
             layout: SignalLayout) -> Column:  # fmt: skip
+    if layout.width > 64:
+        raise ClutchestError(f"signal '{layout.name}' of message '{message.name}' has "
+                             f"{layout.width} bits; at most 64 can be a number")  # fmt: skip
     short = length <= layout.last_byte
     if layout.multiplexer:
-        switch = _column(rows, data, length, message, message.signal(layout.multiplexer))
+        selector = message.signal(layout.multiplexer)
+        switch = _column(rows, data, length, message, selector)
         unread = switch.why == Why.TOO_SHORT
-        ids = np.array(sorted(layout.multiplexer_ids), np.float64)
-        keep = np.isin(np.trunc(switch.value), ids) | unread
+        selected = np.trunc(scaled(switch.raw, selector))
+        keep = np.isin(selected, np.array(sorted(layout.multiplexer_ids), np.float64)) | unread
         inside = np.searchsorted(rows, switch.rows[keep])
         rows, data, short = rows[inside], data[inside], short[inside] | unread[keep]
     raw = extract(data, layout)

@@ -44,17 +44,31 @@ class Frames:
     @classmethod
     def empty(cls, n: int = 0, width: int = 8, absolute: bool = True) -> Frames:
         """``n`` rows of zeros."""
-        return cls(np.zeros(n, np.int64), np.zeros(n, np.uint8), np.zeros(n, np.uint32),
-                   np.zeros(n, np.uint8), np.zeros(n, np.uint8),
-                   np.zeros((n, width), np.uint8), absolute)  # fmt: skip
+        return cls(
+            np.zeros(n, np.int64),
+            np.zeros(n, np.uint8),
+            np.zeros(n, np.uint32),
+            np.zeros(n, np.uint8),
+            np.zeros(n, np.uint8),
+            np.zeros((n, width), np.uint8),
+            absolute,
+        )
 
     def __len__(self) -> int:
         return len(self.t_ns)
 
     def take(self, rows: NDArray) -> Frames:
         """The given rows (indices or a mask)."""
-        return Frames(self.t_ns[rows], self.channel[rows], self.id[rows], self.flags[rows],
-                      self.length[rows], self.data[rows], self.absolute, self.rejected)  # fmt: skip
+        return Frames(
+            self.t_ns[rows],
+            self.channel[rows],
+            self.id[rows],
+            self.flags[rows],
+            self.length[rows],
+            self.data[rows],
+            self.absolute,
+            self.rejected,
+        )
 
     def sorted(self) -> Frames:
         """Rows in order of time; frames of equal time keep their order."""
@@ -68,13 +82,18 @@ class Frames:
         if not parts:
             return cls.empty()
         width = max(part.data.shape[1] for part in parts)
-        columns = {f.name: np.concatenate([getattr(p, f.name) for p in parts])
-                   for f in fields(cls) if f.name not in ("data", "absolute", "rejected")}  # fmt: skip
+        columns = {
+            f.name: np.concatenate([getattr(p, f.name) for p in parts])
+            for f in fields(cls)
+            if f.name not in ("data", "absolute", "rejected")
+        }
         columns["data"] = np.concatenate(
-            [np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts])  # fmt: skip
+            [np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts]
+        )
         rejected: dict[str, int] = {}
         for part in parts:
             for reason, count in part.rejected:
                 rejected[reason] = rejected.get(reason, 0) + count
-        return cls(**columns, absolute=all(p.absolute for p in parts),
-                   rejected=tuple(rejected.items()))  # fmt: skip
+        return cls(
+            **columns, absolute=all(p.absolute for p in parts), rejected=tuple(rejected.items())
+        )
