@@ -6,35 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-# Canonical columns of decoded signals, per model: name → unit (SI, mm for dry-clutch positions).
-COLUMNS: Mapping[str, Mapping[str, str]] = {
-    "dry_clutch": {
-        "engine_speed": "rad/s",
-        "input_shaft_speed": "rad/s",
-        "slave_position": "mm",
-        "motor_position": "mm",
-        "engine_torque": "Nm",
-        "coolant_temp": "°C",
-        "ambient_temp": "°C",
-        "vehicle_speed": "m/s",
-    },
-    "alsd": {
-        "armature_voltage": "V",
-        "armature_current": "A",
-        "motor_angle": "rad",
-        "slip_speed": "rad/s",
-        "oil_temp": "°C",
-        "armature_temp": "°C",
-        "clutch_torque": "Nm",
-        "motor_torque": "Nm",
-        "drive_torque": "Nm",
-        "shaft_torque": "Nm",
-        "drive_angle": "rad",
-        "wheel_speed_left": "rad/s",
-        "wheel_speed_right": "rad/s",
-    },
-}
-
 
 @dataclass(frozen=True, slots=True)
 class BusSignal:
@@ -153,7 +124,7 @@ def dump_vehicle(vehicle: Vehicle, path: str | Path, heading: str = "") -> None:
     ``heading`` becomes comment lines at the top.  DBCs that do not travel with the package are
     named relative to the new file.
     """
-    from clutchest.vehicle_file import vehicle_text
+    from clutchest.vehicle_text import vehicle_text
 
     path = Path(path)
     path.write_text(vehicle_text(vehicle, path, heading), encoding="utf-8")

@@ -1,0 +1,319 @@
+"""From frames to canonical signals, the way a vehicle file says, with an account of every frame."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import isclose
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest import units
+from clutchest.can.database import Database, Message, SignalLayout
+from clutchest.can.decode import Column, decode, rows_of
+from clutchest.can.encode import check
+from clutchest.can.frames import Flag, Frames
+from clutchest.errors import ClutchestError
+from clutchest.gears import engaged_gear
+from clutchest.models import card
+from clutchest.signals import Counts, Floats, Signal, Signals, Why
+from clutchest.vehicle import BusSignal, SignalMap, Vehicle
+
+
+class NoMappedFrame(ClutchestError):
+    """A stretch of a log in which nothing is mapped."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """Samples of one bus signal: row in the log, value in the bus unit, and why not; (n,) each."""
+
+    rows: NDArray[np.intp]
+    value: Floats
+    why: NDArray[np.uint8]
+
+    def at(self, rows: NDArray[np.intp]) -> Floats:
+        """The last valid value at each of ``rows``; before the first one, the first."""
+        valid = self.why == Why.VALID
+        latest = np.searchsorted(self.rows[valid], rows, side="right") - 1
+        return self.value[valid][np.maximum(latest, 0)]
+
+    def any_valid(self) -> bool:
+        return bool(np.any(self.why == Why.VALID))
+
+
+def signals_of(frames: Frames, vehicle: Vehicle, database: Database,
+               sources: tuple[str, ...] = ()) -> Signals:  # fmt: skip
+    """The canonical signals in ``frames`` (sorted by time, not empty); t = 0 at the first frame.
+
+    Warnings name what is mapped and missing.  Raises NoMappedFrame if no mapped message has a
+    frame, ClutchestError if the vehicle file and the DBC contradict each other.
+    """
+    return _Drive(frames, vehicle, database, sources).signals()
+
+
+def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str, SignalLayout]]:
+    """Message name → signal name → layout of all that ``vehicle`` maps.
+
+    Raises ClutchestError for a name that the DBC does not have, or a unit that it contradicts.
+    """
+    wanted: dict[str, dict[str, SignalLayout]] = {}
+    for signal in vehicle.signals.values():
+        for bus in parts(signal):
+            try:
+                layout = database.message(bus.message).signal(bus.signal)
+            except ClutchestError as problem:
+                raise _contradiction(vehicle, signal, str(problem)) from None
+            if complaint := _unit_complaint(bus, layout):
+                raise _contradiction(vehicle, signal, complaint)
+            wanted.setdefault(bus.message, {})[bus.signal] = layout
+    return wanted
+
+
+def parts(signal: SignalMap) -> list[BusSignal]:
+    """Every bus signal that enters one canonical signal, its own first."""
+    companions = (signal.fraction, signal.friction, signal.gear, signal.other)
+    return [signal.bus, *(bus for bus in companions if bus)]
+
+
+def _contradiction(vehicle: Vehicle, signal: SignalMap, complaint: str) -> ClutchestError:
+    return ClutchestError(f"{vehicle.path.name}: signals.{signal.name}: {complaint}")
+
+
+def _unit_complaint(bus: BusSignal, layout: SignalLayout) -> str:
+    """What is wrong with the file's unit; a DBC without a (known) unit accepts any."""
+    stated = layout.unit.strip()
+    try:
+        dbc, file = units.parse(stated or bus.unit), units.parse(bus.unit)
+    except ClutchestError:
+        return ""
+    if dbc.dimensions == file.dimensions and isclose(dbc.scale, file.scale, rel_tol=1e-9) \
+            and isclose(dbc.offset, file.offset, abs_tol=1e-9):  # fmt: skip
+        return ""
+    return f"the file says '{bus.unit}', the DBC '{stated}' for {bus.message}.{bus.signal}"
+
+
+@dataclass
+class _Drive:
+    """The decoding of one drive; collects warnings as it goes."""
+
+    frames: Frames
+    vehicle: Vehicle
+    database: Database
+    sources: tuple[str, ...]
+    columns: dict[tuple[str, str], Column] = field(default_factory=dict)
+    messages: dict[str, dict[str, int]] = field(default_factory=dict)
+    rejected: Counter[str] = field(default_factory=Counter)
+    warnings: list[str] = field(default_factory=list)
+
+    def signals(self) -> Signals:
+        frames = self.frames
+        mapped = np.zeros(len(frames), bool)
+        wanted = mapped_messages(self.vehicle, self.database)
+        for name, layouts in wanted.items():
+            mapped[self._decode(self.database.message(name), layouts)] = True
+        if not mapped.any():
+            raise NoMappedFrame(f"{' '.join(self.sources) or 'this log'}: no frame of "
+                                f"{', '.join(wanted)}{self._seen()}")  # fmt: skip
+        self._count_unmapped(mapped)
+        made: dict[str, Signal] = {}
+        unit_of = dict(card(self.vehicle.model).columns)
+        for name, signal in self.vehicle.signals.items():
+            samples = self._samples(signal, signal.bus)
+            if len(samples.rows):
+                made[name] = self._canonical(signal, samples, unit_of[name], made)
+        self.warnings += [f"message {name} has no frame in this log"
+                          f" ({', '.join(self._made_of(name))})" + self._seen()
+                          for name, counts in self.messages.items() if not counts["frames"]]
+        first, last = int(frames.t_ns[0]), int(frames.t_ns[-1])
+        decoded = sum(counts["decoded"] for counts in self.messages.values())
+        rejected = dict(self.rejected + Counter(dict(frames.rejected)))
+        return Signals(
+            made,
+            start_ns=first if frames.absolute else None,
+            end=(last - first) / 1e9,
+            counts=Counts(len(frames), decoded, rejected, self.messages),
+            warnings=(*self.database.warnings, *self.warnings),
+            sources=self.sources,
+        )  # fmt: skip
+
+    # --- frames of one message ---------------------------------------------------------------
+
+    def _decode(self, message: Message, layouts: Iterable[str]) -> NDArray[np.intp]:
+        """Decode what is needed of one message, count what became of its frames."""
+        rows = rows_of(self.frames, message)
+        columns = decode(self.frames, rows, message, sorted(layouts))
+        counts = self.messages[message.name] = {"frames": len(rows), "decoded": 0}
+        broken = np.zeros(len(rows), bool)
+        if message.name in self.vehicle.checked and len(rows):
+            verdict = check(self.frames, rows, message)
+            broken, counts["counter jumps"] = ~verdict.checksum, verdict.jumps
+        good = np.zeros(len(rows), bool)
+        reason = np.zeros(len(rows), np.uint8)
+        seen: dict[Why, NDArray[np.bool_]] = {}
+        for name, column in columns.items():
+            place = np.searchsorted(rows, column.rows)
+            column.why[broken[place] & (column.why == Why.VALID)] = Why.CHECKSUM
+            column.value[column.why != Why.VALID] = np.nan
+            self.columns[message.name, name] = column
+            good[place] |= column.why == Why.VALID
+            reason[place] = np.where(column.why != Why.VALID, column.why, reason[place])
+            for code in np.unique(column.why[column.why != Why.VALID]):
+                mask = seen.setdefault(Why(code), np.zeros(len(rows), bool))
+                mask[place] |= column.why == code
+        counts["decoded"] = int(good.sum())
+        counts |= {_words(why): int(mask.sum()) for why, mask in sorted(seen.items())}
+        for code, number in zip(*np.unique(reason[~good], return_counts=True), strict=True):
+            self.rejected[_words(Why(code)) if code else "multiplexed otherwise"] += int(number)
+        return rows
+
+    def _count_unmapped(self, mapped: NDArray[np.bool_]) -> None:
+        for flag, reason in ((Flag.ERROR, "error frame"), (Flag.REMOTE, "remote frame")):
+            kind = ~mapped & ((self.frames.flags & flag) != 0)
+            self.rejected[reason] += int(kind.sum())
+            mapped = mapped | kind
+        self.rejected["not mapped"] += int((~mapped).sum())
+        self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
+
+    def _made_of(self, message: str) -> list[str]:
+        return [name for name, signal in self.vehicle.signals.items()
+                if any(bus.message == message for bus in parts(signal))]  # fmt: skip
+
+    def _seen(self) -> str:
+        """What the log holds instead, for a warning."""
+        extended = (self.frames.flags & Flag.EXTENDED) != 0
+        pairs = np.unique(np.stack((self.frames.id, extended.astype(np.uint32))), axis=1)
+        found = {m.name for i, e in pairs.T if (m := self.database.find(int(i), bool(e)))}
+        if found:
+            names = sorted(found)
+            return "; of this DBC it holds " + ", ".join(names[:8]) + ", …" * (len(names) > 8)
+        ids = [f"0x{i:03X}" for i, _ in pairs.T[:6]]
+        return "; it holds " + ", ".join(ids) + ", …" * (pairs.shape[1] > 6)
+
+    # --- one canonical signal ----------------------------------------------------------------
+
+    def _samples(self, signal: SignalMap, bus: BusSignal) -> _Samples:
+        """Samples of ``bus`` from one sender: the one asked for, else the one with most to say."""
+        column = self.columns[bus.message, bus.signal]
+        message = self.database.message(bus.message)
+        address = (self.frames.id[column.rows] & np.uint32(0xFF) if message.is_j1939
+                   else np.zeros(len(column.rows), np.uint32))  # fmt: skip
+        channel = self.frames.channel[column.rows]
+        keep = np.ones(len(column.rows), bool)
+        if signal.source_address is not None and message.is_j1939:
+            keep &= address == signal.source_address
+        if signal.channel is not None:
+            keep &= channel == signal.channel
+        sender = channel.astype(np.uint32) << np.uint32(8) | address
+        speaking = keep & (column.why == Why.VALID)
+        senders, said = np.unique(sender[speaking], return_counts=True)
+        if len(senders):
+            chosen = senders[np.argmax(said)]
+            keep &= sender == chosen
+        if len(senders) > 1:
+            listed = ", ".join(_sender(s, message) for s in senders)
+            self.warnings.append(f"{signal.name}: {bus.message}.{bus.signal} comes from several "
+                                 f"senders ({listed}); taken from {_sender(chosen, message)}")
+        if len(column.rows) and not keep.any():
+            self.warnings.append(f"{signal.name}: no frame of {bus.message} from the "
+                                 "source_address or channel asked for")  # fmt: skip
+        samples = _Samples(column.rows[keep], column.value[keep].copy(), column.why[keep].copy())
+        self._judge(signal, bus, samples, message.signal(bus.signal))
+        return samples
+
+    def _judge(self, signal: SignalMap, bus: BusSignal, samples: _Samples,
+               layout: SignalLayout) -> None:  # fmt: skip
+        """Apply the file's plausible range; warn of what is clipped or never there."""
+        where = f"{signal.name}: {bus.message}.{bus.signal}"
+        if bus is signal.bus:
+            outside = np.zeros(len(samples.rows), bool)
+            if signal.minimum is not None:
+                outside |= samples.value < signal.minimum
+            if signal.maximum is not None:
+                outside |= samples.value > signal.maximum
+            if outside.any():
+                samples.why[outside], samples.value[outside] = Why.OUT_OF_RANGE, np.nan
+                self.warnings.append(f"{where}: {outside.sum()} samples outside the vehicle "
+                                     "file's min … max")  # fmt: skip
+        if len(samples.rows) and not samples.any_valid():
+            codes, numbers = np.unique(samples.why, return_counts=True)
+            self.warnings.append(f"{where} never has a value "
+                                 f"({_words(Why(codes[np.argmax(numbers)]))})")  # fmt: skip
+        for end, edge in ((layout.maximum, "upper"), (layout.minimum, "lower")):
+            # Standing at zero is no sign of clipping, and a switch has nothing but ends.
+            if end and layout.width > 4 and layout.maximum != layout.minimum:
+                clipped = int(np.sum(samples.value >= end if edge == "upper"
+                                     else samples.value <= end))  # fmt: skip
+                if clipped:
+                    self.warnings.append(f"{where}: {clipped} samples at the {edge} end of the "
+                                         f"DBC's range ({end:g} {layout.unit})".rstrip())
+
+    def _canonical(self, signal: SignalMap, samples: _Samples, unit: str,
+                   made: dict[str, Signal]) -> Signal:  # fmt: skip
+        time = (self.frames.t_ns[samples.rows] - self.frames.t_ns[0]) / 1e9
+        value, why = samples.value, samples.why
+        if signal.other:
+            other = self._samples(signal, signal.other)
+            if other.any_valid():
+                value = (value + other.at(samples.rows)) / 2
+        if signal.reference is not None:
+            value = self._torque(signal, samples)
+        else:
+            value = units.convert(value, signal.bus.unit, unit)
+        if signal.gears:
+            value, why = self._through_gear(signal, samples, time, value, made)
+        return Signal.of(signal.name, unit, time, value, why)
+
+    def _torque(self, signal: SignalMap, samples: _Samples) -> Floats:
+        """Nm from percent of the reference: actual + fraction − nominal friction."""
+        percent = units.convert(samples.value, signal.bus.unit, "%")
+        if signal.fraction:
+            fraction = self._samples(signal, signal.fraction)
+            here = _Samples(fraction.rows, np.where(fraction.why == Why.VALID, fraction.value, 0.0),
+                            np.zeros_like(fraction.why))  # fmt: skip
+            if len(here.rows):
+                percent = percent + units.convert(here.at(samples.rows), signal.fraction.unit, "%")
+        if signal.friction:
+            friction = self._samples(signal, signal.friction)
+            if friction.any_valid():
+                held = friction.at(samples.rows)
+                percent = percent - units.convert(held, signal.friction.unit, "%")
+            else:
+                self.warnings.append(f"{signal.name}: no friction torque "
+                                     f"({signal.friction.message}.{signal.friction.signal}); "
+                                     "taken as 0")  # fmt: skip
+        return percent * (signal.reference or 0.0) / 100
+
+    def _through_gear(self, signal: SignalMap, samples: _Samples, time: Floats, wheel: Floats,
+                      made: dict[str, Signal]) -> tuple[Floats, NDArray[np.uint8]]:  # fmt: skip
+        """Wheel speed times the ratio of the engaged gear."""
+        ratios = np.array(signal.gears)
+        if signal.gear:
+            number = self._samples(signal, signal.gear)
+            if number.any_valid():
+                gear = number.at(samples.rows)
+                inside = (gear >= 1) & (gear <= len(ratios))
+                index = np.where(inside, gear, 1).astype(np.intp) - 1
+                why = np.where(inside, samples.why, np.uint8(Why.NOT_AVAILABLE))
+                return wheel * ratios[index], why
+        engine = made["engine_speed"].only_valid() if "engine_speed" in made else None
+        gears = None
+        if engine is not None and len(engine):
+            gears = engaged_gear(time, wheel, np.interp(time, engine.time, engine.value), ratios)
+        if gears is None:
+            self.warnings.append(f"{signal.name}: engine and wheels are never locked in a gear; "
+                                 "taken as first gear")  # fmt: skip
+            gears = np.zeros(len(time), np.intp)
+        return wheel * ratios[gears], samples.why
+
+
+def _words(why: Why) -> str:
+    return why.name.lower().replace("_", " ")
+
+
+def _sender(sender: int, message: Message) -> str:
+    channel = f"channel {sender >> 8}"
+    return f"address 0x{sender & 0xFF:02X} on {channel}" if message.is_j1939 else channel
+

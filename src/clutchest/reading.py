@@ -1,0 +1,151 @@
+"""Reading logs: any mixture of CAN logs and decoded tables, as the drives they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from clutchest.can import files
+from clutchest.can.database import Database, load
+from clutchest.can.frames import Frames
+from clutchest.errors import ClutchestError
+from clutchest.mapping import NoMappedFrame, signals_of
+from clutchest.models import card
+from clutchest.shipped import locate
+from clutchest.signals import Signals
+from clutchest.tables import is_table, joined, read_table
+from clutchest.vehicle import Vehicle
+
+JOIN_S = 60.0  # pieces of one drive lie no further apart
+HOLE_S = 3600.0  # a longer silence inside a log starts a new drive
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """One file: its contents and, on an absolute clock, when it starts and ends (ns)."""
+
+    path: Path
+    content: Frames | Signals
+    absolute: bool
+    start: int = 0
+    end: int = 0
+
+
+def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle) -> Signals:
+    """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
+
+    CAN logs are decoded through the vehicle's DBC, ``.csv`` and ``.parquet`` with canonical columns
+    are taken as they are.  Logs on absolute clocks that overlap or lie less than a minute apart
+    are pieces of one drive; all others are drives of their own, on ``later`` in order of reading.
+    Times are s from the drive's start.  Delays that the vehicle file states are not applied.
+
+    Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
+    DBC, or when no mapped message occurs at all.
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    if not given:
+        raise ClutchestError("no log to read")
+    found = [locate(str(path), "logs") for path in given]
+    columns = dict(card(vehicle.model).columns)
+    pieces = [_table(path, columns) if is_table(path) else _frames(path) for path in found]
+    database: Database | None = None
+    drives: list[Signals] = []
+    empty: list[NoMappedFrame] = []
+    for group in _groups(pieces):
+        tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
+        if tables:
+            drives.append(_only_mapped(joined(tables), vehicle))
+            continue
+        database = database or load_database(vehicle, [path.parent for path in found])
+        sources = tuple(str(piece.path) for piece in group)
+        frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
+        for part in _split(frames.sorted()):
+            try:
+                drives.append(signals_of(part, vehicle, database, sources))
+            except NoMappedFrame as problem:
+                empty.append(problem)
+    if not drives:
+        raise empty[0]
+    first, *later = drives
+    return replace(first, later=tuple(later),
+                   warnings=(*first.warnings, *(str(problem) for problem in empty)))  # fmt: skip
+
+
+def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
+    """The vehicle's DBCs; one that is still missing is looked for in ``folders`` and here.
+
+    Raises ClutchestError naming the file and where it was looked for.
+    """
+    if not vehicle.dbc:
+        raise ClutchestError(f"{vehicle.path.name}: no 'dbc', so CAN logs cannot be decoded")
+    return load([_dbc(vehicle, path, [*folders, Path.cwd()]) for path in vehicle.dbc])
+
+
+def _dbc(vehicle: Vehicle, path: Path, folders: Sequence[Path]) -> Path:
+    for candidate in (path, *(folder / path for folder in folders)):
+        if candidate.is_file():
+            return candidate
+    places = ", ".join(dict.fromkeys(str(folder.resolve()) for folder in folders))
+    raise ClutchestError(f"{vehicle.path.name}: no such DBC: {path}; looked beside the vehicle "
+                         f"file, among the shipped ones and in {places}")  # fmt: skip
+
+
+def _table(path: Path, columns: dict[str, str]) -> _Piece:
+    signals = read_table(path, columns)
+    if signals.start_ns is None:
+        return _Piece(path, signals, False)
+    return _Piece(path, signals, True, signals.start_ns, signals.start_ns + int(signals.end * 1e9))
+
+
+def _frames(path: Path) -> _Piece:
+    frames = files.read_frames(path)
+    if not len(frames):
+        raise ClutchestError(f"{path}: no CAN frame in it")
+    return _Piece(path, frames, frames.absolute, int(frames.t_ns.min()), int(frames.t_ns.max()))
+
+
+def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
+    """Pieces of one drive together, drives in order of reading."""
+    groups: list[list[_Piece]] = [[piece] for piece in pieces if not piece.absolute]
+    for kind in (Frames, Signals):
+        end = None
+        clocked = [p for p in pieces if p.absolute and isinstance(p.content, kind)]
+        for piece in sorted(clocked, key=lambda p: p.start):
+            if end is not None and piece.start - end < JOIN_S * 1e9:
+                groups[-1].append(piece)
+                end = max(end, piece.end)
+            else:
+                groups.append([piece])
+                end = piece.end
+    order = {id(piece): i for i, piece in enumerate(pieces)}
+    return sorted(groups, key=lambda group: min(order[id(piece)] for piece in group))
+
+
+def _split(frames: Frames) -> list[Frames]:
+    """The frames (sorted) cut at long silences: a clock that was set, or a parked vehicle."""
+    cuts = np.flatnonzero(np.diff(frames.t_ns) > HOLE_S * 1e9) + 1
+    if not len(cuts):
+        return [frames]
+    bounds = [0, *cuts.tolist(), len(frames)]
+    parts = [frames.take(np.arange(a, b)) for a, b in pairwise(bounds)]
+    # What the file as a whole lost is told once.
+    return [parts[0], *(replace(part, rejected=()) for part in parts[1:])]
+
+
+def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:
+    """Without columns for which the vehicle file declares no noise: nothing could be made of
+    them, except inputs that have a default anyway."""
+    inputs = {i.name for i in card(vehicle.model).inputs if i.default is not None}
+    kept = {name: signal for name, signal in signals.items()
+            if name in vehicle.signals or name in inputs}  # fmt: skip
+    if not kept:
+        raise ClutchestError(f"{' '.join(signals.sources)}: none of its signals "
+                             f"({', '.join(signals)}) is mapped in "
+                             f"{vehicle.path.name}")  # fmt: skip
+    dropped = [f"signal '{name}' ignored: {vehicle.path.name} does not map it"
+               for name in signals if name not in kept]  # fmt: skip
+    return replace(signals, signals=kept, warnings=(*signals.warnings, *dropped))

@@ -1,0 +1,82 @@
+"""Vehicles written as TOML text, complete and readable again."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from clutchest.shipped import shipped
+from clutchest.vehicle import BusSignal, SignalMap, Vehicle
+
+
+def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
+    """``vehicle`` as TOML, for a file at ``target``."""
+    stock = {path.resolve() for path in shipped("dbc").values()}
+    folder = target.resolve().parent
+
+    def name(path: Path) -> str:
+        if not path.is_absolute() or path in stock:
+            return path.name if path in stock else path.as_posix()
+        try:
+            return Path(os.path.relpath(path, folder)).as_posix()
+        except ValueError:  # another drive
+            return path.as_posix()
+
+    lines = [f"# {line}".rstrip() for line in heading.splitlines()]
+    lines += [f"name = {_toml(vehicle.name)}", f"model = {_toml(vehicle.model)}",
+              f"dbc = {_toml([name(path) for path in vehicle.dbc])}"]
+    if vehicle.checked:
+        lines.append(f"checked = {_toml(list(vehicle.checked))}")
+    if vehicle.effects_files:
+        lines.append(f"effects_files = {_toml([name(path) for path in vehicle.effects_files])}")
+    for key, signal in vehicle.signals.items():
+        lines += ["", f"[signals.{key}]", *(f"{k} = {_toml(v)}" for k, v in _entry(signal))]
+
+    def section(title: str, table: Mapping[str, Any], entry: Callable[[Any], Any]) -> None:
+        if table:
+            lines.extend(["", f"[{title}]"])
+            lines.extend(f"{key} = {_toml(entry(value))}" for key, value in table.items())
+
+    def record(item: Any) -> dict[str, Any]:
+        return {f.name: value for f in fields(item)
+                if (value := getattr(item, f.name)) != f.default}
+
+    section("parameters", vehicle.parameters, record)
+    section("effects", vehicle.effects, dict)
+    section("estimation", vehicle.estimation, record)
+    section("modes", vehicle.modes, float)
+    section("limits", vehicle.limits, record)
+    section("monitors", vehicle.monitors, float)
+    return "\n".join(lines) + "\n"
+
+
+def _entry(signal: SignalMap) -> Iterable[tuple[str, Any]]:
+    """Keys and values of one ``[signals.…]`` table, defaults left out."""
+    yield from _bus(signal.bus).items()
+    for f in fields(SignalMap)[2:]:
+        value = getattr(signal, f.name)
+        if value == f.default:
+            continue
+        key = {"minimum": "min", "maximum": "max"}.get(f.name, f.name)
+        yield key, _bus(value) if isinstance(value, BusSignal) else value
+
+
+def _bus(signal: BusSignal) -> dict[str, str]:
+    return {"message": signal.message, "signal": signal.signal, "unit": signal.unit}
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda m: f"\\u{ord(m[0]):04x}", escaped) + '"'
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, float):
+        return repr(float(value))  # numpy's floats print otherwise
+    return repr(value)
