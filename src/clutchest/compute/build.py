@@ -1,0 +1,89 @@
+"""One generated module per model: lowered functions and kernel text, named by a hash of both.
+
+numba caches only what lives in a file, and keeps an old answer when a function in *another* file
+changes.  So everything that the compiled code depends on stands in one file whose name is a hash
+of its text, of the versions of numba, CasADi and clutchest, and of the CPU.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+
+from clutchest.compute.lower import module_text
+from clutchest.models.model import Model
+
+_HEADER = '''"""Generated; do not edit."""
+from math import ceil, cos, exp, log, pi, sin, sqrt, tanh
+
+import numpy as np
+from numba import njit
+
+'''
+_MARK = "# --- the generated module goes on from here ---\n"
+
+
+def cache_folder() -> Path:
+    """Where generated modules lie: ``CLUTCHEST_CACHE`` if set, else the user's cache folder."""
+    from platformdirs import user_cache_path
+
+    chosen = os.environ.get("CLUTCHEST_CACHE")
+    return Path(chosen) if chosen else user_cache_path("clutchest", appauthor=False)
+
+
+def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]:
+    """(hash, source) of the module for this model, with signatures of ``thetas``."""
+    import llvmlite.binding
+
+    kernel = (Path(__file__).parent / "kernel.py").read_text(encoding="utf-8").split(_MARK)[1]
+    text = _HEADER + module_text(model, thetas) + "\n\n" + kernel
+    platform = [version(name) for name in ("numba", "casadi", "clutchest")]
+    platform += [llvmlite.binding.get_host_cpu_name(), sys.version]
+    digest = hashlib.sha256("\n".join([*platform, text]).encode()).hexdigest()[:16]
+    return digest, text
+
+
+@lru_cache(maxsize=32)
+def _load(digest: str, text: str) -> ModuleType:
+    folder = cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path = _write(folder, digest, text)
+    except OSError:  # a read-only home: compile anew in each process
+        path = _write(Path(tempfile.mkdtemp(prefix="clutchest-")), digest, text)
+    name = f"clutchest_generated_{digest}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def _write(folder: Path, digest: str, text: str) -> Path:
+    path = folder / f"model_{digest}.py"
+    if not path.exists():
+        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False,
+                                         encoding="utf-8") as file:  # fmt: skip
+            file.write(text)
+        Path(file.name).replace(path)  # atomic: two processes may do this at once
+    return path
+
+
+def is_compiled(digest: str) -> bool:
+    """Whether this machine has run the module before, so that it starts at once."""
+    return any((cache_folder() / "__pycache__").glob(f"model_{digest}.run-*.nbi"))
+
+
+def load(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, ModuleType]:
+    """(hash, module) for a model; written and compiled at first use, from the cache later."""
+    digest, text = generate(model, tuple(thetas))
+    return digest, _load(digest, text)

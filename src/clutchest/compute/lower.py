@@ -1,0 +1,133 @@
+"""Lowering: CasADi expressions become straight-line Python that numba compiles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from clutchest.models.model import Expressions, Model
+
+# What is not an operator between its operands.  `if_else_zero` is how CasADi writes a branch.
+_CALLS = {
+    ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}", ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})",
+    ca.OP_POW: "{0} ** {1}", ca.OP_CONSTPOW: "{0} ** {1}", ca.OP_SQRT: "sqrt({0})",
+    ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "2.0 * {0}", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
+    ca.OP_TANH: "tanh({0})", ca.OP_INV: "1.0 / {0}", ca.OP_FABS: "abs({0})",
+    ca.OP_LT: "(1.0 if {0} < {1} else 0.0)", ca.OP_LE: "(1.0 if {0} <= {1} else 0.0)",
+    ca.OP_EQ: "(1.0 if {0} == {1} else 0.0)", ca.OP_NE: "(1.0 if {0} != {1} else 0.0)",
+    ca.OP_NOT: "(1.0 if {0} == 0.0 else 0.0)",
+    ca.OP_AND: "(1.0 if {0} != 0.0 and {1} != 0.0 else 0.0)",
+    ca.OP_OR: "(1.0 if {0} != 0.0 or {1} != 0.0 else 0.0)",
+    ca.OP_SIGN: "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))",
+    ca.OP_FMIN: "({0} if {0} < {1} else {1})", ca.OP_FMAX: "({0} if {0} > {1} else {1})",
+    ca.OP_IF_ELSE_ZERO: "({1} if {0} != 0.0 else 0.0)",
+}  # fmt: skip
+
+
+def lower(
+    name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX], returned: str = ""
+) -> str:
+    """Source of a function ``name(inputs…, outputs…)`` that fills its output arrays.
+
+    Only structurally nonzero entries are written: the caller's arrays start as zeros.  An output
+    that is a column vector becomes a one-dimensional array.  ``returned`` names a scalar output
+    that is returned instead.  Raises NotImplementedError for an operation numba has no name for.
+    """
+    function = ca.Function(name, list(inputs.values()), list(outputs.values()), {"cse": True})
+    arrays, targets = list(inputs), list(outputs)
+    places = [list(zip(*function.sparsity_out(i).get_triplet(), strict=True))
+              for i in range(len(targets))]  # fmt: skip
+    filled = [t for t in targets if t != returned]
+    lines = ["@njit(cache=True, error_model='numpy')", f"def {name}({', '.join(arrays + filled)}):"]
+    result = "0.0"
+    for k in range(function.n_instructions()):
+        op = function.instruction_id(k)
+        into, of = function.instruction_output(k), function.instruction_input(k)
+        if op == ca.OP_CONST:
+            lines.append(f"v{into[0]} = {function.instruction_constant(k)!r}")
+        elif op == ca.OP_INPUT:
+            lines.append(f"v{into[0]} = {arrays[of[0]]}[{of[1]}]")
+        elif op == ca.OP_OUTPUT:
+            target, (row, column) = targets[into[0]], places[into[0]][into[1]]
+            if target == returned:
+                result = f"v{of[0]}"
+                lines.append(f"returned = {result}")
+                result = "returned"
+            elif outputs[target].is_column():
+                lines.append(f"{target}[{row}] = v{of[0]}")
+            else:
+                lines.append(f"{target}[{row}, {column}] = v{of[0]}")
+        elif op in _CALLS:
+            lines.append(f"v{into[0]} = " + _CALLS[op].format(*(f"v{i}" for i in of)))
+        else:
+            raise NotImplementedError(f"{name}: CasADi operation {op} has no numba form here")
+    lines.append(f"return {result}")
+    return "\n".join([lines[0], lines[1], *("    " + line for line in lines[2:])]) + "\n"
+
+
+def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
+    """Source of all functions that the kernel calls, for one model.
+
+    ``thetas`` are what signatures are taken of: (``"parameter"``, key) or (effect name, number).
+    """
+    e = model.expressions()
+    theta = ca.vertcat(*(_symbol(model, e, owner, key) for owner, key in thetas))
+    du = ca.SX.sym("du", len(model.inputs))
+    names = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
+    power = e.outputs[model.outputs.index("power")]
+
+    # a delay shifts a signal in time: its response is that signal's slope
+    B = ca.jacobian(e.rate, e.u)
+    late = ca.SX(len(model.inputs), len(thetas))
+    for k, (owner, key) in enumerate(thetas):
+        for effect in model.effects:
+            for signal, number in effect.delays.items():
+                if effect.name == owner and number == key:
+                    late[model.input(signal), k] = du[model.input(signal)]
+
+    def by_theta(of: ca.SX) -> ca.SX:
+        return ca.jacobian(of, theta) + ca.mtimes(ca.jacobian(of, e.u), late)
+
+    parts = [
+        f"STATES, INPUTS, OUTPUTS, SENSORS, THETAS = {len(model.states)}, {len(model.inputs)}, "
+        f"{len(model.outputs)}, {len(model.sensors)}, {len(thetas)}",
+        f"HAS_MAP = {not ca.is_equal(e.mapped, e.x)}",
+        lower("dynamics", names, {"f": e.rate, "A": ca.jacobian(e.rate, e.x), "B": B, "power": power,
+                                  "e": ca.jacobian(power, e.x).T}, "power"),
+        lower("dynamics_signature", {"x": e.x, "u": e.u, "du": du, "w": e.w, "p": e.p, "g": e.g},
+              {"G": by_theta(e.rate), "eG": by_theta(power).T}),
+        lower("outputs", names, {"y": e.outputs, "Y": ca.jacobian(e.outputs, e.x),
+                                 "Yu": ca.jacobian(e.outputs, e.u)}),
+        lower("outputs_signature", names, {"Ym": ca.jacobian(e.outputs, theta)}),
+        lower("initial", {"x": e.x, "p": e.p, "g": e.g},
+              {"xi": e.initial, "Si": ca.jacobian(e.initial, theta)}),
+        lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "p": e.p, "g": e.g},
+              {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x),
+               "Jm": ca.jacobian(e.mapped, theta)}),
+    ]  # fmt: skip
+    for i, _ in enumerate(model.sensors):
+        h = e.readings[i]
+        parts.append(lower(f"reading_{i}", names, {"h": h, "H": ca.jacobian(h, e.x).T}, "h"))
+        parts.append(lower(f"reading_{i}_signature", names, {"Hm": ca.jacobian(h, theta).T}))
+    parts.append(_dispatch("reading", "H", "", len(model.sensors)))
+    parts.append(_dispatch("reading_signature", "Hm", "_signature", len(model.sensors)))
+    return "\n\n".join(parts)
+
+
+def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
+    """A function that picks a sensor's own function by its index and clears its target first."""
+    lines = ["@njit(cache=True, error_model='numpy')",
+             f"def {name}(sensor, x, u, w, p, g, {target}):",
+             f"    {target}[:] = 0.0"]  # fmt: skip
+    for i in range(sensors):
+        lines.append(f"    if sensor == {i}:")
+        lines.append(f"        return reading_{i}{suffix}(x, u, w, p, g, {target})")
+    return "\n".join([*lines, "    return 0.0"]) + "\n"
+
+
+def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
+    if owner == "parameter":
+        return e.p[[p.key for p in model.parameters].index(key)]
+    return e.g[[(effect.name, number) for effect, number in model.numbers].index((owner, key))]

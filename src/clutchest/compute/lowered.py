@@ -1,0 +1,53 @@
+"""The functions that a model is lowered to, as the kernel sees them.
+
+The generated module holds the real ones; here they have their names and shapes only.  ``x`` (n)
+states, ``u`` (nu) inputs, ``w`` regime flags, ``p`` parameters, ``g`` numbers of the effects, m
+thetas.  Output arrays start as zeros; only entries that can differ from zero are written.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+STATES = INPUTS = OUTPUTS = SENSORS = THETAS = 0
+HAS_MAP = False
+
+
+def dynamics(x: Any, u: Any, w: Any, p: Any, g: Any, f: Any, A: Any, B: Any, e: Any) -> float:
+    """f (n) = dx/dt, A (n, n) = ∂f/∂x, B (n, nu) = ∂f/∂u, e (n) = ∂power/∂x; returns the power."""
+    raise NotImplementedError
+
+
+def dynamics_signature(x: Any, u: Any, du: Any, w: Any, p: Any, g: Any, G: Any, eG: Any) -> float:
+    """G (n, m) = ∂f/∂θ, eG (m) = ∂power/∂θ; ``du`` (nu) are the inputs' slopes, for delays."""
+    raise NotImplementedError
+
+
+def outputs(x: Any, u: Any, w: Any, p: Any, g: Any, y: Any, Y: Any, Yu: Any) -> float:
+    """y the model's outputs, Y and Yu their derivatives by x and u."""
+    raise NotImplementedError
+
+
+def outputs_signature(x: Any, u: Any, w: Any, p: Any, g: Any, Ym: Any) -> float:
+    """Ym the derivative of the outputs by θ."""
+    raise NotImplementedError
+
+
+def reading(sensor: int, x: Any, u: Any, w: Any, p: Any, g: Any, H: Any) -> float:
+    """What a sensor reads; H (n) its derivative by x."""
+    raise NotImplementedError
+
+
+def reading_signature(sensor: int, x: Any, u: Any, w: Any, p: Any, g: Any, Hm: Any) -> float:
+    """Hm (m) the derivative of a sensor's reading by θ."""
+    raise NotImplementedError
+
+
+def initial(x: Any, p: Any, g: Any, xi: Any, Si: Any) -> float:
+    """xi (n) the start state that effects make of ``x``, Si (n, m) its derivative by θ."""
+    raise NotImplementedError
+
+
+def step_map(x: Any, u0: Any, u: Any, p: Any, g: Any, mapped: Any, J: Any, Jm: Any) -> float:
+    """The state after a step's discrete part, with derivatives J (n, n) and Jm (n, m)."""
+    raise NotImplementedError

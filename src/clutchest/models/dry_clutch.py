@@ -1,0 +1,256 @@
+"""The heavy-truck dry clutch of [ME12], equation by equation.
+
+[ME12] A. Myklebust, L. Eriksson, "Torque Model with Fast and Slow Temperature Dynamics of a
+Slipping Dry Clutch", IEEE VPPC 2012.  Equation numbers are the paper's.
+
+Temperatures are in °C, positions in mm growing in the opening direction, all else in SI.
+Pieces that stand for each other, to be exchanged with ``Model.swap``:
+
+=========================  ======================================================================
+``expansion``              (15) body and disc, capped · ``body_expansion`` (9) the body alone
+``correction``             (11) x_cor = x − Δx0 + wear · ``no_correction`` x_cor = x: static model
+``torque_from_position``   (16) the curve (5) at x_cor · ``torque_from_engine`` reported engine
+                           torque less the inertia term
+``power_modelled``         (8) with the model's torque · ``power_measured`` (8) with the measured
+``temperatures``           (12)–(14) three states · ``two_temperatures`` (6)–(7), no disc
+=========================  ======================================================================
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from clutchest.models.model import Model, Quantities
+from clutchest.models.symbols import Input, Parameter, Sensor, State
+
+# fmt: off
+STATES = (
+    State("temp_body", "°C", "T_b", "flywheel and pressure plate", 0.02, 15.0, 25.0),
+    State("temp_housing", "°C", "T_h", "clutch housing", 0.02, 12.0, 25.0),
+    State("temp_disc", "°C", "T_d", "friction disc", 0.1, 15.0, 40.0),
+    State("zero_position", "mm", "x0_ref", "closed slave position at T_ref; wear lowers it",
+          1e-5, 0.2, 0.12),
+    State("friction", "1", "μ/μ_0", "torque relative to the curve", 5e-4, 0.1, 0.05),
+    State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0),
+    State("torque_bias", "Nm", "M_bias", "reported engine torque less the true one",
+          1.0, 30.0, 25.0),
+)
+
+PARAMETERS = (
+    Parameter("heat_capacity_body", "J/K", "(m c_p)_b", "heat capacity of the body", 1.0),
+    Parameter("heat_capacity_housing", "J/K", "(m c_p)_h", "heat capacity of the housing", 1.0),
+    Parameter("heat_capacity_disc", "J/K", "(m c_p)_d", "heat capacity of the disc", 1.0),
+    Parameter("conductance_engine_body", "W/K", "k_ICE2b", "engine block to body", 0.0),
+    Parameter("conductance_body_housing", "W/K", "k_b2h", "body to housing", 0.0),
+    Parameter("conductance_housing_ambient", "W/K", "k_h2amb", "housing to ambient air", 0.0),
+    Parameter("conductance_disc_body", "W/K", "k_d2b", "disc to body", 1e-3),
+    Parameter("heat_fraction_body", "1", "k_P", "share of the slip power that enters the body",
+              0.0, 1.0),
+    Parameter("expansion_body", "mm/K", "k_exp,1", "zero position per body temperature"),
+    Parameter("expansion_disc", "mm/K", "k_exp,2", "zero position per disc over body temperature"),
+    Parameter("reference_temp", "°C", "T_ref", "temperature at which the torque curve holds"),
+    Parameter("disc_body_temp_cap", "K", "ΔT_cap", "T_d − T_b beyond which the disc adds no more",
+              0.0),
+    Parameter("zero_position_ref", "mm", "x0_ref", "nominal zero position at T_ref"),
+    Parameter("position_origin", "mm", "x_origin", "sensor reading at x = 0"),
+    Parameter("torque_cubic", "Nm/mm^3", "a", "cubic term of the torque curve", upper=0.0),
+    Parameter("torque_quadratic", "Nm/mm^2", "b", "quadratic term of the torque curve", 0.0),
+    Parameter("kiss_point", "mm", "x_ISP", "incipient sliding point"),
+    Parameter("engine_inertia", "kg m^2", "J_e", "engine with flywheel", 1e-3),
+    Parameter("engine_torque_max", "Nm", "M_e,max", "largest engine torque", 1.0),
+)
+
+INPUTS = (
+    Input("engine_torque", "Nm", "M_e", "reported engine torque, net at the flywheel"),
+    Input("input_shaft_speed", "rad/s", "ω_i", "gearbox input shaft"),
+    Input("slave_position", "mm", "x + x_origin", "slave piston, raw reading"),
+    Input("coolant_temp", "°C", "T_coolant", "engine coolant", default=85.0, gap=60.0),
+    Input("ambient_temp", "°C", "T_amb", "ambient air", default=20.0, gap=600.0),
+    Input("vehicle_speed", "m/s", "v", "vehicle speed", default=0.0, gap=5.0),
+    Input("engine_acceleration", "rad/s^2", "dω_e/dt", "slope of the measured engine speed"),
+)
+
+# Canonical columns that a vehicle may map; `engine_acceleration` is made from the engine speed.
+COLUMNS = (
+    ("engine_speed", "rad/s"), ("input_shaft_speed", "rad/s"), ("slave_position", "mm"),
+    ("motor_position", "mm"), ("engine_torque", "Nm"), ("coolant_temp", "°C"),
+    ("ambient_temp", "°C"), ("vehicle_speed", "m/s"),
+)
+
+SENSORS = (
+    Sensor("engine_speed", "rad/s", "ω_e", "engine speed"),
+    Sensor("zero_position", "mm", "x0", "slave position while the actuator is fully retracted"),
+)
+# fmt: on
+
+# Which equations act, set by the mode: the speed equation (not locked, no transition near),
+# sliding surfaces, surfaces pressed together.
+REGIME = ("free_running", "sliding", "engaged")
+
+
+def slip(q: Quantities) -> None:
+    """Δω = ω_e − ω_i."""
+    q.slip_speed = q.engine_speed - q.input_shaft_speed
+
+
+def position(q: Quantities) -> None:
+    """x from the raw reading, and how much thinner the pads are than nominal."""
+    q.position = q.slave_position - q.position_origin
+    q.wear = q.zero_position_ref - q.zero_position
+
+
+def expansion(q: Quantities) -> None:
+    """(15): the body, and the disc while it is hotter, push the zero position outwards."""
+    disc_over_body = ca.fmin(q.temp_disc - q.temp_body, q.disc_body_temp_cap)
+    q.expansion = (
+        q.expansion_body * (q.temp_body - q.reference_temp) + q.expansion_disc * disc_over_body
+    )
+
+
+def body_expansion(q: Quantities) -> None:
+    """(9): the body alone."""
+    q.expansion = q.expansion_body * (q.temp_body - q.reference_temp)
+
+
+def correction(q: Quantities) -> None:
+    """(11): the position at which the cold, unworn clutch gives the same torque."""
+    q.corrected_position = q.position - q.expansion + q.wear
+
+
+def no_correction(q: Quantities) -> None:
+    """The static model: the position as it is read."""
+    q.corrected_position = q.position
+
+
+def torque_from_position(q: Quantities) -> None:
+    """(5), (16): torque and slope vanish at the kiss point; torque opposes slip."""
+    q.compression = q.corrected_position - q.kiss_point
+    curve = q.torque_cubic * q.compression**3 + q.torque_quadratic * q.compression**2
+    q.reference_torque = ca.if_else(q.compression < 0, curve, 0.0)  # (5)
+    q.sliding_torque = q.friction * q.reference_torque
+    q.drag_torque = 0.0
+    q.clutch_torque = q.sliding_torque * ca.sign(q.slip_speed) + q.drag_torque  # (16)
+
+
+def measured_torque(q: Quantities) -> None:
+    """M_c,meas = M_e,reported − J_e dω_e/dt, the reported torque less its bias."""
+    q.true_engine_torque = q.engine_torque - q.torque_bias
+    q.measured_torque = q.true_engine_torque - q.engine_inertia * q.engine_acceleration
+
+
+def torque_from_engine(q: Quantities) -> None:
+    """The measured torque stands for the clutch's own, where no position is known."""
+    q.clutch_torque = q.engaged * q.measured_torque
+
+
+def power_modelled(q: Quantities) -> None:
+    """(8) with the model's own torque."""
+    q.power = q.sliding * q.clutch_torque * q.slip_speed
+
+
+def power_measured(q: Quantities) -> None:
+    """(8) with the measured torque, while the surfaces are pressed together."""
+    q.power = q.engaged * q.measured_torque * q.slip_speed
+
+
+def temperatures(q: Quantities) -> None:
+    """(12)–(14): slow body, slower housing, fast disc."""
+    q.body_heat = (
+        q.conductance_engine_body * (q.coolant_temp - q.temp_body)
+        + q.conductance_body_housing * (q.temp_housing - q.temp_body)
+        + q.conductance_disc_body * (q.temp_disc - q.temp_body)
+        + q.heat_fraction_body * q.power
+    )  # (12)
+    q.disc_heat = (
+        q.conductance_disc_body * (q.temp_body - q.temp_disc) + (1 - q.heat_fraction_body) * q.power
+    )  # (14)
+    housing(q)
+    q.temp_body_rate = q.body_heat / q.heat_capacity_body
+    q.temp_disc_rate = q.disc_heat / q.heat_capacity_disc
+
+
+def two_temperatures(q: Quantities) -> None:
+    """(6)–(7): the collapse for (m c_p)_d → 0; all power enters the body, the disc goes with it."""
+    q.body_heat = (
+        q.conductance_engine_body * (q.coolant_temp - q.temp_body)
+        + q.conductance_body_housing * (q.temp_housing - q.temp_body)
+        + q.power
+    )  # (6)
+    housing(q)
+    q.temp_body_rate = q.body_heat / q.heat_capacity_body
+    q.temp_disc_rate = q.temp_body_rate
+
+
+def housing(q: Quantities) -> None:
+    """(7), (13): the housing between body and air."""
+    q.housing_heat = q.conductance_body_housing * (
+        q.temp_body - q.temp_housing
+    ) + q.conductance_housing_ambient * (q.ambient_temp - q.temp_housing)
+    q.temp_housing_rate = q.housing_heat / q.heat_capacity_housing
+
+
+def engine(q: Quantities) -> None:
+    """J_e dω_e/dt = M_e − M_c while not locked; a random walk otherwise."""
+    q.engine_speed_rate = (
+        q.free_running * (q.true_engine_torque - q.clutch_torque) / q.engine_inertia
+    )
+
+
+def engine_as_measured(q: Quantities) -> None:
+    """The speed follows its own measured slope, where the torque is taken from that slope."""
+    q.engine_speed_rate = q.engine_acceleration
+
+
+def readings(q: Quantities) -> None:
+    """What the sensors show, x0 = x0_ref + Δx0 among them, and the torque that passes through."""
+    q.engine_speed_reading = q.engine_speed
+    q.zero_position_reading = q.zero_position + q.expansion
+    q.transmitted_torque = q.sliding * q.clutch_torque + (1 - q.sliding) * q.measured_torque
+
+
+DRY_CLUTCH = Model(
+    name="dry_clutch",
+    states=STATES,
+    parameters=PARAMETERS,
+    inputs=INPUTS,
+    regime=REGIME,
+    sensors=SENSORS,
+    outputs=("transmitted_torque", "power"),
+    renewed={"engine_speed": ("free_running", 30.0)},
+    pieces=(
+        slip,
+        position,
+        measured_torque,
+        expansion,
+        correction,
+        torque_from_position,
+        power_modelled,
+        temperatures,
+        engine,
+        readings,
+    ),
+)
+
+# Without a slave position the clutch torque is what the engine gives less its inertia term.
+WITHOUT_POSITION = (
+    DRY_CLUTCH.without(position, correction)
+    .without_input("slave_position")
+    .swap(torque_from_position, torque_from_engine)
+    .swap(power_modelled, power_measured)
+    .swap(engine, engine_as_measured)
+)
+
+
+def two_state(model: Model) -> Model:
+    """The body-and-housing model (6)–(9): no disc heat, no disc expansion."""
+    return model.swap(temperatures, two_temperatures).swap(expansion, body_expansion)
+
+
+def static(model: Model) -> Model:
+    """The static model: torque from the position alone."""
+    return model.swap(correction, no_correction)
+
+
+def with_measured_power(model: Model) -> Model:
+    """The same model heated by the measured torque ("P measured")."""
+    return model.swap(power_modelled, power_measured)

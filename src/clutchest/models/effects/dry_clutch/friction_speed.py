@@ -1,0 +1,27 @@
+"""Friction that rises or falls with slip speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+from clutchest.models.effects.effect import Effect, Gains, Number
+
+
+class FrictionSpeed(Effect):
+    """Torque × (1 + ``slope`` · |Δω|/100)."""
+
+    name = "friction_speed"
+    model = "dry_clutch"
+    equation = "torque"
+    parameters = (Number("slope", "s/(100 rad)", -0.3, 0.3),)
+
+    def terms(self, g: Gains) -> Mapping[str, Any]:
+        """See :meth:`Effect.terms`."""
+        return {
+            "sliding_torque": lambda torque, q: (
+                torque * (1 + g.slope * ca.fabs(q.slip_speed) / 100)
+            ),
+        }

@@ -1,0 +1,18 @@
+"""The slave position is late."""
+
+from __future__ import annotations
+
+from clutchest.models.effects.effect import Effect, Number
+
+
+class PositionDelay(Effect):
+    """The slave position arrives ``delay`` after it was true.
+
+    Source: ME12 § VI blames such delays for the error at the end of torque pulses.
+    """
+
+    name = "position_delay"
+    model = "dry_clutch"
+    equation = "timing:slave_position"
+    parameters = (Number("delay", "s", 0.0, 0.3),)
+    delays = {"slave_position": "delay"}

@@ -1,0 +1,18 @@
+"""The reported engine torque is late."""
+
+from __future__ import annotations
+
+from clutchest.models.effects.effect import Effect, Number
+
+
+class TorqueDelay(Effect):
+    """The reported engine torque arrives ``delay`` after it was true.
+
+    Source: ME12 § VI blames such delays for the error at the end of torque pulses.
+    """
+
+    name = "torque_delay"
+    model = "dry_clutch"
+    equation = "timing:engine_torque"
+    parameters = (Number("delay", "s", 0.0, 0.3),)
+    delays = {"engine_torque": "delay"}

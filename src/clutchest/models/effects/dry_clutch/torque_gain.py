@@ -1,0 +1,23 @@
+"""The engine reports too much or too little torque."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from clutchest.models.effects.effect import Effect, Gains, Number
+
+
+class TorqueGain(Effect):
+    """Reported engine torque × (1 + ``change``)."""
+
+    name = "torque_gain"
+    model = "dry_clutch"
+    equation = "sensor:engine_torque"
+    parameters = (Number("change", "1", -0.3, 0.3),)
+
+    def terms(self, g: Gains) -> Mapping[str, Any]:
+        """See :meth:`Effect.terms`."""
+        return {
+            "engine_torque": lambda reading, q: reading / (1 + g.change),
+        }

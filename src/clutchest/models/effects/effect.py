@@ -1,0 +1,85 @@
+"""What an effect is: a term in the equations whose gain is zero until data say otherwise.
+
+An effect reaches the model through one of four hooks.
+
+- **equation** and **sensor**: :meth:`Effect.terms` names the quantities it changes, and how.  An
+  input that the model reads is a sensor's reading too: there the term maps reading → truth, while
+  on a ``…_reading`` quantity it maps truth → reading.
+- **timeline**: :attr:`Effect.delays` says which signal arrives late by which of its parameters.
+- **step map**: :attr:`Effect.states` brings a state of its own, :meth:`Effect.after_step` updates
+  it after each integration step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from clutchest.models.model import Model
+    from clutchest.models.symbols import State
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """One parameter of an effect.
+
+    A *gain* makes the effect absent at 0 and lies between ``lower`` and ``upper``, its largest
+    plausible sizes; a *shape* (``shape=True``) has no absent value, ``default`` stands where none
+    is given and ``grid`` lists what a search tries.
+    """
+
+    key: str
+    unit: str
+    lower: float
+    upper: float
+    shape: bool = False
+    default: float = 0.0
+    grid: tuple[float, ...] = ()
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether only positive values are physical."""
+        return not self.shape and self.lower == 0.0
+
+
+class Gains:
+    """The numbers of one effect as symbols: ``g.slope``."""
+
+    def __init__(self, rows: Mapping[str, Any]) -> None:
+        self._rows = dict(rows)
+
+    def __getattr__(self, key: str) -> Any:
+        try:
+            return self._rows[key]
+        except KeyError:
+            raise AttributeError(key) from None
+
+
+class Effect:
+    """Base of every effect: subclass it in a file of its own, one class per effect.
+
+    ``name`` as vehicle files write it, ``model`` it belongs to, ``parameters`` its numbers,
+    ``equation`` where discovery would find it (``torque``, ``disc_heat``, ``sensor:…``, …).
+    """
+
+    name: ClassVar[str]
+    model: ClassVar[str]
+    equation: ClassVar[str]
+    parameters: ClassVar[tuple[Number, ...]]
+    states: ClassVar[tuple[State, ...]] = ()
+    delays: ClassVar[Mapping[str, str]] = {}  # signal → parameter that holds its delay, s
+
+    def terms(self, g: Gains) -> Mapping[str, Callable[[Any, Any], Any]]:
+        """Quantity → function (value, all quantities) → changed value; the same value at gain 0."""
+        return {}
+
+    def after_step(self, model: Model, x: Any, u0: Any, u: Any, g: Gains) -> Any:
+        """The state after the step map; ``u0``, ``u`` are the inputs at the step's two ends."""
+        return x
+
+    @property
+    def gains(self) -> tuple[Number, ...]:
+        """The parameters that make the effect absent at 0."""
+        return tuple(number for number in self.parameters if not number.shape)

@@ -1,0 +1,181 @@
+"""A model: named equations in CasADi, pieces that can be swapped, effects that hook into them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+
+from clutchest.models.effects.effect import Effect, Gains
+from clutchest.models.symbols import Input, Parameter, Sensor, State
+
+Term = Callable[[ca.SX, "Quantities"], ca.SX]
+
+
+class Quantities:
+    """Every named quantity of the equations, as CasADi expressions.
+
+    Reading ``q.name`` gives a state, input, parameter or a quantity assigned before; assigning
+    ``q.name = expression`` passes the expression through the effects that change this quantity.
+    """
+
+    def __init__(self, terms: Mapping[str, tuple[Term, ...]]) -> None:
+        object.__setattr__(self, "_terms", terms)
+        object.__setattr__(self, "_values", {})
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        expression = ca.SX(value)
+        for term in self._terms.get(name, ()):
+            expression = term(expression, self)
+        self._values[name] = expression
+
+    def __getattr__(self, name: str) -> ca.SX:
+        try:
+            return self._values[name]
+        except KeyError:
+            raise AttributeError(f"the equations have no quantity '{name}' here") from None
+
+    def names(self) -> tuple[str, ...]:
+        """Names of all quantities so far."""
+        return tuple(self._values)
+
+
+Piece = Callable[[Quantities], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Expressions:
+    """The model written out: symbols and what they make.
+
+    ``x`` states (n), ``u`` inputs (nu), ``w`` regime flags, ``p`` parameters, ``g`` numbers of the
+    effects; ``rate`` dx/dt (n), ``readings`` one per sensor, ``outputs`` clutch torque and slip
+    power, ``initial`` the start state (n) as a function of ``x``, ``mapped`` the state after the
+    step map, of ``x`` at the step's end, ``u0`` and ``u`` at its start and end.
+    """
+
+    x: ca.SX
+    u: ca.SX
+    u0: ca.SX
+    w: ca.SX
+    p: ca.SX
+    g: ca.SX
+    rate: ca.SX
+    readings: ca.SX
+    outputs: ca.SX
+    initial: ca.SX
+    mapped: ca.SX
+    quantities: Quantities
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Equations as an ordered list of pieces, and the effects present in them.
+
+    A piece reads quantities and assigns new ones.  ``renewed`` names states that are a plain
+    random walk while a regime flag is 0: state → (flag, noise in state unit/√s).  Vary a model
+    with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
+    """
+
+    name: str
+    states: tuple[State, ...]
+    parameters: tuple[Parameter, ...]
+    inputs: tuple[Input, ...]
+    regime: tuple[str, ...]
+    sensors: tuple[Sensor, ...]
+    outputs: tuple[str, ...]
+    pieces: tuple[Piece, ...]
+    renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    effects: tuple[Effect, ...] = ()
+
+    def swap(self, old: Piece, new: Piece) -> Model:
+        """The same model with one piece exchanged.  Raises ValueError where ``old`` is no piece."""
+        if old not in self.pieces:
+            raise ValueError(f"'{self.name}' has no piece '{old.__name__}'")
+        return replace(self, pieces=tuple(new if piece is old else piece for piece in self.pieces))
+
+    def without(self, *pieces: Piece) -> Model:
+        """The same model lacking some pieces."""
+        return replace(self, pieces=tuple(p for p in self.pieces if p not in pieces))
+
+    def without_input(self, name: str) -> Model:
+        """The same model not driven by this input."""
+        return replace(self, inputs=tuple(i for i in self.inputs if i.name != name))
+
+    def with_effects(self, effects: tuple[Effect, ...]) -> Model:
+        """The same model with these effects in its equations, and the states they bring."""
+        brought = tuple(state for effect in effects for state in effect.states)
+        return replace(self, effects=effects, states=self.states + brought)
+
+    @property
+    def numbers(self) -> tuple[tuple[Effect, str], ...]:
+        """(effect, parameter) of every entry of the vector ``g``."""
+        return tuple((e, number.key) for e in self.effects for number in e.parameters)
+
+    def expressions(self) -> Expressions:
+        """Write the equations out.  Raises AttributeError for a quantity that is not there."""
+        x = ca.SX.sym("x", len(self.states))
+        u = ca.SX.sym("u", len(self.inputs))
+        u0 = ca.SX.sym("u0", len(self.inputs))
+        w = ca.SX.sym("w", len(self.regime))
+        p = ca.SX.sym("p", len(self.parameters))
+        g = ca.SX.sym("g", len(self.numbers))
+
+        gains: dict[Effect, Gains] = {}
+        for effect in self.effects:
+            rows = {key: g[i] for i, (owner, key) in enumerate(self.numbers) if owner is effect}
+            gains[effect] = Gains(rows)
+        terms: dict[str, tuple[Term, ...]] = {}
+        for effect in self.effects:
+            for quantity, term in effect.terms(gains[effect]).items():
+                terms[quantity] = (*terms.get(quantity, ()), term)
+
+        q = Quantities(terms)
+        for i, state in enumerate(self.states):
+            setattr(q, state.name, x[i])
+            setattr(q, f"initial_{state.name}", x[i])
+        for i, item in enumerate(self.inputs):
+            setattr(q, item.name, u[i])
+        for i, flag in enumerate(self.regime):
+            setattr(q, flag, w[i])
+        for i, parameter in enumerate(self.parameters):
+            setattr(q, parameter.key, p[i])
+        for piece in self.pieces:
+            piece(q)
+        for name in (f"{state.name}_rate" for state in self.states):
+            if name not in q.names():
+                setattr(q, name, 0.0)
+        unused = set(terms) - set(q.names())
+        if unused:
+            raise AttributeError(f"effects change quantities that '{self.name}' lacks: {unused}")
+
+        mapped = x
+        for effect in self.effects:
+            mapped = effect.after_step(self, mapped, u0, u, gains[effect])
+        return Expressions(
+            x,
+            u,
+            u0,
+            w,
+            p,
+            g,
+            rate=ca.vertcat(*(getattr(q, f"{s.name}_rate") for s in self.states)),
+            readings=ca.vertcat(*(getattr(q, f"{s.name}_reading") for s in self.sensors)),
+            outputs=ca.vertcat(*(getattr(q, name) for name in self.outputs)),
+            initial=ca.vertcat(*(getattr(q, f"initial_{s.name}") for s in self.states)),
+            mapped=mapped,
+            quantities=q,
+        )
+
+    def state(self, name: str) -> int:
+        """Index of a state in x."""
+        return [s.name for s in self.states].index(name)
+
+    def input(self, name: str) -> int:
+        """Index of an input in u."""
+        return [i.name for i in self.inputs].index(name)
+
+    def sensor(self, name: str) -> int:
+        """Index of a sensor."""
+        return [s.name for s in self.sensors].index(name)
