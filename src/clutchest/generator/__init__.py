@@ -1,0 +1,13 @@
+"""The independent truth: a truck with a dry clutch, simulated by a program of its own.
+
+Nothing here knows the filter's model; plain numbers go in, arrays come out.
+"""
+
+from clutchest.generator.effects import EFFECTS, Effect
+from clutchest.generator.generate import generate
+from clutchest.generator.sampling import Channel, Sampled
+from clutchest.generator.scenarios import SCENARIOS, Scenario
+from clutchest.generator.surroundings import Disturbances
+
+__all__ = ["EFFECTS", "SCENARIOS", "Channel", "Disturbances", "Effect", "Sampled", "Scenario",
+           "generate"]  # fmt: skip

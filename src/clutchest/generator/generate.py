@@ -1,0 +1,169 @@
+"""One drive, from numbers and a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.errors import ClutchestError, nearest
+from clutchest.generator.effects import RANGES, complete, numbers
+from clutchest.generator.sampling import Channel, Sampled, sample
+from clutchest.generator.scenarios import PER_METRE, SCENARIOS, Scenario
+from clutchest.generator.surroundings import (
+    GEARBOX_TEMP,
+    Disturbances,
+    Surroundings,
+    stream,
+    surroundings,
+)
+from clutchest.signals import Floats, Truth
+
+LONG = 1000.0  # s: from here on the truth is kept at 50 Hz instead of 100 Hz
+
+
+def generate(parameters: Mapping[str, float], spreads: Mapping[str, float], scenario: str,
+             seed: int, channels: Sequence[Channel], *, nominal: bool = False,
+             duration: float | None = None, effects: Mapping[str, Mapping[str, float]] | None = None,
+             disturbances: Disturbances | None = None, outliers: float = 0.0) -> Sampled:  # fmt: skip
+    """Drive ``scenario`` with a truck drawn around ``parameters`` (keys and units of a dry
+    clutch's vehicle file) with standard deviations ``spreads``; undrawn if ``nominal``.
+
+    ``zero_position_ref`` itself is never drawn: its spread is that of the truth's x0_ref.
+    ``outliers`` is the share of samples that are far off.  Raises ClutchestError for an unknown
+    scenario, effect, channel or missing parameter.
+    """
+    if scenario not in SCENARIOS:
+        raise ClutchestError(f"unknown scenario '{scenario}'" + nearest(scenario, SCENARIOS))
+    plan = SCENARIOS[scenario]
+    duration = plan.duration if duration is None else float(duration)
+    if not 0 < duration < np.inf:
+        raise ClutchestError(f"duration {duration:g} s: expected more than 0 s")
+    if seed < 0:
+        raise ClutchestError(f"seed {seed}: expected 0 or more")
+    for key in RANGES:
+        if key not in parameters:
+            raise ClutchestError(f"parameter '{key}' is missing" + nearest(key, parameters))
+    disturbances = disturbances or Disturbances()
+    active = complete(effects or {})
+    drawn, zero_position = draw(parameters, {} if nominal else spreads, seed)
+    around = surroundings(seed, duration, disturbances, active["friction_level"]["change"],
+                          active["torque_bias"]["bias"])  # fmt: skip
+    road = stream(seed, "road")
+    mass = road.uniform(*plan.mass)
+    truck = numbers(drawn, parameters, active, zero_position, mass)
+    legs = plan.timetable(road, duration, mass, parameters["kiss_point"])
+    fast, truth = _simulate(plan, duration, legs, truck, around, seed)
+    quantities = _quantities(fast, around, drawn, active)
+    return Sampled(sample(channels, quantities, seed, duration, outliers), truth, drawn, seed,
+                   scenario)  # fmt: skip
+
+
+def draw(parameters: Mapping[str, float], spreads: Mapping[str, float],
+         seed: int) -> tuple[dict[str, float], float]:  # fmt: skip
+    """The truck's own parameters, and its x0_ref (mm): normal, clipped to what nature allows."""
+    rng = stream(seed, "parameters")
+    drawn = {}
+    for key, (low, high) in RANGES.items():
+        value = parameters[key] + spreads.get(key, 0.0) * rng.standard_normal()
+        drawn[key] = float(np.clip(value, low, high))
+    zero_position = drawn["zero_position_ref"]
+    return {**drawn, "zero_position_ref": parameters["zero_position_ref"]}, zero_position
+
+
+def at_rest(p: NDArray, coolant: float, ambient: float) -> tuple[float, float]:
+    """Body and housing of a clutch that has not slipped for long, °C."""
+    inward, outward = p["conductance_body_housing"], p["conductance_housing_ambient"]
+    through = inward * outward / (inward + outward) if inward + outward > 0 else 0.0
+    weights = np.array([p["conductance_engine_body"], through, p["gearbox_conductance"]])
+    if not weights.sum() > 0:
+        return coolant, ambient
+    body = float(weights @ [coolant, ambient, GEARBOX_TEMP] / weights.sum())
+    return body, ambient + (body - ambient) * (through / outward if outward > 0 else 1.0)
+
+
+def _simulate(plan: Scenario, duration: float, legs: NDArray, truck: NDArray,
+              around: Surroundings, seed: int) -> tuple[Floats, Truth]:  # fmt: skip
+    """The fast record (n, 6) of ``plant.run``, every FAST·STEP s, and the truth."""
+    from clutchest.generator import plant
+
+    steps = round(duration / plant.STEP)
+    every = 20 if duration > LONG else 10
+    state, situation = _start(plan, truck, around, seed)
+    fast = np.empty((steps // plant.FAST + 1, 6))
+    slow = np.empty((steps // every + 1, 8))
+    grid = np.column_stack((around.friction, around.coolant, around.ambient))
+    plant.run(steps, 1, legs, grid, truck, situation, state, every, fast, slow)
+    if not (np.isfinite(fast).all() and np.isfinite(slow).all()):
+        raise ClutchestError(f"scenario '{plan.name}', seed {seed}: these parameters and effects "
+                             "let the simulation diverge")  # fmt: skip
+    time = np.arange(len(slow)) * (every * plant.STEP)
+    engine, shaft, slave, _, torque, speed = fast[:: every // plant.FAST].T
+    columns = {
+        "temp_body": slow[:, 0], "temp_housing": slow[:, 1], "temp_disc": slow[:, 2],
+        "zero_position": slow[:, 3], "friction": slow[:, 4], "engine_speed": engine,
+        "torque_bias": np.interp(time, around.time, around.torque_bias),
+        "clutch_torque": slow[:, 5], "mode": np.array(plant.MODES)[slow[:, 7].astype(int)],
+        "slip_speed": engine - shaft, "slip_energy": slow[:, 6], "engine_torque": torque,
+        "input_shaft_speed": shaft, "slave_position": truck[0]["position_origin"] + slave,
+        "vehicle_speed": speed,
+    }  # fmt: skip
+    return fast, Truth(time, {name: np.ascontiguousarray(v) for name, v in columns.items()})
+
+
+def _start(plan: Scenario, truck: NDArray, around: Surroundings,
+           seed: int) -> tuple[Floats, NDArray]:  # fmt: skip
+    """Integrated state and situation at t = 0: standing in neutral, or cruising in top gear."""
+    from clutchest.generator import plant
+
+    p = truck[0]
+    rng = stream(seed, "start")
+    body, housing = at_rest(p, around.coolant[0], around.ambient[0])
+    if plan.start_temp is not None:
+        body = plan.start_temp
+    state = np.zeros(8)
+    state[plant.BODY] = body + plan.start_spread * rng.standard_normal()
+    state[plant.HOUSING] = housing + plan.start_spread * rng.standard_normal()
+    state[plant.DISC] = state[plant.BODY] + plan.start_spread * 0.2 * rng.standard_normal()
+    ratio = PER_METRE[-1] if plan.cruising else 0.0
+    state[plant.SPEED] = plan.cruising
+    state[plant.ENGINE] = state[plant.SHAFT] = plan.cruising * ratio or plant.IDLE
+    situation = np.zeros(1, plant.SITUATION)
+    s = situation[0]
+    if plan.cruising:
+        s["phase"], s["gear"], s["ratio"] = plant.DRIVING, len(PER_METRE), ratio
+    s["locked"], s["sign"] = 1, 1.0
+    s["setpoint"] = s["engine_before"] = state[plant.ENGINE]
+    s["friction"] = around.friction[0]
+    s["slave"] = s["port"] = (plant.zero_reference(0.0, p) - p["position_origin"]
+                              + plant.expansion(state[plant.BODY], state[plant.DISC], p))  # fmt: skip
+    s["plate"] = s["plate_before"] = s["slave"] + p["play"]  # it came to rest while closing
+    return state, situation
+
+
+def _quantities(fast: Floats, around: Surroundings, drawn: Mapping[str, float],
+                effects: Mapping[str, Mapping[str, float]],
+                ) -> dict[str, Callable[[Floats], Floats]]:  # fmt: skip
+    """What each sensor reads, without noise, as a function of time."""
+    from clutchest.generator.plant import FAST, STEP
+
+    time = np.arange(len(fast)) * (FAST * STEP)
+
+    def column(index: int, delay: float = 0.0) -> Callable[[Floats], Floats]:
+        return lambda t: np.interp(t - delay, time, fast[:, index])
+
+    slave = column(2, effects["position_delay"]["delay"])
+    torque = column(4, effects["torque_delay"]["delay"])
+    above = drawn["position_origin"] + effects["position_offset"]["offset"]
+    gain = 1 + effects["torque_gain"]["change"]
+    return {
+        "engine_speed": column(0),
+        "input_shaft_speed": column(1),
+        "slave_position": lambda t: above + slave(t),
+        "motor_position": column(3),
+        "engine_torque": lambda t: gain * torque(t) + np.interp(t, around.time, around.torque_bias),
+        "coolant_temp": lambda t: np.interp(t, around.time, around.coolant),
+        "ambient_temp": lambda t: np.interp(t, around.time, around.ambient),
+        "vehicle_speed": column(5),
+    }

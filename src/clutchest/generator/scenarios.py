@@ -1,0 +1,211 @@
+"""What the truck is made to do: each scenario is a timetable of legs, drawn by the seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Kinds of legs.
+REST, DRIVE, POSITION, TORQUE = range(4)
+
+# One leg lasts until the next one's ``time``.
+#   REST      neutral, clutch closed, actuator retracted; a moving truck is braked to a stop first
+#   DRIVE     towards ``speed`` m/s on ``grade``; a launch in ``gear`` at ``engine_speed`` with
+#             ``torque`` Nm; speed 0 means braking to a stop
+#   POSITION  input shaft held at ``shaft_speed``, engine governed to ``engine_speed``, clutch
+#             moved linearly ``start`` → ``end`` mm
+#   TORQUE    as POSITION, but the clutch holds ``torque``
+# Every leg but REST leaves with the clutch opened; speeds in rad/s where not said otherwise.
+LEG = np.dtype([("time", np.float64), ("kind", np.int64), ("speed", np.float64),
+                ("grade", np.float64), ("gear", np.int64), ("torque", np.float64),
+                ("engine_speed", np.float64), ("shaft_speed", np.float64),
+                ("start", np.float64), ("end", np.float64)])  # fmt: skip
+
+Random = np.random.Generator
+Legs = list[dict[str, float]]
+
+GEARS = 14.9 * 1.278 ** -np.arange(12.0)  # twelve gears in even steps
+PER_METRE = GEARS * 2.9 / 0.5  # input shaft rad/s per m/s: final drive over wheel radius
+GRAVITY, ROLLING = 9.81, 0.006
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """``name``, ``what`` it shows and its default ``duration`` s.
+
+    ``legs(rng, duration, mass, kiss_point)`` makes the timetable; ``mass`` kg is drawn from that
+    range; ``start_temp`` °C of body and disc where it is not the truck at rest's own, with
+    ``start_spread``; ``cruising``: starts in top gear at that speed, m/s.
+    """
+
+    name: str
+    what: str
+    duration: float
+    legs: Callable[[Random, float, float, float], Legs]
+    mass: tuple[float, float] = (16e3, 36e3)
+    start_temp: float | None = None
+    start_spread: float = 3.0
+    cruising: float = 0.0
+
+    def timetable(self, rng: Random, duration: float, mass: float, kiss_point: float) -> NDArray:
+        """The legs as an array of LEG, with a last one that never begins."""
+        legs = [leg for leg in self.legs(rng, duration, mass, kiss_point)
+                if leg["time"] < duration]  # fmt: skip
+        table = np.zeros(len(legs) + 1, LEG)
+        for row, leg in zip(table, legs, strict=False):
+            for key, value in leg.items():
+                row[key] = value
+        table[-1] = table[-2]
+        table[-1]["time"] = duration + 1.0
+        return table
+
+
+def launch_leg(time: float, speed: float, grade: float, mass: float, gear: int, slip_time: float,
+               engine_speed: float) -> dict[str, float]:  # fmt: skip
+    """A launch whose slip should last about ``slip_time`` s."""
+    inertia = mass / PER_METRE[gear - 1] ** 2
+    load = mass * GRAVITY * (ROLLING + grade) / PER_METRE[gear - 1]
+    torque = inertia * engine_speed / slip_time + max(load, 0.0)
+    return {"time": time, "kind": DRIVE, "speed": speed, "grade": grade, "gear": gear,
+            "engine_speed": engine_speed, "torque": float(np.clip(torque, 250.0, 1200.0))}  # fmt: skip
+
+
+def gear_for(energy: float, mass: float, engine_speed: float) -> int:
+    """The gear in which launching on the flat costs about ``energy`` J of slip."""
+    costs = 0.5 * mass / PER_METRE**2 * engine_speed**2
+    return int(np.clip(np.argmin(np.abs(np.log(costs / energy))) + 1, 1, 7))
+
+
+def _city(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    legs: Legs = [{"time": 0.0, "kind": REST}]
+    time = rng.uniform(5.0, 15.0)
+    while time < duration:
+        grade = float(np.clip(rng.normal(0.0, 0.012), -0.025, 0.03))
+        idle = rng.uniform(68.0, 88.0)
+        gear = gear_for(rng.uniform(28e3, 70e3), mass, idle)
+        speed = rng.uniform(5.0, 15.0)
+        leg = launch_leg(time, speed, grade, mass, gear, rng.uniform(1.2, 3.2), idle)
+        legs.append(leg)
+        time += rng.uniform(18.0, 40.0) + speed
+        for _ in range(rng.integers(0, 3)):  # traffic: now faster, now slower, now coasting
+            speed = float(np.clip(speed + rng.uniform(-5.0, 5.0), 4.0, 22.0))
+            grade = float(np.clip(grade + rng.normal(0.0, 0.008), -0.025, 0.03))
+            legs.append({**leg, "time": time, "speed": speed, "grade": grade})
+            time += rng.uniform(12.0, 35.0)
+        legs.append({**leg, "time": time, "kind": REST, "speed": 0.0})
+        time += speed + rng.uniform(10.0, 40.0)
+    return legs
+
+
+def _launches(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    legs: Legs = [{"time": 0.0, "kind": REST}]
+    time = rng.uniform(8.0, 15.0)
+    while time < duration:
+        idle = rng.uniform(66.0, 92.0)
+        heavy = rng.random() < 0.25
+        energy = rng.uniform(100e3, 220e3) if heavy else rng.uniform(30e3, 80e3)
+        gear = gear_for(energy, mass, idle)
+        grade = float(np.clip(rng.normal(0.0, 0.008), -0.015, 0.02))
+        slip_time = rng.uniform(2.0, 4.0) if heavy else rng.uniform(1.0, 3.0)
+        speed = 1.35 * idle / PER_METRE[gear - 1]
+        leg = launch_leg(time, speed, grade, mass, gear, slip_time, idle)
+        legs.append(leg)
+        drive = rng.uniform(14.0, 22.0)
+        legs.append({**leg, "time": time + drive, "kind": REST, "speed": 0.0})
+        time += drive + rng.uniform(38.0, 50.0)
+    return legs
+
+
+def _ramps(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    held = {"kind": POSITION, "engine_speed": 151.0}
+    wide, tight, stroke = 12.0, 4.15, 5.0
+    legs: Legs = [{"time": 0.0, "kind": REST},
+                  {"time": 4.0, **held, "start": wide, "end": wide}]  # fmt: skip
+    for k in range(15):
+        start, end = (wide, tight) if k % 2 == 0 else (tight, wide)
+        legs.append({"time": 10.0 + k * stroke, **held, "start": start, "end": end})
+    return [*legs, {"time": 10.0 + 15 * stroke, "kind": REST}]
+
+
+def _heating(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    legs: Legs = [{"time": 0.0, "kind": REST}]
+    time = 100.0
+    while time < duration:
+        torque, speed = rng.uniform(90.0, 120.0), rng.uniform(115.0, 140.0)
+        legs.append({"time": time, "kind": TORQUE, "torque": torque, "engine_speed": speed})
+        time += 1.5e6 / (torque * speed) + 2.0
+        legs.append({"time": time, "kind": REST})
+        time += rng.uniform(420.0, 480.0)
+    return legs
+
+
+def _slip_steps(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    legs: Legs = [{"time": 0.0, "kind": REST}]
+    speeds = np.linspace(63.0, 136.0, 5)  # 600 to 1300 rpm
+    time = 10.0
+    while time < duration:
+        position = kiss_point - rng.uniform(0.85, 1.25)
+        held = {"kind": POSITION, "start": position, "end": position}
+        up = rng.permutation(speeds)
+        for speed in (*up, *up[::-1]):  # there and back: the disc's heating weighs on both alike
+            legs.append({"time": time, **held, "engine_speed": speed})
+            time += 1.6
+        legs.append({"time": time, "kind": REST})
+        time += rng.uniform(75.0, 95.0)
+    return legs
+
+
+def _cooldown(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    torque, speed = rng.uniform(130.0, 160.0), rng.uniform(120.0, 140.0)
+    return [{"time": 0.0, "kind": REST},
+            {"time": 20.0, "kind": TORQUE, "torque": torque, "engine_speed": speed},
+            {"time": 23.0 + rng.uniform(1.0e6, 1.4e6) / (torque * speed), "kind": REST}]  # fmt: skip
+
+
+def _pulses(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    legs: Legs = [{"time": 0.0, "kind": REST}]
+    time = 20.0
+    while time < duration:
+        slip = rng.uniform(22.0, 40.0)
+        held = {"kind": TORQUE, "engine_speed": 125.0, "shaft_speed": 125.0 - slip}
+        legs.append({"time": time, **held, "torque": 0.0})
+        for _ in range(6):
+            time += 4.0
+            legs.append({"time": time, **held, "torque": rng.uniform(250.0, 560.0)})
+            time += 5.0
+            legs.append({"time": time, **held, "torque": 0.0})
+        time += 3.0
+        legs.append({"time": time, "kind": REST})
+        time += rng.uniform(35.0, 50.0)
+    return legs
+
+
+def _closed(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    legs: Legs = []
+    time = 0.0
+    while time < duration:
+        legs.append({"time": time, "kind": DRIVE, "speed": rng.uniform(20.5, 23.5),
+                     "grade": float(np.clip(rng.normal(0.0, 0.005), -0.012, 0.012))})  # fmt: skip
+        time += rng.uniform(20.0, 60.0)
+    return legs
+
+
+SCENARIOS: Mapping[str, Scenario] = MappingProxyType({s.name: s for s in (
+    Scenario("city", "launches, gearshifts, cruising, coasting and stops", 1500.0, _city),
+    Scenario("launches", "some 24 launches, light and heavy, retracted in between", 1500.0,
+             _launches, mass=(30e3, 42e3)),
+    Scenario("ramps", "position ramped back and forth for 75 s, then closed (D1)", 240.0, _ramps,
+             start_temp=73.0, start_spread=0.0),
+    Scenario("heating", "heating periods of about 1.5 MJ, closed in between (D4)", 2500.0, _heating),
+    Scenario("slip-steps", "slip steps 600–1300 rpm at constant position (D3)", 600.0,
+             _slip_steps),
+    Scenario("cooldown", "hot, one heavy heating, then closed for 40 min", 2480.0, _cooldown,
+             start_temp=110.0, start_spread=8.0),
+    Scenario("pulses", "torque pulses up to 600 Nm at moderate slip (D7, D9)", 1400.0, _pulses),
+    Scenario("closed", "cruising for half an hour without any slip", 1800.0, _closed,
+             cruising=22.0),
+)})  # fmt: skip
