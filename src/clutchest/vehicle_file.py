@@ -346,9 +346,11 @@ def _effects(file: _File, data: Mapping[str, Any], model: str,
     table = file.table(("effects",), data.get("effects", {}))
     if not table and not effects_files:
         return {}
-    from clutchest.models.effects import library
+    from clutchest.models.effects import effects_of_file, library
 
-    known = library(model, effects_files)
+    known = dict(library(model))
+    for path in effects_files:
+        known |= effects_of_file(path)
     file.known(("effects",), table, known, f"effect of '{model}'")
     effects = {}
     for name, value in table.items():
