@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,15 +10,13 @@ from clutchest.signals import Why
 _PDU1 = 0x3FF0000  # data pages and PDU format; the next byte is a destination address
 _PDU2 = 0x3FFFF00  # …where the format is 240 or more it belongs to the group's number
 
-# Parameters that use codes which the general rule keeps back: SPN → largest raw value.
-_LAST_VALUE = {
-    523: 0xFB,  # current gear: 0xFB is "park"
-    524: 0xFB,  # selected gear: likewise
-    899: 0xE,  # engine torque mode: 0xE is "other"
-    4154: 0x7,  # fraction of the actual torque: 0.000 … 0.875 %, all above is "not available"
+# Parameters with limits of their own: SPN → what :func:`code_limits` gives.
+_OWN_LIMITS = {
+    523: (0xFC, 0xFE, 0xFF),  # current gear: 0xFB is "park"
+    524: (0xFC, 0xFE, 0xFF),  # selected gear: likewise
+    899: (0xF, 0xF, 0xF),  # engine torque mode: 0xE is "other"
+    4154: (0x8, 0x8, 0x8),  # fraction of the actual torque: 0.000 … 0.875 %, then not available
 }
-
-Id = TypeVar("Id", int, NDArray[np.uint32])
 
 
 def pgn_mask(can_id: int) -> int:
@@ -45,14 +41,9 @@ def code_limits(width: int, spn: int | None = None) -> tuple[int, int, int]:
     has no codes.  Where the three limits agree there are no codes of the kinds before.
     Source: SAE J1939-71, transmitted signal ranges.
     """
+    if spn in _OWN_LIMITS:
+        return _OWN_LIMITS[spn]
     full = 1 << width
-    if spn in _LAST_VALUE:
-        last = _LAST_VALUE[spn]
-        above = last + 1
-        if spn == 4154 or above >= full - 1:
-            return above, above, above
-        unit = full >> 8
-        return above, 0xFE * unit, 0xFF * unit
     if width == 1:
         return full, full, full
     if width in (8, 16, 32):
