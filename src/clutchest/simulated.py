@@ -1,0 +1,200 @@
+"""Simulated drives: the generator's truth, sent over the vehicle's own bus and read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TypedDict, Unpack
+from zlib import crc32
+
+import numpy as np
+
+from clutchest import units
+from clutchest.can import files
+from clutchest.can.database import Database, Message
+from clutchest.can.encode import encode
+from clutchest.can.frames import Frames
+from clutchest.errors import ClutchestError
+from clutchest.generator import Channel, Sampled, generate
+from clutchest.mapping import mapped_messages, signals_of
+from clutchest.models import card
+from clutchest.reading import load_database
+from clutchest.signals import Floats, Signals, Truth
+from clutchest.tables import write_signals
+from clutchest.vehicle import BusSignal, SignalMap, Vehicle
+
+FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
+_EPOCH = 1_704_067_200  # 1 January 2024, UTC
+_DAY, _SLOT = 86_400, 3_600  # s
+
+Effects = Mapping[str, Mapping[str, float]]
+
+
+class Options(TypedDict, total=False):
+    """``duration`` s, the scenario's own unless given; ``nominal``: parameters as they stand in
+    the vehicle file, not drawn from their spreads; ``noise_ar``: AR(1) coefficient of all noise
+    in place of the file's; ``outliers``: share of samples that are far off."""
+
+    duration: float | None
+    nominal: bool
+    noise_ar: float | None
+    outliers: float
+
+
+def simulate(vehicle: Vehicle, scenario: str, seed: int = 0, effects: Effects | None = None,
+             **options: Unpack[Options]) -> Signals:  # fmt: skip
+    """One drive of ``scenario`` as it reads back from the bus, with ``truth`` on the same clock.
+
+    ``effects`` (name → parameter → value) join those of the vehicle file itself; see
+    :class:`Options` for the rest.  Raises ClutchestError for unknown names.
+    """
+    frames, truth, _ = _drive(vehicle, scenario, seed, effects, options)
+    signals = signals_of(frames, vehicle, load_database(vehicle), (f"{scenario}, seed {seed}",))
+    return replace(signals, truth=truth)
+
+
+def simulate_frames(vehicle: Vehicle, scenario: str, seed: int = 0,
+                    effects: Effects | None = None,
+                    **options: Unpack[Options]) -> tuple[Frames, Truth]:  # fmt: skip
+    """The same drive as the frames of a log; ``truth.time`` counts from the first frame."""
+    frames, truth, _ = _drive(vehicle, scenario, seed, effects, options)
+    return frames, truth
+
+
+def write_simulation(path: str | Path, vehicle: Vehicle, scenario: str, seed: int = 0,
+                     effects: Effects | None = None,
+                     **options: Unpack[Options]) -> Path:  # fmt: skip
+    """Write the drive to ``path`` (format by suffix; ``.csv`` and ``.parquet`` hold decoded
+    signals) and the truth beside it; gives the truth's path, ``PATH.truth.parquet``."""
+    path = Path(path)
+    frames, truth, sampled = _drive(vehicle, scenario, seed, effects, options)
+    if path.name.lower().endswith((".parquet", ".csv", ".csv.gz")):
+        write_signals(signals_of(frames, vehicle, load_database(vehicle)), path)
+    else:
+        files.write_frames(frames, path)
+    truth_path = path.with_name(path.name + ".truth.parquet")
+    _write_truth(truth, truth_path, {
+        "scenario": scenario, "seed": seed, "clutchest": version("clutchest"),
+        "vehicle": vehicle.name, "vehicle_hash": vehicle.hash,
+        "effects": _all_effects(vehicle, effects), "parameters": dict(sampled.parameters),
+        "options": dict(options),
+    })  # fmt: skip
+    return truth_path
+
+
+def _drive(vehicle: Vehicle, scenario: str, seed: int, effects: Effects | None,
+           options: Options) -> tuple[Frames, Truth, Sampled]:  # fmt: skip
+    if vehicle.model != "dry_clutch":
+        raise ClutchestError(f"vehicle '{vehicle.name}': no generator for '{vehicle.model}'")
+    database = load_database(vehicle)
+    mapped_messages(vehicle, database)
+    effects = _all_effects(vehicle, effects)
+    noise_ar = options.get("noise_ar")
+    sampled = generate(
+        {key: p.value for key, p in vehicle.parameters.items()},
+        {key: p.spread for key, p in vehicle.parameters.items()},
+        scenario, seed,
+        [Channel(name, signal.bus.message,
+                 _period(vehicle, database.message(signal.bus.message), signal),
+                 signal.noise, signal.noise_ar if noise_ar is None else noise_ar, signal.delay)
+         for name, signal in vehicle.signals.items()],
+        nominal=options.get("nominal", False), duration=options.get("duration"),
+        effects=effects, outliers=options.get("outliers", 0.0),
+    )  # fmt: skip
+    start = _start(vehicle, scenario, seed, effects)
+    frames = _frames(vehicle, database, sampled, start)
+    late = (frames.t_ns[0] - start) / 1e9
+    seen = sampled.truth.time >= late
+    columns = {name: column[seen] for name, column in sampled.truth.columns.items()}
+    return frames, Truth(sampled.truth.time[seen] - late, columns), sampled
+
+
+def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:
+    """Those of the vehicle file, and those asked for, which override them."""
+    merged = {name: dict(values) for name, values in vehicle.effects.items()}
+    for name, values in (effects or {}).items():
+        merged[name] = {**merged.get(name, {}), **values}
+    return merged
+
+
+def _start(vehicle: Vehicle, scenario: str, seed: int, effects: Effects) -> int:
+    """Epoch ns of t = 0: the same for the same drive, and apart for different ones, so that logs
+    read together are not taken for pieces of one drive; a higher seed is a later drive."""
+    fingerprint = repr((vehicle.name, scenario, sorted((n, sorted(v.items()))
+                                                       for n, v in effects.items())))  # fmt: skip
+    slot = crc32(fingerprint.encode()) % 240
+    return (_EPOCH + seed % 1000 * 10 * _DAY + slot * _SLOT) * 1_000_000_000
+
+
+def _period(vehicle: Vehicle, message: Message, signal: SignalMap) -> float:
+    period = signal.period or message.cycle_time_s
+    if not period:
+        raise ClutchestError(f"{vehicle.path.name}: signals.{signal.name} needs a 'period' (s) to be "
+                             f"simulated: the DBC has no cycle time for {message.name}")  # fmt: skip
+    return period
+
+
+def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) -> Frames:
+    """Every mapped message, encoded; sorted by time."""
+    units_of = dict(card(vehicle.model).columns)
+    times: dict[str, Floats] = {}
+    values: dict[str, dict[str, Floats]] = {}
+    senders: dict[str, SignalMap] = {}
+
+    def put(bus: BusSignal, value: Floats) -> None:
+        values.setdefault(bus.message, {})[bus.signal] = value
+
+    for name, (time, value) in sampled.signals.items():
+        signal = vehicle.signals[name]
+        times[signal.bus.message] = time
+        senders[signal.bus.message] = signal
+        if signal.reference is not None:
+            _put_torque(signal, value / signal.reference * 100, database, put)
+            continue
+        # Wheels turn in first gear throughout: what the bus shows of the gearbox is consistent.
+        shown = value / signal.gears[0] if signal.gears else value
+        put(signal.bus, units.convert(shown, units_of[name], signal.bus.unit))
+        if signal.other:
+            put(signal.other, units.convert(shown, units_of[name], signal.other.unit))
+    for name in sampled.signals:  # messages that only accompany others keep their own beat
+        signal = vehicle.signals[name]
+        for companion, constant in ((signal.friction, FRICTION), (signal.gear, 1.0)):
+            if companion:
+                message = database.message(companion.message)
+                if message.name not in times:
+                    end = max(time[-1] for time, _ in sampled.signals.values() if len(time))
+                    times[message.name] = np.arange(0.0, end, _period(vehicle, message, signal))
+                    senders[message.name] = signal
+                put(companion, np.full(len(times[message.name]), constant))
+    parts = [encode(database.message(name), columns,
+                    start + np.rint(times[name] * 1e9).astype(np.int64),
+                    senders[name].source_address or 0, senders[name].channel or 0)
+             for name, columns in values.items()]  # fmt: skip
+    return Frames.concatenate(parts).sorted()
+
+
+def _put_torque(signal: SignalMap, percent: Floats, database: Database,
+                put: Callable[[BusSignal, Floats], None]) -> None:  # fmt: skip
+    """Percent torque with the engine's friction on top, split into whole steps and fraction."""
+    shown = percent + FRICTION if signal.friction else percent
+    if signal.fraction:
+        whole = database.message(signal.bus.message).signal(signal.bus.signal).scale
+        fine = database.message(signal.fraction.message).signal(signal.fraction.signal).scale
+        steps, per_whole = np.rint(shown / fine), round(whole / fine)
+        shown = steps // per_whole * whole
+        put(signal.fraction, steps % per_whole * fine)
+    put(signal.bus, shown)
+
+
+def _write_truth(truth: Truth, path: Path, about: Mapping[str, object]) -> None:
+    """Columns of the truth; ``about`` goes into the file's metadata as JSON."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pa.table({"time": truth.time, **truth.columns})
+    about = {key: value if isinstance(value, str) else json.dumps(value)
+             for key, value in about.items()}  # fmt: skip
+    pq.write_table(table.replace_schema_metadata(about), path)
