@@ -1,0 +1,1 @@
+"""The bus: log files, databases, decoding and encoding by column."""

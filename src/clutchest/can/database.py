@@ -44,7 +44,8 @@ class SignalLayout:
     @property
     def first_bit(self) -> int:
         """Position of the first bit in the order of transmission (big endian) or of weight."""
-        return self.start if self.little_endian else self.start - self.start % 8 + 7 - self.start % 8
+        byte, bit = divmod(self.start, 8)
+        return self.start if self.little_endian else 8 * byte + 7 - bit
 
     @property
     def last_byte(self) -> int:

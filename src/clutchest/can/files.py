@@ -62,10 +62,11 @@ def read_frames(path: Path) -> Frames:
     return frames
 
 
-def write_frames(frames: Frames, path: Path) -> None:
+def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
     """Writes a log in the format that the suffix names; text formats also as ``.gz``.
 
-    candump and mf4 keep times to 1 ns, the others to 1 µs.  Raises ClutchestError for a suffix that
+    candump and mf4 keep times to 1 ns, the others to 1 µs.  Gives back what else the format could
+    not keep, in words, empty if it is all there.  Raises ClutchestError for a suffix that
     is not known, for a format that cannot hold these frames, and for a path that cannot be written.
     """
     path = Path(path)
@@ -78,7 +79,7 @@ def write_frames(frames: Frames, path: Path) -> None:
                              + nearest(given, valid))  # fmt: skip
     target = path.with_name(path.name + ".unzipped" + suffix) if zipped else path
     try:
-        _write(frames, target, suffix)
+        losses = _write(frames, target, suffix)
         if zipped:
             path.write_bytes(gzip.compress(target.read_bytes(), mtime=0))
     except OSError as error:
@@ -86,22 +87,24 @@ def write_frames(frames: Frames, path: Path) -> None:
     finally:
         if zipped:
             target.unlink(missing_ok=True)
+    return losses
 
 
-def _write(frames: Frames, path: Path, suffix: str) -> None:
+def _write(frames: Frames, path: Path, suffix: str) -> tuple[str, ...]:
     if suffix == ".log":
         from clutchest.can.writers import candump
 
         with path.open("wb") as file:
             file.writelines(candump.write(frames))
-    elif suffix == ".mf4":
+        return ()
+    if suffix == ".mf4":
         from clutchest.can.writers import mf4
 
         mf4.write(frames, path)
-    else:
-        from clutchest.can.writers import python_can
+        return ()
+    from clutchest.can.writers import python_can
 
-        python_can.WRITERS[suffix](frames, path)
+    return python_can.WRITERS[suffix](frames, path)
 
 
 def _unzipped(content: bytes, path: Path) -> tuple[bytes, bool]:

@@ -24,6 +24,7 @@ _REASONS = {
     _CUT: "payload is shorter than its stated length",
 }
 Bytes = NDArray[np.uint8]
+Int = np.int64
 
 _EXTENDED, _REMOTE, _ERROR = int(Flag.EXTENDED), int(Flag.REMOTE), int(Flag.ERROR)
 _FD, _BRS, _ESI = int(Flag.FD), int(Flag.BITRATE_SWITCH), int(Flag.ERROR_STATE)
@@ -53,7 +54,7 @@ def read(content: bytes) -> Frames:
 
 
 @njit(cache=True)
-def _blanks(text: Bytes, i: int, end: int) -> int:
+def _blanks(text: Bytes, i: Int, end: Int) -> Int:
     """First position from ``i`` on that is no blank."""
     while i < end and (text[i] == 32 or text[i] == 9):
         i += 1
@@ -62,9 +63,9 @@ def _blanks(text: Bytes, i: int, end: int) -> int:
 
 @njit(cache=True)
 def _parse(text: Bytes, t_ns: NDArray[np.int64], channel: Bytes, id: NDArray[np.uint32],
-           flags: Bytes, length: Bytes, data: Bytes, counts: NDArray[np.int64]) -> int:  # fmt: skip
+           flags: Bytes, length: Bytes, data: Bytes, counts: NDArray[np.int64]) -> Int:  # fmt: skip
     """Fills the columns; the number of frames, or -1 if a payload is wider than ``data``."""
-    n, start, size = np.int64(0), np.int64(0), np.int64(len(text))  # literals compile twice
+    n, start, size = Int(0), Int(0), Int(len(text))  # literals would compile everything twice
     while start < size:
         end = start
         while end < size and text[end] != 10:
@@ -87,8 +88,8 @@ def _parse(text: Bytes, t_ns: NDArray[np.int64], channel: Bytes, id: NDArray[np.
 
 
 @njit(cache=True)
-def _line(text: Bytes, i: int, end: int, n: int, t_ns: NDArray[np.int64], channel: Bytes,
-          id: NDArray[np.uint32], flags: Bytes, length: Bytes, data: Bytes) -> int:  # fmt: skip
+def _line(text: Bytes, i: Int, end: Int, n: Int, t_ns: NDArray[np.int64], channel: Bytes,
+          id: NDArray[np.uint32], flags: Bytes, length: Bytes, data: Bytes) -> Int:  # fmt: skip
     """Reads one line into row ``n``; what it was, or -1 if ``data`` is too narrow."""
     if i == end:
         return _BLANK
@@ -99,7 +100,7 @@ def _line(text: Bytes, i: int, end: int, n: int, t_ns: NDArray[np.int64], channe
     while i < end and 48 <= text[i] <= 57:
         seconds = seconds * 10 + (text[i] - 48)
         i += 1
-    if i == first or i - first > 10 or i == end or text[i] != 46:
+    if i in (first, end) or i - first > 10 or text[i] != 46:
         return _TIME
     i += 1
     first, fraction, scale = i, np.int64(0), np.int64(1_000_000_000)
@@ -107,7 +108,7 @@ def _line(text: Bytes, i: int, end: int, n: int, t_ns: NDArray[np.int64], channe
         fraction = fraction * 10 + (text[i] - 48)
         scale //= 10
         i += 1
-    if i == first or i == end or text[i] != 41:  # )
+    if i in (first, end) or text[i] != 41:  # )
         return _TIME
     t_ns[n] = seconds * 1_000_000_000 + fraction * scale
     i = _blanks(text, i + 1, end)
@@ -155,8 +156,8 @@ def _line(text: Bytes, i: int, end: int, n: int, t_ns: NDArray[np.int64], channe
 
 
 @njit(cache=True)
-def _compact(text: Bytes, i: int, end: int, n: int, flag: int,
-             flags: Bytes, length: Bytes, data: Bytes) -> int:  # fmt: skip
+def _compact(text: Bytes, i: Int, end: Int, n: Int, flag: int,
+             flags: Bytes, length: Bytes, data: Bytes) -> Int:  # fmt: skip
     widest = 8
     if i < end and text[i] == 35:  # ##
         if i + 1 >= end or _HEX[text[i + 1]] < 0:
@@ -196,8 +197,8 @@ def _compact(text: Bytes, i: int, end: int, n: int, flag: int,
 
 
 @njit(cache=True)
-def _console(text: Bytes, i: int, end: int, n: int, flag: int,
-             flags: Bytes, length: Bytes, data: Bytes) -> int:  # fmt: skip
+def _console(text: Bytes, i: Int, end: Int, n: Int, flag: int,
+             flags: Bytes, length: Bytes, data: Bytes) -> Int:  # fmt: skip
     if i + 2 >= end or text[i] != 91:  # [
         return _ID
     i += 1
@@ -205,7 +206,7 @@ def _console(text: Bytes, i: int, end: int, n: int, flag: int,
     while i < end and 48 <= text[i] <= 57 and i - first < 2:
         stated = stated * 10 + (text[i] - 48)
         i += 1
-    if i == first or i == end or text[i] != 93:  # ]
+    if i in (first, end) or text[i] != 93:  # ]
         return _DATA
     is_fd = i - first == 2  # classic frames have one digit here
     if stated > (64 if is_fd else 8):

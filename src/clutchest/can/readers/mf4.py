@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 from asammdf import MDF
@@ -20,15 +21,17 @@ def read(content: bytes) -> Frames:
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
         start_ns = round(start_s * 1e6) * 1000 if absolute else 0
+        groups: list[Any] = list(mdf.groups)
         parts = [_group(mdf, index, kind, start_ns, absolute)
-                 for index, group in enumerate(mdf.groups) if group.channel_group.cycles_nr
+                 for index, group in enumerate(groups) if group.channel_group.cycles_nr
                  for kind in _KINDS
                  if any(channel.name == kind for channel in group.channels)]  # fmt: skip
     return Frames.concatenate(parts).sorted() if parts else Frames.empty()
 
 
 def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Frames:
-    present = {channel.name for channel in mdf.groups[index].channels}
+    group: Any = mdf.groups[index]
+    present = {channel.name for channel in group.channels}
 
     def column(name: str, default: int = 0) -> NDArray:
         full = f"{kind}.{name}"

@@ -15,15 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from can import (
-    ASCReader,
-    BLFReader,
-    CSVReader,
-    Message,
-    SqliteReader,
-    TRCReader,
-)
 
+from can import ASCReader, BLFReader, CSVReader, Message, SqliteReader, TRCReader
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.readers import counts_from_epoch
 
@@ -77,7 +70,7 @@ class _Lines:
     def __init__(self, lines: list[str]) -> None:
         self.lines = lines
         self.at = 0
-        self.header: Iterator[str] = iter(())
+        self.header: Iterator[str] = iter([])
 
     def __iter__(self) -> Iterator[str]:
         return self
@@ -140,11 +133,12 @@ def _plain_asc(lines: list[str]) -> list[str]:
     mention of internal events — and stamps that count from the line before added up."""
     header = {line.split()[0].lower(): line for line in lines[:50] if _ASC_HEADER.match(line)}
     body = (line for line in lines if not _ASC_HEADER.match(line))
-    if "relative" in header.get("base", "").lower():
+    deltas = "relative" in header.get("base", "").lower()
+    if deltas:
         header["base"] = header["base"].lower().replace("relative", "absolute")
-        body = _added_up(body)
     kept = (header[key] for key in ("date", "base") if key in header)
-    return list(chain(kept, ["no internal events logged\n"], body))
+    return list(chain(kept, ["no internal events logged\n"],
+                      _added_up(body) if deltas else body))
 
 
 def _added_up(lines: Iterable[str]) -> Iterator[str]:
@@ -182,7 +176,7 @@ class _Columns:
             flags |= Flag.EXTENDED
         if message.is_remote_frame:
             flags |= Flag.REMOTE
-        if message.is_fd:
+        if message.is_fd or len(message.data) > 8:  # csv does not say
             flags |= Flag.FD
         if message.bitrate_switch:
             flags |= Flag.BITRATE_SWITCH

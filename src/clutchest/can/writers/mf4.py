@@ -43,5 +43,5 @@ def _group(frames: Frames, kind: str, start_s: int) -> Signal:
     samples = np.zeros(len(frames), layout)
     for name, column in columns.items():
         samples[f"{kind}.{name}"] = column
-    return Signal(samples, (frames.t_ns - start_s * 10**9) / 1e9, name=kind,
-                  source=Source(kind, kind, "", Source.SOURCE_BUS, Source.BUS_TYPE_CAN))  # fmt: skip
+    bus = Source(kind, kind, "", Source.SOURCE_BUS, Source.BUS_TYPE_CAN)
+    return Signal(samples, (frames.t_ns - start_s * 10**9) / 1e9, name=kind, source=bus)

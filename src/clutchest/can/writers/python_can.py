@@ -1,6 +1,6 @@
 """asc, blf, trc and csv, written by python-can.
 
-All four hold times to 1 µs.  trc and csv cannot hold every frame: what would be lost is an error.
+All four hold times to 1 µs.  Each writer returns what the format could not keep.
 """
 
 from __future__ import annotations
@@ -10,53 +10,58 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from can import ASCWriter, BLFWriter, CSVWriter, Message, TRCWriter
 
+from can import ASCWriter, BLFWriter, CSVWriter, Message, TRCWriter
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 
+Losses = tuple[str, ...]
 
-def write_asc(frames: Frames, path: Path) -> None:
-    """Vector's text log.  Its date has milliseconds only, so the log starts at a full one."""
+
+def write_asc(frames: Frames, path: Path) -> Losses:
+    """Vector's text log.  It starts at a full second, the part of its date that is reliable."""
     with ASCWriter(path) as writer:
         if len(frames):
-            writer.log_event("Log written by clutchest", float(frames.t_ns[0] // 10**6) / 1e3)
+            writer.log_event("Log written by clutchest", float(frames.t_ns[0] // 10**9))
         _send(frames, writer)
+    return ()
 
 
-def write_blf(frames: Frames, path: Path) -> None:
+def write_blf(frames: Frames, path: Path) -> Losses:
     """Vector's binary log."""
     with BLFWriter(path) as writer:
         _send(frames, writer)
+    return ()
 
 
-def write_trc(frames: Frames, path: Path) -> None:
-    """PEAK's text log, version 2.1.  Raises ClutchestError for error, remote and FD frames."""
-    _only(frames, Flag.ERROR | Flag.REMOTE | Flag.FD, "error, remote or FD frames", path)
+def write_trc(frames: Frames, path: Path) -> Losses:
+    """PEAK's text log, version 2.1.  Raises ClutchestError for FD frames."""
+    fd = np.count_nonzero(frames.flags & Flag.FD)
+    if fd:
+        raise ClutchestError(f"{path}: .trc cannot hold FD frames, of which there are {fd}; "
+                             ".log, .asc, .blf and .mf4 can")  # fmt: skip
+    kept = (frames.flags & (Flag.ERROR | Flag.REMOTE)) == 0
     with TRCWriter(path) as writer:
-        _send(frames, writer)
+        _send(frames.take(kept), writer)
+    left_out = len(frames) - np.count_nonzero(kept)
+    return (f".trc cannot hold {left_out} error or remote frames",) if left_out else ()
 
 
-def write_csv(frames: Frames, path: Path) -> None:
-    """python-can's csv.  Raises ClutchestError for FD frames and for several channels."""
-    _only(frames, Flag.FD, "FD frames", path)
-    if len(np.unique(frames.channel)) > 1:
-        raise ClutchestError(f"{path}: csv cannot hold several channels; .log, .asc, .blf, .trc "
-                             "and .mf4 can")  # fmt: skip
+def write_csv(frames: Frames, path: Path) -> Losses:
+    """python-can's csv."""
     with CSVWriter(path) as writer:
         _send(frames, writer)
+    losses = []
+    if len(np.unique(frames.channel)) > 1:
+        losses.append(".csv cannot tell the channels apart")
+    if np.any(frames.flags & (Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.SENT)):
+        losses.append(".csv cannot hold direction, bit rate switch and error state")
+    return tuple(losses)
 
 
-WRITERS: dict[str, Callable[[Frames, Path], None]] = {
+WRITERS: dict[str, Callable[[Frames, Path], Losses]] = {
     ".asc": write_asc, ".blf": write_blf, ".csv": write_csv, ".trc": write_trc,
 }  # fmt: skip
-
-
-def _only(frames: Frames, flags: Flag, what: str, path: Path) -> None:
-    count = np.count_nonzero(frames.flags & flags)
-    if count:
-        raise ClutchestError(f"{path}: {path.suffix} cannot hold {what}, of which there are "
-                             f"{count}; .log, .asc, .blf and .mf4 can")  # fmt: skip
 
 
 def _send(frames: Frames, writer: Any) -> None:
