@@ -24,7 +24,8 @@ _REASONS = {
     _CUT: "payload is shorter than its stated length",
 }
 Bytes = NDArray[np.uint8]
-Int = np.int64
+Ints = NDArray[np.int64]
+_T, _CHANNEL, _CAN_ID, _FLAGS, _LENGTH = range(5)  # columns of the table that is filled
 
 _EXTENDED, _REMOTE, _ERROR = int(Flag.EXTENDED), int(Flag.REMOTE), int(Flag.ERROR)
 _FD, _BRS, _ESI = int(Flag.FD), int(Flag.BITRATE_SWITCH), int(Flag.ERROR_STATE)
@@ -38,23 +39,23 @@ for _value, _chars in enumerate(zip("0123456789abcdef", "0123456789ABCDEF", stri
 def read(content: bytes) -> Frames:
     """Frames of a candump log; lines that cannot be read are counted in ``rejected``."""
     text = np.frombuffer(content, np.uint8)
-    lines = np.count_nonzero(text == ord("\n")) + 1
+    lines = content.count(b"\n") + 1
     for width in (8, 64):
-        frames = Frames.empty(lines, width)
+        rows, data = np.zeros((lines, 5), np.int64), np.zeros((lines, width), np.uint8)
         counts = np.zeros(len(_REASONS) + 2, np.int64)
-        n = _parse(text, frames.t_ns, frames.channel, frames.id, frames.flags, frames.length,
-                   frames.data, counts)  # fmt: skip
+        n = _parse(text, rows, data, counts)
         if n >= 0:
             break
     rejected = tuple((reason, int(counts[code])) for code, reason in _REASONS.items()
                      if counts[code])  # fmt: skip
-    return Frames(frames.t_ns[:n], frames.channel[:n], frames.id[:n], frames.flags[:n],
-                  frames.length[:n], frames.data[:n], counts_from_epoch(frames.t_ns[:n]),
-                  rejected)  # fmt: skip
+    t_ns = rows[:n, _T].copy()
+    return Frames(t_ns, rows[:n, _CHANNEL].astype(np.uint8), rows[:n, _CAN_ID].astype(np.uint32),
+                  rows[:n, _FLAGS].astype(np.uint8), rows[:n, _LENGTH].astype(np.uint8), data[:n],
+                  counts_from_epoch(t_ns), rejected)  # fmt: skip
 
 
 @njit(cache=True)
-def _blanks(text: Bytes, i: Int, end: Int) -> Int:
+def _blanks(text: Bytes, i: int, end: int) -> int:
     """First position from ``i`` on that is no blank."""
     while i < end and (text[i] == 32 or text[i] == 9):
         i += 1
@@ -62,10 +63,10 @@ def _blanks(text: Bytes, i: Int, end: Int) -> Int:
 
 
 @njit(cache=True)
-def _parse(text: Bytes, t_ns: NDArray[np.int64], channel: Bytes, id: NDArray[np.uint32],
-           flags: Bytes, length: Bytes, data: Bytes, counts: NDArray[np.int64]) -> Int:  # fmt: skip
-    """Fills the columns; the number of frames, or -1 if a payload is wider than ``data``."""
-    n, start, size = Int(0), Int(0), Int(len(text))  # literals would compile everything twice
+def _parse(text: Bytes, rows: Ints, data: Bytes, counts: Ints) -> int:
+    """Fills the table; gives the number of frames, or -1 if a payload is wider than ``data``."""
+    n = start = int(np.int64(0))  # a literal 0 would have all of this compiled twice
+    size = len(text)
     while start < size:
         end = start
         while end < size and text[end] != 10:
@@ -73,8 +74,7 @@ def _parse(text: Bytes, t_ns: NDArray[np.int64], channel: Bytes, id: NDArray[np.
         stop = end
         while stop > start and text[stop - 1] <= 32:
             stop -= 1
-        kind = _line(text, _blanks(text, start, stop), stop, n,
-                     t_ns, channel, id, flags, length, data)  # fmt: skip
+        kind = _line(text, _blanks(text, start, stop), stop, n, rows, data)
         if kind < 0:
             return -1
         counts[kind] += 1
@@ -88,8 +88,7 @@ def _parse(text: Bytes, t_ns: NDArray[np.int64], channel: Bytes, id: NDArray[np.
 
 
 @njit(cache=True)
-def _line(text: Bytes, i: Int, end: Int, n: Int, t_ns: NDArray[np.int64], channel: Bytes,
-          id: NDArray[np.uint32], flags: Bytes, length: Bytes, data: Bytes) -> Int:  # fmt: skip
+def _line(text: Bytes, i: int, end: int, n: int, rows: Ints, data: Bytes) -> int:
     """Reads one line into row ``n``; what it was, or -1 if ``data`` is too narrow."""
     if i == end:
         return _BLANK
@@ -110,7 +109,7 @@ def _line(text: Bytes, i: Int, end: Int, n: Int, t_ns: NDArray[np.int64], channe
         i += 1
     if i in (first, end) or text[i] != 41:  # )
         return _TIME
-    t_ns[n] = seconds * 1_000_000_000 + fraction * scale
+    rows[n, _T] = seconds * 1_000_000_000 + fraction * scale
     i = _blanks(text, i + 1, end)
 
     # The channel is the number at the end of the interface's name.
@@ -118,7 +117,7 @@ def _line(text: Bytes, i: Int, end: Int, n: Int, t_ns: NDArray[np.int64], channe
     while i < end and text[i] > 32:
         number = number * 10 + (text[i] - 48) if 48 <= text[i] <= 57 else 0
         i += 1
-    channel[n] = number & 0xFF
+    rows[n, _CHANNEL] = number & 0xFF
     i = _blanks(text, i, end)
     flag = 0
     if i + 1 < end and (text[i + 1] == 88 or text[i + 1] == 120):  # console with RX or TX - -
@@ -147,17 +146,16 @@ def _line(text: Bytes, i: Int, end: Int, n: Int, t_ns: NDArray[np.int64], channe
             flag |= _EXTENDED
     elif value > 0x7FF:
         return _ID
-    id[n] = value & 0x1FFFFFFF
+    rows[n, _CAN_ID] = value & 0x1FFFFFFF
     if text[i] == 35:  # compact: #
-        return _compact(text, i + 1, end, n, flag, flags, length, data)
+        return _compact(text, i + 1, end, n, flag, rows, data)
     if text[i] > 32:
         return _ID
-    return _console(text, _blanks(text, i, end), end, n, flag, flags, length, data)
+    return _console(text, _blanks(text, i, end), end, n, flag, rows, data)
 
 
 @njit(cache=True)
-def _compact(text: Bytes, i: Int, end: Int, n: Int, flag: int,
-             flags: Bytes, length: Bytes, data: Bytes) -> Int:  # fmt: skip
+def _compact(text: Bytes, i: int, end: int, n: int, flag: int, rows: Ints, data: Bytes) -> int:
     widest = 8
     if i < end and text[i] == 35:  # ##
         if i + 1 >= end or _HEX[text[i + 1]] < 0:
@@ -192,13 +190,12 @@ def _compact(text: Bytes, i: Int, end: Int, n: Int, flag: int,
             return _DATA
         if text[i] == 84:
             flag |= _SENT
-    flags[n], length[n] = flag, count
+    rows[n, _FLAGS], rows[n, _LENGTH] = flag, count
     return _FRAME
 
 
 @njit(cache=True)
-def _console(text: Bytes, i: Int, end: Int, n: Int, flag: int,
-             flags: Bytes, length: Bytes, data: Bytes) -> Int:  # fmt: skip
+def _console(text: Bytes, i: int, end: int, n: int, flag: int, rows: Ints, data: Bytes) -> int:
     if i + 2 >= end or text[i] != 91:  # [
         return _ID
     i += 1
@@ -228,5 +225,5 @@ def _console(text: Bytes, i: Int, end: Int, n: Int, flag: int,
                 return _DATA
             data[n, byte] = high * 16 + low
             i = _blanks(text, i + 2, end)
-    flags[n], length[n] = flag, stated
+    rows[n, _FLAGS], rows[n, _LENGTH] = flag, stated
     return _FRAME

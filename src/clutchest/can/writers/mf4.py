@@ -32,7 +32,7 @@ def _group(frames: Frames, kind: str, start_s: int) -> Signal:
         return ((frames.flags & bit) != 0).astype(np.uint8)
 
     width = frames.data.shape[1]
-    columns = {
+    columns: dict[str, np.ndarray] = {
         "BusChannel": frames.channel, "ID": frames.id, "IDE": flag(Flag.EXTENDED),
         "DLC": _DLC[frames.length], "DataLength": frames.length, "DataBytes": frames.data,
         "Dir": flag(Flag.SENT), "EDL": flag(Flag.FD), "BRS": flag(Flag.BITRATE_SWITCH),
