@@ -1,0 +1,88 @@
+"""How a recording looks when it is opened: one page to understand the drive, tabs behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from clutchest.signals import Floats
+
+# Distinct on Rerun's dark ground, warm first: the first state of the dry clutch is its body.
+COLOURS = (0xF3A712FF, 0x4F9DDEFF, 0xE4572EFF, 0x76B041FF, 0xA06CD5FF, 0x2EC4B6FF, 0xE377C2FF)
+INVALID = 0x8A8A8AFF
+BOUND = 0x9A9A9AFF
+MODE_COLOURS = {"open": 0x3D5A80FF, "slipping": 0xC8553DFF, "locked": 0x4C8C4AFF,
+                "retracted": 0x2F5D50FF}  # fmt: skip
+
+# Linked time axes read their range from this view, which Rerun keeps for what all views share.
+_SHARED_VIEW = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc"
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One time-series view: its heading (with the unit), its entities, and its vertical range."""
+
+    title: str
+    entities: tuple[str, ...]
+    low: float
+    high: float
+
+    def view(self) -> rrb.TimeSeriesView:
+        """The view, its time axis moving with all others; a single series needs no legend."""
+        return rrb.TimeSeriesView(
+            name=self.title, origin="/", contents=[f"/{entity}" for entity in self.entities],
+            axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+            axis_y=rrb.ScalarAxis(range=(self.low, self.high)),
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=len(self.entities) > 1))  # fmt: skip
+
+
+def panel(title: str, entities: Sequence[str], lows: Floats, highs: Floats) -> Panel:
+    """A panel whose range shows every finite low and high, with a little air around them."""
+    bottom = float(lows.min(initial=float("inf"), where=lows == lows))
+    top = float(highs.max(initial=float("-inf"), where=highs == highs))
+    if bottom > top:
+        bottom, top = 0.0, 1.0
+    air = 0.06 * (top - bottom) or max(0.1 * abs(top), 0.1)
+    return Panel(title, tuple(entities), bottom - air, top + air)
+
+
+class _Opening(rrb.Blueprint):
+    """A blueprint that also says which stretch of time every linked view shows at first."""
+
+    def __init__(self, *parts: rrb.BlueprintPart, end: float) -> None:
+        super().__init__(*parts)
+        self._end = end
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        super()._log_to_stream(stream)
+        absolute = rr.TimeRangeBoundary.absolute
+        shown = rr.TimeRange(start=absolute(seconds=-0.01 * self._end),
+                             end=absolute(seconds=1.01 * self._end))  # fmt: skip
+        stream.log(f"{_SHARED_VIEW}/TimeAxis", rrb.TimeAxis(view_range=shown))
+
+
+def blueprint(overview: Sequence[Panel], pages: dict[str, Sequence[Panel]], lanes: Sequence[str],
+              timeline: str, end: float) -> rrb.Blueprint:
+    """The opening page (lanes and ``overview`` beside the report), then one tab per page.
+
+    ``end``: last time on ``timeline``, s.
+    """
+    mode = rrb.StateTimelineView(name=" and ".join(lanes), origin="/",
+                                 contents=[f"/{lane}" for lane in lanes],
+                                 time_view=rrb.TimeAxis(link="LinkToGlobal"))  # fmt: skip
+    first, *others = [p.view() for p in overview]
+    shares = [3.0, 0.6 + 1.2 * len(lanes), *(3.0 + 0.5 * len(p.entities) for p in overview[1:])]
+    start = rrb.Horizontal(
+        rrb.Vertical(first, mode, *others, row_shares=shares),
+        rrb.TextDocumentView(name="report", origin="/report"),
+        column_shares=[3, 1], name="overview")  # fmt: skip
+    tabs = [rrb.Vertical(*(p.view() for p in page), name=name)
+            for name, page in pages.items() if page]  # fmt: skip
+    return _Opening(
+        rrb.Tabs(start, *tabs, active_tab=0),
+        rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused"),
+        end=end)  # fmt: skip

@@ -1,0 +1,89 @@
+"""The files of a run: estimates, summary, recording, state.  All of them or none is replaced."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from clutchest.errors import ClutchestError
+from clutchest.estimate.run import Run
+
+INNOVATIONS = "innovations.parquet"
+
+
+def json_text(value: Any) -> str:
+    """``value`` as strict JSON: numbers that are missing or not finite become null."""
+    return json.dumps(_plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_run(run: Run, out: Path, innovations: bool = False) -> list[Path]:
+    """Write ``estimates.parquet``, ``summary.json``, ``recording.rrd`` and ``state.json``.
+
+    With ``innovations`` also ``innovations.parquet`` (time, drive, sensor, innovation, std).  All
+    are finished beside their place first, so a write that fails leaves the earlier files whole.
+    Gives the paths written.  Raises ClutchestError if ``out`` is no folder, OSError if the disk
+    refuses.
+    """
+    from clutchest.record.rerun import write_recording
+
+    if out.exists() and not out.is_dir():
+        raise ClutchestError(f"{out}: is a file, expected a folder for the results")
+    out.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=out, prefix=".unfinished-") as unfinished:
+        folder = Path(unfinished)
+        _write_table(run.to_pandas(), folder / "estimates.parquet", run.provenance)
+        (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
+        (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
+        write_recording(run, folder / "recording.rrd")
+        if innovations:
+            _write_table(_innovations(run), folder / INNOVATIONS, run.provenance)
+        else:
+            # Those of an earlier run would not belong to the estimates beside them.
+            (out / INNOVATIONS).unlink(missing_ok=True)
+        return [path.replace(out / path.name) for path in sorted(folder.iterdir())]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _innovations(run: Run) -> Any:
+    import pandas as pd
+
+    frames = []
+    for drive, track in enumerate(run.tracks):
+        events = track.innovations
+        frames.append(pd.DataFrame({
+            "time": events.time,
+            "drive": np.full(len(events.time), drive, np.int32),
+            "sensor": pd.Categorical.from_codes(events.sensor, list(events.names)),
+            "innovation": events.innovation,
+            "std": events.std,
+        }))  # fmt: skip
+    return pd.concat(frames, ignore_index=True)
+
+
+def _write_table(table: Any, path: Path, provenance: Mapping[str, str]) -> None:
+    """A data frame as Parquet; ``provenance`` joins the metadata, one key each."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns = pa.Table.from_pandas(table, preserve_index=False)
+    metadata = {**(columns.schema.metadata or {}),
+                **{key.encode(): value.encode() for key, value in provenance.items()}}  # fmt: skip
+    pq.write_table(columns.replace_schema_metadata(metadata), path)

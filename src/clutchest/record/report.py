@@ -1,0 +1,105 @@
+"""The run in words: what happened, what is known, what should be doubted (Markdown)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from clutchest.estimate.run import Run
+from clutchest.record.quantities import Quantity, states_of
+
+
+_HOW_TO_READ = ("Lines are estimates, the bands around them one standard deviation; a line is grey "
+                "while its estimate is not valid.")  # fmt: skip
+
+
+def number(quantity: Quantity, value: float | None, digits: int = 4) -> str:
+    """A value in the shown unit with four significant digits, ``–`` where there is none."""
+    if value is None or not np.isfinite(value):
+        return "–"
+    shown = float(quantity.read(np.array([value]))[0])
+    return f"{shown:,.{_decimals(shown, digits)}f}".replace(",", " ")
+
+
+def plus_minus(quantity: Quantity, value: float | None, std: float | None) -> str:
+    """``82.1 ± 3.4 °C``: the value is given to the digits that its uncertainty supports."""
+    if value is None or std is None or not (np.isfinite(value) and np.isfinite(std)):
+        return "–"
+    shown = float(quantity.read(np.array([value]))[0])
+    spread = float(quantity.read_spread(np.array([std]))[0])
+    decimals = _decimals(spread, 2) if spread > 0 else _decimals(shown, 4)
+    return f"{shown:.{decimals}f} ± {spread:.{decimals}f} {quantity.shown}".rstrip()
+
+
+def _decimals(value: float, digits: int) -> int:
+    if value == 0 or not np.isfinite(value):
+        return 0
+    return int(np.clip(digits - 1 - np.floor(np.log10(abs(value))), 0, 6))
+
+
+def markdown(run: Run) -> str:
+    """Summary, final states, engagements and warnings of ``run`` as one Markdown text."""
+    parts = [f"# {run.vehicle.name}", _sources(run), _HOW_TO_READ]
+    parts += ["## What is known at the end", _states(run)]
+    parts += ["## Slip events", _engagements(run)]
+    if run.summary.get("warnings"):
+        parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
+    parts += ["## Sensors against the model", _sensors(run)]
+    made_by = [(what, value if len(value) < 24 else f"{value[:12]}…")
+               for what, value in run.provenance.items()]  # fmt: skip
+    parts += ["## Made by", _table(("what", "version or hash"), made_by)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _sources(run: Run) -> str:
+    names = ", ".join(Path(name).name for drive in run.signals.drives for name in drive.sources)
+    duration = sum(float(t.time[-1] - t.time[0]) for t in run.tracks if len(t.time))
+    begun = run.signals.start_ns
+    when = "" if begun is None else f", begun {datetime.fromtimestamp(begun / 1e9, UTC):%F %T} UTC"
+    drives = "" if len(run.tracks) == 1 else f"{len(run.tracks)} drives, "
+    return f"{names or 'decoded signals'}: {drives}{duration:.0f} s{when}"
+
+
+def _states(run: Run) -> str:
+    rows = []
+    for name, quantity in states_of(run).items():
+        state = run.summary["states"].get(name)
+        if state is not None:
+            known = "yes" if state["valid"] else f"no: {state.get('why') or 'uncertain'}"
+            rows.append((quantity.words, plus_minus(quantity, state["value"], state["std"]), known))
+    return _table(("quantity", "value ± 1σ", "valid"), rows)
+
+
+def _engagements(run: Run) -> str:
+    rows = []
+    for drive, track in enumerate(run.tracks, start=1):
+        for event in track.engagements:
+            where = (str(drive),) if len(run.tracks) > 1 else ()
+            rows.append((*where, f"{event.start_s:.1f}", f"{event.duration_s:.2f}",
+                         plus_minus(Quantity("energy", "J"), event.energy_J, event.energy_std_J),
+                         f"{event.peak_torque:.0f}", f"{event.peak_temp_disc:.0f}"))  # fmt: skip
+    if not rows:
+        return "The clutch never slipped."
+    head = ("drive",) if len(run.tracks) > 1 else ()
+    return _table((*head, "start [s]", "lasted [s]", "energy", "peak torque [Nm]",
+                   "hottest disc [°C]"), rows)  # fmt: skip
+
+
+def _sensors(run: Run) -> str:
+    rows = [(name, str(s["count"]), _short(s["innovation_rms"]), _short(s["nis_mean"]))
+            for name, s in run.summary["sensors"].items()]  # fmt: skip
+    note = "NIS is the squared misfit over its predicted variance: 1 when the model is honest."
+    return _table(("sensor", "samples", "misfit rms [SI, mm]", "mean NIS"), rows) + "\n\n" + note
+
+
+def _short(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [" | ".join(head), " | ".join("---" for _ in head)]
+    lines += [" | ".join(str(cell) for cell in row) for row in rows]
+    return "\n".join(f"| {line} |" for line in lines)

@@ -1,0 +1,265 @@
+"""The run as a Rerun recording; with its blueprint the one module that speaks to Rerun.
+
+Drives stand one behind another on the timeline ``time``, a little apart: wear and friction over
+several drives are then one line, and days without a drive take no room.  Long series are thinned
+to the samples that make their outline, so that no spike is lost; every sample is in the Parquet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from clutchest.estimate.run import Run
+from clutchest.record.blueprint import (
+    BOUND,
+    COLOURS,
+    INVALID,
+    MODE_COLOURS,
+    Panel,
+    blueprint,
+    panel,
+)
+from clutchest.record.quantities import (
+    CLUTCH_TORQUE,
+    SLIP_ENERGY,
+    Quantity,
+    sensors_of,
+    states_of,
+)
+from clutchest.record.report import markdown
+from clutchest.signals import Floats
+
+TIMELINE = "time"
+_MOST_ROWS = 50_000  # per series and drive: 25 times the pixels of a wide screen
+_BETWEEN = "between drives"
+
+
+def write_recording(run: Run, path: Path) -> None:
+    """Write ``run`` and the blueprint that shows it to ``path`` (``.rrd``).
+
+    Entities: ``can/<signal>``, ``state/<name>`` (value and variance, grey while not valid),
+    ``residual/<sensor>`` (innovation, +3σ, −3σ), ``mode``, ``drive`` where there are several, and
+    ``report``.  Values are in the units that people read (rpm, km/h, °C, mm, Nm, kJ).
+    """
+    starts, end = _starts(run)
+    stream = rr.RecordingStream("clutchest", send_properties=False)
+    stream.save(path)
+    _send_properties(stream, run, starts)
+    signals = _send_signals(stream, run, starts)
+    states = _send_states(stream, run, starts)
+    residuals = _send_residuals(stream, run, starts)
+    lanes = _send_lanes(stream, run, starts)
+    stream.log("report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN),
+               static=True)  # fmt: skip
+    speeds = [p for p in signals if "[rpm]" in p.title]
+    pages = {"signals": signals, "all states": states, "residuals": residuals}
+    stream.send_blueprint(blueprint(
+        speeds + _worth_a_look(run, states), pages, lanes, TIMELINE, end))  # fmt: skip
+    stream.flush()
+    stream.disconnect()
+
+
+def outline(values: Floats, most: int) -> NDArray[np.intp]:
+    """Rows, ascending, of at most ``most`` samples: the lowest and highest of equal stretches."""
+    n = len(values)
+    if n <= most:
+        return np.arange(n)
+    edges = np.linspace(0, n, most // 2 + 1).astype(np.intp)
+    # Stretches differ by one sample; the short ones see their last sample twice.
+    rows = edges[:-1, None] + np.arange(int(np.max(np.diff(edges))))
+    rows = np.minimum(rows, edges[1:, None] - 1)
+    stretches = values[rows]
+    low = np.argmin(np.where(np.isnan(stretches), np.inf, stretches), axis=1, keepdims=True)
+    high = np.argmax(np.where(np.isnan(stretches), -np.inf, stretches), axis=1, keepdims=True)
+    return np.unique(np.take_along_axis(rows, np.hstack([low, high]), axis=1))
+
+
+def _starts(run: Run) -> tuple[list[float], float]:
+    """Where each drive begins on the timeline, and where the last one ends, s."""
+    lengths = [max(drive.end, float(track.time[-1]) if len(track.time) else 0.0)
+               for drive, track in zip(run.signals.drives, run.tracks, strict=True)]  # fmt: skip
+    apart = 0.02 * sum(lengths)
+    starts = [float(s) for s in np.cumsum([0.0, *(length + apart for length in lengths)])]
+    return starts[:-1], starts[-1] - apart
+
+
+def _strung(drives: Iterable[tuple[float, Sequence[NDArray]]]) -> list[NDArray]:
+    """Columns (time first, values next, then others) of all drives, one behind another.
+
+    ``drives``: where each begins on the timeline, and its columns.  Each is thinned by its
+    values; a row without a value before each later drive breaks the line.
+    """
+    strung: list[list[NDArray]] = []
+    for start, columns in drives:
+        rows = outline(columns[1], _MOST_ROWS)
+        if len(rows) == 0:
+            continue
+        cut = [column[rows] for column in columns]
+        cut[0] = cut[0] + start
+        if strung:
+            for k, column in enumerate(cut):
+                missing = np.nan if column.dtype.kind == "f" else column[0]
+                cut[k] = np.concatenate([[column[0] if k == 0 else missing], column])
+        strung.append(cut)
+    return [np.concatenate(pieces) for pieces in zip(*strung, strict=True)]
+
+
+def _index(time: Floats) -> list[rr.TimeColumn]:
+    nanoseconds = np.round(time * 1e9).astype(np.int64).astype("timedelta64[ns]")
+    return [rr.TimeColumn(TIMELINE, duration=nanoseconds)]
+
+
+def _by_unit(quantities: Iterable[Quantity]) -> dict[str, list[Quantity]]:
+    groups: dict[str, list[Quantity]] = {}
+    for quantity in quantities:
+        groups.setdefault(quantity.shown, []).append(quantity)
+    return groups
+
+
+def _heading(group: Sequence[Quantity]) -> str:
+    if len(group) == 1:
+        return group[0].label
+    kinds = {"°C": "temperatures", "rpm": "speeds", "mm": "positions", "Nm": "torques"}
+    unit = group[0].shown
+    words = kinds.get(unit, ", ".join(q.words for q in group))
+    return f"{words} [{unit}]" if unit else words
+
+
+def _send_properties(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> None:
+    names = [Path(name).name for drive in run.signals.drives for name in drive.sources]
+    stream.send_recording_name(": ".join([run.vehicle.name, ", ".join(names[:3])]).strip(": "))
+    if run.signals.start_ns is not None:
+        stream.send_recording_start_time_nanos(run.signals.start_ns)
+    stream.send_property("provenance", rr.AnyValues(**run.provenance))
+    stream.send_property("log", rr.AnyValues(sources=names or [""], drive_starts_s=starts))
+
+
+def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:
+    drives = list(zip(starts, run.signals.drives, strict=True))
+    seen = {name: Quantity(name, signal.unit)
+            for _, drive in drives for name, signal in drive.items()}  # fmt: skip
+    panels = []
+    for group in _by_unit(seen.values()).values():
+        shown = []
+        for k, quantity in enumerate(group):
+            columns = _strung((start, (drive[quantity.name].time,
+                                       quantity.read(drive[quantity.name].value)))
+                              for start, drive in drives if quantity.name in drive)  # fmt: skip
+            if not columns:
+                continue
+            time, value = columns
+            entity = f"can/{quantity.name}"
+            stream.log(entity, rr.SeriesLines(
+                names=quantity.words, colors=np.uint32(COLOURS[(k + 1) % len(COLOURS)]),
+                widths=1.5, aggregation_policy="MinMax"), static=True)  # fmt: skip
+            stream.send_columns(entity, _index(time), rr.Scalars.columns(scalars=value))
+            shown.append((entity, value))
+        if shown:
+            values = np.concatenate([value for _, value in shown])
+            panels.append(panel(_heading(group), [entity for entity, _ in shown], values, values))
+    return panels
+
+
+def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:
+    quantities = states_of(run)
+    groups = _by_unit([CLUTCH_TORQUE, *quantities.values(), SLIP_ENERGY])
+    panels = []
+    for group in groups.values():
+        lows, highs = [], []
+        for k, quantity in enumerate(group):
+            estimates = [t.states.get(quantity.name) or getattr(t, quantity.name)
+                         for t in run.tracks]  # fmt: skip
+            columns = _strung(
+                (start, (track.time, quantity.read(e.value), quantity.read_spread(e.std),
+                         np.where(e.valid, COLOURS[k % len(COLOURS)], INVALID).astype(np.uint32)))
+                for start, track, e in zip(starts, run.tracks, estimates, strict=True))  # fmt: skip
+            if not columns:
+                continue
+            time, value, std, colour = columns
+            told = colour != INVALID
+            colour[0] = COLOURS[k % len(COLOURS)]  # the legend takes the first one
+            entity = f"state/{quantity.name}"
+            stream.log(entity, rr.Measurements.from_fields(
+                names=quantity.words, units=quantity.shown or None, widths=2.0), static=True)  # fmt: skip
+            stream.send_columns(entity, _index(time), rr.Measurements.columns(
+                values=value, variances=std**2, colors=colour))  # fmt: skip
+            told = told if told.any() else np.isfinite(value)
+            lows.append((value - std)[told])
+            highs.append((value + std)[told])
+        if lows:
+            title = f"{_heading(group)} ± 1σ"
+            if len(group) == 1:
+                title += f": {group[0].what}"
+            entities = [f"state/{quantity.name}" for quantity in group]
+            panels.append(panel(title, entities, np.concatenate(lows), np.concatenate(highs)))
+    return panels
+
+
+def _worth_a_look(run: Run, states: Sequence[Panel]) -> list[Panel]:
+    """The panels that tell about the clutch: not those of states that are measured as they are."""
+    measured = {f"state/{name}" for drive in run.signals.drives for name in drive}
+    return [p for p in states if not measured & set(p.entities) and p.entities != ("state/slip_energy",)]
+
+
+def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:
+    panels = []
+    for k, quantity in enumerate(sensors_of(run).values()):
+        pieces = []
+        for start, track in zip(starts, run.tracks, strict=True):
+            if quantity.name in track.innovations.names:
+                time, innovation, std = track.innovations.of(quantity.name)
+                pieces.append((start, (time, quantity.read_spread(innovation),
+                                       quantity.read_spread(std))))  # fmt: skip
+        time, innovation, std = _strung(pieces)
+        entity = f"residual/{quantity.name}"
+        colours = np.array([COLOURS[(k + 1) % len(COLOURS)], BOUND, BOUND], np.uint32)
+        stream.log(entity, rr.SeriesLines(
+            names=["measured − predicted", "+3σ", "−3σ"], colors=colours, widths=[1.2, 1.0, 1.0],
+            aggregation_policy="MinMax"), static=True)  # fmt: skip
+        stream.send_columns(entity, _index(time), rr.Scalars.columns(
+            scalars=np.column_stack([innovation, 3 * std, -3 * std])))  # fmt: skip
+        # The start of a drive is uncertain by orders of magnitude more than the rest of it.
+        reach = max(np.nanmax(np.abs(innovation)), 4 * np.nanmedian(std))
+        reach = min(reach, 20 * np.nanmedian(std))
+        panels.append(panel(f"{quantity.label}: measured − predicted, within ± 3σ", [entity],
+                            np.array([-reach]), np.array([reach])))  # fmt: skip
+    return panels
+
+
+def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[str]:
+    """The mode over time, and which drive it is where there are several."""
+    modes: list[tuple[float, str]] = []
+    drives: list[tuple[float, str]] = []
+    for number, (start, drive, track) in enumerate(
+            zip(starts, run.signals.drives, run.tracks, strict=True), start=1):  # fmt: skip
+        if len(track.time) == 0:
+            continue
+        changes = np.flatnonzero(np.diff(track.mode, prepend=255))
+        modes += [(start + track.time[k], track.mode_names[track.mode[k]]) for k in changes]
+        modes.append((start + track.time[-1], _BETWEEN))
+        begun = drive.start_ns
+        when = "" if begun is None else f", {datetime.fromtimestamp(begun / 1e9, UTC):%F %R} UTC"
+        drives += [(start + track.time[0], f"drive {number}{when}"),
+                   (start + track.time[-1], _BETWEEN)]  # fmt: skip
+    _send_lane(stream, "mode", modes, MODE_COLOURS)
+    if len(run.tracks) == 1:
+        return ["mode"]
+    _send_lane(stream, "drive", drives, {})
+    return ["mode", "drive"]
+
+
+def _send_lane(stream: rr.RecordingStream, entity: str, changes: Sequence[tuple[float, str]],
+               fixed: dict[str, int]) -> None:  # fmt: skip
+    values = list(dict.fromkeys(value for _, value in changes))
+    colours = [fixed.get(value, COLOURS[k % len(COLOURS)]) for k, value in enumerate(values)]
+    stream.log(entity, rr.StateConfiguration(
+        values=values, colors=np.array(colours, np.uint32),
+        visible=[value != _BETWEEN for value in values]), static=True)  # fmt: skip
+    stream.send_columns(entity, _index(np.array([time for time, _ in changes])),
+                        rr.StateChange.columns(state=[value for _, value in changes]))  # fmt: skip
