@@ -29,7 +29,7 @@ _RESTING, _OPENING, _NEUTRAL, _LAUNCHING, _CLOSING, DRIVING, _UNLOADING, _HOLDIN
 SITUATION = np.dtype([
     (name, np.int64) for name in ("phase", "leg", "gear", "next_gear", "bench", "held", "locked")
 ] + [(name, np.float64) for name in (
-    "since", "lock_time", "integral", "setpoint", "target", "trim", "sensed", "engine_before",
+    "since", "lock_time", "setpoint", "target", "trim", "sensed", "engine_before",
     "request", "brake", "command", "ratio", "sync_rate", "sync_speed", "sign", "carried",
     "motor", "port", "slave", "plate_before", "plate",
     "friction", "coolant", "ambient", "grade")])  # fmt: skip
@@ -38,6 +38,7 @@ IDLE = 62.8  # rad/s
 _OPEN, _RETRACT = 11.5, -inf  # mm
 _SHAFT_INERTIA, _SHAFT_DRAG = 0.4, 0.03  # kg m², Nm s: input shaft alone, in neutral
 _ENGINE_LAG, _SERVO_LAG, _SERVO_RATE, _PORT = 0.08, 0.025, 45.0, 0.5  # s, s, mm/s, mm
+_STANDING = 40e3  # N: brake of a standing truck
 _AIR = 3.3  # kg/m: half of density · drag coefficient · frontal area
 
 
@@ -67,7 +68,7 @@ def capacity(y: Floats, plate: float, s: NDArray, p: NDArray) -> float:
     factor *= 1.0 + p.speed_slope * slip / 100.0
     factor *= 1.0 + p.temperature_slope * (y[DISC] - 100.0) / 100.0
     factor *= 1.0 - p.fade_slope * max(y[DISC] - p.fade_onset, 0.0) / 100.0
-    factor *= 1.0 + p.centrifugal_slope * (y[ENGINE] / 100.0) ** 2
+    factor *= 1.0 + p.centrifugal_slope * y[ENGINE] * y[ENGINE] / 1e4
     return depth * depth * (p.torque_quadratic - p.torque_cubic * depth) * max(factor, 0.0)
 
 
@@ -83,7 +84,7 @@ def shaft_side(y: Floats, s: NDArray, p: NDArray) -> tuple[float, float]:
     if s.held:
         return 0.0, 0.0
     if s.ratio > 0.0:
-        return s.ratio**2 / p.mass, resistance(y[SPEED], s, p) / s.ratio
+        return s.ratio * s.ratio / p.mass, resistance(y[SPEED], s, p) / s.ratio
     sync = _SHAFT_INERTIA * s.sync_rate * (y[SHAFT] - s.sync_speed)
     return 1.0 / _SHAFT_INERTIA, _SHAFT_DRAG * y[SHAFT] + sync
 
@@ -136,21 +137,16 @@ def runge_kutta(y: Floats, begin: float, h: float, s: NDArray, p: NDArray, work:
     """One classical fourth-order step of ``h`` s into ``work[0]``; the plate moves linearly
     through the STEP, of which the share ``begin`` is over."""
     swing = s.plate - s.plate_before
-    start = s.plate_before + swing * begin
-    middle = start + swing * 0.5 * h / STEP
-    end = start + swing * h / STEP
-    n = len(y)
-    rates(y, start, s, p, work[1])
-    for i in range(n):
-        work[0, i] = y[i] + 0.5 * h * work[1, i]
-    rates(work[0], middle, s, p, work[2])
-    for i in range(n):
-        work[0, i] = y[i] + 0.5 * h * work[2, i]
-    rates(work[0], middle, s, p, work[3])
-    for i in range(n):
-        work[0, i] = y[i] + h * work[3, i]
-    rates(work[0], end, s, p, work[4])
-    for i in range(n):
+    for i in range(len(y)):
+        work[0, i] = y[i]
+    for stage in range(1, 5):
+        share = 0.0 if stage == 1 else 1.0 if stage == 4 else 0.5
+        plate = s.plate_before + swing * (begin + share * h / STEP)
+        if stage > 1:
+            for i in range(len(y)):
+                work[0, i] = y[i] + share * h * work[stage - 1, i]
+        rates(work[0], plate, s, p, work[stage])
+    for i in range(len(y)):
         work[0, i] = y[i] + h / 6.0 * (
             work[1, i] + 2.0 * work[2, i] + 2.0 * work[3, i] + work[4, i])  # fmt: skip
 
@@ -182,7 +178,8 @@ def advance(y: Floats, substeps: int, s: NDArray, p: NDArray, work: Floats) -> N
                 share = before / (before - after)
                 runge_kutta(y, begin, share * h, s, p, work)
                 begin += share * (end - begin)
-            y[:] = work[0]
+            for i in range(len(y)):
+                y[i] = work[0, i]
             if meets:
                 _meet(y, s, p)
                 lock_or_pass(y, s.plate_before + (s.plate - s.plate_before) * begin, s, p)
@@ -211,14 +208,6 @@ def _meet(y: Floats, s: NDArray, p: NDArray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _enter(phase: int, y: Floats, s: NDArray) -> None:
-    s.phase = phase
-    s.since = s.target = 0.0
-    s.integral = y[TORQUE]
-    s.setpoint = y[ENGINE]
-
-
-@njit(cache=True, error_model="numpy")
 def _torque_limits(engine: float, p: NDArray) -> tuple[float, float]:
     full = min(max(0.45 + 0.55 * (engine - 60.0) / 50.0, 0.3), 1.0)
     return -(60.0 + 0.9 * engine), full * p.engine_torque_max
@@ -226,12 +215,11 @@ def _torque_limits(engine: float, p: NDArray) -> tuple[float, float]:
 
 @njit(cache=True, error_model="numpy")
 def _govern(speed: float, y: Floats, s: NDArray, p: NDArray) -> None:
-    """Proportional-integral control of the engine towards ``speed``."""
+    """Engine towards ``speed``: what the clutch is felt to take, plus a share of the error."""
     s.setpoint += min(max(speed - s.setpoint, -80.0 * STEP), 80.0 * STEP)
     low, high = _torque_limits(y[ENGINE], p)
-    error = s.setpoint - y[ENGINE]
-    s.integral = min(max(s.integral + 40.0 * p.known_inertia * error * STEP, low), high)
-    s.request = min(max(s.integral + 9.0 * p.known_inertia * error, low), high)
+    request = s.sensed + 8.0 * p.known_inertia * (s.setpoint - y[ENGINE])
+    s.request = min(max(request, low), high)
 
 
 @njit(cache=True, error_model="numpy")
@@ -262,10 +250,16 @@ def _gear_for(speed: float, engine: float) -> int:
 
 
 @njit(cache=True, error_model="numpy")
+def _sliding(wish: float, since: float) -> float:
+    """Slip left on purpose (rad/s) while closing after a gearshift: power is on early."""
+    return (12.0 if wish > 0.0 else -6.0) * max(1.0 - since / 0.6, 0.0)
+
+
+@njit(cache=True, error_model="numpy")
 def _drive(wish: float, y: Floats, s: NDArray, p: NDArray) -> None:
     """In gear, closed: pedal, brake, and when to change gear."""
     s.command = _RETRACT
-    total = p.mass + p.known_inertia * s.ratio**2
+    total = p.mass + p.known_inertia * s.ratio * s.ratio
     s.brake = 0.0
     demand = (total * wish + resistance(y[SPEED], s, p)) / s.ratio
     low, high = _torque_limits(y[ENGINE], p)
@@ -277,40 +271,41 @@ def _drive(wish: float, y: Floats, s: NDArray, p: NDArray) -> None:
         return
     wanted = s.gear
     if y[ENGINE] > 150.0 and wish > -0.1:
-        wanted = max(_gear_for(y[SPEED], 112.0), s.gear)
+        wanted = max(_gear_for(y[SPEED], 100.0), s.gear)
     elif y[ENGINE] < 72.0:
         wanted = 0
-    elif y[ENGINE] < 90.0 and wish > 0.05:
+    elif y[ENGINE] < 82.0 and wish > 0.05:
         wanted = min(_gear_for(y[SPEED], 125.0), s.gear)
     if wanted != s.gear:
         s.next_gear = wanted
-        _enter(_UNLOADING, y, s)
+        s.phase = _UNLOADING
 
 
 @njit(cache=True, error_model="numpy")
 def _neutral(leg: NDArray, wish: float, y: Floats, s: NDArray, p: NDArray) -> None:
     """Clutch open, gear out: bring shaft and engine to the next gear's speed, then engage."""
     s.command = _OPEN
-    s.brake = max(-wish * p.mass - resistance(y[SPEED], s, p) + s.brake, 0.0)
+    coasting = resistance(y[SPEED], s, p) - s.brake
+    s.brake = max(-wish * p.mass - coasting, 0.0) if y[SPEED] > 0.0 else _STANDING
     if s.next_gear == 0 and not s.bench:
         _govern(IDLE, y, s, p)
         if leg.kind == DRIVE and leg.speed > 0.0 and y[SPEED] > 2.0:
             s.next_gear = _gear_for(y[SPEED], 115.0)
         elif y[SPEED] == 0.0 and s.since > 0.4:
-            _enter(_CLOSING, y, s)
+            s.phase = _CLOSING
         return
     ratio = 0.0 if s.bench else PER_METRE[s.next_gear - 1]
     rolling = y[SPEED] > 0.0
     s.sync_rate = 16.0
     s.sync_speed = leg.shaft_speed if s.bench else ratio * y[SPEED]
-    goal = s.sync_speed if rolling else leg.engine_speed
+    goal = s.sync_speed + _sliding(wish, 0.0) if rolling else leg.engine_speed
     _govern(goal, y, s, p)
     if s.since > 0.7 and (abs(y[ENGINE] - goal) < 5.0 or s.since > 3.0):
         s.sync_rate = 0.0
         s.gear, s.ratio = s.next_gear, ratio
         y[SHAFT] = s.sync_speed
         s.held = 0 if rolling else 1
-        _enter(_HOLDING if s.bench else _CLOSING if rolling else _LAUNCHING, y, s)
+        s.phase = _HOLDING if s.bench else _CLOSING if rolling else _LAUNCHING
 
 
 @njit(cache=True, error_model="numpy")
@@ -318,37 +313,37 @@ def control(time: float, legs: NDArray, y: Floats, s: NDArray, p: NDArray) -> No
     """One decision of the control unit and the driver."""
     while time >= legs[s.leg + 1].time:
         s.leg += 1
-    leg = legs[s.leg]
+    leg, before = legs[s.leg], s.phase
     s.grade = leg.grade
     s.since += STEP
     s.lock_time = s.lock_time + STEP if s.locked else 0.0
     felt = y[TORQUE] - p.known_inertia * (y[ENGINE] - s.engine_before) / STEP
     s.engine_before = y[ENGINE]
-    s.sensed += STEP / 0.1 * (felt - s.sensed)
+    s.sensed += STEP / 0.05 * (felt - s.sensed)
     driving = leg.kind == DRIVE and leg.speed > 0.0
     on_bench = leg.kind != DRIVE and leg.kind != REST
     wish = min(max(0.4 * (leg.speed - y[SPEED]), -1.0), 0.8) if driving else -0.9
 
     if s.phase == _RESTING:
         s.command = _RETRACT
-        s.brake = 20e3
+        s.brake = _STANDING
         _govern(IDLE, y, s, p)
         if driving or on_bench:
             s.next_gear = leg.gear if driving else 0
             s.bench = 1 if on_bench else 0
-            _enter(_OPENING, y, s)
+            s.phase = _OPENING
     elif s.phase == DRIVING:
         _drive(wish, y, s, p)
     elif s.phase == _UNLOADING:
         s.request += min(max(-s.request, -6000.0 * STEP), 6000.0 * STEP)
         if s.since > 0.3:
-            _enter(_OPENING, y, s)
+            s.phase = _OPENING
     elif s.phase == _OPENING:
         s.command = _OPEN
         _govern(max(y[SHAFT], IDLE), y, s, p)
         if s.slave + p.position_error > _OPEN - 0.8:
             s.gear, s.ratio, s.held = 0, 0.0, 0
-            _enter(_NEUTRAL, y, s)
+            s.phase = _NEUTRAL
     elif s.phase == _NEUTRAL:
         _neutral(leg, wish, y, s, p)
     elif s.phase == _LAUNCHING:
@@ -359,18 +354,21 @@ def control(time: float, legs: NDArray, y: Floats, s: NDArray, p: NDArray) -> No
         if s.held and s.carried * s.ratio > resistance(y[SPEED], s, p):
             s.held = 0
         if s.lock_time > 0.1:
-            _enter(DRIVING, y, s)
+            s.phase = DRIVING
     elif s.phase == _CLOSING:
-        s.target += (400.0 if s.ratio > 0.0 else 60.0) * STEP
+        s.target += (500.0 if s.ratio > 0.0 else 60.0) * STEP
         s.command = _position_for(s.target, y, s, p)
-        _govern(y[SHAFT] if s.ratio > 0.0 else IDLE, y, s, p)
+        _govern(y[SHAFT] + _sliding(wish, s.since) if s.ratio > 0.0 else IDLE, y, s, p)
         if s.lock_time > 0.1:
-            _enter(DRIVING if s.ratio > 0.0 else _RESTING, y, s)
+            s.phase = DRIVING if s.ratio > 0.0 else _RESTING
     else:
         _hold(time, leg, legs[s.leg + 1].time, y, s, p)
         if not on_bench:
             s.bench = s.next_gear = 0
-            _enter(_OPENING, y, s)
+            s.phase = _OPENING
+    if s.phase != before:
+        s.since = s.target = 0.0
+        s.setpoint = y[ENGINE]
 
 
 @njit(cache=True, error_model="numpy")
@@ -434,7 +432,7 @@ def run(steps: int, substeps: int, legs: NDArray, slow: Floats, numbers: NDArray
             out[3], out[4], out[5] = s.motor, y[TORQUE], y[SPEED]
         if k % truth_every == 0:
             row_out = truth[k // truth_every]
-            row_out[:3] = y[:3]
+            row_out[0], row_out[1], row_out[2] = y[BODY], y[HOUSING], y[DISC]
             row_out[3] = zero_reference(y[ENERGY], p)
             row_out[4], row_out[5], row_out[6] = s.friction, s.carried, y[ENERGY]
             if s.locked:

@@ -53,14 +53,12 @@ class Scenario:
 
     def timetable(self, rng: Random, duration: float, mass: float, kiss_point: float) -> NDArray:
         """The legs as an array of LEG, with a last one that never begins."""
-        legs = [leg for leg in self.legs(rng, duration, mass, kiss_point)
-                if leg["time"] < duration]  # fmt: skip
+        legs = self.legs(rng, duration, mass, kiss_point)
         table = np.zeros(len(legs) + 1, LEG)
         for row, leg in zip(table, legs, strict=False):
             for key, value in leg.items():
                 row[key] = value
-        table[-1] = table[-2]
-        table[-1]["time"] = duration + 1.0
+        table[-1]["time"] = max(duration, table[-2]["time"]) + 1.0
         return table
 
 
@@ -71,7 +69,7 @@ def launch_leg(time: float, speed: float, grade: float, mass: float, gear: int, 
     load = mass * GRAVITY * (ROLLING + grade) / PER_METRE[gear - 1]
     torque = inertia * engine_speed / slip_time + max(load, 0.0)
     return {"time": time, "kind": DRIVE, "speed": speed, "grade": grade, "gear": gear,
-            "engine_speed": engine_speed, "torque": float(np.clip(torque, 250.0, 1200.0))}  # fmt: skip
+            "engine_speed": engine_speed, "torque": float(np.clip(torque, 250.0, 950.0))}  # fmt: skip
 
 
 def gear_for(energy: float, mass: float, engine_speed: float) -> int:
@@ -145,15 +143,14 @@ def _heating(rng: Random, duration: float, mass: float, kiss_point: float) -> Le
 
 def _slip_steps(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
     legs: Legs = [{"time": 0.0, "kind": REST}]
-    speeds = np.linspace(63.0, 136.0, 5)  # 600 to 1300 rpm
+    up = np.linspace(63.0, 136.0, 4)  # 600 to 1300 rpm
     time = 10.0
     while time < duration:
         position = kiss_point - rng.uniform(0.85, 1.25)
         held = {"kind": POSITION, "start": position, "end": position}
-        up = rng.permutation(speeds)
         for speed in (*up, *up[::-1]):  # there and back: the disc's heating weighs on both alike
             legs.append({"time": time, **held, "engine_speed": speed})
-            time += 1.6
+            time += 1.2
         legs.append({"time": time, "kind": REST})
         time += rng.uniform(75.0, 95.0)
     return legs
