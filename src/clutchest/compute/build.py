@@ -18,6 +18,7 @@ from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 
+from clutchest import __version__
 from clutchest.compute.lower import module_text
 from clutchest.models.model import Model
 
@@ -45,14 +46,15 @@ def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]
 
     kernel = (Path(__file__).parent / "kernel.py").read_text(encoding="utf-8").split(_MARK)[1]
     text = _HEADER + module_text(model, thetas) + "\n\n" + kernel
-    platform = [version(name) for name in ("numba", "casadi", "clutchest")]
-    platform += [llvmlite.binding.get_host_cpu_name(), sys.version]
+    platform = [version(name) for name in ("numba", "casadi")]
+    platform += [__version__, llvmlite.binding.get_host_cpu_name(), sys.version]
     digest = hashlib.sha256("\n".join([*platform, text]).encode()).hexdigest()[:16]
     return digest, text
 
 
 @lru_cache(maxsize=32)
-def _load(digest: str, text: str) -> ModuleType:
+def load(digest: str, text: str) -> ModuleType:
+    """The generated module; written at first use, compiled at first call, cached from then on."""
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -82,8 +84,3 @@ def is_compiled(digest: str) -> bool:
     """Whether this machine has run the module before, so that it starts at once."""
     return any((cache_folder() / "__pycache__").glob(f"model_{digest}.run-*.nbi"))
 
-
-def load(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, ModuleType]:
-    """(hash, module) for a model; written and compiled at first use, from the cache later."""
-    digest, text = generate(model, tuple(thetas))
-    return digest, _load(digest, text)

@@ -175,14 +175,15 @@ def update(x, P, h, H, z, R, K, PH, limit):
 
 @njit(cache=True, error_model="numpy")
 def run(
-    x, P, S, spread, t, sensor, z, R, u, row, W, Qs, longest, noise, variance, p, g, limit,
+    x, P, S, E, cE, sE, spread, t, sensor, z, R, u, row, W, Qs, longest, noise, variance, p, g, limit,
     emit, with_signature, frozen, gains, out_x, out_P, out_total, out_y, out_energy,
     out_innovation, out_signature,
 ):  # fmt: skip
     """Filter a whole log.
 
     State ``x`` (n), covariance ``P`` (n, n) and signatures ``S`` (n, m) at ``t[0]`` are advanced
-    in place.  Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with
+    in place, so that a log can be run piece by piece; so are ``E`` (2), the slip energy and its
+    variance, with its covariance ``cE`` (n) with x and its own signature ``sE`` (m).  Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with
     variance ``R``; ``u`` (K, nu) inputs, straight between events; ``row`` (K) the regime of the
     interval that ends at k: a row of the flags ``W``, process noise ``Qs`` and step ``longest``.
     ``noise`` (nu) input noise density, ``variance`` (nu) of one input sample, ``spread`` (m)
@@ -204,10 +205,10 @@ def run(
            np.zeros((n, m)), np.zeros((n, m)), np.zeros(m))  # fmt: skip
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     x0, ua, ub, K, PH = np.zeros(n), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(n), np.zeros(n)
-    H, Hm, cE, sE = np.zeros(n), np.zeros(m), np.zeros(n), np.zeros(m)
+    H, Hm = np.zeros(n), np.zeros(m)
     y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
                     np.zeros((OUTPUTS, m)))  # fmt: skip
-    energy, energy_variance, log_likelihood = 0.0, 0.0, 0.0
+    log_likelihood = 0.0
 
     for k in range(len(t)):
         w = W[row[k]]
@@ -225,13 +226,13 @@ def run(
                 if with_signature:
                     _predict_signature(S, x0, work[2], dt, ua, ub, w, p, g, sE, work, own)
                 # the energy is a state that no measurement corrects
-                energy += 0.5 * dt * (a + b)
+                E[0] += 0.5 * dt * (a + b)
                 e0 = work[7]
                 for i in range(n):
                     drift = 0.0
                     for j in range(n):
                         drift += P[i, j] * e0[j]
-                    energy_variance += dt * e0[i] * (2.0 * cE[i] + dt * drift)
+                    E[1] += dt * e0[i] * (2.0 * cE[i] + dt * drift)
                     PH[i] = cE[i] + dt * drift
                 for i in range(n):
                     cE[i] = 0.0
@@ -297,10 +298,10 @@ def run(
                     total += (response * spread[c]) ** 2
                 out_y[o, i, 0] = y[i]
                 out_y[o, i, 1] = total
-            out_energy[o, 0] = energy
-            out_energy[o, 1] = energy_variance
+            out_energy[o, 0] = E[0]
+            out_energy[o, 1] = E[1]
             for c in range(m):
                 out_energy[o, 1] += (sE[c] * spread[c]) ** 2
                 out_energy[o, 3 + c] = sE[c]
-            out_energy[o, 2] = energy_variance
+            out_energy[o, 2] = E[1]
     return log_likelihood

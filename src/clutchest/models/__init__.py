@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models.symbols import Input, Parameter, Sensor, State
+
+if TYPE_CHECKING:
+    from clutchest.models.model import Model
 
 _MODELS = ("dry_clutch",)
 
@@ -31,3 +36,21 @@ def card(model: str) -> ModelCard:
     return ModelCard(
         model, module.STATES, module.PARAMETERS, module.INPUTS, module.SENSORS, module.COLUMNS
     )
+
+
+def model_for(name: str, signals: Container[str]) -> Model:
+    """The equations of the model ``name`` in the form that these canonical signals can drive."""
+    card(name)
+    from clutchest.models.dry_clutch import for_signals
+
+    return for_signals(signals)
+
+
+def resting(
+    name: str, parameters: Mapping[str, float], inputs: Mapping[str, float]
+) -> dict[str, float]:
+    """State values of a clutch at rest at the start of a drive, as far as the model can tell."""
+    card(name)
+    from clutchest.models import dry_clutch
+
+    return dry_clutch.resting(parameters, inputs)

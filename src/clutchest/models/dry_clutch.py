@@ -18,6 +18,8 @@ Pieces that stand for each other, to be exchanged with ``Model.swap``:
 
 from __future__ import annotations
 
+from collections.abc import Container, Mapping
+
 import casadi as ca
 
 from clutchest.models.model import Model, Quantities
@@ -25,15 +27,20 @@ from clutchest.models.symbols import Input, Parameter, Sensor, State
 
 # fmt: off
 STATES = (
-    State("temp_body", "°C", "T_b", "flywheel and pressure plate", 0.02, 15.0, 25.0),
-    State("temp_housing", "°C", "T_h", "clutch housing", 0.02, 12.0, 25.0),
-    State("temp_disc", "°C", "T_d", "friction disc", 0.1, 15.0, 40.0),
+    State("temp_body", "°C", "T_b", "flywheel and pressure plate", 0.02, 15.0, 25.0,
+          "a standstill with the actuator retracted", 0.02),
+    State("temp_housing", "°C", "T_h", "clutch housing", 0.02, 12.0, 25.0,
+          "a long cool-down with the actuator retracted", 0.02),
+    State("temp_disc", "°C", "T_d", "friction disc", 0.1, 15.0, 40.0,
+          "a slip, or the actuator retracted right after one", 0.1),
     State("zero_position", "mm", "x0_ref", "closed slave position at T_ref; wear lowers it",
-          1e-5, 0.2, 0.12),
-    State("friction", "1", "μ/μ_0", "torque relative to the curve", 5e-4, 0.1, 0.05),
-    State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0),
+          1e-5, 0.2, 0.12, "the actuator fully retracted at a known temperature"),
+    State("friction", "1", "μ/μ_0", "torque relative to the curve", 5e-4, 0.1, 0.05,
+          "a launch: torque through a slipping clutch"),
+    State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0,
+          "any sample of the engine speed", carried=False),
     State("torque_bias", "Nm", "M_bias", "reported engine torque less the true one",
-          1.0, 30.0, 25.0),
+          1.0, 30.0, 25.0, "an open clutch with changing engine speed", carried=False),
 )
 
 PARAMETERS = (
@@ -190,10 +197,9 @@ def housing(q: Quantities) -> None:
 
 
 def engine(q: Quantities) -> None:
-    """J_e dω_e/dt = M_e − M_c while not locked; a random walk otherwise."""
-    q.engine_speed_rate = (
-        q.free_running * (q.true_engine_torque - q.clutch_torque) / q.engine_inertia
-    )
+    """J_e dω_e/dt = M_e − M_c while not locked; the measured slope otherwise."""
+    unlocked = (q.true_engine_torque - q.clutch_torque) / q.engine_inertia
+    q.engine_speed_rate = q.free_running * unlocked + (1 - q.free_running) * q.engine_acceleration
 
 
 def engine_as_measured(q: Quantities) -> None:
@@ -216,7 +222,7 @@ DRY_CLUTCH = Model(
     regime=REGIME,
     sensors=SENSORS,
     outputs=("transmitted_torque", "power"),
-    renewed={"engine_speed": ("free_running", 30.0)},
+    renewed={"engine_speed": ("free_running", 3.0)},
     pieces=(
         slip,
         position,
@@ -231,6 +237,8 @@ DRY_CLUTCH = Model(
     ),
 )
 
+_NO_POSITION = "no slave position signal"
+
 # Without a slave position the clutch torque is what the engine gives less its inertia term.
 WITHOUT_POSITION = (
     DRY_CLUTCH.without(position, correction)
@@ -238,7 +246,31 @@ WITHOUT_POSITION = (
     .swap(torque_from_position, torque_from_engine)
     .swap(power_modelled, power_measured)
     .swap(engine, engine_as_measured)
+    .unobserved(dict.fromkeys(("zero_position", "friction", "torque_bias"), _NO_POSITION))
 )
+
+
+def resting(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dict[str, float]:
+    """Start of a drive as far as parameters and first inputs tell: (12)–(14) at rest without slip."""
+    to_engine = parameters["conductance_engine_body"]
+    to_housing = parameters["conductance_body_housing"]
+    to_air = parameters["conductance_housing_ambient"]
+    through = to_housing * to_air / max(to_housing + to_air, 1e-9)
+    coolant, ambient = inputs["coolant_temp"], inputs["ambient_temp"]
+    body = (to_engine * coolant + through * ambient) / max(to_engine + through, 1e-9)
+    housing = (to_housing * body + to_air * ambient) / max(to_housing + to_air, 1e-9)
+    return {
+        "temp_body": body,
+        "temp_housing": housing,
+        "temp_disc": body,
+        "zero_position": parameters["zero_position_ref"],
+        "friction": 1.0,
+    }
+
+
+def for_signals(names: Container[str]) -> Model:
+    """The model that the signals at hand can drive."""
+    return DRY_CLUTCH if "slave_position" in names else WITHOUT_POSITION
 
 
 def two_state(model: Model) -> Model:

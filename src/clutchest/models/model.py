@@ -74,7 +74,8 @@ class Model:
     """Equations as an ordered list of pieces, and the effects present in them.
 
     A piece reads quantities and assigns new ones.  ``renewed`` names states that are a plain
-    random walk while a regime flag is 0: state → (flag, noise in state unit/√s).  Vary a model
+    random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
+    ``unobservable`` says of a state why no signal at hand can inform it.  Vary a model
     with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
     """
 
@@ -87,6 +88,7 @@ class Model:
     outputs: tuple[str, ...]
     pieces: tuple[Piece, ...]
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    unobservable: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[Effect, ...] = ()
 
     def swap(self, old: Piece, new: Piece) -> Model:
@@ -102,6 +104,10 @@ class Model:
     def without_input(self, name: str) -> Model:
         """The same model not driven by this input."""
         return replace(self, inputs=tuple(i for i in self.inputs if i.name != name))
+
+    def unobserved(self, why: Mapping[str, str]) -> Model:
+        """The same model, with states that nothing at hand informs: state → why."""
+        return replace(self, unobservable=dict(why))
 
     def with_effects(self, effects: tuple[Effect, ...]) -> Model:
         """The same model with these effects in its equations, and the states they bring."""

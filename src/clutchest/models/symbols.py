@@ -11,7 +11,10 @@ class State:
     """A quantity with memory.
 
     ``process_noise`` (unit/√s) and ``initial_std`` (unit) hold where the vehicle file is silent;
-    ``useful_std`` is the largest standard deviation at which the estimate still tells something.
+    ``useful_std`` is the largest standard deviation at which the estimate still tells something;
+    ``informed_by`` is the manoeuvre that lowers it.  ``parked_noise`` (unit/√s) is what a parked
+    vehicle adds: wear and friction stay as they were.  What is not ``carried`` starts every drive
+    from its prior.
     """
 
     name: str
@@ -21,6 +24,9 @@ class State:
     process_noise: float
     initial_std: float
     useful_std: float
+    informed_by: str = ""
+    parked_noise: float = 0.0
+    carried: bool = True
     role: str = "adaptive"  # adaptive | constant | nuisance
 
 

@@ -1,0 +1,127 @@
+"""Modes of the dry clutch: which equations hold, and when, read from the signals alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.signals import Floats
+
+
+class Mode(IntEnum):
+    """Modes of operation, as the output files name them."""
+
+    open = 0
+    slipping = 1
+    locked = 2
+    retracted = 3  # locked, and the actuator fully retracted
+
+
+MODE_NAMES = tuple(mode.name for mode in Mode)
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """When a clutch counts as what.
+
+    ``lock_slip`` rad/s and ``lock_time`` s: slip below this for this long is locked;
+    ``retracted_position`` mm: motor position below which the actuator is home, for ``settle`` s;
+    ``open_margin`` mm beyond the nominal kiss point: surely open, however hot;
+    ``guard`` s around each transition without information from torque; ``gap`` s without a
+    sample that the model needs: likewise.
+    """
+
+    lock_slip: float = 2.0
+    lock_time: float = 0.3
+    open_margin: float = 2.5
+    retracted_position: float = 0.3
+    settle: float = 0.2
+    guard: float = 0.1
+    gap: float = 0.5
+
+    @classmethod
+    def of(cls, modes: Mapping[str, float]) -> Thresholds:
+        """Those of a vehicle file, defaults where it is silent."""
+        return cls(**modes)
+
+
+@dataclass(frozen=True, slots=True)
+class Regimes:
+    """Per event time: ``mode`` (:class:`Mode`), and the flags of the model's equations."""
+
+    mode: NDArray[np.uint8]
+    free_running: NDArray[np.bool_]
+    sliding: NDArray[np.bool_]
+    engaged: NDArray[np.bool_]
+
+
+def classify(
+    time: Floats,
+    slip: Floats,
+    position: Floats | None,
+    motor: Floats | None,
+    blind: NDArray[np.bool_],
+    kiss_point: float,
+    thresholds: Thresholds,
+) -> Regimes:
+    """Regimes over ``time`` (s, shape (n,)).
+
+    ``slip`` rad/s, ``position`` x and ``motor`` mm, None where there is no such signal; ``blind``
+    marks times at which a needed signal is missing.
+    """
+    still = np.abs(slip) < thresholds.lock_slip
+    locked = _lasting(time, still, thresholds.lock_time)
+    home = np.zeros(len(time), bool)
+    if motor is not None:
+        home = _since(time, locked & (motor < thresholds.retracted_position)) >= thresholds.settle
+    apart = np.zeros(len(time), bool)
+    if position is not None:
+        apart = position > kiss_point + thresholds.open_margin
+    mode = np.where(home, Mode.retracted, np.where(locked, Mode.locked,
+                    np.where(apart, Mode.open, Mode.slipping)))  # fmt: skip
+    # near lock-up and break-away, and where slip passes zero, the sign of the torque is open
+    near = _around(time, locked | still, thresholds.guard)
+    return Regimes(
+        mode.astype(np.uint8), ~(near & ~apart) & ~locked & ~blind, ~locked, ~locked & ~apart
+    )
+
+
+def _lasting(time: Floats, flag: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
+    """``flag`` where it holds for at least ``least`` s on end."""
+    starts, ends = _runs(flag)
+    kept = np.zeros(len(flag), bool)
+    for start, end in zip(starts, ends, strict=True):
+        if time[end - 1] - time[start] >= least:
+            kept[start:end] = True
+    return kept
+
+
+def _since(time: Floats, flag: NDArray[np.bool_]) -> Floats:
+    """For how long ``flag`` has held, s; −1 where it does not."""
+    starts, ends = _runs(flag)
+    since = np.full(len(flag), -1.0)
+    for start, end in zip(starts, ends, strict=True):
+        since[start:end] = time[start:end] - time[start]
+    return since
+
+
+def _around(time: Floats, flag: NDArray[np.bool_], guard: float) -> NDArray[np.bool_]:
+    """``flag``, widened by ``guard`` s on both sides."""
+    rows = np.flatnonzero(flag)
+    if not len(rows):
+        return np.zeros(len(flag), bool)
+    last = np.searchsorted(rows, np.arange(len(flag)), side="right") - 1
+    since = np.where(last >= 0, time - time[rows[np.maximum(last, 0)]], np.inf)
+    following = np.minimum(last + 1, len(rows) - 1)
+    until = np.where(last + 1 < len(rows), time[rows[following]] - time, np.inf)
+    return flag | (since < guard) | (until < guard)
+
+
+def _runs(flag: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Starts and ends (exclusive) of the runs of True."""
+    edges = np.diff(np.concatenate([[0], flag.astype(np.int8), [0]]))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

@@ -1,0 +1,175 @@
+"""Replay: signals of one or more drives in, estimates with their uncertainty out."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest import __version__
+from clutchest.estimate.modes import MODE_NAMES, Mode
+from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
+from clutchest.estimate.start import carried_on, fresh, leave
+from clutchest.estimate.summary import summarise
+from clutchest.estimate.timeline import Timeline, build
+from clutchest.estimate.whole_log import (
+    Compiled,
+    Filtered,
+    Progress,
+    compile_model,
+    delays,
+    run,
+)
+from clutchest.models import model_for
+from clutchest.signals import Floats, Signals
+from clutchest.vehicle import Vehicle
+
+TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
+SHORTEST = 0.1  # s; a slip event shorter than this and
+SMALLEST = 200.0  # J; weaker than this is noise at a gear change
+
+
+def replay(
+    signals: Signals,
+    vehicle: Vehicle,
+    *,
+    rate: float = 10.0,
+    state: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Estimate temperatures, wear, friction and torque over every drive in ``signals``.
+
+    ``rate`` Hz of the output grid; ``state`` as an earlier run's ``Run.final``, carried over the
+    time in between; ``progress`` is called with a text and the share done.  Raises ClutchestError
+    where a signal that the model needs is not there.
+    """
+    tracks, parts, energy = [], [], float((state or {}).get("slip_energy", 0.0))
+    digest = ""
+    for drive in signals.drives:
+        usable = {name for name in drive if drive[name].valid.any()}
+        model = model_for(vehicle.model, usable)
+        compiled = compile_model(vehicle, model, progress=progress)
+        timeline = build(drive, vehicle, compiled.model, rate, delays(vehicle))
+        warnings = list(timeline.warnings)
+        if state is None:
+            start = fresh(vehicle, compiled, timeline)
+        else:
+            start, warning = carried_on(vehicle, compiled, timeline, state, drive.start_ns)
+            warnings += [warning] if warning else []
+        filtered = run(compiled, timeline, start, progress=progress)
+        track = _track(vehicle, compiled, timeline, filtered, energy)
+        energy = float(track.slip_energy.value[-1]) if len(track.time) else energy
+        state = leave(compiled, timeline, filtered.final, drive.start_ns, energy)
+        state["vehicle"] = vehicle.name
+        tracks.append(track)
+        parts.append((drive, compiled, timeline, filtered, warnings))
+        digest = compiled.digest
+    assert state is not None
+    return Run(
+        vehicle=vehicle,
+        signals=signals,
+        tracks=tuple(tracks),
+        summary=summarise(vehicle, tracks, parts),
+        final=state,
+        provenance=_provenance(vehicle, digest),
+    )
+
+
+def _track(
+    vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: Filtered, before: float
+) -> Track:
+    """The kernel's rows as named estimates, on the regular grid."""
+    model = compiled.model
+    rows = np.flatnonzero(timeline.emit >= 0)
+    time, mode = timeline.t[rows], timeline.mode[rows].copy()
+    torque = filtered.outputs[:, model.outputs.index("transmitted_torque")]
+    idle = np.abs(torque[:, 0]) < TORQUE_FLOOR
+    if "slave_position" in {i.name for i in model.inputs}:
+        # pressed together or not is the model's word: the kiss point moves with heat and wear
+        mode[(mode <= Mode.slipping)] = Mode.slipping
+        mode[(mode == Mode.slipping) & idle] = Mode.open
+    grid = timeline.grid
+    states = {}
+    for i, state in enumerate(model.states):
+        std = np.sqrt(filtered.total[grid, i])
+        setting = vehicle.estimation.get(state.name)
+        useful = setting.useful_std if setting else state.useful_std
+        valid = std <= useful
+        if state.name in model.unobservable:
+            valid = np.zeros(len(std), bool)
+        states[state.name] = Estimate(filtered.x[grid, i], std, valid)
+    sensed = timeline.sensor >= 0
+    return Track(
+        time=time[grid],
+        mode=mode[grid],
+        mode_names=MODE_NAMES,
+        states=states,
+        clutch_torque=_estimate(torque[grid, 0], torque[grid, 1]),
+        slip_energy=_estimate(before + filtered.energy[grid, 0], filtered.energy[grid, 1]),
+        innovations=Innovations(
+            tuple(sensor.name for sensor in model.sensors),
+            timeline.t[sensed],
+            timeline.sensor[sensed],
+            filtered.innovation[sensed, 0],
+            np.sqrt(filtered.innovation[sensed, 1]),
+        ),
+        engagements=_engagements(compiled, time, mode, torque[:, 0], filtered),
+        log_likelihood=filtered.log_likelihood,
+    )
+
+
+def _estimate(value: Floats, variance: Floats) -> Estimate:
+    return Estimate(value, np.sqrt(np.maximum(variance, 0.0)), np.isfinite(value))
+
+
+def _engagements(
+    compiled: Compiled,
+    time: Floats,
+    mode: NDArray[np.uint8],
+    torque: Floats,
+    filtered: Filtered,
+) -> tuple[Engagement, ...]:
+    """Slip events: runs of rows in which the clutch slips and passes torque."""
+    disc = compiled.model.state("temp_disc")
+    slipping = mode == Mode.slipping
+    edges = np.diff(np.concatenate([[0], slipping.astype(np.int8), [0]]))
+    found = []
+    for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        first, last = max(a - 1, 0), min(b, len(time) - 1)
+        gained = filtered.energy[last] - filtered.energy[first]
+        duration = time[last] - time[first]
+        if duration < SHORTEST or abs(gained[0]) < SMALLEST:
+            continue
+        # the parameters' share of the variance from the difference of the energy's responses
+        variance = max(gained[2], 0.0) + float(np.sum((gained[3:] * compiled.spread) ** 2))
+        found.append(
+            Engagement(
+                start_s=float(time[first]),
+                duration_s=float(duration),
+                energy_J=float(gained[0]),
+                energy_std_J=float(np.sqrt(variance)),
+                peak_torque=float(torque[first : last + 1][np.argmax(np.abs(torque[a:b])) + a - first]),
+                peak_temp_disc=float(filtered.x[first : last + 1, disc].max()),
+            )
+        )
+    return tuple(found)
+
+
+def _provenance(vehicle: Vehicle, digest: str) -> dict[str, str]:
+    from importlib.metadata import version
+
+    numbers = repr(sorted((k, v.value, v.spread) for k, v in vehicle.parameters.items()))
+    return {
+        "clutchest": __version__,
+        "python": platform.python_version(),
+        "numba": version("numba"),
+        "casadi": version("casadi"),
+        "vehicle": vehicle.name,
+        "vehicle_hash": vehicle.hash,
+        "parameters_hash": hashlib.sha256(numbers.encode()).hexdigest()[:16],
+        "model_hash": digest,
+    }

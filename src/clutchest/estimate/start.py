@@ -1,0 +1,153 @@
+"""Where the filter starts: from nothing, from the last drive, or after weeks of standing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from clutchest.errors import ClutchestError, nearest
+from clutchest.estimate.timeline import Timeline, process_noise
+from clutchest.estimate.whole_log import Belief, Compiled, run
+from clutchest.models import resting
+from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
+
+COOLING = 3600.0  # s, time constant at which the coolant of a parked engine follows the air
+LONGEST_SOAK = 48 * 3600.0  # s, after which every temperature has long settled
+PARKED_STEP = 5.0  # s, a quarter of the disc's time constant
+
+
+def prior_std(vehicle: Vehicle, compiled: Compiled) -> Floats:
+    """Standard deviation of every state before any data, shape (n,)."""
+    stds = []
+    for state in compiled.model.states:
+        setting = vehicle.estimation.get(state.name)
+        std = setting.initial_std if setting else state.initial_std
+        nominal = vehicle.parameters.get(f"{state.name}_ref")
+        if setting is None and nominal is not None and nominal.spread > 0:
+            std = nominal.spread  # the spread of a state's nominal value is the state's prior
+        stds.append(std)
+    return np.array(stds)
+
+
+def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
+    """The prior at the first event: a clutch at rest, as warm as coolant and air make it."""
+    model = compiled.model
+    inputs = {i.name: timeline.u[0, j] for j, i in enumerate(model.inputs)}
+    parameters = {q.key: compiled.p[j] for j, q in enumerate(model.parameters)}
+    values = resting(model.name, parameters, inputs)
+    readings = np.flatnonzero(timeline.sensor == model.sensor("engine_speed"))
+    if len(readings):
+        values["engine_speed"] = timeline.z[readings[0]]
+    x = np.array([values.get(state.name, 0.0) for state in model.states])
+    xi, Si = np.zeros(len(x)), np.zeros((len(x), len(compiled.thetas)))
+    compiled.functions.initial(x, compiled.p, compiled.g, xi, Si)
+    return Belief(xi, np.diag(prior_std(vehicle, compiled) ** 2), Si)
+
+
+def carried_on(
+    vehicle: Vehicle,
+    compiled: Compiled,
+    timeline: Timeline,
+    state: Mapping[str, Any],
+    start_ns: int | None,
+) -> tuple[Belief, str | None]:
+    """The belief at the first event after what the last drive left, and a warning or None.
+
+    ``state`` is what :func:`leave` wrote.  Over a known time of standing, temperatures relax with
+    the model; over an unknown one they start afresh.  Raises ClutchestError if it is another
+    vehicle's or model's.
+    """
+    belief, model = fresh(vehicle, compiled, timeline), compiled.model
+    _check(vehicle, compiled, state)
+    before = Belief(np.array(state["x"]), np.array(state["P"]), _signature(state, compiled))
+    slow = np.array([s.carried and s.parked_noise == 0.0 for s in model.states])
+    kept = np.array([s.carried for s in model.states])
+    warning = None
+    first_ns = None if start_ns is None else start_ns + round(timeline.t[0] * 1e9)
+    if first_ns is None or state.get("time_ns") is None:
+        kept, warning = slow, "no absolute time: temperatures do not carry over from the last drive"
+    elif first_ns < state["time_ns"]:
+        raise ClutchestError("the log begins before the state that was carried over ends; give the "
+                             "drives in order of time")  # fmt: skip
+    else:
+        before = _parked(vehicle, compiled, timeline, before, state,
+                         (first_ns - state["time_ns"]) * 1e-9)  # fmt: skip
+    belief.x[kept], belief.S[kept] = before.x[kept], before.S[kept]
+    both = np.ix_(kept, kept)
+    belief.P[both] = before.P[both]
+    return belief, warning
+
+
+def leave(
+    compiled: Compiled, timeline: Timeline, belief: Belief, start_ns: int | None, energy: float
+) -> dict[str, Any]:
+    """What the next drive needs, ready for JSON."""
+    inputs = [i.name for i in compiled.model.inputs]
+    return {
+        "model": compiled.model.name,
+        "states": [state.name for state in compiled.model.states],
+        "time_ns": None if start_ns is None else start_ns + round(timeline.t[-1] * 1e9),
+        "x": belief.x.tolist(),
+        "P": belief.P.tolist(),
+        "thetas": [list(theta) for theta in compiled.thetas],
+        "signature": belief.S.tolist(),
+        "inputs": dict(zip(inputs, timeline.u[-1].tolist(), strict=True)),
+        "slip_energy": energy,
+    }
+
+
+def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> None:
+    lacking = {"model", "states", "x", "P", "signature", "thetas", "inputs"} - set(state)
+    if lacking:
+        raise ClutchestError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
+    if state.get("vehicle", vehicle.name) != vehicle.name:
+        raise ClutchestError(f"the carried-over state is of vehicle '{state['vehicle']}', "
+                             f"not '{vehicle.name}'")  # fmt: skip
+    names = [s.name for s in compiled.model.states]
+    if state["states"] != names:
+        odd = (set(state["states"]) ^ set(names)) or {"order"}
+        raise ClutchestError(f"the carried-over state has other states ({', '.join(sorted(odd))})"
+                             + nearest(sorted(odd)[0], names))  # fmt: skip
+
+
+def _signature(state: Mapping[str, Any], compiled: Compiled) -> Floats:
+    """Responses to the thetas that both know, zero for the others."""
+    known = [tuple(theta) for theta in state["thetas"]]
+    S = np.zeros((len(state["x"]), len(compiled.thetas)))
+    stored = np.array(state["signature"]).reshape(len(S), len(known))
+    for k, theta in enumerate(compiled.thetas):
+        if theta in known:
+            S[:, k] = stored[:, known.index(theta)]
+    return S
+
+
+def _parked(
+    vehicle: Vehicle,
+    compiled: Compiled,
+    timeline: Timeline,
+    belief: Belief,
+    state: Mapping[str, Any],
+    span: float,
+) -> Belief:
+    """The belief after standing for ``span`` s, the engine's coolant going to its new start."""
+    model = compiled.model
+    span = min(span, LONGEST_SOAK)
+    if span <= 0.0:
+        return belief
+    t = np.concatenate([[0.0], np.geomspace(min(1.0, span / 2), span, 200)])
+    towards = 1.0 - np.exp(-t / COOLING)
+    u = np.empty((len(t), len(model.inputs)))
+    for j, item in enumerate(model.inputs):
+        a, b = state["inputs"].get(item.name, timeline.u[0, j]), timeline.u[0, j]
+        u[:, j] = a + (b - a) * towards
+    nothing = np.zeros(len(t))
+    quiet = replace(
+        timeline, t=t, sensor=np.full(len(t), -1, np.int8), z=nothing, R=nothing, u=u,
+        row=np.zeros(len(t), np.int64), Q=np.tile(process_noise(vehicle, model, True), (8, 1)),
+        longest=np.full(8, PARKED_STEP), emit=np.full(len(t), -1, np.int64),
+    )  # fmt: skip
+    return run(compiled, quiet, belief).final

@@ -1,0 +1,185 @@
+"""The compiled filter over a whole drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+
+from clutchest.compute import build
+from clutchest.errors import ClutchestError, nearest
+from clutchest.estimate.timeline import Timeline
+from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.models.model import Model
+from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
+
+CHUNK = 200_000  # events between two reports of progress
+ROBUST_LIMIT = 5.0  # standard deviations; beyond, an innovation counts for less
+
+Progress = Callable[[str, float | None], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """A model with numbers: the lowered ``functions``, parameters ``p``, effect numbers ``g``.
+
+    ``thetas`` are what the filter's own answer is differentiated by, ``spread`` (m) how far each
+    may lie from its value; ``digest`` names the generated code.
+    """
+
+    model: Model
+    functions: ModuleType
+    digest: str
+    p: Floats
+    g: Floats
+    thetas: tuple[tuple[str, str], ...]
+    spread: Floats
+
+
+@dataclass(slots=True)
+class Belief:
+    """State ``x`` (n), covariance ``P`` (n, n), and the response ``S`` (n, m) to every theta."""
+
+    x: Floats
+    P: Floats
+    S: Floats
+
+    def copy(self) -> Belief:
+        """An independent copy."""
+        return Belief(self.x.copy(), self.P.copy(), self.S.copy())
+
+
+@dataclass(frozen=True, slots=True)
+class Filtered:
+    """What the kernel gives for one timeline; rows as ``Timeline.emit`` numbers them.
+
+    ``x`` (r, n), ``P`` (r, n, n), ``total`` (r, n) variance with the parameters' spreads,
+    ``outputs`` (r, outputs, 2) value and variance, ``energy`` (r, 3 + m), per event
+    ``innovation`` (K, 3): innovation, its predicted and its used variance.  ``final`` is the
+    belief after the last event; ``signature`` (K, m) the innovations' response, if asked for.
+    """
+
+    x: Floats
+    P: Floats
+    total: Floats
+    outputs: Floats
+    energy: Floats
+    innovation: Floats
+    signature: Floats
+    gains: Floats
+    final: Belief
+    log_likelihood: float
+
+
+def present_effects(vehicle: Vehicle) -> tuple[Effect, ...]:
+    """The effects that the vehicle file puts into the model.
+
+    Raises ClutchestError for one that neither the library nor the vehicle's own files know.
+    """
+    known = dict(library(vehicle.model))
+    for path in vehicle.effects_files:
+        known |= effects_of_file(path)
+    unknown = [name for name in vehicle.effects if name not in known]
+    if unknown:
+        raise ClutchestError(f"{vehicle.path.name}: unknown effect '{unknown[0]}'"
+                             + nearest(unknown[0], known))  # fmt: skip
+    return tuple(known[name] for name in vehicle.effects)
+
+
+def delays(vehicle: Vehicle) -> dict[str, float]:
+    """Delay in s that the vehicle's effects put on a signal."""
+    late: dict[str, float] = {}
+    for effect in present_effects(vehicle):
+        for signal, key in effect.delays.items():
+            late[signal] = late.get(signal, 0.0) + vehicle.effects[effect.name].get(key, 0.0)
+    return late
+
+
+def compile_model(
+    vehicle: Vehicle,
+    model: Model,
+    effects: tuple[Effect, ...] | None = None,
+    progress: Progress | None = None,
+) -> Compiled:
+    """The model lowered and loaded, with the vehicle's numbers.
+
+    ``effects`` stand in the equations, those of the vehicle file unless given; what the file says
+    of an effect holds, others are at gain 0.
+    """
+    effects = present_effects(vehicle) if effects is None else effects
+    model = model.with_effects(effects)
+    lacking = [p.key for p in model.parameters if p.key not in vehicle.parameters]
+    if lacking:
+        raise ClutchestError(f"{vehicle.path.name}: no parameter {', '.join(lacking)}")
+    p = np.array([vehicle.parameters[q.key].value for q in model.parameters])
+    g = []
+    for effect in effects:
+        given: Mapping[str, float] = vehicle.effects.get(effect.name, {})
+        g += [given.get(n.key, n.default if n.shape else 0.0) for n in effect.parameters]
+    # what moves x0_ref at the start is the state's own prior, not the constant in (11)
+    uncertain = [q.key for q in model.parameters
+                 if vehicle.parameters[q.key].spread > 0 and q.key != "zero_position_ref"]  # fmt: skip
+    thetas = [("parameter", key) for key in uncertain]
+    spread = [vehicle.parameters[key].spread for key in uncertain]
+    for effect in effects:
+        thetas += [(effect.name, n.key) for n in effect.gains]
+        spread += [0.0] * len(effect.gains)
+    digest, text = build.generate(model, tuple(thetas))
+    if progress and not build.is_compiled(digest):
+        progress("compiling the model, once on this machine", None)
+    return Compiled(model, build.load(digest, text), digest, p, np.array(g), tuple(thetas),
+                    np.array(spread))  # fmt: skip
+
+
+def run(
+    compiled: Compiled,
+    timeline: Timeline,
+    start: Belief,
+    *,
+    limit: float = ROBUST_LIMIT,
+    with_signature: bool = True,
+    keep_signature: bool = False,
+    keep_gains: bool = False,
+    frozen: Floats | None = None,
+    progress: Progress | None = None,
+) -> Filtered:
+    """Filter one timeline from ``start``.
+
+    ``frozen`` gains (K, n) replace the filter's own, so that two runs differ by the model alone;
+    ``keep_gains`` and ``keep_signature`` fill those arrays.
+    """
+    n, m, K = len(start.x), len(compiled.thetas), len(timeline.t)
+    rows = int(timeline.emit.max(initial=-1)) + 1
+    outputs = len(compiled.model.outputs)
+    belief = start.copy()
+    E, cE, sE = np.zeros(2), np.zeros(n), np.zeros(m)
+    gains = np.zeros((K if keep_gains else 0, n)) if frozen is None else frozen
+    out = (np.zeros((rows, n)), np.zeros((rows, n, n)), np.zeros((rows, n)),
+           np.zeros((rows, outputs, 2)), np.zeros((rows, 3 + m)))  # fmt: skip
+    innovation = np.zeros((K, 3))
+    signature = np.zeros((K if keep_signature else 0, m))
+    total = 0.0
+    for begin in range(0, K, CHUNK):
+        if progress:
+            progress("filtering", begin / K)
+        # a piece starts with the event before it, which has been taken already
+        piece = slice(max(begin - 1, 0), min(begin + CHUNK, K))
+        sensor, emit = timeline.sensor[piece].copy(), timeline.emit[piece].copy()
+        if begin:
+            sensor[0] = emit[0] = -1
+        total += compiled.functions.run(
+            belief.x, belief.P, belief.S, E, cE, sE, compiled.spread,
+            timeline.t[piece], sensor, timeline.z[piece], timeline.R[piece], timeline.u[piece],
+            timeline.row[piece], timeline.W, timeline.Q, timeline.longest, timeline.noise,
+            timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,
+            frozen is not None, gains[piece] if len(gains) else gains, *out,
+            innovation[piece], signature[piece] if len(signature) else signature,
+        )  # fmt: skip
+    if progress:
+        progress("filtering", 1.0)
+    if not np.all(np.isfinite(belief.x)):
+        raise ClutchestError("the estimate left the finite numbers: see the parameters' values")
+    return Filtered(*out, innovation, signature, gains, belief, float(total))
