@@ -1,0 +1,59 @@
+"""Clutch temperatures, wear and friction from production CAN signals, with honest uncertainty.
+
+>>> import clutchest
+>>> vehicle = clutchest.load_vehicle("truck")
+>>> run = clutchest.replay(clutchest.read_log("demo", vehicle), vehicle)
+>>> run.to_pandas()
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from clutchest.errors import ClutchestError
+    from clutchest.estimate.replay import replay
+    from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
+    from clutchest.reading import read_log
+    from clutchest.record.files import write_run
+    from clutchest.signals import Signal, Signals
+    from clutchest.simulated import simulate
+    from clutchest.vehicle import Vehicle, load_vehicle
+
+__version__ = "0.1.0"
+
+# Loaded when first asked for: `import clutchest` itself stays quick.
+_HOMES = {
+    "ClutchestError": "clutchest.errors",
+    "Engagement": "clutchest.estimate.run",
+    "Estimate": "clutchest.estimate.run",
+    "Innovations": "clutchest.estimate.run",
+    "Run": "clutchest.estimate.run",
+    "Signal": "clutchest.signals",
+    "Signals": "clutchest.signals",
+    "Track": "clutchest.estimate.run",
+    "Vehicle": "clutchest.vehicle",
+    "load_vehicle": "clutchest.vehicle",
+    "read_log": "clutchest.reading",
+    "replay": "clutchest.estimate.replay",
+    "simulate": "clutchest.simulated",
+    "write_run": "clutchest.record.files",
+}
+
+__all__ = [
+    "ClutchestError", "Engagement", "Estimate", "Innovations", "Run", "Signal", "Signals", "Track",
+    "Vehicle", "__version__", "load_vehicle", "read_log", "replay", "simulate", "write_run",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'clutchest' has no attribute '{name}'")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
