@@ -202,7 +202,8 @@ class _Drive:
                    else np.zeros(len(column.rows), np.uint32))  # fmt: skip
         channel = self.frames.channel[column.rows]
         keep = np.ones(len(column.rows), bool)
-        if signal.source_address is not None and message.is_j1939:
+        own = bus.message == signal.bus.message  # a companion may come from another unit
+        if signal.source_address is not None and message.is_j1939 and own:
             keep &= address == signal.source_address
         if signal.channel is not None:
             keep &= channel == signal.channel

@@ -132,8 +132,8 @@ def _start(vehicle: Vehicle, scenario: str, seed: int, effects: Effects) -> int:
 def _period(vehicle: Vehicle, message: Message, signal: SignalMap) -> float:
     period = signal.period or message.cycle_time_s
     if not period:
-        raise ClutchestError(f"{vehicle.path.name}: signals.{signal.name} needs a 'period' (s) to be "
-                             f"simulated: the DBC has no cycle time for {message.name}")  # fmt: skip
+        raise ClutchestError(f"{vehicle.path.name}: signals.{signal.name} needs a 'period' (s) "
+                             f"to be simulated: no cycle time for {message.name} in the DBC")
     return period
 
 

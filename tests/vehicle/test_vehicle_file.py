@@ -1,0 +1,205 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from clutchest.errors import ClutchestError
+from clutchest.models import card
+from clutchest.models.effects import library
+from clutchest.shipped import shipped
+from clutchest.vehicle import Vehicle, dump_vehicle, load_vehicle
+
+
+@pytest.mark.parametrize("name", sorted(shipped("vehicles")))
+def test_every_shipped_vehicle_is_complete_and_reads_back_equal(name: str, tmp_path: Path) -> None:
+    vehicle = load_vehicle(name)
+    assert vehicle.name == name
+    assert set(vehicle.parameters) == {p.key for p in card(vehicle.model).parameters}
+    assert all(p.source for p in vehicle.parameters.values()), "a number without a source"
+    copy = tmp_path / "deep" / "copy.toml"
+    copy.parent.mkdir()
+    dump_vehicle(vehicle, copy, heading="identified\nfrom a log")
+    assert copy.read_text(encoding="utf-8").startswith("# identified\n# from a log\nname")
+    assert load_vehicle(copy) == vehicle
+
+
+def test_the_trucks_numbers_are_those_of_the_papers_trial(truck: Vehicle) -> None:
+    value = {key: p.value for key, p in truck.parameters.items()}
+    assert value["heat_capacity_body"] == 40500.0  # 81 kg · 500 J/(kg K), given in kJ/K
+    assert truck.parameters["heat_capacity_body"].spread == pytest.approx(1600.0)
+    assert (value["torque_cubic"], value["torque_quadratic"], value["kiss_point"]) == \
+        (-21.0, 38.7, 6.51)  # fmt: skip
+    disc = value["heat_capacity_disc"] / value["conductance_disc_body"]
+    body = value["heat_capacity_body"] / (
+        value["conductance_engine_body"] + value["conductance_body_housing"])  # fmt: skip
+    assert body / disc == pytest.approx(50, rel=0.02)  # ME12 § V-C
+    assert truck.guessed == ()
+    assert len(load_vehicle("gt350").guessed) == len(truck.parameters)
+
+
+def test_units_are_converted_to_the_models_own(edited) -> None:
+    path = edited(
+        ('value = 126, unit = "W/K", spread = 12.6', 'value = 0.126, unit = "kW/K", spread = 0.01'),
+        ('value = 70, unit = "°C", spread = 0,', 'value = 158, unit = "°F", spread = 9,'),
+        ("{ value = 3500.0, unit = \"Nm\" }", "3500"),
+        ("kiss_point = { value = 6.51", "kiss_point = 6.4\n#"),
+        ('wear = { value = 3.0, unit = "mm" }', 'wear = { value = 0.3e-2, unit = "m" }'),
+        extra='[modes]\nlock_slip = { value = 20, unit = "rpm" }\nlock_time = 0.2\n',
+    )
+    vehicle = load_vehicle(path)
+    conductance = vehicle.parameters["conductance_disc_body"]
+    assert (conductance.value, conductance.spread) == pytest.approx((126.0, 10.0))
+    assert conductance.unit == "W/K"
+    temperature = vehicle.parameters["reference_temp"]
+    assert (temperature.value, temperature.spread) == pytest.approx((70.0, 5.0))
+    assert vehicle.signals["engine_torque"].reference == 3500.0
+    assert vehicle.parameters["kiss_point"].value == 6.4
+    assert vehicle.limits["wear"].value == pytest.approx(3.0)
+    assert vehicle.modes == pytest.approx({"lock_slip": 2.0943951, "lock_time": 0.2})
+
+
+def line_of(path: Path, text: str) -> int:
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if text in line:
+            return number
+    raise AssertionError(text)
+
+
+KISS = 'kiss_point = { value = 6.51, unit = "mm"'
+# What is changed, a text on the line that the message must name, and the message.
+WRONG = [
+    (("[signals.slave_position]", "[signals.slave_positon]"), "slave_positon]",
+     r"unknown signal of 'dry_clutch' 'slave_positon'; did you mean 'slave_position'"),
+    (('signal = "MotorPosition"', 'signl = "MotorPosition"'), "signl",
+     r"unknown key 'signl'; did you mean .*'signal'"),
+    (('name = "truck"', 'name = "truck"\nmodle = 1'), "modle",
+     r"unknown key 'modle'; did you mean .*'model'"),
+    (('model = "dry_clutch"', 'model = "dryclutch"'), "dryclutch",
+     r"unknown model 'dryclutch'; did you mean 'dry_clutch'\?"),
+    (("expansion_disc = {", "expansion_disk = {"), "expansion_disk",
+     r"unknown parameter 'expansion_disk'; did you mean 'expansion_disc'"),
+    ((KISS, KISS + ", spraed = 1"), KISS, r"unknown key 'spraed'; did you mean 'spread'\?"),
+    ((KISS, 'kiss_point = { value = 6.51, unit = "Nm"'), "kiss_point = {",
+     r"unit 'Nm' of parameters\.kiss_point cannot be converted to 'mm'"),
+    ((KISS, 'kiss_point = { value = 6.51, unit = "milimeter"'), "kiss_point = {",
+     r"unknown unit 'milimeter'"),
+    ((KISS, 'kiss_point = { value = nan, unit = "mm"'), "kiss_point = {",
+     r"parameters\.kiss_point\.value = nan is not finite"),
+    ((KISS, 'kiss_point = { value = inf, unit = "mm"'), "kiss_point = {", r"inf is not finite"),
+    ((KISS, 'kiss_point = { value = "6", unit = "mm"'), "kiss_point = {",
+     r"kiss_point\.value must be a number, not '6'"),
+    ((KISS, 'kiss_point = { unit = "mm"'), "kiss_point = {",
+     r"parameters\.kiss_point has no 'value' \(in mm\)"),
+    (("torque_cubic = { value = -21.0", "torque_cubic = { value = 21.0"), "torque_cubic",
+     r"parameters\.torque_cubic = 21 must lie within -inf … 0"),
+    (("spread = 0.02", "spread = -0.02"), "kiss_point = {", r"spread = -0.02 must lie within 0"),
+    (('unit = "rpm"\nnoise = 0.06', 'unit = "rpm"'), "[signals.engine_speed]",
+     r"signals\.engine_speed has no 'noise'"),
+    (('unit = "rpm"\nnoise = 0.06', 'unit = "km/h"\nnoise = 0.06'), 'unit = "km/h"',
+     r"unit 'km/h' of signals\.engine_speed cannot be converted to 'rad/s'"),
+    (('unit = "%"\n', 'unit = "Nm"\n'), 'unit = "Nm"',
+     r"unit 'Nm' of signals\.engine_torque cannot be converted to '%'"),
+    (("noise_ar = 0.9", "noise_ar = 1.0"), "noise_ar", r"noise_ar must be smaller than 1"),
+    (('checked = ["ClutchActuator"]', 'checked = ["ClutchActutor"]'), "checked",
+     r"unknown mapped message 'ClutchActutor'; did you mean 'ClutchActuator'\?"),
+    (("false_alarms_per_1000h", "false_alarms"), "false_alarms",
+     r"unknown key 'false_alarms'; did you mean 'false_alarms_per_1000h'\?"),
+    (("[limits]", "[effects]\nwaer = { rate = 0.1 }\n\n[limits]"), "waer",
+     r"unknown effect of 'dry_clutch' 'waer'; did you mean 'wear'"),
+    (("[limits]", "[effects]\nwear = { rat = 0.1 }\n\n[limits]"), "wear = { rat",
+     r"unknown parameter of effect 'wear' 'rat'; did you mean 'rate'\?"),
+    (("[limits]", "[estimation]\nfrictoin = { role = \"constant\" }\n\n[limits]"), "frictoin",
+     r"unknown state 'frictoin'; did you mean 'friction'\?"),
+    (("[limits]", "[estimation]\nfriction = { role = \"adaptiv\" }\n\n[limits]"), "adaptiv",
+     r"unknown role 'adaptiv'; did you mean 'adaptive'\?"),
+    (("[limits]", "[modes]\nlock_slip = { value = 1, unit = \"s\" }\n\n[limits]"), "lock_slip",
+     r"unit 's' of modes\.lock_slip cannot be converted to 'rad/s'"),
+    (("checked =", 'effects_files = ["no.py"]\nchecked ='), "effects_files",
+     r"no such file: no\.py \(relative to this vehicle file\)"),
+    (("[limits]", "[limits"), "[limits", r"not TOML: "),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "where", "message"), WRONG, ids=[m for _, _, m in WRONG])
+def test_complaints_name_file_line_key_and_the_nearest(edited, change, where, message) -> None:
+    path = edited(change)
+    with pytest.raises(ClutchestError, match=message) as caught:
+        load_vehicle(path)
+    told = str(caught.value)
+    assert "\n" not in told
+    assert told.startswith(f"mine.toml:{line_of(path, where)}: ")
+
+
+def test_a_missing_parameter_is_named_with_its_unit(edited) -> None:
+    path = edited(("kiss_point = {", "# {"))
+    with pytest.raises(ClutchestError, match=r"parameter 'kiss_point' \(.*, in mm\) is missing"):
+        load_vehicle(path)
+
+
+def test_an_unknown_vehicle_names_the_nearest_shipped_one() -> None:
+    with pytest.raises(ClutchestError, match="no such file: trukc; did you mean 'truck'"):
+        load_vehicle("trukc")
+
+
+def test_text_that_is_not_utf8_is_told_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "latin.toml"
+    path.write_bytes('name = "x"\nmodel = "dry_clutch" # °C\n'.encode("latin-1"))
+    with pytest.raises(ClutchestError, match=r"^latin\.toml:2: not UTF-8 text$"):
+        load_vehicle(path)
+
+
+def test_gears_must_fall(edited) -> None:
+    path = edited(('signal = "InputShaftSpeed"', 'signal = "InputShaftSpeed"\ngears = [3.0, 4.0]'))
+    with pytest.raises(ClutchestError, match="must fall from the first gear to the last"):
+        load_vehicle(path)
+    path = edited(('signal = "InputShaftSpeed"', 'signal = "InputShaftSpeed"\n'
+                   'gear = { message = "ETC2", signal = "CurrentGear" }'))  # fmt: skip
+    with pytest.raises(ClutchestError, match=r"input_shaft_speed\.gear needs 'gears' beside it"):
+        load_vehicle(path)
+
+
+def test_every_effect_of_the_library_can_stand_in_a_file(edited, tmp_path: Path) -> None:
+    effects = {name: {number.key: number.upper for number in effect.parameters}
+               for name, effect in library("dry_clutch").items()}  # fmt: skip
+    lines = [f"{name} = {{ {', '.join(f'{k} = {v}' for k, v in values.items())} }}"
+             for name, values in effects.items()]  # fmt: skip
+    vehicle = load_vehicle(edited(extra="[effects]\n" + "\n".join(lines) + "\n"))
+    assert vehicle.effects == effects
+    dump_vehicle(vehicle, tmp_path / "again.toml")
+    assert load_vehicle(tmp_path / "again.toml") == vehicle
+
+
+def test_a_users_own_effects_are_known_and_enter_the_hash(edited, tmp_path: Path) -> None:
+    source = tmp_path / "mine.py"
+    source.write_text(
+        "from clutchest.models.effects import Effect, Number\n"
+        "class Humidity(Effect):\n"
+        "    name, model, equation = 'humidity', 'dry_clutch', 'torque'\n"
+        "    parameters = (Number('change', '1', -0.1, 0.1),)\n"
+    )
+    path = edited(("checked =", 'effects_files = ["mine.py"]\nchecked ='),
+                  extra="[effects]\nhumidity = { change = 0.05 }\n")  # fmt: skip
+    vehicle = load_vehicle(path)
+    assert vehicle.effects == {"humidity": {"change": 0.05}}
+    other = tmp_path / "elsewhere"
+    other.mkdir()
+    dump_vehicle(vehicle, other / "v.toml")
+    assert load_vehicle(other / "v.toml") == vehicle
+    source.write_text(source.read_text() + "# edited\n")
+    assert load_vehicle(path).hash != vehicle.hash
+
+
+def test_strange_texts_and_numbers_survive_the_writing(truck: Vehicle, tmp_path: Path) -> None:
+    kiss = replace(truck.parameters["kiss_point"], value=6.123456789012345e-7,
+                   source='says "so"\\ and\nmore\t°')  # fmt: skip
+    odd = replace(truck, parameters={**truck.parameters, "kiss_point": kiss})
+    dump_vehicle(odd, tmp_path / "odd.toml")
+    assert load_vehicle(tmp_path / "odd.toml") == odd
+
+
+def test_a_missing_dbc_waits_for_the_log() -> None:
+    assert load_vehicle("gt350").dbc == (Path("ford_lincoln_base_pt.dbc"),)
+    assert re.fullmatch("[0-9a-f]{64}", load_vehicle("gt350").hash)
