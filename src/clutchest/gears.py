@@ -16,8 +16,9 @@ _ENGINE_RUNS = 30.0  # rad/s
 _WHEEL_TURNS = 1.0  # rad/s
 
 
-def engaged_gear(time: Floats, wheel: Floats, engine: Floats,
-                 gears: Sequence[float]) -> NDArray[np.intp] | None:  # fmt: skip
+def engaged_gear(
+    time: Floats, wheel: Floats, engine: Floats, gears: Sequence[float]
+) -> NDArray[np.intp] | None:
     """Index into ``gears`` for each sample, shape (n,); None if no gear is ever locked.
 
     ``wheel`` and ``engine`` rad/s at ``time`` s; NaN where unknown.  Where engine over wheel, both

@@ -44,8 +44,9 @@ class _Samples:
         return bool(np.any(self.why == Why.VALID))
 
 
-def signals_of(frames: Frames, vehicle: Vehicle, database: Database,
-               sources: tuple[str, ...] = ()) -> Signals:  # fmt: skip
+def signals_of(
+    frames: Frames, vehicle: Vehicle, database: Database, sources: tuple[str, ...] = ()
+) -> Signals:
     """The canonical signals in ``frames`` (sorted by time, not empty); t = 0 at the first frame.
 
     Warnings name what is mapped and missing.  Raises NoMappedFrame if no mapped message has a
@@ -89,8 +90,11 @@ def _unit_complaint(bus: BusSignal, layout: SignalLayout) -> str:
         dbc, file = units.parse(stated or bus.unit), units.parse(bus.unit)
     except ClutchestError:
         return ""
-    if dbc.dimensions == file.dimensions and isclose(dbc.scale, file.scale, rel_tol=1e-9) \
-            and isclose(dbc.offset, file.offset, abs_tol=1e-9):  # fmt: skip
+    if (
+        dbc.dimensions == file.dimensions
+        and isclose(dbc.scale, file.scale, rel_tol=1e-9)
+        and isclose(dbc.offset, file.offset, abs_tol=1e-9)
+    ):
         return ""
     return f"the file says '{bus.unit}', the DBC '{stated}' for {bus.message}.{bus.signal}"
 
@@ -115,8 +119,10 @@ class _Drive:
         for name, layouts in wanted.items():
             mapped[self._decode(self.database.message(name), layouts)] = True
         if not mapped.any():
-            raise NoMappedFrame(f"{' '.join(self.sources) or 'this log'}: no frame of "
-                                f"{', '.join(wanted)}{self._seen()}")  # fmt: skip
+            raise NoMappedFrame(
+                f"{' '.join(self.sources) or 'this log'}: no frame of "
+                f"{', '.join(wanted)}{self._seen()}"
+            )
         self._count_unmapped(mapped)
         made: dict[str, Signal] = {}
         unit_of = dict(card(self.vehicle.model).columns)
@@ -124,9 +130,12 @@ class _Drive:
             samples = self._samples(signal, signal.bus)
             if len(samples.rows):
                 made[name] = self._canonical(signal, samples, unit_of[name], made)
-        self.warnings += [f"message {name} has no frame in this log"
-                          f" ({', '.join(self._made_of(name))})" + self._seen()
-                          for name, counts in self.messages.items() if not counts["frames"]]
+        self.warnings += [
+            f"message {name} has no frame in this log"
+            f" ({', '.join(self._made_of(name))})" + self._seen()
+            for name, counts in self.messages.items()
+            if not counts["frames"]
+        ]
         first, last = int(frames.t_ns[0]), int(frames.t_ns[-1])
         decoded = sum(counts["decoded"] for counts in self.messages.values())
         rejected = dict(self.rejected + Counter(dict(frames.rejected)))
@@ -137,7 +146,7 @@ class _Drive:
             counts=Counts(len(frames), decoded, rejected, self.messages),
             warnings=(*self.database.warnings, *self.warnings),
             sources=self.sources,
-        )  # fmt: skip
+        )
 
     # --- frames of one message ---------------------------------------------------------------
 
@@ -178,8 +187,11 @@ class _Drive:
         self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
 
     def _made_of(self, message: str) -> list[str]:
-        return [name for name, signal in self.vehicle.signals.items()
-                if any(bus.message == message for bus in parts(signal))]  # fmt: skip
+        return [
+            name
+            for name, signal in self.vehicle.signals.items()
+            if any(bus.message == message for bus in parts(signal))
+        ]
 
     def _seen(self) -> str:
         """What the log holds instead, for a warning."""
@@ -198,8 +210,11 @@ class _Drive:
         """Samples of ``bus`` from one sender: the one asked for, else the one with most to say."""
         column = self.columns[bus.message, bus.signal]
         message = self.database.message(bus.message)
-        address = (self.frames.id[column.rows] & np.uint32(0xFF) if message.is_j1939
-                   else np.zeros(len(column.rows), np.uint32))  # fmt: skip
+        address = (
+            self.frames.id[column.rows] & np.uint32(0xFF)
+            if message.is_j1939
+            else np.zeros(len(column.rows), np.uint32)
+        )
         channel = self.frames.channel[column.rows]
         keep = np.ones(len(column.rows), bool)
         own = bus.message == signal.bus.message  # a companion may come from another unit
@@ -215,17 +230,22 @@ class _Drive:
             keep &= sender == chosen
         if len(senders) > 1:
             listed = ", ".join(_sender(s, message) for s in senders)
-            self.warnings.append(f"{signal.name}: {bus.message}.{bus.signal} comes from several "
-                                 f"senders ({listed}); taken from {_sender(chosen, message)}")
+            self.warnings.append(
+                f"{signal.name}: {bus.message}.{bus.signal} comes from several "
+                f"senders ({listed}); taken from {_sender(chosen, message)}"
+            )
         if len(column.rows) and not keep.any():
-            self.warnings.append(f"{signal.name}: no frame of {bus.message} from the "
-                                 "source_address or channel asked for")  # fmt: skip
+            self.warnings.append(
+                f"{signal.name}: no frame of {bus.message} from the "
+                "source_address or channel asked for"
+            )
         samples = _Samples(column.rows[keep], column.value[keep].copy(), column.why[keep].copy())
         self._judge(signal, bus, samples, message.signal(bus.signal))
         return samples
 
-    def _judge(self, signal: SignalMap, bus: BusSignal, samples: _Samples,
-               layout: SignalLayout) -> None:  # fmt: skip
+    def _judge(
+        self, signal: SignalMap, bus: BusSignal, samples: _Samples, layout: SignalLayout
+    ) -> None:
         """Apply the file's plausible range; warn of what is clipped or never there."""
         where = f"{signal.name}: {bus.message}.{bus.signal}"
         if bus is signal.bus:
@@ -236,23 +256,29 @@ class _Drive:
                 outside |= samples.value > signal.maximum
             if outside.any():
                 samples.why[outside], samples.value[outside] = Why.OUT_OF_RANGE, np.nan
-                self.warnings.append(f"{where}: {outside.sum()} samples outside the vehicle "
-                                     "file's min … max")  # fmt: skip
+                self.warnings.append(
+                    f"{where}: {outside.sum()} samples outside the vehicle file's min … max"
+                )
         if len(samples.rows) and not samples.any_valid():
             codes, numbers = np.unique(samples.why, return_counts=True)
-            self.warnings.append(f"{where} never has a value "
-                                 f"({_words(Why(codes[np.argmax(numbers)]))})")  # fmt: skip
+            self.warnings.append(
+                f"{where} never has a value ({_words(Why(codes[np.argmax(numbers)]))})"
+            )
         for end, edge in ((layout.maximum, "upper"), (layout.minimum, "lower")):
             # Standing at zero is no sign of clipping, and a switch has nothing but ends.
             if end and layout.width > 4 and layout.maximum != layout.minimum:
-                clipped = int(np.sum(samples.value >= end if edge == "upper"
-                                     else samples.value <= end))  # fmt: skip
+                clipped = int(
+                    np.sum(samples.value >= end if edge == "upper" else samples.value <= end)
+                )
                 if clipped:
-                    self.warnings.append(f"{where}: {clipped} samples at the {edge} end of the "
-                                         f"DBC's range ({end:g} {layout.unit})".rstrip())
+                    self.warnings.append(
+                        f"{where}: {clipped} samples at the {edge} end of the "
+                        f"DBC's range ({end:g} {layout.unit})".rstrip()
+                    )
 
-    def _canonical(self, signal: SignalMap, samples: _Samples, unit: str,
-                   made: dict[str, Signal]) -> Signal:  # fmt: skip
+    def _canonical(
+        self, signal: SignalMap, samples: _Samples, unit: str, made: dict[str, Signal]
+    ) -> Signal:
         time = (self.frames.t_ns[samples.rows] - self.frames.t_ns[0]) / 1e9
         value, why = samples.value, samples.why
         if signal.other:
@@ -272,8 +298,11 @@ class _Drive:
         percent = units.convert(samples.value, signal.bus.unit, "%")
         if signal.fraction:
             fraction = self._samples(signal, signal.fraction)
-            here = _Samples(fraction.rows, np.where(fraction.why == Why.VALID, fraction.value, 0.0),
-                            np.zeros_like(fraction.why))  # fmt: skip
+            here = _Samples(
+                fraction.rows,
+                np.where(fraction.why == Why.VALID, fraction.value, 0.0),
+                np.zeros_like(fraction.why),
+            )
             if len(here.rows):
                 percent = percent + units.convert(here.at(samples.rows), signal.fraction.unit, "%")
         if signal.friction:
@@ -282,13 +311,21 @@ class _Drive:
                 held = friction.at(samples.rows)
                 percent = percent - units.convert(held, signal.friction.unit, "%")
             else:
-                self.warnings.append(f"{signal.name}: no friction torque "
-                                     f"({signal.friction.message}.{signal.friction.signal}); "
-                                     "taken as 0")  # fmt: skip
+                self.warnings.append(
+                    f"{signal.name}: no friction torque "
+                    f"({signal.friction.message}.{signal.friction.signal}); "
+                    "taken as 0"
+                )
         return percent * (signal.reference or 0.0) / 100
 
-    def _through_gear(self, signal: SignalMap, samples: _Samples, time: Floats, wheel: Floats,
-                      made: dict[str, Signal]) -> tuple[Floats, NDArray[np.uint8]]:  # fmt: skip
+    def _through_gear(
+        self,
+        signal: SignalMap,
+        samples: _Samples,
+        time: Floats,
+        wheel: Floats,
+        made: dict[str, Signal],
+    ) -> tuple[Floats, NDArray[np.uint8]]:
         """Wheel speed times the ratio of the engaged gear."""
         ratios = np.array(signal.gears)
         if signal.gear:
@@ -302,10 +339,13 @@ class _Drive:
         engine = made["engine_speed"].only_valid() if "engine_speed" in made else None
         gears = None
         if engine is not None and len(engine):
-            gears = engaged_gear(time, wheel, np.interp(time, engine.time, engine.value), ratios)
+            gears = engaged_gear(
+                time, wheel, np.interp(time, engine.time, engine.value), signal.gears
+            )
         if gears is None:
-            self.warnings.append(f"{signal.name}: engine and wheels are never locked in a gear; "
-                                 "taken as first gear")  # fmt: skip
+            self.warnings.append(
+                f"{signal.name}: engine and wheels are never locked in a gear; taken as first gear"
+            )
             gears = np.zeros(len(time), np.intp)
         return wheel * ratios[gears], samples.why
 
@@ -317,4 +357,3 @@ def _words(why: Why) -> str:
 def _sender(sender: int, message: Message) -> str:
     channel = f"channel {sender >> 8}"
     return f"address 0x{sender & 0xFF:02X} on {channel}" if message.is_j1939 else channel
-

@@ -71,8 +71,9 @@ def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle) -> Sign
     if not drives:
         raise empty[0]
     first, *later = drives
-    return replace(first, later=tuple(later),
-                   warnings=(*first.warnings, *(str(problem) for problem in empty)))  # fmt: skip
+    return replace(
+        first, later=tuple(later), warnings=(*first.warnings, *(str(problem) for problem in empty))
+    )
 
 
 def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
@@ -90,8 +91,10 @@ def _dbc(vehicle: Vehicle, path: Path, folders: Sequence[Path]) -> Path:
         if candidate.is_file():
             return candidate
     places = ", ".join(dict.fromkeys(str(folder.resolve()) for folder in folders))
-    raise ClutchestError(f"{vehicle.path.name}: no such DBC: {path}; looked beside the vehicle "
-                         f"file, among the shipped ones and in {places}")  # fmt: skip
+    raise ClutchestError(
+        f"{vehicle.path.name}: no such DBC: {path}; looked beside the vehicle "
+        f"file, among the shipped ones and in {places}"
+    )
 
 
 def _table(path: Path, columns: dict[str, str]) -> _Piece:
@@ -140,12 +143,20 @@ def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:
     """Without columns for which the vehicle file declares no noise: nothing could be made of
     them, except inputs that have a default anyway."""
     inputs = {i.name for i in card(vehicle.model).inputs if i.default is not None}
-    kept = {name: signal for name, signal in signals.items()
-            if name in vehicle.signals or name in inputs}  # fmt: skip
+    kept = {
+        name: signal
+        for name, signal in signals.items()
+        if name in vehicle.signals or name in inputs
+    }
     if not kept:
-        raise ClutchestError(f"{' '.join(signals.sources)}: none of its signals "
-                             f"({', '.join(signals)}) is mapped in "
-                             f"{vehicle.path.name}")  # fmt: skip
-    dropped = [f"signal '{name}' ignored: {vehicle.path.name} does not map it"
-               for name in signals if name not in kept]  # fmt: skip
+        raise ClutchestError(
+            f"{' '.join(signals.sources)}: none of its signals "
+            f"({', '.join(signals)}) is mapped in "
+            f"{vehicle.path.name}"
+        )
+    dropped = [
+        f"signal '{name}' ignored: {vehicle.path.name} does not map it"
+        for name in signals
+        if name not in kept
+    ]
     return replace(signals, signals=kept, warnings=(*signals.warnings, *dropped))

@@ -44,8 +44,13 @@ class Options(TypedDict, total=False):
     outliers: float
 
 
-def simulate(vehicle: Vehicle, scenario: str, seed: int = 0, effects: Effects | None = None,
-             **options: Unpack[Options]) -> Signals:  # fmt: skip
+def simulate(
+    vehicle: Vehicle,
+    scenario: str,
+    seed: int = 0,
+    effects: Effects | None = None,
+    **options: Unpack[Options],
+) -> Signals:
     """One drive of ``scenario`` as it reads back from the bus, with ``truth`` on the same clock.
 
     ``effects`` (name → parameter → value) join those of the vehicle file itself; see
@@ -56,17 +61,26 @@ def simulate(vehicle: Vehicle, scenario: str, seed: int = 0, effects: Effects | 
     return replace(signals, truth=truth)
 
 
-def simulate_frames(vehicle: Vehicle, scenario: str, seed: int = 0,
-                    effects: Effects | None = None,
-                    **options: Unpack[Options]) -> tuple[Frames, Truth]:  # fmt: skip
+def simulate_frames(
+    vehicle: Vehicle,
+    scenario: str,
+    seed: int = 0,
+    effects: Effects | None = None,
+    **options: Unpack[Options],
+) -> tuple[Frames, Truth]:
     """The same drive as the frames of a log; ``truth.time`` counts from the first frame."""
     frames, truth, _ = _drive(vehicle, scenario, seed, effects, options)
     return frames, truth
 
 
-def write_simulation(path: str | Path, vehicle: Vehicle, scenario: str, seed: int = 0,
-                     effects: Effects | None = None,
-                     **options: Unpack[Options]) -> Path:  # fmt: skip
+def write_simulation(
+    path: str | Path,
+    vehicle: Vehicle,
+    scenario: str,
+    seed: int = 0,
+    effects: Effects | None = None,
+    **options: Unpack[Options],
+) -> Path:
     """Write the drive to ``path`` (format by suffix; ``.csv`` and ``.parquet`` hold decoded
     signals) and the truth beside it; gives the truth's path, ``PATH.truth.parquet``."""
     path = Path(path)
@@ -76,17 +90,26 @@ def write_simulation(path: str | Path, vehicle: Vehicle, scenario: str, seed: in
     else:
         files.write_frames(frames, path)
     truth_path = path.with_name(path.name + ".truth.parquet")
-    _write_truth(truth, truth_path, {
-        "scenario": scenario, "seed": seed, "clutchest": version("clutchest"),
-        "vehicle": vehicle.name, "vehicle_hash": vehicle.hash,
-        "effects": _all_effects(vehicle, effects), "parameters": dict(sampled.parameters),
-        "options": dict(options),
-    })  # fmt: skip
+    _write_truth(
+        truth,
+        truth_path,
+        {
+            "scenario": scenario,
+            "seed": seed,
+            "clutchest": version("clutchest"),
+            "vehicle": vehicle.name,
+            "vehicle_hash": vehicle.hash,
+            "effects": _all_effects(vehicle, effects),
+            "parameters": dict(sampled.parameters),
+            "options": dict(options),
+        },
+    )
     return truth_path
 
 
-def _drive(vehicle: Vehicle, scenario: str, seed: int, effects: Effects | None,
-           options: Options) -> tuple[Frames, Truth, Sampled]:  # fmt: skip
+def _drive(
+    vehicle: Vehicle, scenario: str, seed: int, effects: Effects | None, options: Options
+) -> tuple[Frames, Truth, Sampled]:
     if vehicle.model != "dry_clutch":
         raise ClutchestError(f"vehicle '{vehicle.name}': no generator for '{vehicle.model}'")
     database = load_database(vehicle)
@@ -96,14 +119,24 @@ def _drive(vehicle: Vehicle, scenario: str, seed: int, effects: Effects | None,
     sampled = generate(
         {key: p.value for key, p in vehicle.parameters.items()},
         {key: p.spread for key, p in vehicle.parameters.items()},
-        scenario, seed,
-        [Channel(name, signal.bus.message,
-                 _period(vehicle, database.message(signal.bus.message), signal),
-                 signal.noise, signal.noise_ar if noise_ar is None else noise_ar, signal.delay)
-         for name, signal in vehicle.signals.items()],
-        nominal=options.get("nominal", False), duration=options.get("duration"),
-        effects=effects, outliers=options.get("outliers", 0.0),
-    )  # fmt: skip
+        scenario,
+        seed,
+        [
+            Channel(
+                name,
+                signal.bus.message,
+                _period(vehicle, database.message(signal.bus.message), signal),
+                signal.noise,
+                signal.noise_ar if noise_ar is None else noise_ar,
+                signal.delay,
+            )
+            for name, signal in vehicle.signals.items()
+        ],
+        nominal=options.get("nominal", False),
+        duration=options.get("duration"),
+        effects=effects,
+        outliers=options.get("outliers", 0.0),
+    )
     start = _start(vehicle, scenario, seed, effects)
     frames = _frames(vehicle, database, sampled, start)
     late = (frames.t_ns[0] - start) / 1e9
@@ -123,8 +156,9 @@ def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[st
 def _start(vehicle: Vehicle, scenario: str, seed: int, effects: Effects) -> int:
     """Epoch ns of t = 0: the same for the same drive, and apart for different ones, so that logs
     read together are not taken for pieces of one drive; a higher seed is a later drive."""
-    fingerprint = repr((vehicle.name, scenario, sorted((n, sorted(v.items()))
-                                                       for n, v in effects.items())))  # fmt: skip
+    fingerprint = repr(
+        (vehicle.name, scenario, sorted((n, sorted(v.items())) for n, v in effects.items()))
+    )
     slot = crc32(fingerprint.encode()) % 240
     return (_EPOCH + seed % 1000 * 10 * _DAY + slot * _SLOT) * 1_000_000_000
 
@@ -132,8 +166,10 @@ def _start(vehicle: Vehicle, scenario: str, seed: int, effects: Effects) -> int:
 def _period(vehicle: Vehicle, message: Message, signal: SignalMap) -> float:
     period = signal.period or message.cycle_time_s
     if not period:
-        raise ClutchestError(f"{vehicle.path.name}: signals.{signal.name} needs a 'period' (s) "
-                             f"to be simulated: no cycle time for {message.name} in the DBC")
+        raise ClutchestError(
+            f"{vehicle.path.name}: signals.{signal.name} needs a 'period' (s) "
+            f"to be simulated: no cycle time for {message.name} in the DBC"
+        )
     return period
 
 
@@ -169,15 +205,22 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
                     times[message.name] = np.arange(0.0, end, _period(vehicle, message, signal))
                     senders[message.name] = signal
                 put(companion, np.full(len(times[message.name]), constant))
-    parts = [encode(database.message(name), columns,
-                    start + np.rint(times[name] * 1e9).astype(np.int64),
-                    senders[name].source_address or 0, senders[name].channel or 0)
-             for name, columns in values.items()]  # fmt: skip
+    parts = [
+        encode(
+            database.message(name),
+            columns,
+            start + np.rint(times[name] * 1e9).astype(np.int64),
+            senders[name].source_address or 0,
+            senders[name].channel or 0,
+        )
+        for name, columns in values.items()
+    ]
     return Frames.concatenate(parts).sorted()
 
 
-def _put_torque(signal: SignalMap, percent: Floats, database: Database,
-                put: Callable[[BusSignal, Floats], None]) -> None:  # fmt: skip
+def _put_torque(
+    signal: SignalMap, percent: Floats, database: Database, put: Callable[[BusSignal, Floats], None]
+) -> None:
     """Percent torque with the engine's friction on top, split into whole steps and fraction."""
     shown = percent + FRICTION if signal.friction else percent
     if signal.fraction:
@@ -195,6 +238,7 @@ def _write_truth(truth: Truth, path: Path, about: Mapping[str, object]) -> None:
     import pyarrow.parquet as pq
 
     table = pa.table({"time": truth.time, **truth.columns})
-    about = {key: value if isinstance(value, str) else json.dumps(value)
-             for key, value in about.items()}  # fmt: skip
+    about = {
+        key: value if isinstance(value, str) else json.dumps(value) for key, value in about.items()
+    }
     pq.write_table(table.replace_schema_metadata(about), path)

@@ -47,16 +47,20 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     """
     table = _load(path)
     if "time" not in table.columns:
-        raise ClutchestError(f"{path}: no column 'time' (s); it has "
-                             + ", ".join(map(str, table.columns[:8])))  # fmt: skip
+        raise ClutchestError(
+            f"{path}: no column 'time' (s); it has " + ", ".join(map(str, table.columns[:8]))
+        )
     names = [name for name in table.columns if name in columns]
     unknown = [str(name) for name in table.columns if name not in columns and name != "time"]
     if not names:
         hint = nearest(unknown[0], columns) if unknown else ""
-        raise ClutchestError(f"{path}: no known signal among its columns: "
-                             f"{', '.join(unknown[:8]) or 'none at all'}{hint}")  # fmt: skip
-    warnings = [f"{path.name}: column '{name}' ignored" + nearest(name, columns)
-                for name in unknown]  # fmt: skip
+        raise ClutchestError(
+            f"{path}: no known signal among its columns: "
+            f"{', '.join(unknown[:8]) or 'none at all'}{hint}"
+        )
+    warnings = [
+        f"{path.name}: column '{name}' ignored" + nearest(name, columns) for name in unknown
+    ]
     numbers = {name: _numbers(path, table, name, warnings) for name in ("time", *names)}
     time, timed = numbers["time"][0], np.isfinite(numbers["time"][0])
     if not timed.any():
@@ -91,8 +95,12 @@ def _load(path: Path) -> pd.DataFrame:
         if path.suffix.lower() == ".parquet":
             return pd.read_parquet(path)
         separator = ";" if _header(path).count(";") > _header(path).count(",") else ","
-        options = {"sep": separator, "skipinitialspace": True, "low_memory": False,
-                   "decimal": "," if separator == ";" else "."}  # fmt: skip
+        options = {
+            "sep": separator,
+            "skipinitialspace": True,
+            "low_memory": False,
+            "decimal": "," if separator == ";" else ".",
+        }
         try:
             table = pd.read_csv(path, encoding="utf-8-sig", **options)
         except UnicodeDecodeError:
@@ -103,8 +111,9 @@ def _load(path: Path) -> pd.DataFrame:
     return table.rename(columns=lambda name: str(name).strip())
 
 
-def _numbers(path: Path, table: pd.DataFrame, name: str,
-             warnings: list[str]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+def _numbers(
+    path: Path, table: pd.DataFrame, name: str, warnings: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
     """(value, given): NaN where a cell is no number, ``given`` where it is not empty."""
     import pandas as pd
 
@@ -115,8 +124,10 @@ def _numbers(path: Path, table: pd.DataFrame, name: str,
     given = column.notna().to_numpy()
     wrong = np.flatnonzero(given & np.isnan(value))
     if len(wrong):
-        warnings.append(f"{path.name}: row {wrong[0] + 2}: {name} '{column.iloc[wrong[0]]}' is not "
-                        f"a number ({len(wrong)} such cells)")  # fmt: skip
+        warnings.append(
+            f"{path.name}: row {wrong[0] + 2}: {name} '{column.iloc[wrong[0]]}' is not "
+            f"a number ({len(wrong)} such cells)"
+        )
     return value, given
 
 
@@ -165,18 +176,22 @@ def joined(parts: list[Signals]) -> Signals:
     for name, unit in {n: s.unit for part in parts for n, s in part.items()}.items():
         pieces = [(part[name], dt) for part, dt in zip(parts, shift, strict=True) if name in part]
         signals[name] = Signal.of(
-            name, unit,
+            name,
+            unit,
             np.concatenate([piece.time + dt for piece, dt in pieces]),
             np.concatenate([piece.value for piece, _ in pieces]),
             np.concatenate([piece.why for piece, _ in pieces]),
-        )  # fmt: skip
+        )
     rejected = sum(sum(part.counts.rejected.values()) for part in parts)
     return Signals(
-        signals, first.start_ns,
+        signals,
+        first.start_ns,
         end=max(part.end + dt for part, dt in zip(parts, shift, strict=True)),
-        counts=Counts(sum(part.counts.frames for part in parts),
-                      sum(part.counts.decoded for part in parts),
-                      {"no time": rejected} if rejected else {}),
+        counts=Counts(
+            sum(part.counts.frames for part in parts),
+            sum(part.counts.decoded for part in parts),
+            {"no time": rejected} if rejected else {},
+        ),
         warnings=tuple(w for part in parts for w in part.warnings),
         sources=tuple(s for part in parts for s in part.sources),
-    )  # fmt: skip
+    )

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from hashlib import sha256
 from itertools import pairwise
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clutchest import units
 from clutchest.errors import ClutchestError, nearest
 from clutchest.shipped import locate, shipped
+from clutchest.toml_file import Keys, TomlFile
 from clutchest.vehicle import BusSignal, Estimation, ParameterValue, SignalMap, Vehicle
 
 if TYPE_CHECKING:
@@ -33,147 +31,59 @@ MODES = {
 LIMITS = {"dry_clutch": {"wear": "mm"}, "alsd": {"wear": "m"}}
 MONITORS = ("false_alarms_per_1000h",)
 
-_TOP = ("name", "model", "dbc", "checked", "effects_files", "signals", "parameters", "effects",
-        "estimation", "modes", "limits", "monitors")
-_SIGNAL = ("message", "signal", "unit", "noise", "delay", "noise_ar", "reference", "fraction",
-           "friction", "gears", "gear", "other", "min", "max", "source_address", "channel",
-           "period")
+_TOP = (
+    "name",
+    "model",
+    "dbc",
+    "checked",
+    "effects_files",
+    "signals",
+    "parameters",
+    "effects",
+    "estimation",
+    "modes",
+    "limits",
+    "monitors",
+)
+_SIGNAL = (
+    "message",
+    "signal",
+    "unit",
+    "noise",
+    "delay",
+    "noise_ar",
+    "reference",
+    "fraction",
+    "friction",
+    "gears",
+    "gear",
+    "other",
+    "min",
+    "max",
+    "source_address",
+    "channel",
+    "period",
+)
 _BUS = ("message", "signal", "unit")
-_QUANTITY = ("value", "unit", "spread", "source")
-
-Keys = tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _File:
-    """The parsed file, able to say on which line a key stands."""
-
-    path: Path
-    text: str
-
-    def error(self, keys: Keys, complaint: str) -> ClutchestError:
-        """A complaint about the key ``keys`` (a path from the top), told with its line."""
-        where = f"{self.path.name}:{line}" if (line := self._line(keys)) else self.path.name
-        return ClutchestError(f"{where}: {complaint}")
-
-    def _line(self, keys: Keys) -> int:
-        """The line that comes closest to declaring ``keys``; 0 where none does."""
-        table: Keys = ()
-        best, found = 0, 0
-        for number, line in enumerate(self.text.splitlines(), 1):
-            if header := re.match(r"\s*\[+\s*([^\]]+?)\s*\]", line):
-                path = table = _split(header[1])
-            elif key := re.match(r"\s*([\w\"'.\- ]+?)\s*=", line):
-                path = (*table, *_split(key[1]))
-            else:
-                continue
-            if path == keys[: len(path)] and len(path) > best:
-                best, found = len(path), number
-        return found
-
-    def known(self, keys: Keys, given: Iterable[str], valid: Iterable[str], what: str) -> None:
-        """Every key of ``given`` must be one of ``valid``."""
-        for key in given:
-            if key not in valid:
-                raise self.error((*keys, key), f"unknown {what} '{key}'" + nearest(key, valid))
-
-    def table(self, keys: Keys, value: Any) -> dict[str, Any]:
-        if not isinstance(value, dict):
-            raise self.error(keys, f"{'.'.join(keys)} must be a table, not {value!r}")
-        return value
-
-    def string(self, keys: Keys, value: Any) -> str:
-        if not isinstance(value, str) or not value:
-            raise self.error(keys, f"{'.'.join(keys)} must be a text, not {value!r}")
-        return value
-
-    def strings(self, keys: Keys, value: Any) -> list[str]:
-        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise self.error(keys, f"{'.'.join(keys)} must be a list of texts, not {value!r}")
-        return value
-
-    def number(self, keys: Keys, value: Any, lower: float = -inf, upper: float = inf) -> float:
-        """A finite number from ``lower`` to ``upper``."""
-        name = ".".join(keys)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error(keys, f"{name} must be a number, not {value!r}")
-        if not isfinite(value):
-            raise self.error(keys, f"{name} = {value} is not finite")
-        if not lower <= value <= upper:
-            raise self.error(keys, f"{name} = {value:g} must lie within {lower:g} … {upper:g}")
-        return float(value)
-
-    def integer(self, keys: Keys, value: Any, upper: int) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= upper:
-            raise self.error(keys, f"{'.'.join(keys)} must be an integer 0 … {upper}, "
-                                   f"not {value!r}")
-        return value
-
-    def unit(self, keys: Keys, value: Any, expected: str) -> str:
-        """A unit that can be converted to ``expected``."""
-        unit = self.string(keys, value)
-        try:
-            agrees = units.compatible(unit, expected)
-        except ClutchestError as problem:
-            raise self.error(keys, str(problem)) from None
-        if not agrees:
-            raise self.error(keys, f"unit '{unit}' of {'.'.join(keys[:-1])} cannot be converted "
-                                   f"to '{expected}'")
-        return unit
-
-    def quantity(self, keys: Keys, value: Any, unit: str,
-                 lower: float = -inf, upper: float = inf) -> ParameterValue:
-        """A bare number, or ``{ value, unit, spread, source }``, converted to ``unit``."""
-        if not isinstance(value, dict):
-            return ParameterValue(self.number(keys, value, lower, upper), unit)
-        self.known(keys, value, _QUANTITY, "key")
-        if "value" not in value:
-            raise self.error(keys, f"{'.'.join(keys)} has no 'value' (in {unit})")
-        given = self.unit((*keys, "unit"), value.get("unit", unit), unit)
-        number = units.convert(self.number((*keys, "value"), value["value"]), given, unit)
-        self.number(keys, number, lower, upper)
-        # A spread is a difference: an offset such as that of °F does not enter.
-        scale = units.parse(given).scale / units.parse(unit).scale
-        spread = self.number((*keys, "spread"), value.get("spread", 0.0), 0.0)
-        source = value.get("source", "")
-        if not isinstance(source, str):
-            raise self.error((*keys, "source"), f"{'.'.join(keys)}.source must be a text")
-        return ParameterValue(number, unit, spread if scale == 1.0 else spread * scale, source)
-
-
-def _split(dotted: str) -> Keys:
-    return tuple(part.strip().strip("\"'") for part in dotted.split("."))
 
 
 def read_vehicle(v: str | Path) -> Vehicle:
     """See :func:`clutchest.vehicle.load_vehicle`."""
-    path = locate(str(v), "vehicles").resolve()
-    raw = path.read_bytes()
-    try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as problem:
-        line = raw[: problem.start].count(b"\n") + 1
-        raise ClutchestError(f"{path.name}:{line}: not UTF-8 text") from None
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        at = re.search(r"line (\d+)", str(problem))
-        line = int(at[1]) if at else text.count("\n") + 1
-        what = re.sub(r" \(at [^)]*\)", "", str(problem))
-        raise ClutchestError(f"{path.name}:{line}: not TOML: {what}") from None
-    return _vehicle(_File(path, text), data)
+    file = TomlFile.read(locate(str(v), "vehicles").resolve())
+    return _vehicle(file, file.data)
 
 
-def _vehicle(file: _File, data: dict[str, Any]) -> Vehicle:
+def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
     file.known((), data, _TOP, "key")
     for key in ("name", "model", "signals", "parameters"):
         if key not in data:
             raise file.error((), f"no '{key}' in this vehicle file")
     name, model = (file.string((key,), data[key]) for key in ("name", "model"))
     card = _card(file, model)
-    effects_files = tuple(_beside(file, ("effects_files",), entry)
-                          for entry in file.strings(("effects_files",),
-                                                    data.get("effects_files", [])))
+    effects_files = tuple(
+        _beside(file, ("effects_files",), entry)
+        for entry in file.strings(("effects_files",), data.get("effects_files", []))
+    )
     modes = _section(file, data, "modes", MODES, "threshold")
     limits = _section(file, data, "limits", LIMITS.get(model, {}), "limit")
     signals = _signals(file, file.table(("signals",), data["signals"]), card)
@@ -191,20 +101,22 @@ def _vehicle(file: _File, data: dict[str, Any]) -> Vehicle:
         hash=digest.hexdigest(),
         dbc=tuple(_dbc(file, entry) for entry in file.strings(("dbc",), data.get("dbc", []))),
         signals=signals,
-        parameters=_parameters(file, file.table(("parameters",), data["parameters"]),
-                               card.parameters),
+        parameters=_parameters(
+            file, file.table(("parameters",), data["parameters"]), card.parameters
+        ),
         effects=_effects(file, data, model, effects_files),
         estimation=_estimation(file, data, card.states),
         modes={key: quantity.value for key, quantity in modes.items()},
         limits=limits,
-        monitors={key: file.number(("monitors", key), value, 0.0)
-                  for key, value in monitors.items()},
+        monitors={
+            key: file.number(("monitors", key), value, 0.0) for key, value in monitors.items()
+        },
         effects_files=effects_files,
         checked=tuple(checked),
     )
 
 
-def _card(file: _File, model: str) -> ModelCard:
+def _card(file: TomlFile, model: str) -> ModelCard:
     from clutchest.models import card
 
     try:
@@ -213,7 +125,7 @@ def _card(file: _File, model: str) -> ModelCard:
         raise file.error(("model",), str(problem)) from None
 
 
-def _dbc(file: _File, entry: str) -> Path:
+def _dbc(file: TomlFile, entry: str) -> Path:
     """Beside the file, else among the shipped, else the bare name for the log's folder."""
     beside = file.path.parent / entry
     if beside.is_file():
@@ -224,30 +136,34 @@ def _dbc(file: _File, entry: str) -> Path:
     return Path(entry)
 
 
-def _beside(file: _File, keys: Keys, entry: str) -> Path:
+def _beside(file: TomlFile, keys: Keys, entry: str) -> Path:
     path = (file.path.parent / entry).resolve()
     if not path.is_file():
         raise file.error(keys, f"no such file: {entry} (relative to this vehicle file)")
     return path
 
 
-def _section(file: _File, data: Mapping[str, Any], name: str, unit_of: Mapping[str, str],
-             what: str) -> dict[str, ParameterValue]:
+def _section(
+    file: TomlFile, data: Mapping[str, Any], name: str, unit_of: Mapping[str, str], what: str
+) -> dict[str, ParameterValue]:
     """A table of quantities whose keys and units are known."""
     table = file.table((name,), data.get(name, {}))
     file.known((name,), table, unit_of, what)
-    return {key: file.quantity((name, key), value, unit_of[key], 0.0)
-            for key, value in table.items()}
+    return {
+        key: file.quantity((name, key), value, unit_of[key], 0.0) for key, value in table.items()
+    }
 
 
-def _signals(file: _File, table: dict[str, Any], card: ModelCard) -> dict[str, SignalMap]:
+def _signals(file: TomlFile, table: dict[str, Any], card: ModelCard) -> dict[str, SignalMap]:
     columns = dict(card.columns)
     file.known(("signals",), table, columns, f"signal of '{card.name}'")
-    return {name: _signal(file, name, file.table(("signals", name), entry), columns[name])
-            for name, entry in table.items()}
+    return {
+        name: _signal(file, name, file.table(("signals", name), entry), columns[name])
+        for name, entry in table.items()
+    }
 
 
-def _signal(file: _File, name: str, entry: dict[str, Any], column_unit: str) -> SignalMap:
+def _signal(file: TomlFile, name: str, entry: dict[str, Any], column_unit: str) -> SignalMap:
     keys = ("signals", name)
     file.known(keys, entry, _SIGNAL, "key")
     for key in ("message", "signal", "unit", "noise"):
@@ -268,28 +184,36 @@ def _signal(file: _File, name: str, entry: dict[str, Any], column_unit: str) -> 
     if "reference" in entry:
         reference = file.quantity((*keys, "reference"), entry["reference"], "Nm", 1e-3).value
         if column_unit != "Nm":
-            raise file.error((*keys, "reference"), f"'reference' makes a torque (Nm) of percent; "
-                                                   f"{name} is in {column_unit}")
+            raise file.error(
+                (*keys, "reference"),
+                f"'reference' makes a torque (Nm) of percent; {name} is in {column_unit}",
+            )
     for key in ("fraction", "friction"):
         needs(key, "reference")
     for key in ("gear", "other"):
         needs(key, "gears")
     unit = file.unit((*keys, "unit"), entry["unit"], "%" if reference else column_unit)
-    bus = BusSignal(*(file.string((*keys, key), entry[key]) for key in ("message", "signal")), unit)
+    message, name_on_bus = (file.string((*keys, key), entry[key]) for key in ("message", "signal"))
+    bus = BusSignal(message, name_on_bus, unit)
 
     def companion(key: str, expected: str, unit: str) -> BusSignal | None:
-        return _companion(file, (*keys, key), entry[key], bus, expected, unit) \
-            if key in entry else None
+        return (
+            _companion(file, (*keys, key), entry[key], bus, expected, unit)
+            if key in entry
+            else None
+        )
 
     noise_ar = number("noise_ar", -1.0, 1.0) or 0.0
     if abs(noise_ar) == 1.0:
         raise file.error((*keys, "noise_ar"), f"signals.{name}.noise_ar must be smaller than 1")
     minimum, maximum = number("min"), number("max")
     if minimum is not None and maximum is not None and minimum >= maximum:
-        raise file.error((*keys, "min"), f"signals.{name}: min {minimum:g} is not below "
-                                         f"max {maximum:g}")
+        raise file.error(
+            (*keys, "min"), f"signals.{name}: min {minimum:g} is not below max {maximum:g}"
+        )
     return SignalMap(
-        name, bus,
+        name,
+        bus,
         noise=number("noise", 1e-12) or 0.0,
         delay=number("delay", 0.0) or 0.0,
         noise_ar=noise_ar,
@@ -307,19 +231,22 @@ def _signal(file: _File, name: str, entry: dict[str, Any], column_unit: str) -> 
     )
 
 
-def _companion(file: _File, keys: Keys, value: Any, bus: BusSignal, expected: str,
-               unit: str) -> BusSignal:
+def _companion(
+    file: TomlFile, keys: Keys, value: Any, bus: BusSignal, expected: str, unit: str
+) -> BusSignal:
     """A second bus signal: the same message and unit as the first unless it says otherwise."""
     entry = file.table(keys, value)
     file.known(keys, entry, _BUS, "key")
     if "signal" not in entry:
         raise file.error(keys, f"{'.'.join(keys)} has no 'signal'")
-    return BusSignal(file.string((*keys, "message"), entry.get("message", bus.message)),
-                     file.string((*keys, "signal"), entry["signal"]),
-                     file.unit((*keys, "unit"), entry.get("unit", unit), expected))
+    return BusSignal(
+        file.string((*keys, "message"), entry.get("message", bus.message)),
+        file.string((*keys, "signal"), entry["signal"]),
+        file.unit((*keys, "unit"), entry.get("unit", unit), expected),
+    )
 
 
-def _gears(file: _File, keys: Keys, value: Any) -> tuple[float, ...]:
+def _gears(file: TomlFile, keys: Keys, value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or not value:
         raise file.error(keys, f"{'.'.join(keys)} must be a list of ratios engine/wheel")
     gears = tuple(file.number(keys, ratio, 1e-3) for ratio in value)
@@ -328,21 +255,24 @@ def _gears(file: _File, keys: Keys, value: Any) -> tuple[float, ...]:
     return gears
 
 
-def _parameters(file: _File, table: dict[str, Any],
-                expected: Iterable[Any]) -> dict[str, ParameterValue]:
+def _parameters(
+    file: TomlFile, table: dict[str, Any], expected: Iterable[Any]
+) -> dict[str, ParameterValue]:
     by_key = {parameter.key: parameter for parameter in expected}
     file.known(("parameters",), table, by_key, "parameter")
     values = {}
     for key, p in by_key.items():
         if key not in table:
-            raise file.error(("parameters",), f"parameter '{key}' ({p.what}, in {p.unit}) "
-                                              "is missing")
+            raise file.error(
+                ("parameters",), f"parameter '{key}' ({p.what}, in {p.unit}) is missing"
+            )
         values[key] = file.quantity(("parameters", key), table[key], p.unit, p.lower, p.upper)
     return values
 
 
-def _effects(file: _File, data: Mapping[str, Any], model: str,
-             effects_files: tuple[Path, ...]) -> dict[str, dict[str, float]]:
+def _effects(
+    file: TomlFile, data: Mapping[str, Any], model: str, effects_files: tuple[Path, ...]
+) -> dict[str, dict[str, float]]:
     table = file.table(("effects",), data.get("effects", {}))
     if not table and not effects_files:
         return {}
@@ -357,13 +287,16 @@ def _effects(file: _File, data: Mapping[str, Any], model: str,
         entry = file.table(("effects", name), value)
         unit_of = {number.key: number.unit for number in known[name].parameters}
         file.known(("effects", name), entry, unit_of, f"parameter of effect '{name}'")
-        effects[name] = {key: file.quantity(("effects", name, key), given, unit_of[key]).value
-                         for key, given in entry.items()}
+        effects[name] = {
+            key: file.quantity(("effects", name, key), given, unit_of[key]).value
+            for key, given in entry.items()
+        }
     return effects
 
 
-def _estimation(file: _File, data: Mapping[str, Any],
-                expected: Iterable[Any]) -> dict[str, Estimation]:
+def _estimation(
+    file: TomlFile, data: Mapping[str, Any], expected: Iterable[Any]
+) -> dict[str, Estimation]:
     """Entries of the file; what one leaves out is the model's own."""
     table = file.table(("estimation",), data.get("estimation", {}))
     states = {state.name: state for state in expected}
@@ -377,11 +310,15 @@ def _estimation(file: _File, data: Mapping[str, Any],
         if role not in ROLES:
             raise file.error((*keys, "role"), f"unknown role {role!r}" + nearest(str(role), ROLES))
 
-        def number(key: str, default: float, entry: Mapping[str, Any] = entry,
-                   keys: Keys = keys) -> float:
+        def number(
+            key: str, default: float, entry: Mapping[str, Any] = entry, keys: Keys = keys
+        ) -> float:
             return file.number((*keys, key), entry.get(key, default), 0.0)
 
-        settings[name] = Estimation(role, number("process_noise", state.process_noise),
-                                    number("initial_std", state.initial_std),
-                                    number("useful_std", state.useful_std))
+        settings[name] = Estimation(
+            role,
+            number("process_noise", state.process_noise),
+            number("initial_std", state.initial_std),
+            number("useful_std", state.useful_std),
+        )
     return settings

@@ -27,8 +27,11 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
             return path.as_posix()
 
     lines = [f"# {line}".rstrip() for line in heading.splitlines()]
-    lines += [f"name = {_toml(vehicle.name)}", f"model = {_toml(vehicle.model)}",
-              f"dbc = {_toml([name(path) for path in vehicle.dbc])}"]
+    lines += [
+        f"name = {_toml(vehicle.name)}",
+        f"model = {_toml(vehicle.model)}",
+        f"dbc = {_toml([name(path) for path in vehicle.dbc])}",
+    ]
     if vehicle.checked:
         lines.append(f"checked = {_toml(list(vehicle.checked))}")
     if vehicle.effects_files:
@@ -42,8 +45,9 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
             lines.extend(f"{key} = {_toml(entry(value))}" for key, value in table.items())
 
     def record(item: Any) -> dict[str, Any]:
-        return {f.name: value for f in fields(item)
-                if (value := getattr(item, f.name)) != f.default}
+        return {
+            f.name: value for f in fields(item) if (value := getattr(item, f.name)) != f.default
+        }
 
     section("parameters", vehicle.parameters, record)
     section("effects", vehicle.effects, dict)

@@ -54,8 +54,9 @@ def edited(tmp_path: Path) -> Callable[..., Path]:
 def send(bus: Database) -> Callable[..., Frames]:
     """Frames of one message of the truck's DBC, one every ``period`` s from ``start`` s on."""
 
-    def frames(message: str, start: float = 0.0, period: float = 0.01, source: int = 0,
-               **values: object) -> Frames:  # fmt: skip
+    def frames(
+        message: str, start: float = 0.0, period: float = 0.01, source: int = 0, **values: object
+    ) -> Frames:
         n = max(len(np.atleast_1d(np.asarray(v))) for v in values.values())
         t_ns = START + np.round((start + period * np.arange(n)) * 1e9).astype(np.int64)
         columns = {name: np.broadcast_to(np.asarray(v, float), n) for name, v in values.items()}

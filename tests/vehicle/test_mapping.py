@@ -21,9 +21,13 @@ def log(*parts: Frames) -> Frames:
 
 def test_torque_is_actual_plus_fraction_less_friction_of_the_reference(send, truck, bus) -> None:
     # Friction 5 % from 0.105 s, 8 % from 0.305 s; a fraction that is not available counts as 0.
-    eec1 = send("EEC1", period=0.1, EngineSpeed=1000.0,
-                ActualEnginePercentTorque=[40, 40, 40, -10, np.nan],
-                ActualEnginePercentTorqueFractional=[0.5, np.nan, 0.875, 0.25, 0.0])  # fmt: skip
+    eec1 = send(
+        "EEC1",
+        period=0.1,
+        EngineSpeed=1000.0,
+        ActualEnginePercentTorque=[40, 40, 40, -10, np.nan],
+        ActualEnginePercentTorqueFractional=[0.5, np.nan, 0.875, 0.25, 0.0],
+    )
     eec3 = send("EEC3", start=0.105, period=0.2, NominalFrictionPercentTorque=[5.0, 8.0])
     torque = signals_of(log(eec1, eec3), truck, bus)["engine_torque"]
     percent = [40.5 - 5, 40.0 - 5, 40.875 - 5, -9.75 - 5]
@@ -36,8 +40,9 @@ def test_without_friction_torque_there_is_a_warning(send, truck, bus) -> None:
     eec1 = send("EEC1", ActualEnginePercentTorque=[40.0, 41.0])
     signals = signals_of(eec1, truck, bus)
     assert signals["engine_torque"].value == pytest.approx([1400.0, 1435.0])
-    assert any("no friction torque (EEC3.NominalFrictionPercentTorque)" in w
-               for w in signals.warnings)  # fmt: skip
+    assert any(
+        "no friction torque (EEC3.NominalFrictionPercentTorque)" in w for w in signals.warnings
+    )
 
 
 def test_canonical_units_and_times(send, truck, bus) -> None:
@@ -73,10 +78,19 @@ def test_every_frame_is_accounted_for(send, truck, bus) -> None:
     assert position.valid.sum() == 18
     counts = signals.counts
     assert counts.messages["ClutchActuator"] == {
-        "frames": 19, "decoded": 18, "checksum": 1, "counter jumps": 1}  # fmt: skip
+        "frames": 19,
+        "decoded": 18,
+        "checksum": 1,
+        "counter jumps": 1,
+    }
     assert counts.messages["EEC1"]["not available"] == 3  # torque is never given
-    assert counts.rejected == {"checksum": 1, "not available": 1, "too short": 1,
-                               "not mapped": 2, "remote frame": 1}  # fmt: skip
+    assert counts.rejected == {
+        "checksum": 1,
+        "not available": 1,
+        "too short": 1,
+        "not mapped": 2,
+        "remote frame": 1,
+    }
     assert counts.frames == counts.decoded + sum(counts.rejected.values()) == 26
 
 
@@ -93,11 +107,13 @@ def test_one_sender_is_taken_and_the_others_named(send, truck, bus) -> None:
         send("CCVS1", source=0x00, WheelBasedVehicleSpeed=[36.0] * 5),
         send("CCVS1", source=0x31, start=0.004, WheelBasedVehicleSpeed=[72.0] * 3),
         send("CCVS1", source=0x17, start=0.002, WheelBasedVehicleSpeed=[np.nan] * 9),
-    )  # fmt: skip
+    )
     signals = signals_of(frames, truck, bus)
     assert signals["vehicle_speed"].value == pytest.approx([10.0] * 5)
-    assert any("several senders (address 0x00 on channel 0, address 0x31 on channel 0)" in w
-               for w in signals.warnings)  # fmt: skip
+    assert any(
+        "several senders (address 0x00 on channel 0, address 0x31 on channel 0)" in w
+        for w in signals.warnings
+    )
     chosen = replace(truck.signals["vehicle_speed"], source_address=0x31)
     other = replace(truck, signals={**truck.signals, "vehicle_speed": chosen})
     assert signals_of(frames, other, bus)["vehicle_speed"].value == pytest.approx([20.0] * 3)
@@ -106,21 +122,29 @@ def test_one_sender_is_taken_and_the_others_named(send, truck, bus) -> None:
 def test_plausible_range_and_clipping(send, truck, bus) -> None:
     narrow = replace(truck.signals["engine_speed"], minimum=500.0, maximum=1500.0)
     vehicle = replace(truck, signals={**truck.signals, "engine_speed": narrow})
-    frames = log(send("EEC1", EngineSpeed=[400.0, 1000.0, 1600.0]),
-                 send("ClutchActuator", SlavePosition=[99.0, 40.0]))  # fmt: skip
+    frames = log(
+        send("EEC1", EngineSpeed=[400.0, 1000.0, 1600.0]),
+        send("ClutchActuator", SlavePosition=[99.0, 40.0]),
+    )
     signals = signals_of(frames, vehicle, bus)
     assert signals["engine_speed"].why.tolist() == [Why.OUT_OF_RANGE, 0, Why.OUT_OF_RANGE]
     assert any("engine_speed: EEC1.EngineSpeed: 2 samples outside" in w for w in signals.warnings)
-    assert any("slave_position: ClutchActuator.SlavePosition: 1 samples at the upper end" in w
-               for w in signals.warnings)  # fmt: skip
+    assert any(
+        "slave_position: ClutchActuator.SlavePosition: 1 samples at the upper end" in w
+        for w in signals.warnings
+    )
 
 
 def test_what_is_mapped_and_missing_is_named(send, truck, bus) -> None:
     signals = signals_of(send("EEC1", EngineSpeed=[600.0]), truck, bus)
-    assert any("message ETC1 has no frame in this log (input_shaft_speed); of this DBC it holds "
-               "EEC1" in w for w in signals.warnings)  # fmt: skip
-    assert any("engine_torque: EEC1.ActualEnginePercentTorque never has a value (not available)"
-               in w for w in signals.warnings)  # fmt: skip
+    assert any(
+        "message ETC1 has no frame in this log (input_shaft_speed); of this DBC it holds EEC1" in w
+        for w in signals.warnings
+    )
+    assert any(
+        "engine_torque: EEC1.ActualEnginePercentTorque never has a value (not available)" in w
+        for w in signals.warnings
+    )
     with pytest.raises(ClutchestError, match=r"no frame of EEC1, .* it holds ETC2"):
         signals_of(send("ETC2", CurrentGear=[1.0]), truck, bus)
 
@@ -132,8 +156,11 @@ def test_file_and_dbc_must_agree_on_names_and_units(send, truck, bus) -> None:
         speed = replace(truck.signals["engine_speed"], bus=bus_signal)
         signals_of(frames, replace(truck, signals={"engine_speed": speed}), bus)
 
-    with pytest.raises(ClutchestError, match=r"truck\.toml: signals\.engine_speed: the file says "
-                                             r"'rad/s', the DBC 'rpm' for EEC1\.EngineSpeed"):
+    with pytest.raises(
+        ClutchestError,
+        match=r"truck\.toml: signals\.engine_speed: the file says "
+        r"'rad/s', the DBC 'rpm' for EEC1\.EngineSpeed",
+    ):
         mapped(BusSignal("EEC1", "EngineSpeed", "rad/s"))
     with pytest.raises(ClutchestError, match="no signal 'EngneSpeed'; did you mean 'EngineSpeed'"):
         mapped(BusSignal("EEC1", "EngneSpeed", "rpm"))
@@ -198,8 +225,11 @@ def test_wheel_speed_becomes_shaft_speed(send, truck, bus) -> None:
 
 
 def test_a_mapped_gear_and_a_second_wheel_are_used(send, truck, bus) -> None:
-    vehicle = through_wheels(truck, gear=BusSignal("ETC2", "CurrentGear", "1"),
-                             other=BusSignal("ETC1", "OutputShaftSpeed", "rpm"))  # fmt: skip
+    vehicle = through_wheels(
+        truck,
+        gear=BusSignal("ETC2", "CurrentGear", "1"),
+        other=BusSignal("ETC1", "OutputShaftSpeed", "rpm"),
+    )
     frames = log(
         send("ETC1", period=0.1, InputShaftSpeed=[100.0] * 6, OutputShaftSpeed=[120.0] * 6),
         send("ETC2", start=0.105, period=0.1, source=3, CurrentGear=[1, 2, 0, 3]),
@@ -223,9 +253,11 @@ def test_gt350_launch(real_data) -> None:
     assert np.interp(2.2, shaft.time, slip) == pytest.approx(1129, abs=4)
     locked = slip[(shaft.time > 2.8) & (shaft.time < 8.0)]
     assert abs(np.mean(locked)) < 5 and np.mean(np.abs(locked) < 25) > 0.7
-    wheel_ratio = [np.median(np.interp(shaft.time, engine.time, engine.value)[m] / shaft.value[m])
-                   for a, b in ((3, 8), (10, 11), (13.5, 15), (17, 18), (20, 23), (26.5, 29))
-                   if (m := (shaft.time > a) & (shaft.time < b)).any()]  # fmt: skip
+    wheel_ratio = [
+        np.median(np.interp(shaft.time, engine.time, engine.value)[m] / shaft.value[m])
+        for a, b in ((3, 8), (10, 11), (13.5, 15), (17, 18), (20, 23), (26.5, 29))
+        if (m := (shaft.time > a) & (shaft.time < b)).any()
+    ]
     assert wheel_ratio[:5] == pytest.approx([1.0] * 5, abs=0.02), "each in its own gear"
 
 

@@ -85,8 +85,11 @@ def test_a_dbc_beside_the_log_is_found(logs, bus, edited, tmp_path: Path) -> Non
     vehicle_file = edited(('dbc = ["hdt_clutch.dbc"]', 'dbc = ["elsewhere.dbc"]'))
     vehicle = load_vehicle(vehicle_file)
     path = logs("a.log", 0.0)
-    with pytest.raises(ClutchestError, match=r"no such DBC: elsewhere\.dbc; looked beside the "
-                                             "vehicle file, among the shipped ones and in"):
+    with pytest.raises(
+        ClutchestError,
+        match=r"no such DBC: elsewhere\.dbc; looked beside the "
+        "vehicle file, among the shipped ones and in",
+    ):
         read_log(path, vehicle)
     (tmp_path / "elsewhere.dbc").write_bytes(bus.paths[0].read_bytes())
     assert len(read_log(path, vehicle)["engine_speed"]) == 100
@@ -133,13 +136,16 @@ def test_bad_cells_are_told_and_the_good_kept(tmp_path: Path, truck) -> None:
     assert signals.counts.rejected == {"no time": 1}
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    ("time,engin_speed\n0,1\n", "no known signal .*engin_speed; did you mean 'engine_speed'"),
-    ("t,engine_speed\n0,1\n", r"no column 'time' \(s\); it has t, engine_speed"),
-    ("", "not a readable table"),
-    ("time,engine_speed\n,1\n", "no row with a time"),
-    ("time,engine_speed,engine_speed\n0,1,2\n", "column"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,engin_speed\n0,1\n", "no known signal .*engin_speed; did you mean 'engine_speed'"),
+        ("t,engine_speed\n0,1\n", r"no column 'time' \(s\); it has t, engine_speed"),
+        ("", "not a readable table"),
+        ("time,engine_speed\n,1\n", "no row with a time"),
+        ("time,engine_speed,engine_speed\n0,1,2\n", "column"),
+    ],
+)
 def test_tables_that_cannot_be_read(tmp_path: Path, truck, text: str, message: str) -> None:
     path = tmp_path / "decoded.csv"
     path.write_text(text)
@@ -161,14 +167,14 @@ def test_a_signal_without_noise_in_the_file_is_ignored(tmp_path: Path) -> None:
     path.write_text("time,engine_speed,slave_position,ambient_temp\n0,100,38,20\n1,101,38,20\n")
     signals = read_log(path, load_vehicle("gt350"))
     assert set(signals) == {"engine_speed", "ambient_temp"}
-    assert any("'slave_position' ignored: gt350.toml does not map it" in w
-               for w in signals.warnings)  # fmt: skip
+    assert any(
+        "'slave_position' ignored: gt350.toml does not map it" in w for w in signals.warnings
+    )
 
 
 def test_tables_on_one_clock_are_joined(tmp_path: Path, truck) -> None:
     for name, start in (("a", 1.7e9), ("b", 1.7e9 + 30), ("c", 1.7e9 + 5000)):
-        (tmp_path / f"{name}.csv").write_text(
-            f"time,engine_speed\n{start},100\n{start + 1},101\n")  # fmt: skip
+        (tmp_path / f"{name}.csv").write_text(f"time,engine_speed\n{start},100\n{start + 1},101\n")
     signals = read_log([tmp_path / f"{n}.csv" for n in "abc"], truck)
     assert len(signals.drives) == 2
     assert signals["engine_speed"].time.tolist() == [0.0, 1.0, 30.0, 31.0]
@@ -178,12 +184,16 @@ def test_tables_on_one_clock_are_joined(tmp_path: Path, truck) -> None:
 @pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".parquet"])
 def test_what_is_written_reads_back(tmp_path: Path, truck, suffix: str) -> None:
     rng = np.random.default_rng(1)
-    signals = Signals({
-        "engine_speed": Signal.of("engine_speed", "rad/s", np.arange(50) * 0.01,
-                                  rng.normal(100, 1, 50)),
-        "slave_position": Signal.of("slave_position", "mm", np.arange(30) * 0.02 + 0.003,
-                                    rng.normal(40, 1, 30)),
-    })  # fmt: skip
+    signals = Signals(
+        {
+            "engine_speed": Signal.of(
+                "engine_speed", "rad/s", np.arange(50) * 0.01, rng.normal(100, 1, 50)
+            ),
+            "slave_position": Signal.of(
+                "slave_position", "mm", np.arange(30) * 0.02 + 0.003, rng.normal(40, 1, 30)
+            ),
+        }
+    )
     write_signals(signals, tmp_path / f"x{suffix}")
     again = read_log(tmp_path / f"x{suffix}", truck)
     for name in signals:

@@ -25,8 +25,11 @@ def test_what_comes_back_is_the_truth_with_the_stated_noise(drive: Signals, truc
     assert set(drive) == set(truck.signals)
     assert drive.warnings == () and drive.counts.rejected == {}
     assert drive.counts.frames == drive.counts.decoded
-    steps = {"engine_speed": 0.125 * np.pi / 30, "slave_position": 0.001,
-             "engine_torque": 0.00125 * 3500}  # fmt: skip
+    steps = {
+        "engine_speed": 0.125 * np.pi / 30,
+        "slave_position": 0.001,
+        "engine_torque": 0.00125 * 3500,
+    }
     for name, step in steps.items():
         signal = drive[name]
         error = signal.value - np.interp(signal.time, truth.time, truth.columns[name])
@@ -54,8 +57,9 @@ def test_the_same_seed_gives_the_same_drive(truck, drive: Signals) -> None:
 
 def test_an_effect_of_the_file_and_one_asked_for_both_act(truck, drive: Signals) -> None:
     worn = replace(truck, effects={"wear": {"amount": 0.5}})
-    both = simulate(worn, "launches", 3, {"position_offset": {"offset": 0.2}},
-                    nominal=True, duration=60.0)  # fmt: skip
+    both = simulate(
+        worn, "launches", 3, {"position_offset": {"offset": 0.2}}, nominal=True, duration=60.0
+    )
     assert drive.truth and both.truth
     lower = drive.truth.columns["zero_position"] - both.truth.columns["zero_position"]
     assert lower == pytest.approx(0.5, abs=1e-9)
@@ -77,7 +81,8 @@ def test_outliers_and_coloured_noise_are_passed_on(truck, drive: Signals) -> Non
 
 @pytest.mark.parametrize("suffix", [".log", ".csv", ".parquet"])
 def test_written_logs_read_back_with_the_truth_on_their_clock(
-        tmp_path: Path, truck, drive: Signals, suffix: str) -> None:  # fmt: skip
+    tmp_path: Path, truck, drive: Signals, suffix: str
+) -> None:
     import pyarrow.parquet as pq
 
     path = tmp_path / f"drive{suffix}"
@@ -89,7 +94,8 @@ def test_written_logs_read_back_with_the_truth_on_their_clock(
     assert truth_path == tmp_path / f"drive{suffix}.truth.parquet"
     table = pq.read_table(truth_path)
     assert {"time", "clutch_torque", "mode", "temp_disc", "zero_position"} <= set(
-        table.column_names)  # fmt: skip
+        table.column_names
+    )
     assert drive.truth
     assert np.array_equal(table["temp_disc"].to_numpy(), drive.truth.columns["temp_disc"])
     about = {key.decode(): value.decode() for key, value in table.schema.metadata.items()}

@@ -30,11 +30,15 @@ def test_the_trucks_numbers_are_those_of_the_papers_trial(truck: Vehicle) -> Non
     value = {key: p.value for key, p in truck.parameters.items()}
     assert value["heat_capacity_body"] == 40500.0  # 81 kg · 500 J/(kg K), given in kJ/K
     assert truck.parameters["heat_capacity_body"].spread == pytest.approx(1600.0)
-    assert (value["torque_cubic"], value["torque_quadratic"], value["kiss_point"]) == \
-        (-21.0, 38.7, 6.51)  # fmt: skip
+    assert (value["torque_cubic"], value["torque_quadratic"], value["kiss_point"]) == (
+        -21.0,
+        38.7,
+        6.51,
+    )
     disc = value["heat_capacity_disc"] / value["conductance_disc_body"]
     body = value["heat_capacity_body"] / (
-        value["conductance_engine_body"] + value["conductance_body_housing"])  # fmt: skip
+        value["conductance_engine_body"] + value["conductance_body_housing"]
+    )
     assert body / disc == pytest.approx(50, rel=0.02)  # ME12 § V-C
     assert truck.guessed == ()
     assert len(load_vehicle("gt350").guessed) == len(truck.parameters)
@@ -44,7 +48,7 @@ def test_units_are_converted_to_the_models_own(edited) -> None:
     path = edited(
         ('value = 126, unit = "W/K", spread = 12.6', 'value = 0.126, unit = "kW/K", spread = 0.01'),
         ('value = 70, unit = "°C", spread = 0,', 'value = 158, unit = "°F", spread = 9,'),
-        ("{ value = 3500.0, unit = \"Nm\" }", "3500"),
+        ('{ value = 3500.0, unit = "Nm" }', "3500"),
         ("kiss_point = { value = 6.51", "kiss_point = 6.4\n#"),
         ('wear = { value = 3.0, unit = "mm" }', 'wear = { value = 0.3e-2, unit = "m" }'),
         extra='[modes]\nlock_slip = { value = 20, unit = "rpm" }\nlock_time = 0.2\n',
@@ -71,56 +75,122 @@ def line_of(path: Path, text: str) -> int:
 KISS = 'kiss_point = { value = 6.51, unit = "mm"'
 # What is changed, a text on the line that the message must name, and the message.
 WRONG = [
-    (("[signals.slave_position]", "[signals.slave_positon]"), "slave_positon]",
-     r"unknown signal of 'dry_clutch' 'slave_positon'; did you mean 'slave_position'"),
-    (('signal = "MotorPosition"', 'signl = "MotorPosition"'), "signl",
-     r"unknown key 'signl'; did you mean .*'signal'"),
-    (('name = "truck"', 'name = "truck"\nmodle = 1'), "modle",
-     r"unknown key 'modle'; did you mean .*'model'"),
-    (('model = "dry_clutch"', 'model = "dryclutch"'), "dryclutch",
-     r"unknown model 'dryclutch'; did you mean 'dry_clutch'\?"),
-    (("expansion_disc = {", "expansion_disk = {"), "expansion_disk",
-     r"unknown parameter 'expansion_disk'; did you mean 'expansion_disc'"),
+    (
+        ("[signals.slave_position]", "[signals.slave_positon]"),
+        "slave_positon]",
+        r"unknown signal of 'dry_clutch' 'slave_positon'; did you mean 'slave_position'",
+    ),
+    (
+        ('signal = "MotorPosition"', 'signl = "MotorPosition"'),
+        "signl",
+        r"unknown key 'signl'; did you mean .*'signal'",
+    ),
+    (
+        ('name = "truck"', 'name = "truck"\nmodle = 1'),
+        "modle",
+        r"unknown key 'modle'; did you mean .*'model'",
+    ),
+    (
+        ('model = "dry_clutch"', 'model = "dryclutch"'),
+        "dryclutch",
+        r"unknown model 'dryclutch'; did you mean 'dry_clutch'\?",
+    ),
+    (
+        ("expansion_disc = {", "expansion_disk = {"),
+        "expansion_disk",
+        r"unknown parameter 'expansion_disk'; did you mean 'expansion_disc'",
+    ),
     ((KISS, KISS + ", spraed = 1"), KISS, r"unknown key 'spraed'; did you mean 'spread'\?"),
-    ((KISS, 'kiss_point = { value = 6.51, unit = "Nm"'), "kiss_point = {",
-     r"unit 'Nm' of parameters\.kiss_point cannot be converted to 'mm'"),
-    ((KISS, 'kiss_point = { value = 6.51, unit = "milimeter"'), "kiss_point = {",
-     r"unknown unit 'milimeter'"),
-    ((KISS, 'kiss_point = { value = nan, unit = "mm"'), "kiss_point = {",
-     r"parameters\.kiss_point\.value = nan is not finite"),
+    (
+        (KISS, 'kiss_point = { value = 6.51, unit = "Nm"'),
+        "kiss_point = {",
+        r"unit 'Nm' of parameters\.kiss_point cannot be converted to 'mm'",
+    ),
+    (
+        (KISS, 'kiss_point = { value = 6.51, unit = "milimeter"'),
+        "kiss_point = {",
+        r"unknown unit 'milimeter'",
+    ),
+    (
+        (KISS, 'kiss_point = { value = nan, unit = "mm"'),
+        "kiss_point = {",
+        r"parameters\.kiss_point\.value = nan is not finite",
+    ),
     ((KISS, 'kiss_point = { value = inf, unit = "mm"'), "kiss_point = {", r"inf is not finite"),
-    ((KISS, 'kiss_point = { value = "6", unit = "mm"'), "kiss_point = {",
-     r"kiss_point\.value must be a number, not '6'"),
-    ((KISS, 'kiss_point = { unit = "mm"'), "kiss_point = {",
-     r"parameters\.kiss_point has no 'value' \(in mm\)"),
-    (("torque_cubic = { value = -21.0", "torque_cubic = { value = 21.0"), "torque_cubic",
-     r"parameters\.torque_cubic = 21 must lie within -inf … 0"),
+    (
+        (KISS, 'kiss_point = { value = "6", unit = "mm"'),
+        "kiss_point = {",
+        r"kiss_point\.value must be a number, not '6'",
+    ),
+    (
+        (KISS, 'kiss_point = { unit = "mm"'),
+        "kiss_point = {",
+        r"parameters\.kiss_point has no 'value' \(in mm\)",
+    ),
+    (
+        ("torque_cubic = { value = -21.0", "torque_cubic = { value = 21.0"),
+        "torque_cubic",
+        r"parameters\.torque_cubic = 21 must lie within -inf … 0",
+    ),
     (("spread = 0.02", "spread = -0.02"), "kiss_point = {", r"spread = -0.02 must lie within 0"),
-    (('unit = "rpm"\nnoise = 0.06', 'unit = "rpm"'), "[signals.engine_speed]",
-     r"signals\.engine_speed has no 'noise'"),
-    (('unit = "rpm"\nnoise = 0.06', 'unit = "km/h"\nnoise = 0.06'), 'unit = "km/h"',
-     r"unit 'km/h' of signals\.engine_speed cannot be converted to 'rad/s'"),
-    (('unit = "%"\n', 'unit = "Nm"\n'), 'unit = "Nm"',
-     r"unit 'Nm' of signals\.engine_torque cannot be converted to '%'"),
+    (
+        ('unit = "rpm"\nnoise = 0.06', 'unit = "rpm"'),
+        "[signals.engine_speed]",
+        r"signals\.engine_speed has no 'noise'",
+    ),
+    (
+        ('unit = "rpm"\nnoise = 0.06', 'unit = "km/h"\nnoise = 0.06'),
+        'unit = "km/h"',
+        r"unit 'km/h' of signals\.engine_speed cannot be converted to 'rad/s'",
+    ),
+    (
+        ('unit = "%"\n', 'unit = "Nm"\n'),
+        'unit = "Nm"',
+        r"unit 'Nm' of signals\.engine_torque cannot be converted to '%'",
+    ),
     (("noise_ar = 0.9", "noise_ar = 1.0"), "noise_ar", r"noise_ar must be smaller than 1"),
-    (('checked = ["ClutchActuator"]', 'checked = ["ClutchActutor"]'), "checked",
-     r"unknown mapped message 'ClutchActutor'; did you mean 'ClutchActuator'\?"),
-    (("false_alarms_per_1000h", "false_alarms"), "false_alarms",
-     r"unknown key 'false_alarms'; did you mean 'false_alarms_per_1000h'\?"),
-    (("[limits]", "[effects]\nwaer = { rate = 0.1 }\n\n[limits]"), "waer",
-     r"unknown effect of 'dry_clutch' 'waer'; did you mean 'wear'"),
-    (("[limits]", "[effects]\nwear = { rat = 0.1 }\n\n[limits]"), "wear = { rat",
-     r"unknown parameter of effect 'wear' 'rat'; did you mean 'rate'\?"),
-    (("[limits]", "[estimation]\nfrictoin = { role = \"constant\" }\n\n[limits]"), "frictoin",
-     r"unknown state 'frictoin'; did you mean 'friction'\?"),
-    (("[limits]", "[estimation]\nfriction = { role = \"adaptiv\" }\n\n[limits]"), "adaptiv",
-     r"unknown role 'adaptiv'; did you mean 'adaptive'\?"),
-    (("[limits]", "[modes]\nlock_slip = { value = 1, unit = \"s\" }\n\n[limits]"), "lock_slip",
-     r"unit 's' of modes\.lock_slip cannot be converted to 'rad/s'"),
-    (("checked =", 'effects_files = ["no.py"]\nchecked ='), "effects_files",
-     r"no such file: no\.py \(relative to this vehicle file\)"),
+    (
+        ('checked = ["ClutchActuator"]', 'checked = ["ClutchActutor"]'),
+        "checked",
+        r"unknown mapped message 'ClutchActutor'; did you mean 'ClutchActuator'\?",
+    ),
+    (
+        ("false_alarms_per_1000h", "false_alarms"),
+        "false_alarms",
+        r"unknown key 'false_alarms'; did you mean 'false_alarms_per_1000h'\?",
+    ),
+    (
+        ("[limits]", "[effects]\nwaer = { rate = 0.1 }\n\n[limits]"),
+        "waer",
+        r"unknown effect of 'dry_clutch' 'waer'; did you mean 'wear'",
+    ),
+    (
+        ("[limits]", "[effects]\nwear = { rat = 0.1 }\n\n[limits]"),
+        "wear = { rat",
+        r"unknown parameter of effect 'wear' 'rat'; did you mean 'rate'\?",
+    ),
+    (
+        ("[limits]", '[estimation]\nfrictoin = { role = "constant" }\n\n[limits]'),
+        "frictoin",
+        r"unknown state 'frictoin'; did you mean 'friction'\?",
+    ),
+    (
+        ("[limits]", '[estimation]\nfriction = { role = "adaptiv" }\n\n[limits]'),
+        "adaptiv",
+        r"unknown role 'adaptiv'; did you mean 'adaptive'\?",
+    ),
+    (
+        ("[limits]", '[modes]\nlock_slip = { value = 1, unit = "s" }\n\n[limits]'),
+        "lock_slip",
+        r"unit 's' of modes\.lock_slip cannot be converted to 'rad/s'",
+    ),
+    (
+        ("checked =", 'effects_files = ["no.py"]\nchecked ='),
+        "effects_files",
+        r"no such file: no\.py \(relative to this vehicle file\)",
+    ),
     (("[limits]", "[limits"), "[limits", r"not TOML: "),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("change", "where", "message"), WRONG, ids=[m for _, _, m in WRONG])
@@ -155,17 +225,25 @@ def test_gears_must_fall(edited) -> None:
     path = edited(('signal = "InputShaftSpeed"', 'signal = "InputShaftSpeed"\ngears = [3.0, 4.0]'))
     with pytest.raises(ClutchestError, match="must fall from the first gear to the last"):
         load_vehicle(path)
-    path = edited(('signal = "InputShaftSpeed"', 'signal = "InputShaftSpeed"\n'
-                   'gear = { message = "ETC2", signal = "CurrentGear" }'))  # fmt: skip
+    path = edited(
+        (
+            'signal = "InputShaftSpeed"',
+            'signal = "InputShaftSpeed"\ngear = { message = "ETC2", signal = "CurrentGear" }',
+        )
+    )
     with pytest.raises(ClutchestError, match=r"input_shaft_speed\.gear needs 'gears' beside it"):
         load_vehicle(path)
 
 
 def test_every_effect_of_the_library_can_stand_in_a_file(edited, tmp_path: Path) -> None:
-    effects = {name: {number.key: number.upper for number in effect.parameters}
-               for name, effect in library("dry_clutch").items()}  # fmt: skip
-    lines = [f"{name} = {{ {', '.join(f'{k} = {v}' for k, v in values.items())} }}"
-             for name, values in effects.items()]  # fmt: skip
+    effects = {
+        name: {number.key: number.upper for number in effect.parameters}
+        for name, effect in library("dry_clutch").items()
+    }
+    lines = [
+        f"{name} = {{ {', '.join(f'{k} = {v}' for k, v in values.items())} }}"
+        for name, values in effects.items()
+    ]
     vehicle = load_vehicle(edited(extra="[effects]\n" + "\n".join(lines) + "\n"))
     assert vehicle.effects == effects
     dump_vehicle(vehicle, tmp_path / "again.toml")
@@ -180,8 +258,10 @@ def test_a_users_own_effects_are_known_and_enter_the_hash(edited, tmp_path: Path
         "    name, model, equation = 'humidity', 'dry_clutch', 'torque'\n"
         "    parameters = (Number('change', '1', -0.1, 0.1),)\n"
     )
-    path = edited(("checked =", 'effects_files = ["mine.py"]\nchecked ='),
-                  extra="[effects]\nhumidity = { change = 0.05 }\n")  # fmt: skip
+    path = edited(
+        ("checked =", 'effects_files = ["mine.py"]\nchecked ='),
+        extra="[effects]\nhumidity = { change = 0.05 }\n",
+    )
     vehicle = load_vehicle(path)
     assert vehicle.effects == {"humidity": {"change": 0.05}}
     other = tmp_path / "elsewhere"
@@ -193,8 +273,11 @@ def test_a_users_own_effects_are_known_and_enter_the_hash(edited, tmp_path: Path
 
 
 def test_strange_texts_and_numbers_survive_the_writing(truck: Vehicle, tmp_path: Path) -> None:
-    kiss = replace(truck.parameters["kiss_point"], value=6.123456789012345e-7,
-                   source='says "so"\\ and\nmore\t°')  # fmt: skip
+    kiss = replace(
+        truck.parameters["kiss_point"],
+        value=6.123456789012345e-7,
+        source='says "so"\\ and\nmore\t°',
+    )
     odd = replace(truck, parameters={**truck.parameters, "kiss_point": kiss})
     dump_vehicle(odd, tmp_path / "odd.toml")
     assert load_vehicle(tmp_path / "odd.toml") == odd

@@ -1,0 +1,145 @@
+"""TOML files read strictly: every complaint names file, line and key."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any
+
+from clutchest import units
+from clutchest.errors import ClutchestError, nearest
+from clutchest.vehicle import ParameterValue
+
+Keys = tuple[str, ...]
+
+_QUANTITY = ("value", "unit", "spread", "source")
+
+
+@dataclass(frozen=True, slots=True)
+class TomlFile:
+    """The parsed file, able to say on which line a key stands."""
+
+    path: Path
+    text: str
+    data: dict[str, Any]
+
+    @classmethod
+    def read(cls, path: Path) -> TomlFile:
+        """Parse the file.  Raises ClutchestError naming file and line if it is not TOML."""
+        raw = path.read_bytes()
+        try:
+            text = raw.decode("utf-8")
+        except UnicodeDecodeError as problem:
+            line = raw[: problem.start].count(b"\n") + 1
+            raise ClutchestError(f"{path.name}:{line}: not UTF-8 text") from None
+        try:
+            return cls(path, text, tomllib.loads(text))
+        except tomllib.TOMLDecodeError as problem:
+            at = re.search(r"line (\d+)", str(problem))
+            line = int(at[1]) if at else text.count("\n") + 1
+            what = re.sub(r" \(at [^)]*\)", "", str(problem))
+            raise ClutchestError(f"{path.name}:{line}: not TOML: {what}") from None
+
+    def error(self, keys: Keys, complaint: str) -> ClutchestError:
+        """A complaint about the key ``keys`` (a path from the top), told with its line."""
+        where = f"{self.path.name}:{line}" if (line := self._line(keys)) else self.path.name
+        return ClutchestError(f"{where}: {complaint}")
+
+    def _line(self, keys: Keys) -> int:
+        """The line that comes closest to declaring ``keys``; 0 where none does."""
+        table: Keys = ()
+        best, found = 0, 0
+        for number, line in enumerate(self.text.splitlines(), 1):
+            if header := re.match(r"\s*\[+\s*([^\]]+?)\s*\]", line):
+                path = table = _split(header[1])
+            elif key := re.match(r"\s*([\w\"'.\- ]+?)\s*=", line):
+                path = (*table, *_split(key[1]))
+            else:
+                continue
+            if path == keys[: len(path)] and len(path) > best:
+                best, found = len(path), number
+        return found
+
+    def known(self, keys: Keys, given: Iterable[str], valid: Iterable[str], what: str) -> None:
+        """Every key of ``given`` must be one of ``valid``."""
+        for key in given:
+            if key not in valid:
+                raise self.error((*keys, key), f"unknown {what} '{key}'" + nearest(key, valid))
+
+    def table(self, keys: Keys, value: Any) -> dict[str, Any]:
+        """A sub-table."""
+        if not isinstance(value, dict):
+            raise self.error(keys, f"{'.'.join(keys)} must be a table, not {value!r}")
+        return value
+
+    def string(self, keys: Keys, value: Any) -> str:
+        """A text that is not empty."""
+        if not isinstance(value, str) or not value:
+            raise self.error(keys, f"{'.'.join(keys)} must be a text, not {value!r}")
+        return value
+
+    def strings(self, keys: Keys, value: Any) -> list[str]:
+        """A list of texts."""
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise self.error(keys, f"{'.'.join(keys)} must be a list of texts, not {value!r}")
+        return value
+
+    def number(self, keys: Keys, value: Any, lower: float = -inf, upper: float = inf) -> float:
+        """A finite number from ``lower`` to ``upper``."""
+        name = ".".join(keys)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error(keys, f"{name} must be a number, not {value!r}")
+        if not isfinite(value):
+            raise self.error(keys, f"{name} = {value} is not finite")
+        if not lower <= value <= upper:
+            raise self.error(keys, f"{name} = {value:g} must lie within {lower:g} … {upper:g}")
+        return float(value)
+
+    def integer(self, keys: Keys, value: Any, upper: int) -> int:
+        """An integer from 0 to ``upper``."""
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= upper:
+            raise self.error(
+                keys, f"{'.'.join(keys)} must be an integer 0 … {upper}, not {value!r}"
+            )
+        return value
+
+    def unit(self, keys: Keys, value: Any, expected: str) -> str:
+        """A unit that can be converted to ``expected``."""
+        unit = self.string(keys, value)
+        try:
+            agrees = units.compatible(unit, expected)
+        except ClutchestError as problem:
+            raise self.error(keys, str(problem)) from None
+        if not agrees:
+            raise self.error(
+                keys, f"unit '{unit}' of {'.'.join(keys[:-1])} cannot be converted to '{expected}'"
+            )
+        return unit
+
+    def quantity(
+        self, keys: Keys, value: Any, unit: str, lower: float = -inf, upper: float = inf
+    ) -> ParameterValue:
+        """A bare number, or ``{ value, unit, spread, source }``, converted to ``unit``."""
+        if not isinstance(value, dict):
+            return ParameterValue(self.number(keys, value, lower, upper), unit)
+        self.known(keys, value, _QUANTITY, "key")
+        if "value" not in value:
+            raise self.error(keys, f"{'.'.join(keys)} has no 'value' (in {unit})")
+        given = self.unit((*keys, "unit"), value.get("unit", unit), unit)
+        number = units.convert(self.number((*keys, "value"), value["value"]), given, unit)
+        self.number(keys, number, lower, upper)
+        # A spread is a difference: an offset such as that of °F does not enter.
+        scale = units.parse(given).scale / units.parse(unit).scale
+        spread = self.number((*keys, "spread"), value.get("spread", 0.0), 0.0)
+        source = value.get("source", "")
+        if not isinstance(source, str):
+            raise self.error((*keys, "source"), f"{'.'.join(keys)}.source must be a text")
+        return ParameterValue(number, unit, spread if scale == 1.0 else spread * scale, source)
+
+
+def _split(dotted: str) -> Keys:
+    return tuple(part.strip().strip("\"'") for part in dotted.split("."))
