@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from io import BytesIO
+from traceback import walk_tb
 from typing import Any
 
 import numpy as np
 from asammdf import MDF
+from asammdf.blocks.mdf_v4 import MDF4
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
@@ -17,7 +19,9 @@ _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFr
 
 def read(content: bytes) -> Frames:
     """All CAN frames of an MDF4 file, by time.  Raises what asammdf raises for a broken file."""
-    with MDF(BytesIO(content)) as mdf:
+    if content[8:9] != b"4":
+        raise ValueError("bus logging needs version 4 of MDF")
+    with _opened(content) as mdf:
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
         start_ns = round(start_s * 1e6) * 1000 if absolute else 0
@@ -27,6 +31,17 @@ def read(content: bytes) -> Frames:
                  for kind in _KINDS
                  if any(channel.name == kind for channel in group.channels)]  # fmt: skip
     return Frames.concatenate(parts).sorted() if parts else Frames.empty()
+
+
+def _opened(content: bytes) -> MDF:
+    try:
+        return MDF(BytesIO(content))
+    except Exception as error:
+        for frame, _ in walk_tb(error.__traceback__):
+            half_read = frame.f_locals.get("self")
+            if isinstance(half_read, MDF4):
+                half_read._closed = True  # else it prints a traceback of its own when it goes
+        raise
 
 
 def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Frames:

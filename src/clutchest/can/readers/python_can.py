@@ -110,8 +110,7 @@ def _read_lines(lines: list[str], make: Callable[[Any], Iterable[Message]],
                 source.header = iter(lines[:header])
             else:
                 break
-    if header is not None:
-        columns.reject(_NO_FRAME, _lost(lines[max(done, header) : source.at]))
+    columns.reject(_NO_FRAME, _lost(lines[max(done, header or 0) : source.at]))
     return columns.frames()
 
 

@@ -28,8 +28,9 @@ def write_asc(frames: Frames, path: Path) -> Losses:
 
 
 def write_blf(frames: Frames, path: Path) -> Losses:
-    """Vector's binary log."""
+    """Vector's binary log.  Without a date its times count from zero, not from the first frame."""
     with BLFWriter(path) as writer:
+        writer.start_timestamp = None if frames.absolute else 0.0
         _send(frames, writer)
     return ()
 

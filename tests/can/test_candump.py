@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import can
+import numpy as np
+import pytest
+
+from clutchest.can.files import read_frames
+from clutchest.can.frames import Flag, Frames
+from clutchest.can.readers import candump
+from clutchest.can.writers import candump as writer
+
+
+def rows(frames: Frames) -> list[tuple]:
+    return [(int(t), int(c), int(i), Flag(int(f)), bytes(d[:n]) if not f & Flag.REMOTE else int(n))
+            for t, c, i, f, n, d in zip(frames.t_ns, frames.channel, frames.id, frames.flags,
+                                        frames.length, frames.data, strict=True)]  # fmt: skip
+
+
+def test_compact_layout_by_hand():
+    frames = candump.read(
+        b"(1436509052.249713) vcan12 123#0102aB\n"
+        b"(1436509052.249714) can0 18FEF100#FFFFFFFFFFFFFFFF R\r\n"
+        b"(1436509053.123456789) can1 00000123# T\n"
+        b"\n"
+        b"(1436509053.2) can0 7FF#R\n"
+        b"(1436509053.200001) can0 1ABCDEF0#R4\n"
+        b"(1436509053.200002) can0 20000080#0000000000000000\n"
+        b"(1436509053.200003) can0 123#11223344_9"
+    )
+    s = 1436509053 * 10**9
+    assert rows(frames) == [
+        (s - 750287000, 12, 0x123, Flag(0), b"\x01\x02\xab"),
+        (s - 750286000, 0, 0x18FEF100, Flag.EXTENDED, b"\xff" * 8),
+        (s + 123456789, 1, 0x123, Flag.EXTENDED | Flag.SENT, b""),
+        (s + 200000000, 0, 0x7FF, Flag.REMOTE, 0),
+        (s + 200001000, 0, 0x1ABCDEF0, Flag.EXTENDED | Flag.REMOTE, 4),
+        (s + 200002000, 0, 0x80, Flag.ERROR, bytes(8)),
+        (s + 200003000, 0, 0x123, Flag(0), b"\x11\x22\x33\x44"),
+    ]
+    assert frames.absolute and frames.rejected == () and frames.data.shape[1] == 8
+
+
+def test_fd_frames_widen_the_payload():
+    frames = candump.read(
+        b"(1.5) can0 123#01\n"
+        b"(1.6) can0 18FF1003##3" + b"AB" * 64 + b"\n"
+        b"(1.7) can0 124##0\n"
+    )  # fmt: skip
+    assert rows(frames) == [
+        (1_500_000_000, 0, 0x123, Flag(0), b"\x01"),
+        (1_600_000_000, 0, 0x18FF1003,
+         Flag.EXTENDED | Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE, b"\xab" * 64),
+        (1_700_000_000, 0, 0x124, Flag.FD, b""),
+    ]  # fmt: skip
+    assert frames.data.shape == (3, 64) and not frames.absolute
+
+
+def test_console_layout_by_hand():
+    frames = candump.read(
+        b" (000.000000)  can0  18FCF200   [8]  E1 FF FF FF FF FF FF FF\n"
+        b" (000.005001)  can0       123   [2]  0a 0B   '..'\n"
+        b" (000.005002)  can0  123   [0] \n"
+        b" (000.005003)  can0  123   [3]  remote request\n"
+        b" (000.005004)  can0  20000080   [8]  00 00 00 00 00 00 00 00   ERRORFRAME\n"
+        b" (000.005005)  can1  TX - -  123   [1]  7F\n"
+        b" (000.005006)  can1  RX B -  124  [12]  00 01 02 03 04 05 06 07 08 09 0A 0B\n"
+    )
+    assert rows(frames) == [
+        (0, 0, 0x18FCF200, Flag.EXTENDED, b"\xe1" + b"\xff" * 7),
+        (5_001_000, 0, 0x123, Flag(0), b"\x0a\x0b"),
+        (5_002_000, 0, 0x123, Flag(0), b""),
+        (5_003_000, 0, 0x123, Flag.REMOTE, 3),
+        (5_004_000, 0, 0x80, Flag.ERROR, bytes(8)),
+        (5_005_000, 1, 0x123, Flag.SENT, b"\x7f"),
+        (5_006_000, 1, 0x124, Flag.FD | Flag.BITRATE_SWITCH, bytes(range(12))),
+    ]
+    assert not frames.absolute
+
+
+GOOD = b"(1.000000) can0 123#0102\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        (b"# a comment", "no candump line"),
+        (b"(12x.5) can0 123#01", "time stamp cannot be read"),
+        (b"(12) can0 123#01", "time stamp cannot be read"),
+        (b"(99999999999.5) can0 123#01", "time stamp cannot be read"),
+        (b"(1.5", "time stamp cannot be read"),
+        (b"(1.5) can0 12#01", "id is not"),
+        (b"(1.5) can0 FFF#01", "id is not"),
+        (b"(1.5) can0", "id is not"),
+        (b"(1.5) can0 12G#01", "id is not"),
+        (b"(1.5) can0 123#0", "payload is not"),
+        (b"(1.5) can0 123#0G", "payload is not"),
+        (b"(1.5) can0 123#010203040506070809", "payload is not"),
+        (b"(1.5) can0 123##", "payload is not"),
+        (b"(1.5) can0 123###00", "payload is not"),
+        (b"(1.5) can0 123#01 X", "payload is not"),
+        (b"(1.5) can0 123 [8] 01 02", "payload is shorter"),
+        (b"(1.5) can0 123 [2] 01 0", "payload is shorter"),
+        (b"(1.5) can0 123 [9] 01 02 03 04 05 06 07 08 09", "payload is not"),
+        (b"(1.5) can0 123 [2] 01 0Z", "payload is not"),
+        (b"(1.5) can0 123 [2] 01 023", "payload is not"),
+        (b"(1.5) can0 123 2", "id is not"),
+    ],
+)
+def test_a_broken_line_is_counted_and_the_rest_kept(line, reason):
+    frames = candump.read(GOOD + line + b"\n" + GOOD + line)
+    assert rows(frames) == rows(candump.read(GOOD + GOOD))
+    ((given, count),) = frames.rejected
+    assert given.startswith(reason) and count == 2
+
+
+def test_nothing_of_a_broken_line_stays_behind():
+    frames = candump.read(b"(1.5) can0 123#01020304050G\n(1.6) can0 124#09\n")
+    assert frames.data.tolist() == [[9, 0, 0, 0, 0, 0, 0, 0]]
+
+
+def random_frames(n: int, seed: int, fd: bool = False) -> Frames:
+    """Frames as they come on a bus, stamps to the microsecond."""
+    rng = np.random.default_rng(seed)
+    frames = Frames.empty(n, 64 if fd else 8)
+    frames.t_ns[:] = 1_700_000_000 * 10**9 + np.cumsum(rng.integers(1, 5000, n)) * 1000
+    frames.channel[:] = rng.integers(0, 3, n)
+    extended = rng.random(n) < 0.5
+    frames.id[:] = np.where(extended, rng.integers(0, 2**29, n), rng.integers(0, 2**11, n))
+    frames.flags[:] = np.where(extended, Flag.EXTENDED, 0)
+    frames.length[:] = rng.integers(0, 9, n)
+    if fd:
+        wide = rng.random(n) < 0.5
+        frames.length[wide] = rng.choice([12, 16, 20, 24, 32, 48, 64], wide.sum())
+        frames.flags[wide] |= np.uint8(Flag.FD)
+        frames.flags[wide & (rng.random(n) < 0.5)] |= np.uint8(Flag.BITRATE_SWITCH)
+    frames.data[:] = rng.integers(0, 256, frames.data.shape)
+    frames.data[np.arange(frames.data.shape[1]) >= frames.length[:, None]] = 0
+    return frames
+
+
+def test_agrees_with_python_can(tmp_path):
+    """Both read what the other wrote."""
+    frames = random_frames(500, seed=1, fd=True)
+    path = tmp_path / "ours.log"
+    path.write_bytes(b"".join(writer.write(frames)))
+    with can.CanutilsLogReader(path) as reader, can.CanutilsLogWriter(tmp_path / "back.log") as back:
+        messages = list(reader)
+        for message in messages:
+            back.on_message_received(message)
+    assert len(messages) == len(frames)
+    for i, message in enumerate(messages):
+        assert message.arbitration_id == frames.id[i]
+        assert message.is_extended_id == bool(frames.flags[i] & Flag.EXTENDED)
+        assert message.is_fd == bool(frames.flags[i] & Flag.FD)
+        assert message.bitrate_switch == bool(frames.flags[i] & Flag.BITRATE_SWITCH)
+        assert bytes(message.data) == frames.data[i, : frames.length[i]].tobytes()
+        assert round(message.timestamp * 1e6) * 1000 == frames.t_ns[i]
+    assert rows(read_frames(tmp_path / "back.log")) == rows(frames)
+
+
+def test_nanoseconds_are_kept():
+    frames = random_frames(20, seed=2)
+    frames.t_ns[:] += np.arange(20) * 37
+    assert rows(candump.read(b"".join(writer.write(frames)))) == rows(frames)

@@ -1,0 +1,295 @@
+from __future__ import annotations
+
+import gc
+import gzip
+from dataclasses import replace
+
+import can
+import numpy as np
+import pytest
+from asammdf import MDF
+from test_candump import random_frames
+
+from clutchest.can.files import read_frames, write_frames
+from clutchest.can.frames import Flag, Frames
+from clutchest.errors import ClutchestError
+
+SUFFIXES = [".log", ".asc", ".blf", ".trc", ".csv", ".mf4", ".log.gz", ".asc.gz", ".trc.gz",
+            ".csv.gz"]  # fmt: skip
+
+
+def assert_equal(given: Frames, expected: Frames) -> None:
+    for column in ("t_ns", "channel", "id", "flags", "length", "data"):
+        a, b = getattr(given, column), getattr(expected, column)
+        assert a.dtype == b.dtype, column
+        np.testing.assert_array_equal(a, b, err_msg=column)
+    assert given.absolute == expected.absolute
+    assert given.rejected == ()
+
+
+def without_channels(frames: Frames) -> Frames:
+    return replace(frames, channel=np.zeros_like(frames.channel))
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("absolute", [True, False])
+def test_what_is_written_is_read_back(suffix, absolute, tmp_path):
+    frames = random_frames(300, seed=3)
+    if not absolute:
+        frames = replace(frames, t_ns=frames.t_ns - frames.t_ns[0] + 2_500_000_000, absolute=False)
+    if suffix.startswith(".csv"):
+        frames = without_channels(frames)
+    path = tmp_path / f"drive{suffix}"
+    assert write_frames(frames, path) == ()
+    assert_equal(read_frames(path), frames)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [path.name]
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".mf4"])
+def test_fd_remote_and_error_frames_are_read_back(suffix, tmp_path):
+    frames = random_frames(200, seed=4, fd=True)
+    classic = np.flatnonzero((frames.flags & Flag.FD) == 0)
+    frames.flags[classic[::3]] |= np.uint8(Flag.REMOTE)
+    frames.data[classic[::3]] = 0
+    errors = classic[1::3]
+    frames.flags[errors], frames.id[errors], frames.length[errors] = Flag.ERROR, 0, 0
+    frames.data[errors] = 0
+    frames.flags[classic[2::6]] |= np.uint8(Flag.SENT)
+    path = tmp_path / f"drive{suffix}"
+    assert write_frames(frames, path) == ()
+    assert_equal(read_frames(path), frames)
+
+
+def test_what_a_format_cannot_keep_is_said(tmp_path):
+    frames = random_frames(50, seed=5)
+    frames.flags[::5] |= np.uint8(Flag.REMOTE)
+    (loss,) = write_frames(frames, tmp_path / "a.trc")
+    assert loss == ".trc cannot hold 10 error or remote frames"
+    assert len(read_frames(tmp_path / "a.trc")) == 40
+    (loss,) = write_frames(frames, tmp_path / "a.csv")
+    assert "channels" in loss
+    with pytest.raises(ClutchestError, match=r"\.trc cannot hold FD frames"):
+        write_frames(random_frames(50, seed=5, fd=True), tmp_path / "b.trc")
+
+
+def test_mf4_is_what_asammdf_takes_for_bus_logging(tmp_path, truck):
+    from clutchest.can.decode import decode, rows_of
+    from clutchest.can.encode import encode
+    from clutchest.shipped import locate
+
+    message = truck.message("EEC1")
+    t_ns = 1_700_000_000 * 10**9 + np.arange(200) * 10**7
+    speed = np.linspace(600, 2000, 200)
+    frames = encode(message, {"EngineSpeed": speed}, t_ns)
+    write_frames(frames, tmp_path / "a.mf4")
+    with MDF(tmp_path / "a.mf4") as mdf:
+        extracted = mdf.extract_bus_logging({"CAN": [(str(locate("hdt_clutch", "dbc")), 0)]})
+        signal = extracted.get("EngineSpeed")
+    rows = rows_of(frames, message)
+    np.testing.assert_array_equal(
+        signal.samples, decode(frames, rows, message, ["EngineSpeed"])["EngineSpeed"].value
+    )
+    np.testing.assert_allclose(signal.timestamps, np.arange(200) * 0.01, atol=1e-9)
+
+
+def test_python_can_reads_our_mf4(tmp_path):
+    frames = random_frames(30, seed=6, fd=True)
+    write_frames(frames, tmp_path / "a.mf4")
+    with can.MF4Reader(tmp_path / "a.mf4") as reader:
+        messages = list(reader)
+    assert [m.arbitration_id for m in messages] == frames.id.tolist()
+    assert [bytes(m.data) for m in messages] == [
+        d[:n].tobytes() for d, n in zip(frames.data, frames.length, strict=True)
+    ]
+
+
+def test_mf4_of_python_can(tmp_path):
+    with can.MF4Writer(tmp_path / "a.mf4") as writer:
+        for i in range(20):
+            writer.on_message_received(can.Message(
+                timestamp=1_900_000_000 + 0.001 * i, arbitration_id=0x18FEF100 + i, channel=1,
+                data=bytes(range(i % 9)), is_remote_frame=False))  # fmt: skip
+    frames = read_frames(tmp_path / "a.mf4")
+    assert frames.id.tolist() == [0x18FEF100 + i for i in range(20)]
+    assert frames.length.tolist() == [i % 9 for i in range(20)]
+    assert set(frames.channel) == {1} and set(frames.flags) == {Flag.EXTENDED}
+    np.testing.assert_allclose(frames.t_ns * 1e-9, 1_900_000_000 + 0.001 * np.arange(20), atol=2e-6)
+
+
+def test_the_suffix_may_be_wrong(tmp_path):
+    frames = without_channels(random_frames(20, seed=7))
+    for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4"):
+        write_frames(frames, tmp_path / f"a{suffix}")
+        (tmp_path / f"a{suffix}").rename(tmp_path / "a.txt")
+        assert_equal(read_frames(tmp_path / "a.txt"), frames)
+
+
+def test_sqlite_of_python_can(tmp_path):
+    with can.SqliteWriter(tmp_path / "a.db") as writer:
+        writer.on_message_received(can.Message(timestamp=1.5, arbitration_id=0x123, data=[1, 2],
+                                               is_extended_id=False))  # fmt: skip
+    frames = read_frames(tmp_path / "a.db")
+    assert (frames.t_ns.tolist(), frames.id.tolist()) == ([1_500_000_000], [0x123])
+
+
+ASC = """date Mon Nov 20 10:13:20.250 am 2023
+base hex  timestamps absolute
+internal events logged
+Begin Triggerblock Mon Nov 20 10:13:20.250 am 2023
+   0.000000 Start of measurement
+   0.100000 1  18FEF100x       Rx   d 2 FF 01
+   0.200000 2  123             Tx   d 1 07
+   0.300000 1  123             Rx   r
+   0.400000 1  ErrorFrame
+End TriggerBlock
+"""
+
+
+def test_asc_date_makes_time_absolute(tmp_path):
+    from datetime import datetime
+
+    path = tmp_path / "a.asc"
+    path.write_text(ASC)
+    frames = read_frames(path)
+    start = round(datetime(2023, 11, 20, 10, 13, 20, 250000).timestamp() * 1000) * 10**6
+    assert ((frames.t_ns - start) / 1e6).tolist() == [100, 200, 300, 400]
+    assert frames.flags.tolist() == [Flag.EXTENDED, Flag.SENT, Flag.REMOTE, Flag.ERROR]
+    assert frames.channel.tolist() == [0, 1, 0, 0]
+    assert frames.absolute and frames.rejected == ()
+
+
+def test_asc_stamps_from_line_to_line_are_added_up(tmp_path):
+    path = tmp_path / "a.asc"
+    body = ASC.replace("absolute", "relative").split("\n", 1)[1]
+    body = "\n".join(line for line in body.splitlines() if "Triggerblock" not in line)
+    path.write_text(body)
+    frames = read_frames(path)
+    assert (frames.t_ns / 1e6).tolist() == [100, 300, 600, 1000]
+    assert not frames.absolute
+
+
+@pytest.mark.parametrize("header", ["", "base hex  timestamps absolute\n"])
+def test_asc_with_a_short_header_loses_no_frame(header, tmp_path):
+    path = tmp_path / "a.asc"
+    path.write_text(header + "Begin Triggerblock Mon Nov 20 10:13:20 2023\n"
+                    " 0.1 1  123  Rx  d 1 01\n 0.2 1  123  Rx  d 1 02\n")  # fmt: skip
+    assert read_frames(path).data[:, 0].tolist() == [1, 2]
+
+
+TRC_11 = """;$FILEVERSION=1.1
+;$STARTTIME=45860.5
+;
+     1)         1.9  Rx         0076  8  3E 80 40 00 00 00 00 00
+     2)         2.1  Rx     18FEF100  2  00 01
+"""
+
+
+def test_trc_start_time_makes_time_absolute(tmp_path):
+    path = tmp_path / "a.trc"
+    path.write_text(TRC_11)
+    frames = read_frames(path)
+    start = 1753185600 * 10**9  # 22 July 2025, 12:00 UTC
+    assert (frames.t_ns - start).tolist() == [1_900_000, 2_100_000]
+    assert frames.flags.tolist() == [0, Flag.EXTENDED]
+    assert frames.absolute and set(frames.channel) == {0}
+
+
+def test_trc_without_a_start_is_relative(tmp_path):
+    path = tmp_path / "a.trc"
+    path.write_text(";##########\n;   PCAN\n 1)  1 0076 2 3E 80\n 2)  3 00000077 1 01\n")
+    frames = read_frames(path)
+    assert frames.t_ns.tolist() == [1_000_000, 3_000_000] and not frames.absolute
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".trc", ".csv"])
+@pytest.mark.parametrize("breakage", ["garbage", "hex", "cut"])
+def test_broken_lines_are_counted_and_the_rest_kept(suffix, breakage, tmp_path):
+    frames = without_channels(random_frames(60, seed=8))
+    frames.length[:] = 8
+    path = tmp_path / f"a{suffix}"
+    write_frames(frames, path)
+    lines = path.read_text().splitlines(keepends=True)
+    first = len(lines) - 60 - suffix.count("asc")  # asc ends with a line of its own
+    broken = [5, 6, 30]
+    for i in broken:
+        line = lines[first + i]
+        lines[first + i] = {
+            "garbage": "§$%&/() no frame\n",
+            "hex": line.rstrip()[:-2].rstrip() + ("§!\n" if suffix != ".csv" else "%%%==,\n"),
+            "cut": line[: len(line) // 3] + "\n",
+        }[breakage]
+    path.write_text("".join(lines))
+    given = read_frames(path)
+    assert sum(count for _, count in given.rejected) == len(broken)
+    assert_equal(replace(given, rejected=()), frames.take(~np.isin(np.arange(60), broken)))
+
+
+@pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
+def test_a_file_that_ends_early_keeps_what_it_has(suffix, tmp_path):
+    frames = random_frames(20_000, seed=9)
+    path = tmp_path / f"a{suffix}"
+    write_frames(frames, path)
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) * 2 // 3])
+    given = read_frames(path)
+    n = len(given)
+    assert 0.3 * len(frames) < n < 0.8 * len(frames)
+    assert sum(count for _, count in given.rejected) >= 1
+    assert_equal(replace(given, rejected=()), frames.take(np.arange(n)))
+
+
+@pytest.mark.filterwarnings("error")  # nor may asammdf leave a traceback behind
+@pytest.mark.parametrize("kept", [0.01, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+def test_a_truncated_mf4_is_told_in_one_line(kept, tmp_path):
+    write_frames(random_frames(20_000, seed=10), tmp_path / "a.mf4")
+    content = (tmp_path / "a.mf4").read_bytes()
+    (tmp_path / "a.mf4").write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(ClutchestError, match=r"a\.mf4: ") as caught:
+        read_frames(tmp_path / "a.mf4")
+    gc.collect()
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.log", b"", "the file is empty"),
+        ("a.log", b"\n \n", "the file is empty"),
+        ("a.log.gz", gzip.compress(b""), "the file is empty"),
+        ("a.log", b"hello world\nthis is no log\n", "not a CAN log.*'hello world'.*expected candump"),
+        ("a.csv", b"time,engine_speed\n0,1\n", "not a CAN log"),
+        ("a.log", b"(1.0) can0 zzz\n", "no CAN frame could be read: 1 × id is not"),
+        ("a.trc", b";$FILEVERSION=1.1\n 1) 1.9 Rx\n", "no CAN frame could be read: 1 × no"),
+        ("a.trc", b";$FILEVERSION=2.1\n 1) 1.9 DT 1 0076 Rx - 1 00\n", "no CAN frame could be read"),
+        ("a.blf", b"LOGG" + bytes(200), "no CAN frame could be read"),
+        ("a.blf", b"LOGG", "no CAN frame could be read"),
+        ("a.mf4", b"MDF     4.10", "damaged"),
+        ("a.log.gz", b"\x1f\x8b\x08garbage", "gzip"),
+        ("a.db", b"SQLite format 3\0" + bytes(100), "damaged"),
+    ],
+)
+def test_a_file_without_frames_is_an_error(name, content, message, tmp_path):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ClutchestError, match=message) as caught:
+        read_frames(tmp_path / name)
+    assert name in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_missing_file_and_unknown_suffix(tmp_path):
+    with pytest.raises(ClutchestError, match=r"nowhere\.log: cannot be read"):
+        read_frames(tmp_path / "nowhere.log")
+    with pytest.raises(ClutchestError, match=r"suffix '\.acs'; did you mean .*'\.asc'"):
+        write_frames(random_frames(2, seed=11), tmp_path / "a.acs")
+    with pytest.raises(ClutchestError, match=r"suffix '\.mf4\.gz'"):
+        write_frames(random_frames(2, seed=11), tmp_path / "a.mf4.gz")
+    with pytest.raises(ClutchestError, match="cannot be written"):
+        write_frames(random_frames(2, seed=11), tmp_path / "no" / "folder.log")
+
+
+@pytest.mark.parametrize("suffix", [".mf4", ".blf"])
+def test_binary_formats_are_read_gzipped(suffix, tmp_path):
+    frames = random_frames(20, seed=12)
+    write_frames(frames, tmp_path / f"a{suffix}")
+    zipped = tmp_path / f"a{suffix}.gz"
+    zipped.write_bytes(gzip.compress((tmp_path / f"a{suffix}").read_bytes()))
+    assert_equal(read_frames(zipped), frames)
