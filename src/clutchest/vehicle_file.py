@@ -25,6 +25,7 @@ MODES = {
     "lock_time": "s",
     "open_margin": "mm",
     "retracted_position": "mm",
+    "settle": "s",
     "guard": "s",
     "gap": "s",
 }

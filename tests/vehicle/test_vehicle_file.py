@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +11,7 @@ from clutchest.models import card
 from clutchest.models.effects import library
 from clutchest.shipped import shipped
 from clutchest.vehicle import Vehicle, dump_vehicle, load_vehicle
+from clutchest.vehicle_file import MODES
 
 
 @pytest.mark.parametrize("name", sorted(shipped("vehicles")))
@@ -286,3 +287,11 @@ def test_strange_texts_and_numbers_survive_the_writing(truck: Vehicle, tmp_path:
 def test_a_missing_dbc_waits_for_the_log() -> None:
     assert load_vehicle("gt350").dbc == (Path("ford_lincoln_base_pt.dbc"),)
     assert re.fullmatch("[0-9a-f]{64}", load_vehicle("gt350").hash)
+
+
+def test_the_files_thresholds_are_those_of_the_modes(edited) -> None:
+    from clutchest.estimate.modes import Thresholds
+
+    assert set(MODES) == {field.name for field in fields(Thresholds)}
+    text = "[modes]\n" + "".join(f"{name} = 0.25\n" for name in MODES)
+    assert Thresholds.of(load_vehicle(edited(extra=text)).modes).gap == 0.25
