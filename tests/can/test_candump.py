@@ -1,9 +1,9 @@
 from __future__ import annotations
 
-import can
 import numpy as np
 import pytest
 
+import can
 from clutchest.can.files import read_frames
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.readers import candump
@@ -143,7 +143,8 @@ def test_agrees_with_python_can(tmp_path):
     frames = random_frames(500, seed=1, fd=True)
     path = tmp_path / "ours.log"
     path.write_bytes(b"".join(writer.write(frames)))
-    with can.CanutilsLogReader(path) as reader, can.CanutilsLogWriter(tmp_path / "back.log") as back:
+    back_path = tmp_path / "back.log"
+    with can.CanutilsLogReader(path) as reader, can.CanutilsLogWriter(back_path) as back:
         messages = list(reader)
         for message in messages:
             back.on_message_received(message)
@@ -155,7 +156,7 @@ def test_agrees_with_python_can(tmp_path):
         assert message.bitrate_switch == bool(frames.flags[i] & Flag.BITRATE_SWITCH)
         assert bytes(message.data) == frames.data[i, : frames.length[i]].tobytes()
         assert round(message.timestamp * 1e6) * 1000 == frames.t_ns[i]
-    assert rows(read_frames(tmp_path / "back.log")) == rows(frames)
+    assert rows(read_frames(back_path)) == rows(frames)
 
 
 def test_nanoseconds_are_kept():

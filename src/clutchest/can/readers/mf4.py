@@ -40,7 +40,10 @@ def _opened(content: bytes) -> MDF:
         for frame, _ in walk_tb(error.__traceback__):
             half_read = frame.f_locals.get("self")
             if isinstance(half_read, MDF4):
-                half_read._closed = True  # else it prints a traceback of its own when it goes
+                # What its destructor looks for; without it prints a traceback of its own.
+                for name in ("header", "identification"):
+                    half_read.__dict__.setdefault(name, None)
+                half_read.close()
         raise
 
 
