@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -31,21 +32,48 @@ def write_run(run: Run, out: Path, innovations: bool = False) -> list[Path]:
     """
     from clutchest.record.rerun import write_recording
 
-    if out.exists() and not out.is_dir():
-        raise ClutchestError(f"{out}: is a file, expected a folder for the results")
-    out.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=out, prefix=".unfinished-") as unfinished:
-        folder = Path(unfinished)
+    with finished_into(out) as folder:
         _write_table(run.to_pandas(), folder / "estimates.parquet", run.provenance)
         (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
         (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
         write_recording(run, folder / "recording.rrd")
         if innovations:
             _write_table(_innovations(run), folder / INNOVATIONS, run.provenance)
-        else:
-            # Those of an earlier run would not belong to the estimates beside them.
-            (out / INNOVATIONS).unlink(missing_ok=True)
-        return [path.replace(out / path.name) for path in sorted(folder.iterdir())]
+        names = sorted(path.name for path in folder.iterdir())
+    if not innovations:
+        # Those of an earlier run would not belong to the estimates beside them.
+        (out / INNOVATIONS).unlink(missing_ok=True)
+    return [out / name for name in names]
+
+
+@contextmanager
+def finished_into(out: Path) -> Iterator[Path]:
+    """A folder to write files in; they move into ``out``, made if need be, once all are done.
+
+    Whatever fails on the way leaves ``out`` as it was.  Raises ClutchestError if ``out`` is no
+    folder.
+    """
+    if out.exists() and not out.is_dir():
+        raise ClutchestError(f"{out}: is a file, expected a folder for the results")
+    out.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=out, prefix=".unfinished-") as unfinished:
+        yield Path(unfinished)
+        for path in sorted(Path(unfinished).iterdir()):
+            path.replace(out / path.name)
+
+
+def read_state(path: Path) -> dict[str, Any]:
+    """What an earlier run left in its ``state.json``.  Raises ClutchestError naming the line."""
+    try:
+        state = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as problem:
+        raise ClutchestError(f"{path}: line {problem.lineno}: not JSON: {problem.msg}; expected the "
+                             "state.json of an earlier replay") from None  # fmt: skip
+    except (OSError, UnicodeDecodeError) as problem:
+        raise ClutchestError(f"{path}: cannot be read ({problem})") from None
+    if not isinstance(state, dict):
+        raise ClutchestError(f"{path}: expected the state.json of an earlier replay, an object")
+    return state
 
 
 def _plain(value: Any) -> Any:

@@ -1,0 +1,323 @@
+"""The command line: each verb reads, calls the library, and says in a few lines what came out.
+
+Whatever is heavy is imported by the verb that needs it, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from clutchest import __version__
+from clutchest.errors import ClutchestError
+
+if TYPE_CHECKING:
+    from clutchest.inspect_log import Inspection
+
+Progress = Callable[[str, float | None], None]
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Clutch temperatures, wear and friction from production CAN signals.",
+)  # fmt: skip
+
+Logs = Annotated[list[str], typer.Argument(
+    metavar="LOG", show_default=False,
+    help="CAN logs (.log .asc .blf .trc .csv .mf4, also .gz), decoded .csv or .parquet, or the "
+         "name of a shipped log: demo.")]  # fmt: skip
+VehicleName = Annotated[str, typer.Option(
+    "--vehicle", metavar="V", show_default=False,
+    help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270.")]  # fmt: skip
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
+AsJson = Annotated[bool, typer.Option(
+    "--json", help="Print the machine-readable result on stdout, and nothing else there.")]  # fmt: skip
+DEFAULT_OUT = Path("clutchest-out")
+
+
+def main() -> None:
+    """Run the command line.  Bad input ends in one line on stderr and exit code 1."""
+    try:
+        app()
+    except ClutchestError as problem:
+        _fail(str(problem))
+    except OSError as problem:
+        where = f"{problem.filename}: " if problem.filename else ""
+        _fail(f"{where}{problem.strerror or problem}")
+
+
+def _fail(problem: str) -> None:
+    print(f"clutchest: {' '.join(problem.split())}", file=sys.stderr)
+    sys.exit(1)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"clutchest {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
+                                          help="Print the version.")] = False,  # fmt: skip
+) -> None:
+    pass
+
+
+@contextmanager
+def _progress() -> Iterator[Progress]:
+    """Shows ``(text, share done or None)`` as a bar on stderr; in a pipe it stays quiet."""
+    if not sys.stderr.isatty():
+        yield lambda text, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def show(text: str, share: float | None) -> None:
+            total = None if share is None else 1.0
+            bar.update(task, description=text, total=total, completed=share or 0.0)
+
+        yield show
+
+
+def _print_json(value: Any) -> None:
+    from clutchest.record.files import json_text
+
+    sys.stdout.write(json_text(value))
+
+
+def _note(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+@app.command()
+def replay(
+    logs: Logs,
+    vehicle: VehicleName,
+    out: Out = DEFAULT_OUT,
+    state: Annotated[Path | None, typer.Option(
+        metavar="FILE", show_default=False,
+        help="state.json of the drive before: its estimates carry over.")] = None,
+    rate: Annotated[float, typer.Option(
+        metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates.")] = 10.0,
+    innovations: Annotated[bool, typer.Option(
+        "--innovations", help="Also write innovations.parquet: every misfit.")] = False,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Estimate temperatures, wear and friction over recorded drives.
+
+    Writes estimates.parquet, summary.json, recording.rrd (open it with `rerun`) and state.json.
+    Logs whose clocks join are pieces of one drive, others drives of their own.
+
+    \b
+    Example:
+      clutchest replay monday.log tuesday.log --vehicle truck --out results
+      clutchest replay wednesday.log --vehicle truck --state results/state.json
+    """
+    with _progress() as progress:
+        progress("loading", None)
+        from clutchest.estimate.replay import replay as estimate
+        from clutchest.reading import read_log
+        from clutchest.record.files import read_state, write_run
+        from clutchest.vehicle import load_vehicle
+
+        car = load_vehicle(vehicle)
+        before = None if state is None else read_state(state)
+        progress("reading", None)
+        signals = read_log(logs, car)
+        run = estimate(signals, car, rate=rate, state=before, progress=progress)
+        progress("writing", None)
+        written = write_run(run, out, innovations=innovations)
+    if as_json:
+        _print_json(run.summary)
+        return
+    from rich.console import Console
+
+    from clutchest.record.terminal import print_run
+
+    print_run(run, Console())
+    print(f"Written to {out}: {', '.join(path.name for path in written)}")
+    print(f"To look at it: rerun {out / 'recording.rrd'}")
+
+
+@app.command()
+def inspect(
+    logs: Logs,
+    dbc: Annotated[list[Path] | None, typer.Option(
+        "--dbc", metavar="FILE", show_default=False,
+        help="Names the messages; repeat for several.  Without it the shipped ones do.")] = None,
+    out: Out = DEFAULT_OUT,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Say what is in a log, and draft a vehicle file for it.
+
+    Lists ids, rates and gaps, and the signals that look like those the estimator needs.  Writes
+    inspect.json and vehicle.toml; the heading of the latter names what is still missing.
+
+    \b
+    Example:
+      clutchest inspect drive.log --dbc vehicle.dbc --out first-look
+    """
+    with _progress() as progress:
+        progress("reading", None)
+        from clutchest.inspect_log import inspect_logs
+        from clutchest.record.files import finished_into, json_text
+
+        found = inspect_logs(logs, dbc or ())
+        with finished_into(out) as folder:
+            text = json_text(found.as_dict())
+            (folder / "inspect.json").write_text(text, encoding="utf-8")
+            draft = found.vehicle_toml(out / "vehicle.toml")
+            (folder / "vehicle.toml").write_text(draft, encoding="utf-8")
+    if as_json:
+        sys.stdout.write(text)
+        return
+    _print_inspection(found)
+    print(f"Written to {out}: inspect.json, vehicle.toml")
+
+
+def _print_inspection(found: Inspection) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    ids = Table("channel", "id", "PGN", "message", "frames", "Hz", "largest gap [s]", "bytes",
+                title=f"{found.frames} frames in {found.duration_s:.1f} s", title_justify="left")  # fmt: skip
+    for row in found.rows:
+        ids.add_row(
+            str(row.channel), f"{row.id:08X}" if row.extended else f"{row.id:03X}",
+            "" if row.pgn is None else str(row.pgn), row.message or "", str(row.count),
+            "" if row.rate_hz is None else f"{row.rate_hz:.3g}",
+            "" if row.gap_s is None else f"{row.gap_s:.3g}", "/".join(map(str, row.lengths)),
+        )  # fmt: skip
+    console.print(ids)
+    signals = Table("quantity", "could be", "from", "to", "unit", title_justify="left",
+                    title="signals that look like what the estimator needs")  # fmt: skip
+    for name, candidates in found.candidates.items():
+        for candidate in candidates[:3]:
+            low, high = candidate.low, candidate.high
+            signals.add_row(name, candidate.where, "–" if low is None else f"{low:.4g}",
+                            "–" if high is None else f"{high:.4g}", candidate.unit)  # fmt: skip
+    console.print(signals)
+    for reason, count in found.rejected.items():
+        print(f"not read: {count} × {reason}")
+    for what in found.missing:
+        print(f"missing: {what}")
+
+
+@app.command()
+def convert(
+    logs: Annotated[list[str], typer.Argument(
+        metavar="IN", show_default=False, help="CAN logs of any known format.")],
+    out: Annotated[Path, typer.Option(
+        "-o", "--output", metavar="OUT", show_default=False,
+        help="The log to write; its suffix says the format.")],
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Write CAN logs in another format.
+
+    Several become one, in order of time.
+
+    \b
+    Example:
+      clutchest convert drive.mf4 -o drive.log.gz
+    """
+    with _progress() as progress:
+        progress("reading", None)
+        from clutchest.can.files import read_frames, write_frames
+        from clutchest.can.frames import Frames
+        from clutchest.record.files import finished_into
+        from clutchest.shipped import locate
+
+        parts = [read_frames(locate(log, "logs")) for log in logs]
+        if len(parts) > 1 and not all(part.absolute for part in parts):
+            which = next(log for log, part in zip(logs, parts, strict=True) if not part.absolute)
+            raise ClutchestError(f"{which}: its clock only counts from its own start, so it cannot "
+                                 "be put in order with the others; convert it alone")  # fmt: skip
+        frames = Frames.concatenate(parts).sorted() if len(parts) > 1 else parts[0]
+        progress("writing", None)
+        with finished_into(out.parent) as folder:
+            losses = write_frames(frames, folder / out.name)
+    rejected = dict(frames.rejected)
+    if as_json:
+        _print_json({"written": str(out), "frames": len(frames), "frames_rejected": rejected,
+                     "lost": list(losses)})  # fmt: skip
+        return
+    print(f"Written: {out}, {len(frames)} frames")
+    for reason, count in rejected.items():
+        _note(f"not read: {count} × {reason}")
+    for loss in losses:
+        _note(f"not kept: {loss}")
+
+
+@app.command()
+def simulate(
+    vehicle: VehicleName,
+    scenario: Annotated[str, typer.Option(
+        metavar="NAME", show_default=False,
+        help="city, launches, ramps, heating, slip-steps, cooldown, pulses or closed.")],
+    seed: Annotated[int, typer.Option(
+        metavar="N", min=0, show_default=False, help="Same seed, same drive.")],
+    out: Annotated[Path, typer.Option(
+        "-o", "--output", metavar="LOG", show_default=False,
+        help="The log to write, format by suffix; .csv and .parquet hold decoded signals.")],
+    nominal: Annotated[bool, typer.Option(
+        "--nominal", help="Parameters as in the vehicle file, not drawn from their spreads.")
+    ] = False,
+    duration: Annotated[float | None, typer.Option(
+        metavar="S", min=0.1, show_default=False,
+        help="Seconds, instead of the scenario's own.")] = None,
+    effect: Annotated[list[str] | None, typer.Option(
+        metavar="NAME:P=V,P2=V2", show_default=False,
+        help="Something that is wrong with the truth; repeat for several.")] = None,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Make a log of a drive whose truth is known.
+
+    The truth is written beside it, to LOG.truth.parquet.
+
+    \b
+    Example:
+      clutchest simulate --vehicle truck --scenario city --seed 1 -o city.log
+      clutchest simulate --vehicle truck --scenario launches --seed 2 \\
+          --effect wear:amount=0.5,rate=0.02 -o worn.mf4
+    """
+    effects = dict(_effect(text) for text in effect or ())
+    with _progress() as progress:
+        progress("simulating", None)
+        from clutchest.record.files import finished_into
+        from clutchest.simulated import write_simulation
+        from clutchest.vehicle import load_vehicle
+
+        with finished_into(out.parent) as folder:
+            truth = write_simulation(folder / out.name, load_vehicle(vehicle), scenario, seed,
+                                     effects, nominal=nominal, duration=duration)  # fmt: skip
+    truth = out.parent / truth.name
+    if as_json:
+        _print_json({"log": str(out), "truth": str(truth), "scenario": scenario, "seed": seed,
+                     "effects": effects})  # fmt: skip
+        return
+    print(f"Written: {out} and {truth.name}")
+
+
+def _effect(text: str) -> tuple[str, dict[str, float]]:
+    """``wear:amount=0.5,rate=0.02`` taken apart."""
+    name, _, values = text.partition(":")
+    try:
+        pairs = [pair.split("=") for pair in values.split(",")]
+        return name.strip(), {key.strip(): float(value) for key, value in pairs}
+    except ValueError:
+        raise typer.BadParameter(
+            f"'{text}' is not NAME:P=V,P2=V2, for example wear:amount=0.5", param_hint="--effect"
+        ) from None

@@ -1,0 +1,281 @@
+"""A first look at an unknown log: what is on the bus, and a vehicle file drafted from it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clutchest import units
+from clutchest.can import files
+from clutchest.can.database import Database, Message, SignalLayout, load
+from clutchest.can.decode import decode, rows_of
+from clutchest.can.frames import Frames
+from clutchest.can.survey import Row, survey
+from clutchest.errors import ClutchestError
+from clutchest.models import card
+from clutchest.shipped import locate, shipped
+from clutchest.signals import Why
+from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
+from clutchest.vehicle_text import vehicle_text
+
+_MODEL = "dry_clutch"
+
+
+@dataclass(frozen=True, slots=True)
+class _Clue:
+    """How a bus may call a canonical signal: its SPN in J1939, or how its name reads."""
+
+    spn: int | None
+    name: re.Pattern[str]
+
+
+def _clue(spn: int | None, name: str) -> _Clue:
+    return _Clue(spn, re.compile(name, re.IGNORECASE))
+
+
+_CLUES = {
+    "engine_speed": _clue(190, r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$"),
+    "input_shaft_speed": _clue(161, r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*"
+                                    r"(speed|spd|rpm|_w_|_n_)"),
+    "engine_torque": _clue(513, r"(eng|crank|trnain|mot)\w*(torque|trq|tq|moment)\w*(act|net|meas)"
+                                r"|actual\w*engine\w*torque"),
+    "slave_position": _clue(None, r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)"),
+    "motor_position": _clue(None, r"(motor|actuator)\w*(pos|travel)"),
+    "coolant_temp": _clue(110, r"(coolant|cool|clnt|kuehl|water)\w*(temp|_te_|_t$)"),
+    "ambient_temp": _clue(171, r"(amb|outside|aussen|airamb)\w*(temp|_te_|_t$)"),
+    "vehicle_speed": _clue(84, r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$"),
+}
+_WHEEL = re.compile(r"wh(ee)?l\w*(speed|spd|_w_)", re.IGNORECASE)
+_TORQUE_SPNS = {"fraction": 4154, "friction": 514}
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A bus signal that may be ``canonical``, and what it said in this log.
+
+    ``low`` and ``high`` in the bus unit over the valid samples, None without any; ``valid`` their
+    share; ``sender`` (J1939 source address) and ``channel`` where the message has several.
+    """
+
+    canonical: str
+    message: str
+    signal: str
+    unit: str
+    by: str  # "SPN" or "name"
+    valid: float
+    low: float | None
+    high: float | None
+    step: float  # of the raw value, bus unit
+    sender: int | None = None
+    channel: int | None = None
+
+    @property
+    def where(self) -> str:
+        """Message and signal, with the sender where there are several."""
+        sender = "" if self.sender is None else f" from address 0x{self.sender:02X}"
+        return f"{self.message}.{self.signal}{sender}"
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """Larger is likelier: a signal that moves, known by its SPN, rarely invalid."""
+        moves = self.low is not None and self.high is not None and self.high > self.low
+        return moves, self.by == "SPN", self.valid
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """What :func:`inspect_logs` found; ``candidates`` by canonical name, the likeliest first."""
+
+    logs: tuple[Path, ...]
+    frames: int
+    duration_s: float
+    rejected: Mapping[str, int]
+    rows: tuple[Row, ...]
+    candidates: Mapping[str, tuple[Candidate, ...]]
+    wheels: tuple[str, ...]  # message.signal
+    torque_parts: Mapping[str, BusSignal]
+    dbc: tuple[Path, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What the drafted vehicle file lacks, in words."""
+        found = []
+        for source in (*card(_MODEL).inputs, *card(_MODEL).sensors):
+            known = source.name in self.candidates or source.name not in _CLUES
+            if not known and getattr(source, "default", None) is None:
+                found.append(f"signals.{source.name} ({source.unit}): no signal looks like it")
+                if source.name == "input_shaft_speed" and self.wheels:
+                    found[-1] += ("; a wheel speed with gears = [ratios engine/wheel] makes it: "
+                                  + ", ".join(self.wheels[:4]))  # fmt: skip
+        torque = self.candidates.get("engine_torque")
+        if torque and torque[0].unit == "%":
+            found.append('signals.engine_torque: reference = { value = …, unit = "Nm" }, the torque '
+                         "that 100 % stands for (J1939: SPN 544)")  # fmt: skip
+        return tuple(dict.fromkeys(found))
+
+    def as_dict(self) -> dict[str, Any]:
+        """What ``inspect.json`` holds."""
+        return {
+            "logs": [str(path) for path in self.logs],
+            "frames": self.frames,
+            "duration_s": self.duration_s,
+            "frames_rejected": dict(self.rejected),
+            "dbc": [str(path) for path in self.dbc],
+            "ids": [asdict(row) for row in self.rows],
+            "signals": {name: [asdict(c) for c in found]
+                        for name, found in self.candidates.items()},
+            "missing": list(self.missing),
+            "warnings": list(self.warnings),
+        }  # fmt: skip
+
+    def vehicle_toml(self, target: Path) -> str:
+        """A vehicle file for ``target``: the likeliest signals; parameters are the truck's, as
+        guesses.  It loads once what its heading calls missing is filled in."""
+        truck = load_vehicle("truck")
+        signals = {name: self._map(found[0], truck.signals.get(name))
+                   for name, found in self.candidates.items()}  # fmt: skip
+        parameters = {key: replace(p, spread=_wide(p.value, p.unit, p.spread),
+                                   source="guess: the shipped truck's value")
+                      for key, p in truck.parameters.items()}  # fmt: skip
+        name = re.sub(r"\W+", "_", self.logs[0].name.split(".")[0])
+        used = {candidate.message for found in self.candidates.values() for candidate in found[:1]}
+        dbc = tuple(path for path in self.dbc if used & set(load([path]).messages))
+        vehicle = Vehicle(name, _MODEL, target, "", dbc, signals, parameters)
+        return vehicle_text(vehicle, target, self._heading())
+
+    def _heading(self) -> str:
+        lines = [f"Drafted by `clutchest inspect` from {', '.join(p.name for p in self.logs)}.",
+                 "Every parameter is a guess; see the `source` of each."]  # fmt: skip
+        lines += [f"MISSING {what}" for what in self.missing]
+        lines += [f"{name} could also be {c.where}"
+                  for name, found in self.candidates.items() for c in found[1:4]
+                  if c.low is not None]  # fmt: skip
+        return "\n".join(lines)
+
+    def _map(self, found: Candidate, like: SignalMap | None) -> SignalMap:
+        column_unit = dict(card(_MODEL).columns)[found.canonical]
+        noise = like.noise if like else 0.0
+        if units.compatible(found.unit or column_unit, column_unit):
+            scale = units.parse(found.unit or column_unit).scale / units.parse(column_unit).scale
+            rounding = found.step * scale / sqrt(12)  # of a signal on a bus of such steps
+            noise = noise if noise > rounding else _short(rounding)
+        parts = self.torque_parts if found.canonical == "engine_torque" else {}
+        return SignalMap(
+            found.canonical, BusSignal(found.message, found.signal, found.unit or column_unit),
+            noise, noise_ar=like.noise_ar if like else 0.0, source_address=found.sender,
+            channel=found.channel, fraction=parts.get("fraction"),
+            friction=parts.get("friction"))  # fmt: skip
+
+
+def inspect_logs(paths: Sequence[str | Path], dbc: Sequence[Path] = ()) -> Inspection:
+    """Survey ``paths`` and look for the canonical signals, by SPN and by name.
+
+    ``dbc`` names the messages; without any the shipped DBCs do.  Raises ClutchestError for a file
+    that cannot be read.
+    """
+    logs = tuple(locate(str(path), "logs") for path in paths)
+    if not logs:
+        raise ClutchestError("no log to inspect")
+    parts = _apart([files.read_frames(path) for path in logs])
+    frames = Frames.concatenate(parts).sorted()
+    sources = tuple(dbc) or tuple(shipped("dbc").values())
+    databases = [load([path]) for path in sources]
+    rows = tuple(survey(frames, databases))
+    candidates, wheels, torque_parts = _search(frames, rows, databases)
+    duration = sum(float(np.ptp(part.t_ns)) for part in parts) * 1e-9
+    return Inspection(
+        logs, len(frames), duration, dict(frames.rejected), rows, candidates, wheels, torque_parts,
+        sources, tuple(warning for database in databases for warning in database.warnings),
+    )  # fmt: skip
+
+
+def _apart(parts: Sequence[Frames]) -> list[Frames]:
+    """Logs whose clocks only count from their own start, one behind another; others as they are."""
+    if all(part.absolute for part in parts):
+        return list(parts)
+    placed, end = [], 0
+    for part in parts:
+        placed.append(replace(part, t_ns=part.t_ns - part.t_ns.min() + end))
+        end = int(placed[-1].t_ns.max()) + 1
+    return placed
+
+
+def _search(frames: Frames, rows: Sequence[Row], databases: Sequence[Database],
+            ) -> tuple[dict[str, tuple[Candidate, ...]], tuple[str, ...], dict[str, BusSignal]]:
+    """Candidates by canonical name, wheel speeds, and the J1939 companions of percent torque."""
+    found: dict[str, list[Candidate]] = {}
+    wheels: list[str] = []
+    companions: dict[str, BusSignal] = {}
+    column_units = dict(card(_MODEL).columns)
+    for row in rows:
+        known = [database.find(row.id, row.extended) for database in databases]
+        message = next((m for m in known if m), None)
+        if message is None:
+            continue
+        twins = [other for other in rows if other.message == message.name]
+        for layout in message.signals.values():
+            for canonical, unit in column_units.items():
+                by = _resembles(layout, canonical, unit)
+                if by:
+                    found.setdefault(canonical, []).append(
+                        _candidate(frames, row, twins, message, layout, canonical, by))
+            for part, spn in _TORQUE_SPNS.items():
+                if layout.spn == spn:
+                    companions[part] = BusSignal(message.name, layout.name, layout.unit or "%")
+            if _WHEEL.search(layout.name) and _fits(layout, "rad/s"):
+                wheels.append(f"{message.name}.{layout.name}")
+    ranked = {name: tuple(sorted(found[name], key=lambda c: c.rank, reverse=True))
+              for name in column_units if name in found}  # fmt: skip
+    return ranked, tuple(dict.fromkeys(wheels)), companions
+
+
+def _resembles(layout: SignalLayout, canonical: str, unit: str) -> str | None:
+    """By what ``layout`` may be the canonical signal: ``SPN``, ``name`` or nothing."""
+    clue = _CLUES[canonical]
+    if clue.spn and layout.spn:
+        return "SPN" if layout.spn == clue.spn else None
+    return "name" if clue.name.search(layout.name) and _fits(layout, unit) else None
+
+
+def _fits(layout: SignalLayout, unit: str) -> bool:
+    try:
+        return not layout.unit or units.compatible(layout.unit, unit)
+    except ClutchestError:  # a unit that only this DBC knows
+        return False
+
+
+def _candidate(frames: Frames, row: Row, twins: Sequence[Row], message: Message,
+               layout: SignalLayout, canonical: str, by: str) -> Candidate:  # fmt: skip
+    several_channels = len({twin.channel for twin in twins}) > 1
+    several_senders = message.is_j1939 and len({twin.id for twin in twins}) > 1
+    here = rows_of(frames, message, row.channel)
+    here = here[frames.id[here] == row.id]
+    column = decode(frames, here, message, [layout.name])[layout.name]
+    value = column.value[column.why == Why.VALID]
+    return Candidate(
+        canonical, message.name, layout.name, layout.unit, by,
+        valid=len(value) / max(len(column.value), 1),
+        low=float(value.min()) if len(value) else None,
+        high=float(value.max()) if len(value) else None,
+        step=abs(float(layout.scale)),
+        sender=row.id & 0xFF if several_senders else None,
+        channel=row.channel if several_channels else None,
+    )  # fmt: skip
+
+
+def _wide(value: float, unit: str, spread: float) -> float:
+    """The spread of another vehicle's value: a third of it, a millimetre of a position."""
+    if spread == 0:
+        return 0.0
+    return max(spread, 1.0 if unit == "mm" else _short(0.3 * abs(value)))
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.3g}")
