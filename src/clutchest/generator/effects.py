@@ -86,7 +86,7 @@ _GAINS = ("wear_rate", "slip_change", "slip_speed", "speed_slope", "temperature_
           "fade_slope", "fade_onset", "curve_change", "gearbox_conductance", "airflow_slope",
           "play", "centrifugal_slope", "drag")  # fmt: skip
 # What the truck's own control unit believes, and the truck around the clutch.
-_TRUCK = ("zero_position", "position_error", "known_cubic", "known_quadratic", "known_kiss",
+_TRUCK = ("zero_position", "known_cubic", "known_quadratic", "known_kiss",
           "known_inertia", "mass")  # fmt: skip
 
 NUMBERS = np.dtype([(key, np.float64) for key in (*RANGES, *_GAINS, *_TRUCK)])
@@ -145,8 +145,6 @@ def numbers(parameters: Values, known: Values, effects: Mapping[str, Values],
         "centrifugal_slope": effects["centrifugal"]["slope"],
         "drag": effects["viscous_drag"]["coefficient"],
         "zero_position": zero_position - effects["wear"]["amount"],
-        "position_error": parameters["position_origin"] - known["position_origin"]
-                          + effects["position_offset"]["offset"],
         "known_cubic": known["torque_cubic"],
         "known_quadratic": known["torque_quadratic"],
         "known_kiss": known["kiss_point"],

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.generator.effects import RANGES, complete, numbers
+from clutchest.generator.effects import RANGES, Values, complete, numbers
 from clutchest.generator.sampling import Channel, Sampled, sample
 from clutchest.generator.scenarios import PER_METRE, SCENARIOS, Scenario
 from clutchest.generator.surroundings import (
@@ -23,10 +23,12 @@ from clutchest.signals import Floats, Truth
 LONG = 1000.0  # s: from here on the truth is kept at 50 Hz instead of 100 Hz
 
 
-def generate(parameters: Mapping[str, float], spreads: Mapping[str, float], scenario: str,
-             seed: int, channels: Sequence[Channel], *, nominal: bool = False,
-             duration: float | None = None, effects: Mapping[str, Mapping[str, float]] | None = None,
-             disturbances: Disturbances | None = None, outliers: float = 0.0) -> Sampled:  # fmt: skip
+def generate(
+    parameters: Values, spreads: Values, scenario: str, seed: int, channels: Sequence[Channel], *,
+    nominal: bool = False, duration: float | None = None,
+    effects: Mapping[str, Values] | None = None, disturbances: Disturbances | None = None,
+    outliers: float = 0.0,
+) -> Sampled:  # fmt: skip
     """Drive ``scenario`` with a truck drawn around ``parameters`` (keys and units of a dry
     clutch's vehicle file) with standard deviations ``spreads``; undrawn if ``nominal``.
 
@@ -60,7 +62,7 @@ def generate(parameters: Mapping[str, float], spreads: Mapping[str, float], scen
                    scenario)  # fmt: skip
 
 
-def draw(parameters: Mapping[str, float], spreads: Mapping[str, float],
+def draw(parameters: Values, spreads: Values,
          seed: int) -> tuple[dict[str, float], float]:  # fmt: skip
     """The truck's own parameters, and its x0_ref (mm): normal, clipped to what nature allows."""
     rng = stream(seed, "parameters")
@@ -80,7 +82,8 @@ def at_rest(p: NDArray, coolant: float, ambient: float) -> tuple[float, float]:
     if not weights.sum() > 0:
         return coolant, ambient
     body = float(weights @ [coolant, ambient, GEARBOX_TEMP] / weights.sum())
-    return body, ambient + (body - ambient) * (through / outward if outward > 0 else 1.0)
+    share = float(through / outward) if outward > 0 else 1.0
+    return body, ambient + (body - ambient) * share
 
 
 def _simulate(plan: Scenario, duration: float, legs: NDArray, truck: NDArray,
@@ -98,7 +101,7 @@ def _simulate(plan: Scenario, duration: float, legs: NDArray, truck: NDArray,
     if not (np.isfinite(fast).all() and np.isfinite(slow).all()):
         raise ClutchestError(f"scenario '{plan.name}', seed {seed}: these parameters and effects "
                              "let the simulation diverge")  # fmt: skip
-    time = np.arange(len(slow)) * (every * plant.STEP)
+    time = np.arange(len(slow), dtype=np.float64) * (every * plant.STEP)
     engine, shaft, slave, _, torque, speed = fast[:: every // plant.FAST].T
     columns = {
         "temp_body": slow[:, 0], "temp_housing": slow[:, 1], "temp_disc": slow[:, 2],
@@ -136,15 +139,15 @@ def _start(plan: Scenario, truck: NDArray, around: Surroundings,
     s["locked"], s["sign"] = 1, 1.0
     s["setpoint"] = s["engine_before"] = state[plant.ENGINE]
     s["friction"] = around.friction[0]
-    s["slave"] = s["port"] = (plant.zero_reference(0.0, p) - p["position_origin"]
-                              + plant.expansion(state[plant.BODY], state[plant.DISC], p))  # fmt: skip
+    growth = plant.expansion(state[plant.BODY], state[plant.DISC], p)
+    s["slave"] = s["port"] = plant.zero_reference(0.0, p) - p["position_origin"] + growth
     s["plate"] = s["plate_before"] = s["slave"] + p["play"]  # it came to rest while closing
     return state, situation
 
 
-def _quantities(fast: Floats, around: Surroundings, drawn: Mapping[str, float],
-                effects: Mapping[str, Mapping[str, float]],
-                ) -> dict[str, Callable[[Floats], Floats]]:  # fmt: skip
+def _quantities(
+    fast: Floats, around: Surroundings, drawn: Values, effects: Mapping[str, Values]
+) -> dict[str, Callable[[Floats], Floats]]:
     """What each sensor reads, without noise, as a function of time."""
     from clutchest.generator.plant import FAST, STEP
 

@@ -7,6 +7,7 @@ kernel older than what it calls.  Numbers are those of ``effects.NUMBERS``.
 from __future__ import annotations
 
 from math import exp, inf
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -19,6 +20,8 @@ from clutchest.signals import Floats
 STEP = 1e-3  # s: the control unit decides and the integrator steps once per STEP
 FAST = 2  # steps between records of the fast quantities
 MODES = ("open", "slipping", "locked", "retracted")
+
+Record = Any  # a row of a structured array, its columns as attributes
 
 # The integrated state.
 BODY, HOUSING, DISC, ENGINE, SHAFT, SPEED, ENERGY, TORQUE = range(8)
@@ -43,20 +46,20 @@ _AIR = 3.3  # kg/m: half of density · drag coefficient · frontal area
 
 
 @njit(cache=True, error_model="numpy")
-def expansion(body: float, disc: float, p: NDArray) -> float:
+def expansion(body: float, disc: float, p: Record) -> float:
     """Δx0 (15), mm."""
     return (p.expansion_body * (body - p.reference_temp)
             + p.expansion_disc * min(disc - body, p.disc_body_temp_cap))  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def zero_reference(energy: float, p: NDArray) -> float:
+def zero_reference(energy: float, p: Record) -> float:
     """x0_ref after ``energy`` J of slip, mm."""
     return p.zero_position - p.wear_rate * 1e-6 * energy
 
 
 @njit(cache=True, error_model="numpy")
-def capacity(y: Floats, plate: float, s: NDArray, p: NDArray) -> float:
+def capacity(y: Floats, plate: float, s: Record, p: Record) -> float:
     """The friction torque that the clutch can carry (16), Nm ≥ 0, at plate position mm."""
     worn = zero_reference(y[ENERGY], p) - p.zero_position_ref
     depth = p.kiss_point - (plate - expansion(y[BODY], y[DISC], p) - worn)
@@ -73,13 +76,13 @@ def capacity(y: Floats, plate: float, s: NDArray, p: NDArray) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def resistance(speed: float, s: NDArray, p: NDArray) -> float:
+def resistance(speed: float, s: Record, p: Record) -> float:
     """Force against the truck's motion, N."""
     return p.mass * GRAVITY * (ROLLING + s.grade) + _AIR * speed * speed + s.brake
 
 
 @njit(cache=True, error_model="numpy")
-def shaft_side(y: Floats, s: NDArray, p: NDArray) -> tuple[float, float]:
+def shaft_side(y: Floats, s: Record, p: Record) -> tuple[float, float]:
     """Inverse inertia (1/(kg m²)) and load (Nm) that the clutch drives."""
     if s.held:
         return 0.0, 0.0
@@ -90,14 +93,14 @@ def shaft_side(y: Floats, s: NDArray, p: NDArray) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy")
-def sticking(y: Floats, s: NDArray, p: NDArray) -> float:
+def sticking(y: Floats, s: Record, p: Record) -> float:
     """The torque that keeps both sides of the clutch at one speed, Nm."""
     inverse, load = shaft_side(y, s, p)
     return (y[TORQUE] / p.engine_inertia + load * inverse) / (1.0 / p.engine_inertia + inverse)
 
 
 @njit(cache=True, error_model="numpy")
-def transmitted(y: Floats, plate: float, s: NDArray, p: NDArray) -> float:
+def transmitted(y: Floats, plate: float, s: Record, p: Record) -> float:
     """The clutch's torque M_c on the shaft, Nm."""
     if s.locked:
         return sticking(y, s, p)
@@ -105,7 +108,7 @@ def transmitted(y: Floats, plate: float, s: NDArray, p: NDArray) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def rates(y: Floats, plate: float, s: NDArray, p: NDArray, out: Floats) -> None:
+def rates(y: Floats, plate: float, s: Record, p: Record, out: Floats) -> None:
     """dy/dt into ``out``: (12)–(14), (8), engine and driveline."""
     torque = transmitted(y, plate, s, p)
     power = 0.0 if s.locked else torque * (y[ENGINE] - y[SHAFT])
@@ -133,7 +136,7 @@ def rates(y: Floats, plate: float, s: NDArray, p: NDArray, out: Floats) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def runge_kutta(y: Floats, begin: float, h: float, s: NDArray, p: NDArray, work: Floats) -> None:
+def runge_kutta(y: Floats, begin: float, h: float, s: Record, p: Record, work: Floats) -> None:
     """One classical fourth-order step of ``h`` s into ``work[0]``; the plate moves linearly
     through the STEP, of which the share ``begin`` is over."""
     swing = s.plate - s.plate_before
@@ -152,7 +155,7 @@ def runge_kutta(y: Floats, begin: float, h: float, s: NDArray, p: NDArray, work:
 
 
 @njit(cache=True, error_model="numpy")
-def lock_or_pass(y: Floats, plate: float, s: NDArray, p: NDArray) -> None:
+def lock_or_pass(y: Floats, plate: float, s: Record, p: Record) -> None:
     """At equal speeds: stick if the clutch can carry what that takes, else slip on."""
     needed, limit = sticking(y, s, p), capacity(y, plate, s, p)
     s.locked = 1 if abs(needed) <= limit and limit > 0.0 else 0
@@ -160,7 +163,7 @@ def lock_or_pass(y: Floats, plate: float, s: NDArray, p: NDArray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def advance(y: Floats, substeps: int, s: NDArray, p: NDArray, work: Floats) -> None:
+def advance(y: Floats, substeps: int, s: Record, p: Record, work: Floats) -> None:
     """Integrate ``y`` over one STEP in place; lock-up and break-away are met within it."""
     for k in range(substeps):
         begin, end = k / substeps, (k + 1) / substeps
@@ -185,6 +188,8 @@ def advance(y: Floats, substeps: int, s: NDArray, p: NDArray, work: Floats) -> N
                 lock_or_pass(y, s.plate_before + (s.plate - s.plate_before) * begin, s, p)
             else:
                 break
+    if s.locked:
+        y[SHAFT] = y[ENGINE]  # the same but for rounding
     if y[SPEED] < 0.0:
         y[SPEED] = 0.0
         if s.ratio > 0.0:
@@ -193,7 +198,7 @@ def advance(y: Floats, substeps: int, s: NDArray, p: NDArray, work: Floats) -> N
 
 
 @njit(cache=True, error_model="numpy")
-def _meet(y: Floats, s: NDArray, p: NDArray) -> None:
+def _meet(y: Floats, s: Record, p: Record) -> None:
     """Make both speeds exactly one, keeping the angular momentum."""
     inverse, _ = shaft_side(y, s, p)
     weight = inverse * p.engine_inertia / (1.0 + inverse * p.engine_inertia)
@@ -208,13 +213,13 @@ def _meet(y: Floats, s: NDArray, p: NDArray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _torque_limits(engine: float, p: NDArray) -> tuple[float, float]:
+def _torque_limits(engine: float, p: Record) -> tuple[float, float]:
     full = min(max(0.45 + 0.55 * (engine - 60.0) / 50.0, 0.3), 1.0)
     return -(60.0 + 0.9 * engine), full * p.engine_torque_max
 
 
 @njit(cache=True, error_model="numpy")
-def _govern(speed: float, y: Floats, s: NDArray, p: NDArray) -> None:
+def _govern(speed: float, y: Floats, s: Record, p: Record) -> None:
     """Engine towards ``speed``: what the clutch is felt to take, plus a share of the error."""
     s.setpoint += min(max(speed - s.setpoint, -80.0 * STEP), 80.0 * STEP)
     low, high = _torque_limits(y[ENGINE], p)
@@ -223,8 +228,8 @@ def _govern(speed: float, y: Floats, s: NDArray, p: NDArray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _position_for(torque: float, y: Floats, s: NDArray, p: NDArray) -> float:
-    """Position for ``torque`` by the nominal curve, trimmed by what the engine feels."""
+def _position_for(torque: float, y: Floats, s: Record, p: Record) -> float:
+    """Command for ``torque`` by the nominal curve, trimmed by what the engine feels."""
     if torque <= 0.0:
         return p.known_kiss + 1.2 + s.trim
     depth = 2.0
@@ -234,7 +239,7 @@ def _position_for(torque: float, y: Floats, s: NDArray, p: NDArray) -> float:
         depth = max(depth - (value - torque) / slope, 0.3 * depth)
     if torque > 60.0 and s.since > 0.5 and abs(y[ENGINE] - y[SHAFT]) > 3.0:
         slope = depth * (2.0 * p.known_quadratic - 3.0 * p.known_cubic * depth)
-        s.trim += STEP * 2.0 * min(max(s.sensed - torque, -150.0), 150.0) / slope
+        s.trim += STEP * 3.0 * min(max(s.sensed - torque, -150.0), 150.0) / slope
         s.trim = min(max(s.trim, -2.5), 2.5)
     return p.known_kiss - depth + s.trim
 
@@ -256,7 +261,7 @@ def _sliding(wish: float, since: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _drive(wish: float, y: Floats, s: NDArray, p: NDArray) -> None:
+def _drive(wish: float, y: Floats, s: Record, p: Record) -> None:
     """In gear, closed: pedal, brake, and when to change gear."""
     s.command = _RETRACT
     total = p.mass + p.known_inertia * s.ratio * s.ratio
@@ -282,7 +287,7 @@ def _drive(wish: float, y: Floats, s: NDArray, p: NDArray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _neutral(leg: NDArray, wish: float, y: Floats, s: NDArray, p: NDArray) -> None:
+def _neutral(leg: Record, wish: float, y: Floats, s: Record, p: Record) -> None:
     """Clutch open, gear out: bring shaft and engine to the next gear's speed, then engage."""
     s.command = _OPEN
     coasting = resistance(y[SPEED], s, p) - s.brake
@@ -309,7 +314,7 @@ def _neutral(leg: NDArray, wish: float, y: Floats, s: NDArray, p: NDArray) -> No
 
 
 @njit(cache=True, error_model="numpy")
-def control(time: float, legs: NDArray, y: Floats, s: NDArray, p: NDArray) -> None:
+def control(time: float, legs: NDArray, y: Floats, s: Record, p: Record) -> None:
     """One decision of the control unit and the driver."""
     while time >= legs[s.leg + 1].time:
         s.leg += 1
@@ -341,7 +346,7 @@ def control(time: float, legs: NDArray, y: Floats, s: NDArray, p: NDArray) -> No
     elif s.phase == _OPENING:
         s.command = _OPEN
         _govern(max(y[SHAFT], IDLE), y, s, p)
-        if s.slave + p.position_error > _OPEN - 0.8:
+        if s.motor > _OPEN - 0.8:
             s.gear, s.ratio, s.held = 0, 0.0, 0
             s.phase = _NEUTRAL
     elif s.phase == _NEUTRAL:
@@ -372,7 +377,7 @@ def control(time: float, legs: NDArray, y: Floats, s: NDArray, p: NDArray) -> No
 
 
 @njit(cache=True, error_model="numpy")
-def _hold(time: float, leg: NDArray, end: float, y: Floats, s: NDArray, p: NDArray) -> None:
+def _hold(time: float, leg: Record, end: float, y: Floats, s: Record, p: Record) -> None:
     """Slip on purpose, the shaft held."""
     _govern(leg.engine_speed, y, s, p)
     if leg.kind == POSITION:
@@ -386,13 +391,14 @@ def _hold(time: float, leg: NDArray, end: float, y: Floats, s: NDArray, p: NDArr
 
 
 @njit(cache=True, error_model="numpy")
-def actuate(y: Floats, s: NDArray, p: NDArray) -> None:
+def actuate(y: Floats, s: Record, p: Record) -> None:
     """Motor, slave piston and plate one STEP on, towards the command.
 
     Fully retracted, the hydraulic port opens and the piston rests on the clutch, wherever heat and
-    wear have put it; from there the trapped fluid carries it.
+    wear have put it; from there the trapped fluid carries it.  Commands count from that position,
+    so the truck follows the wear of its clutch, as any such truck does.
     """
-    goal = -1.0 if s.command == _RETRACT else s.command - p.position_error - s.port
+    goal = -1.0 if s.command == _RETRACT else s.command
     rate = min(max((goal - s.motor) / _SERVO_LAG, -_SERVO_RATE), _SERVO_RATE)
     s.motor = max(s.motor + rate * STEP, 0.0)
     contact = (zero_reference(y[ENERGY], p) + expansion(y[BODY], y[DISC], p)
@@ -406,8 +412,10 @@ def actuate(y: Floats, s: NDArray, p: NDArray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def run(steps: int, substeps: int, legs: NDArray, slow: Floats, numbers: NDArray,
-        situation: NDArray, y: Floats, truth_every: int, fast: Floats, truth: Floats) -> None:  # fmt: skip
+def run(
+    steps: int, substeps: int, legs: NDArray, slow: Floats, numbers: NDArray, situation: NDArray,
+    y: Floats, truth_every: int, fast: Floats, truth: Floats,
+) -> None:  # fmt: skip
     """A whole drive of ``steps`` STEPs.
 
     ``slow`` (n, 3): friction, coolant, ambient every GRID s; ``situation``, ``numbers`` (1,)

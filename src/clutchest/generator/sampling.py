@@ -42,8 +42,10 @@ class Sampled:
     scenario: str
 
 
-def sample(channels: Sequence[Channel], quantities: Mapping[str, Callable[[Floats], Floats]],
-           seed: int, duration: float, outliers: float) -> dict[str, tuple[Floats, Floats]]:  # fmt: skip
+def sample(
+    channels: Sequence[Channel], quantities: Mapping[str, Callable[[Floats], Floats]],
+    seed: int, duration: float, outliers: float,
+) -> dict[str, tuple[Floats, Floats]]:  # fmt: skip
     """Every channel's (time, value); ``quantities``: name → value as a function of true time.
 
     Raises ClutchestError for a channel that the truck does not have, or one that cannot be.
@@ -58,8 +60,9 @@ def sample(channels: Sequence[Channel], quantities: Mapping[str, Callable[[Float
             beats[channel.message] = channel.period, _beat(channel, seed, duration)
         period, time = beats[channel.message]
         if channel.period != period:
-            raise ClutchestError(f"message '{channel.message}': signal '{channel.name}' every "
-                                 f"{channel.period:g} s, the others every {period:g} s")  # fmt: skip
+            raise ClutchestError(f"message '{channel.message}': signal '{channel.name}' has a "
+                                 f"period of {channel.period:g} s, the others have "
+                                 f"{period:g} s")  # fmt: skip
         value = quantities[channel.name](np.maximum(time - channel.delay, 0.0))
         value = value + _noise(channel, seed, len(time))
         signals[channel.name] = time, _with_outliers(value, channel, seed, outliers)

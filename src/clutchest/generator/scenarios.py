@@ -17,7 +17,7 @@ REST, DRIVE, POSITION, TORQUE = range(4)
 #   DRIVE     towards ``speed`` m/s on ``grade``; a launch in ``gear`` at ``engine_speed`` with
 #             ``torque`` Nm; speed 0 means braking to a stop
 #   POSITION  input shaft held at ``shaft_speed``, engine governed to ``engine_speed``, clutch
-#             moved linearly ``start`` → ``end`` mm
+#             moved linearly ``start`` → ``end``, mm from where it rests retracted
 #   TORQUE    as POSITION, but the clutch holds ``torque``
 # Every leg but REST leaves with the clutch opened; speeds in rad/s where not said otherwise.
 LEG = np.dtype([("time", np.float64), ("kind", np.int64), ("speed", np.float64),
@@ -68,8 +68,9 @@ def launch_leg(time: float, speed: float, grade: float, mass: float, gear: int, 
     inertia = mass / PER_METRE[gear - 1] ** 2
     load = mass * GRAVITY * (ROLLING + grade) / PER_METRE[gear - 1]
     torque = inertia * engine_speed / slip_time + max(load, 0.0)
+    torque = float(np.clip(torque, 250.0, 950.0))
     return {"time": time, "kind": DRIVE, "speed": speed, "grade": grade, "gear": gear,
-            "engine_speed": engine_speed, "torque": float(np.clip(torque, 250.0, 950.0))}  # fmt: skip
+            "engine_speed": engine_speed, "torque": torque}  # fmt: skip
 
 
 def gear_for(energy: float, mass: float, engine_speed: float) -> int:
@@ -158,9 +159,10 @@ def _slip_steps(rng: Random, duration: float, mass: float, kiss_point: float) ->
 
 def _cooldown(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
     torque, speed = rng.uniform(130.0, 160.0), rng.uniform(120.0, 140.0)
+    stop = 23.0 + rng.uniform(1.0e6, 1.4e6) / (torque * speed)
     return [{"time": 0.0, "kind": REST},
             {"time": 20.0, "kind": TORQUE, "torque": torque, "engine_speed": speed},
-            {"time": 23.0 + rng.uniform(1.0e6, 1.4e6) / (torque * speed), "kind": REST}]  # fmt: skip
+            {"time": stop, "kind": REST}]  # fmt: skip
 
 
 def _pulses(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
@@ -197,7 +199,8 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType({s.name: s for s in (
              _launches, mass=(30e3, 42e3)),
     Scenario("ramps", "position ramped back and forth for 75 s, then closed (D1)", 240.0, _ramps,
              start_temp=73.0, start_spread=0.0),
-    Scenario("heating", "heating periods of about 1.5 MJ, closed in between (D4)", 2500.0, _heating),
+    Scenario("heating", "heating periods of about 1.5 MJ, closed in between (D4)", 2500.0,
+             _heating),
     Scenario("slip-steps", "slip steps 600–1300 rpm at constant position (D3)", 600.0,
              _slip_steps),
     Scenario("cooldown", "hot, one heavy heating, then closed for 40 min", 2480.0, _cooldown,
