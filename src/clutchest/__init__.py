@@ -42,9 +42,22 @@ _HOMES = {
 }
 
 __all__ = [
-    "ClutchestError", "Engagement", "Estimate", "Innovations", "Run", "Signal", "Signals", "Track",
-    "Vehicle", "__version__", "load_vehicle", "read_log", "replay", "simulate", "write_run",
-]  # fmt: skip
+    "ClutchestError",
+    "Engagement",
+    "Estimate",
+    "Innovations",
+    "Run",
+    "Signal",
+    "Signals",
+    "Track",
+    "Vehicle",
+    "__version__",
+    "load_vehicle",
+    "read_log",
+    "replay",
+    "simulate",
+    "write_run",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -9,34 +9,48 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from clutchest import __version__
 from clutchest.errors import ClutchestError
 
-if TYPE_CHECKING:
-    from clutchest.inspect_log import Inspection
-
 Progress = Callable[[str, float | None], None]
 
 app = typer.Typer(
-    add_completion=False, no_args_is_help=True, rich_markup_mode=None,
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Clutch temperatures, wear and friction from production CAN signals.",
-)  # fmt: skip
+)
 
-Logs = Annotated[list[str], typer.Argument(
-    metavar="LOG", show_default=False,
-    help="CAN logs (.log .asc .blf .trc .csv .mf4, also .gz), decoded .csv or .parquet, or the "
-         "name of a shipped log: demo.")]  # fmt: skip
-VehicleName = Annotated[str, typer.Option(
-    "--vehicle", metavar="V", show_default=False,
-    help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270.")]  # fmt: skip
+Logs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG",
+        show_default=False,
+        help="CAN logs (.log .asc .blf .trc .csv .mf4, also .gz), decoded .csv or .parquet, or the "
+        "name of a shipped log: demo.",
+    ),
+]
+VehicleName = Annotated[
+    str,
+    typer.Option(
+        "--vehicle",
+        metavar="V",
+        show_default=False,
+        help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270.",
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
-AsJson = Annotated[bool, typer.Option(
-    "--json", help="Print the machine-readable result on stdout, and nothing else there.")]  # fmt: skip
+AsJson = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Print the machine-readable result on stdout, and nothing else there."
+    ),
+]
 DEFAULT_OUT = Path("clutchest-out")
 
 
@@ -64,8 +78,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _common(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
-                                          help="Print the version.")] = False,  # fmt: skip
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
 ) -> None:
     pass
 
@@ -106,15 +121,23 @@ def replay(
     logs: Logs,
     vehicle: VehicleName,
     out: Out = DEFAULT_OUT,
-    state: Annotated[Path | None, typer.Option(
-        metavar="FILE", show_default=False,
-        help="state.json of the drive before: its estimates carry over.")] = None,
-    rate: Annotated[float, typer.Option(
-        metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates.")] = 10.0,
-    innovations: Annotated[bool, typer.Option(
-        "--innovations", help="Also write innovations.parquet: every misfit.")] = False,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            show_default=False,
+            help="state.json of the drive before: its estimates carry over.",
+        ),
+    ] = None,
+    rate: Annotated[
+        float,
+        typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
+    ] = 10.0,
+    innovations: Annotated[
+        bool, typer.Option("--innovations", help="Also write innovations.parquet: every misfit.")
+    ] = False,
     as_json: AsJson = False,
-) -> None:  # fmt: skip
+) -> None:
     """Estimate temperatures, wear and friction over recorded drives.
 
     Writes estimates.parquet, summary.json, recording.rrd (open it with `rerun`) and state.json.
@@ -154,12 +177,18 @@ def replay(
 @app.command()
 def inspect(
     logs: Logs,
-    dbc: Annotated[list[Path] | None, typer.Option(
-        "--dbc", metavar="FILE", show_default=False,
-        help="Names the messages; repeat for several.  Without it the shipped ones do.")] = None,
+    dbc: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--dbc",
+            metavar="FILE",
+            show_default=False,
+            help="Names the messages; repeat for several.  Without it the shipped ones do.",
+        ),
+    ] = None,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
-) -> None:  # fmt: skip
+) -> None:
     """Say what is in a log, and draft a vehicle file for it.
 
     Lists ids, rates and gaps, and the signals that look like those the estimator needs.  Writes
@@ -183,48 +212,32 @@ def inspect(
     if as_json:
         sys.stdout.write(text)
         return
-    _print_inspection(found)
-    print(f"Written to {out}: inspect.json, vehicle.toml")
-
-
-def _print_inspection(found: Inspection) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    console = Console()
-    ids = Table("channel", "id", "PGN", "message", "frames", "Hz", "largest gap [s]", "bytes",
-                title=f"{found.frames} frames in {found.duration_s:.1f} s", title_justify="left")  # fmt: skip
-    for row in found.rows:
-        ids.add_row(
-            str(row.channel), f"{row.id:08X}" if row.extended else f"{row.id:03X}",
-            "" if row.pgn is None else str(row.pgn), row.message or "", str(row.count),
-            "" if row.rate_hz is None else f"{row.rate_hz:.3g}",
-            "" if row.gap_s is None else f"{row.gap_s:.3g}", "/".join(map(str, row.lengths)),
-        )  # fmt: skip
-    console.print(ids)
-    signals = Table("quantity", "could be", "from", "to", "unit", title_justify="left",
-                    title="signals that look like what the estimator needs")  # fmt: skip
-    for name, candidates in found.candidates.items():
-        for candidate in candidates[:3]:
-            low, high = candidate.low, candidate.high
-            signals.add_row(name, candidate.where, "–" if low is None else f"{low:.4g}",
-                            "–" if high is None else f"{high:.4g}", candidate.unit)  # fmt: skip
-    console.print(signals)
-    for reason, count in found.rejected.items():
-        print(f"not read: {count} × {reason}")
-    for what in found.missing:
-        print(f"missing: {what}")
+    from clutchest.record.terminal import print_inspection
+
+    print_inspection(found, Console())
+    print(f"Written to {out}: inspect.json, vehicle.toml")
 
 
 @app.command()
 def convert(
-    logs: Annotated[list[str], typer.Argument(
-        metavar="IN", show_default=False, help="CAN logs of any known format.")],
-    out: Annotated[Path, typer.Option(
-        "-o", "--output", metavar="OUT", show_default=False,
-        help="The log to write; its suffix says the format.")],
+    logs: Annotated[
+        list[str],
+        typer.Argument(metavar="IN", show_default=False, help="CAN logs of any known format."),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            show_default=False,
+            help="The log to write; its suffix says the format.",
+        ),
+    ],
     as_json: AsJson = False,
-) -> None:  # fmt: skip
+) -> None:
     """Write CAN logs in another format.
 
     Several become one, in order of time.
@@ -243,16 +256,24 @@ def convert(
         parts = [read_frames(locate(log, "logs")) for log in logs]
         if len(parts) > 1 and not all(part.absolute for part in parts):
             which = next(log for log, part in zip(logs, parts, strict=True) if not part.absolute)
-            raise ClutchestError(f"{which}: its clock only counts from its own start, so it cannot "
-                                 "be put in order with the others; convert it alone")  # fmt: skip
+            raise ClutchestError(
+                f"{which}: its clock only counts from its own start, so it cannot "
+                "be put in order with the others; convert it alone"
+            )
         frames = Frames.concatenate(parts).sorted() if len(parts) > 1 else parts[0]
         progress("writing", None)
         with finished_into(out.parent) as folder:
             losses = write_frames(frames, folder / out.name)
     rejected = dict(frames.rejected)
     if as_json:
-        _print_json({"written": str(out), "frames": len(frames), "frames_rejected": rejected,
-                     "lost": list(losses)})  # fmt: skip
+        _print_json(
+            {
+                "written": str(out),
+                "frames": len(frames),
+                "frames_rejected": rejected,
+                "lost": list(losses),
+            }
+        )
         return
     print(f"Written: {out}, {len(frames)} frames")
     for reason, count in rejected.items():
@@ -264,25 +285,49 @@ def convert(
 @app.command()
 def simulate(
     vehicle: VehicleName,
-    scenario: Annotated[str, typer.Option(
-        metavar="NAME", show_default=False,
-        help="city, launches, ramps, heating, slip-steps, cooldown, pulses or closed.")],
-    seed: Annotated[int, typer.Option(
-        metavar="N", min=0, show_default=False, help="Same seed, same drive.")],
-    out: Annotated[Path, typer.Option(
-        "-o", "--output", metavar="LOG", show_default=False,
-        help="The log to write, format by suffix; .csv and .parquet hold decoded signals.")],
-    nominal: Annotated[bool, typer.Option(
-        "--nominal", help="Parameters as in the vehicle file, not drawn from their spreads.")
+    scenario: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            show_default=False,
+            help="city, launches, ramps, heating, slip-steps, cooldown, pulses or closed.",
+        ),
+    ],
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, show_default=False, help="Same seed, same drive.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="LOG",
+            show_default=False,
+            help="The log to write, format by suffix; .csv and .parquet hold decoded signals.",
+        ),
+    ],
+    nominal: Annotated[
+        bool,
+        typer.Option(
+            "--nominal", help="Parameters as in the vehicle file, not drawn from their spreads."
+        ),
     ] = False,
-    duration: Annotated[float | None, typer.Option(
-        metavar="S", min=0.1, show_default=False,
-        help="Seconds, instead of the scenario's own.")] = None,
-    effect: Annotated[list[str] | None, typer.Option(
-        metavar="NAME:P=V,P2=V2", show_default=False,
-        help="Something that is wrong with the truth; repeat for several.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", min=0.1, show_default=False, help="Seconds, instead of the scenario's own."
+        ),
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:P=V,P2=V2",
+            show_default=False,
+            help="Something that is wrong with the truth; repeat for several.",
+        ),
+    ] = None,
     as_json: AsJson = False,
-) -> None:  # fmt: skip
+) -> None:
     """Make a log of a drive whose truth is known.
 
     The truth is written beside it, to LOG.truth.parquet.
@@ -301,12 +346,26 @@ def simulate(
         from clutchest.vehicle import load_vehicle
 
         with finished_into(out.parent) as folder:
-            truth = write_simulation(folder / out.name, load_vehicle(vehicle), scenario, seed,
-                                     effects, nominal=nominal, duration=duration)  # fmt: skip
+            truth = write_simulation(
+                folder / out.name,
+                load_vehicle(vehicle),
+                scenario,
+                seed,
+                effects,
+                nominal=nominal,
+                duration=duration,
+            )
     truth = out.parent / truth.name
     if as_json:
-        _print_json({"log": str(out), "truth": str(truth), "scenario": scenario, "seed": seed,
-                     "effects": effects})  # fmt: skip
+        _print_json(
+            {
+                "log": str(out),
+                "truth": str(truth),
+                "scenario": scenario,
+                "seed": seed,
+                "effects": effects,
+            }
+        )
         return
     print(f"Written: {out} and {truth.name}")
 

@@ -41,10 +41,16 @@ def _clue(spn: int | None, name: str) -> _Clue:
 
 _CLUES = {
     "engine_speed": _clue(190, r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$"),
-    "input_shaft_speed": _clue(161, r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*"
-                                    r"(speed|spd|rpm|_w_|_n_)"),
-    "engine_torque": _clue(513, r"(eng|crank|trnain|mot)\w*(torque|trq|tq|moment)\w*(act|net|meas)"
-                                r"|actual\w*engine\w*torque"),
+    "input_shaft_speed": _clue(
+        161,
+        r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*"
+        r"(speed|spd|rpm|_w_|_n_)",
+    ),
+    "engine_torque": _clue(
+        513,
+        r"(eng|crank|trnain|mot)\w*(torque|trq|tq|moment)\w*(act|net|meas)"
+        r"|actual\w*engine\w*torque",
+    ),
     "slave_position": _clue(None, r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)"),
     "motor_position": _clue(None, r"(motor|actuator)\w*(pos|travel)"),
     "coolant_temp": _clue(110, r"(coolant|cool|clnt|kuehl|water)\w*(temp|_te_|_t$)"),
@@ -107,18 +113,22 @@ class Inspection:
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
         found = []
-        for source in (*card(_MODEL).inputs, *card(_MODEL).sensors):
-            known = source.name in self.candidates or source.name not in _CLUES
-            if not known and getattr(source, "default", None) is None:
-                found.append(f"signals.{source.name} ({source.unit}): no signal looks like it")
-                if source.name == "input_shaft_speed" and self.wheels:
-                    found[-1] += ("; a wheel speed with gears = [ratios engine/wheel] makes it: "
-                                  + ", ".join(self.wheels[:4]))  # fmt: skip
+        replaceable = {i.name for i in card(_MODEL).inputs if i.default is not None}
+        for name, unit in card(_MODEL).columns:
+            if name not in self.candidates and name not in replaceable:
+                found.append(f"signals.{name} ({unit}): no signal looks like it")
+                if name == "input_shaft_speed" and self.wheels:
+                    found[-1] += (
+                        "; a wheel speed with gears = [ratios engine/wheel] makes it: "
+                        + ", ".join(self.wheels[:4])
+                    )
         torque = self.candidates.get("engine_torque")
         if torque and torque[0].unit == "%":
-            found.append('signals.engine_torque: reference = { value = …, unit = "Nm" }, the torque '
-                         "that 100 % stands for (J1939: SPN 544)")  # fmt: skip
-        return tuple(dict.fromkeys(found))
+            found.append(
+                'signals.engine_torque: reference = { value = …, unit = "Nm" }, '
+                "the torque that 100 % stands for (J1939: SPN 544)"
+            )
+        return tuple(found)
 
     def as_dict(self) -> dict[str, Any]:
         """What ``inspect.json`` holds."""
@@ -129,21 +139,29 @@ class Inspection:
             "frames_rejected": dict(self.rejected),
             "dbc": [str(path) for path in self.dbc],
             "ids": [asdict(row) for row in self.rows],
-            "signals": {name: [asdict(c) for c in found]
-                        for name, found in self.candidates.items()},
+            "signals": {
+                name: [asdict(c) for c in found] for name, found in self.candidates.items()
+            },
             "missing": list(self.missing),
             "warnings": list(self.warnings),
-        }  # fmt: skip
+        }
 
     def vehicle_toml(self, target: Path) -> str:
         """A vehicle file for ``target``: the likeliest signals; parameters are the truck's, as
         guesses.  It loads once what its heading calls missing is filled in."""
         truck = load_vehicle("truck")
-        signals = {name: self._map(found[0], truck.signals.get(name))
-                   for name, found in self.candidates.items()}  # fmt: skip
-        parameters = {key: replace(p, spread=_wide(p.value, p.unit, p.spread),
-                                   source="guess: the shipped truck's value")
-                      for key, p in truck.parameters.items()}  # fmt: skip
+        signals = {
+            name: self._map(found[0], truck.signals.get(name))
+            for name, found in self.candidates.items()
+        }
+        parameters = {
+            key: replace(
+                p,
+                spread=_wide(p.value, p.unit, p.spread),
+                source="guess: the shipped truck's value",
+            )
+            for key, p in truck.parameters.items()
+        }
         name = re.sub(r"\W+", "_", self.logs[0].name.split(".")[0])
         used = {candidate.message for found in self.candidates.values() for candidate in found[:1]}
         dbc = tuple(path for path in self.dbc if used & set(load([path]).messages))
@@ -151,12 +169,17 @@ class Inspection:
         return vehicle_text(vehicle, target, self._heading())
 
     def _heading(self) -> str:
-        lines = [f"Drafted by `clutchest inspect` from {', '.join(p.name for p in self.logs)}.",
-                 "Every parameter is a guess; see the `source` of each."]  # fmt: skip
+        lines = [
+            f"Drafted by `clutchest inspect` from {', '.join(p.name for p in self.logs)}.",
+            "Every parameter is a guess; see the `source` of each.",
+        ]
         lines += [f"MISSING {what}" for what in self.missing]
-        lines += [f"{name} could also be {c.where}"
-                  for name, found in self.candidates.items() for c in found[1:4]
-                  if c.low is not None]  # fmt: skip
+        lines += [
+            f"{name} could also be {c.where}"
+            for name, found in self.candidates.items()
+            for c in found[1:4]
+            if c.low is not None
+        ]
         return "\n".join(lines)
 
     def _map(self, found: Candidate, like: SignalMap | None) -> SignalMap:
@@ -168,10 +191,15 @@ class Inspection:
             noise = noise if noise > rounding else _short(rounding)
         parts = self.torque_parts if found.canonical == "engine_torque" else {}
         return SignalMap(
-            found.canonical, BusSignal(found.message, found.signal, found.unit or column_unit),
-            noise, noise_ar=like.noise_ar if like else 0.0, source_address=found.sender,
-            channel=found.channel, fraction=parts.get("fraction"),
-            friction=parts.get("friction"))  # fmt: skip
+            found.canonical,
+            BusSignal(found.message, found.signal, found.unit or column_unit),
+            noise,
+            noise_ar=like.noise_ar if like else 0.0,
+            source_address=found.sender,
+            channel=found.channel,
+            fraction=parts.get("fraction"),
+            friction=parts.get("friction"),
+        )
 
 
 def inspect_logs(paths: Sequence[str | Path], dbc: Sequence[Path] = ()) -> Inspection:
@@ -191,9 +219,17 @@ def inspect_logs(paths: Sequence[str | Path], dbc: Sequence[Path] = ()) -> Inspe
     candidates, wheels, torque_parts = _search(frames, rows, databases)
     duration = sum(float(np.ptp(part.t_ns)) for part in parts) * 1e-9
     return Inspection(
-        logs, len(frames), duration, dict(frames.rejected), rows, candidates, wheels, torque_parts,
-        sources, tuple(warning for database in databases for warning in database.warnings),
-    )  # fmt: skip
+        logs,
+        len(frames),
+        duration,
+        dict(frames.rejected),
+        rows,
+        candidates,
+        wheels,
+        torque_parts,
+        sources,
+        tuple(warning for database in databases for warning in database.warnings),
+    )
 
 
 def _apart(parts: Sequence[Frames]) -> list[Frames]:
@@ -207,8 +243,11 @@ def _apart(parts: Sequence[Frames]) -> list[Frames]:
     return placed
 
 
-def _search(frames: Frames, rows: Sequence[Row], databases: Sequence[Database],
-            ) -> tuple[dict[str, tuple[Candidate, ...]], tuple[str, ...], dict[str, BusSignal]]:
+def _search(
+    frames: Frames,
+    rows: Sequence[Row],
+    databases: Sequence[Database],
+) -> tuple[dict[str, tuple[Candidate, ...]], tuple[str, ...], dict[str, BusSignal]]:
     """Candidates by canonical name, wheel speeds, and the J1939 companions of percent torque."""
     found: dict[str, list[Candidate]] = {}
     wheels: list[str] = []
@@ -225,14 +264,18 @@ def _search(frames: Frames, rows: Sequence[Row], databases: Sequence[Database],
                 by = _resembles(layout, canonical, unit)
                 if by:
                     found.setdefault(canonical, []).append(
-                        _candidate(frames, row, twins, message, layout, canonical, by))
+                        _candidate(frames, row, twins, message, layout, canonical, by)
+                    )
             for part, spn in _TORQUE_SPNS.items():
                 if layout.spn == spn:
                     companions[part] = BusSignal(message.name, layout.name, layout.unit or "%")
             if _WHEEL.search(layout.name) and _fits(layout, "rad/s"):
                 wheels.append(f"{message.name}.{layout.name}")
-    ranked = {name: tuple(sorted(found[name], key=lambda c: c.rank, reverse=True))
-              for name in column_units if name in found}  # fmt: skip
+    ranked = {
+        name: tuple(sorted(found[name], key=lambda c: c.rank, reverse=True))
+        for name in column_units
+        if name in found
+    }
     return ranked, tuple(dict.fromkeys(wheels)), companions
 
 
@@ -251,8 +294,15 @@ def _fits(layout: SignalLayout, unit: str) -> bool:
         return False
 
 
-def _candidate(frames: Frames, row: Row, twins: Sequence[Row], message: Message,
-               layout: SignalLayout, canonical: str, by: str) -> Candidate:  # fmt: skip
+def _candidate(
+    frames: Frames,
+    row: Row,
+    twins: Sequence[Row],
+    message: Message,
+    layout: SignalLayout,
+    canonical: str,
+    by: str,
+) -> Candidate:
     several_channels = len({twin.channel for twin in twins}) > 1
     several_senders = message.is_j1939 and len({twin.id for twin in twins}) > 1
     here = rows_of(frames, message, row.channel)
@@ -260,14 +310,18 @@ def _candidate(frames: Frames, row: Row, twins: Sequence[Row], message: Message,
     column = decode(frames, here, message, [layout.name])[layout.name]
     value = column.value[column.why == Why.VALID]
     return Candidate(
-        canonical, message.name, layout.name, layout.unit, by,
+        canonical,
+        message.name,
+        layout.name,
+        layout.unit,
+        by,
         valid=len(value) / max(len(column.value), 1),
         low=float(value.min()) if len(value) else None,
         high=float(value.max()) if len(value) else None,
         step=abs(float(layout.scale)),
         sender=row.id & 0xFF if several_senders else None,
         channel=row.channel if several_channels else None,
-    )  # fmt: skip
+    )
 
 
 def _wide(value: float, unit: str, spread: float) -> float:

@@ -41,21 +41,35 @@ def run_of(vehicle, signals: Signals) -> Run:
     """Estimates that scatter about the truth as their standard deviations say."""
     tracks = tuple(track_of(vehicle, drive, seed) for seed, drive in enumerate(signals.drives))
     last = tracks[-1]
-    states = {name: {"value": e.value[-1], "std": e.std[-1], "valid": bool(e.valid[-1]),
-                     "why": None if e.valid[-1] else "no launch yet"}
-              for name, e in last.states.items()}  # fmt: skip
+    states = {
+        name: {
+            "value": e.value[-1],
+            "std": e.std[-1],
+            "valid": bool(e.valid[-1]),
+            "why": None if e.valid[-1] else "no launch yet",
+        }
+        for name, e in last.states.items()
+    }
     innovations = last.innovations
     sensors = {}
     for name in innovations.names:
         _, misfit, std = innovations.of(name)
-        sensors[name] = {"count": len(misfit), "innovation_rms": np.sqrt(np.mean(misfit**2)),
-                         "nis_mean": np.mean((misfit / std) ** 2)}  # fmt: skip
+        sensors[name] = {
+            "count": len(misfit),
+            "innovation_rms": np.sqrt(np.mean(misfit**2)),
+            "nis_mean": np.mean((misfit / std) ** 2),
+        }
     summary = {
-        "frames": signals.counts.frames, "frames_decoded": signals.counts.decoded,
-        "frames_rejected": dict(signals.counts.rejected), "duration_s": signals.end,
-        "states": states, "sensors": sensors, "log_likelihood": float("nan"),
-        "engagements": [], "warnings": ["parameter 'kiss_point' is a guess"],
-    }  # fmt: skip
+        "frames": signals.counts.frames,
+        "frames_decoded": signals.counts.decoded,
+        "frames_rejected": dict(signals.counts.rejected),
+        "duration_s": signals.end,
+        "states": states,
+        "sensors": sensors,
+        "log_likelihood": float("nan"),
+        "engagements": [],
+        "warnings": ["parameter 'kiss_point' is a guess"],
+    }
     provenance = {"clutchest": "0.1.0", "vehicle_hash": vehicle.hash, "parameters_hash": "beef"}
     return Run(vehicle, signals, tracks, summary, {"states": states}, provenance)
 
@@ -78,10 +92,20 @@ def track_of(vehicle, drive: Signals, seed: int) -> Track:
     speed = drive["engine_speed"]
     n = len(speed)
     innovations = Innovations(
-        ("engine_speed", "zero_position"), speed.time,
-        (np.arange(n) % 25 == 0).astype(np.int8), rng.normal(0, 0.1, n), np.full(n, 0.1))  # fmt: skip
+        ("engine_speed", "zero_position"),
+        speed.time,
+        (np.arange(n) % 25 == 0).astype(np.int8),
+        rng.normal(0, 0.1, n),
+        np.full(n, 0.1),
+    )
     return Track(
-        time, np.where(slipping, 1, 2).astype(np.uint8), MODES, states,
+        time,
+        np.where(slipping, 1, 2).astype(np.uint8),
+        MODES,
+        states,
         Estimate(torque, np.full(len(time), 25.0), always),
-        Estimate(energy, 0.03 * energy, always), innovations,
-        (Engagement(3.1, 1.9, 52e3, 1.8e3, 640.0, 96.0),), -12.5)  # fmt: skip
+        Estimate(energy, 0.03 * energy, always),
+        innovations,
+        (Engagement(3.1, 1.9, 52e3, 1.8e3, 640.0, 96.0),),
+        -12.5,
+    )

@@ -1,0 +1,1 @@
+"""What a run leaves behind: files, a recording to look at, words."""

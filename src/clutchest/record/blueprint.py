@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import rerun as rr
@@ -14,8 +14,12 @@ from clutchest.signals import Floats
 COLOURS = (0xF3A712FF, 0x4F9DDEFF, 0xE4572EFF, 0x76B041FF, 0xA06CD5FF, 0x2EC4B6FF, 0xE377C2FF)
 INVALID = 0x8A8A8AFF
 BOUND = 0x9A9A9AFF
-MODE_COLOURS = {"open": 0x3D5A80FF, "slipping": 0xC8553DFF, "locked": 0x4C8C4AFF,
-                "retracted": 0x2F5D50FF}  # fmt: skip
+MODE_COLOURS = {
+    "open": 0x3D5A80FF,
+    "slipping": 0xC8553DFF,
+    "locked": 0x4C8C4AFF,
+    "retracted": 0x2F5D50FF,
+}
 
 # Linked time axes read their range from this view, which Rerun keeps for what all views share.
 _SHARED_VIEW = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc"
@@ -33,10 +37,13 @@ class Panel:
     def view(self) -> rrb.TimeSeriesView:
         """The view, its time axis moving with all others; a single series needs no legend."""
         return rrb.TimeSeriesView(
-            name=self.title, origin="/", contents=[f"/{entity}" for entity in self.entities],
+            name=self.title,
+            origin="/",
+            contents=[f"/{entity}" for entity in self.entities],
             axis_x=rrb.TimeAxis(link="LinkToGlobal"),
             axis_y=rrb.ScalarAxis(range=(self.low, self.high)),
-            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=len(self.entities) > 1))  # fmt: skip
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=len(self.entities) > 1),
+        )
 
 
 def panel(title: str, entities: Sequence[str], lows: Floats, highs: Floats) -> Panel:
@@ -59,30 +66,44 @@ class _Opening(rrb.Blueprint):
     def _log_to_stream(self, stream: rr.RecordingStream) -> None:
         super()._log_to_stream(stream)
         absolute = rr.TimeRangeBoundary.absolute
-        shown = rr.TimeRange(start=absolute(seconds=-0.01 * self._end),
-                             end=absolute(seconds=1.01 * self._end))  # fmt: skip
+        shown = rr.TimeRange(
+            start=absolute(seconds=-0.01 * self._end), end=absolute(seconds=1.01 * self._end)
+        )
         stream.log(f"{_SHARED_VIEW}/TimeAxis", rrb.TimeAxis(view_range=shown))
 
 
-def blueprint(overview: Sequence[Panel], pages: dict[str, Sequence[Panel]], lanes: Sequence[str],
-              timeline: str, end: float) -> rrb.Blueprint:
+def blueprint(
+    overview: Sequence[Panel],
+    pages: Mapping[str, Sequence[Panel]],
+    lanes: Sequence[str],
+    timeline: str,
+    end: float,
+) -> rrb.Blueprint:
     """The opening page (lanes and ``overview`` beside the report), then one tab per page.
 
     ``end``: last time on ``timeline``, s.
     """
-    mode = rrb.StateTimelineView(name=" and ".join(lanes), origin="/",
-                                 contents=[f"/{lane}" for lane in lanes],
-                                 time_view=rrb.TimeAxis(link="LinkToGlobal"))  # fmt: skip
+    mode = rrb.StateTimelineView(
+        name=" and ".join(lanes),
+        origin="/",
+        contents=[f"/{lane}" for lane in lanes],
+        time_view=rrb.TimeAxis(link="LinkToGlobal"),
+    )
     first, *others = [p.view() for p in overview]
     shares = [3.0, 0.6 + 1.2 * len(lanes), *(3.0 + 0.5 * len(p.entities) for p in overview[1:])]
     start = rrb.Horizontal(
         rrb.Vertical(first, mode, *others, row_shares=shares),
         rrb.TextDocumentView(name="report", origin="/report"),
-        column_shares=[3, 1], name="overview")  # fmt: skip
-    tabs = [rrb.Vertical(*(p.view() for p in page), name=name)
-            for name, page in pages.items() if page]  # fmt: skip
+        column_shares=[3, 1],
+        name="overview",
+    )
+    tabs = [
+        rrb.Vertical(*(p.view() for p in page), name=name) for name, page in pages.items() if page
+    ]
     return _Opening(
         rrb.Tabs(start, *tabs, active_tab=0),
-        rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused"),
-        end=end)  # fmt: skip
+        end=end,
+    )

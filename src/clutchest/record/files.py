@@ -67,8 +67,10 @@ def read_state(path: Path) -> dict[str, Any]:
     try:
         state = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as problem:
-        raise ClutchestError(f"{path}: line {problem.lineno}: not JSON: {problem.msg}; expected the "
-                             "state.json of an earlier replay") from None  # fmt: skip
+        raise ClutchestError(
+            f"{path}: line {problem.lineno}: not JSON: {problem.msg}; "
+            "expected the state.json of an earlier replay"
+        ) from None
     except (OSError, UnicodeDecodeError) as problem:
         raise ClutchestError(f"{path}: cannot be read ({problem})") from None
     if not isinstance(state, dict):
@@ -96,13 +98,17 @@ def _innovations(run: Run) -> Any:
     frames = []
     for drive, track in enumerate(run.tracks):
         events = track.innovations
-        frames.append(pd.DataFrame({
-            "time": events.time,
-            "drive": np.full(len(events.time), drive, np.int32),
-            "sensor": pd.Categorical.from_codes(events.sensor, list(events.names)),
-            "innovation": events.innovation,
-            "std": events.std,
-        }))  # fmt: skip
+        frames.append(
+            pd.DataFrame(
+                {
+                    "time": events.time,
+                    "drive": np.full(len(events.time), drive, np.int32),
+                    "sensor": pd.Categorical.from_codes(events.sensor, list(events.names)),
+                    "innovation": events.innovation,
+                    "std": events.std,
+                }
+            )
+        )
     return pd.concat(frames, ignore_index=True)
 
 
@@ -112,6 +118,8 @@ def _write_table(table: Any, path: Path, provenance: Mapping[str, str]) -> None:
     import pyarrow.parquet as pq
 
     columns = pa.Table.from_pandas(table, preserve_index=False)
-    metadata = {**(columns.schema.metadata or {}),
-                **{key.encode(): value.encode() for key, value in provenance.items()}}  # fmt: skip
+    metadata = {
+        **(columns.schema.metadata or {}),
+        **{key.encode(): value.encode() for key, value in provenance.items()},
+    }
     pq.write_table(columns.replace_schema_metadata(metadata), path)

@@ -60,13 +60,19 @@ SLIP_ENERGY = Quantity("slip_energy", "J", "heat made by slipping since the driv
 
 def states_of(run: Run) -> dict[str, Quantity]:
     """The run's states in the order of the model, by name."""
-    return {s.name: Quantity(s.name, s.unit, s.what) for s in card(run.vehicle.model).states
-            if s.name in run.tracks[0].states}  # fmt: skip
+    return {
+        s.name: Quantity(s.name, s.unit, s.what)
+        for s in card(run.vehicle.model).states
+        if s.name in run.tracks[0].states
+    }
 
 
 def sensors_of(run: Run) -> dict[str, Quantity]:
     """The run's sensors by name, those that gave at least one event."""
     units = {s.name: s.unit for s in card(run.vehicle.model).sensors}
-    seen = {track.innovations.names[k]: None
-            for track in run.tracks for k in np.unique(track.innovations.sensor)}  # fmt: skip
+    seen = {
+        track.innovations.names[k]: None
+        for track in run.tracks
+        for k in np.unique(track.innovations.sensor)
+    }
     return {name: Quantity(name, units.get(name, "1")) for name in seen}

@@ -11,9 +11,10 @@ import numpy as np
 from clutchest.estimate.run import Run
 from clutchest.record.quantities import Quantity, states_of
 
-
-_HOW_TO_READ = ("Lines are estimates, the bands around them one standard deviation; a line is grey "
-                "while its estimate is not valid.")  # fmt: skip
+_HOW_TO_READ = (
+    "Lines are estimates, the bands around them one standard deviation; a line is grey "
+    "while its estimate is not valid."
+)
 
 
 def number(quantity: Quantity, value: float | None, digits: int = 4) -> str:
@@ -48,8 +49,10 @@ def markdown(run: Run) -> str:
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
     parts += ["## Sensors against the model", _sensors(run)]
-    made_by = [(what, value if len(value) < 24 else f"{value[:12]}…")
-               for what, value in run.provenance.items()]  # fmt: skip
+    made_by = [
+        (what, value if len(value) < 24 else f"{value[:12]}…")
+        for what, value in run.provenance.items()
+    ]
     parts += ["## Made by", _table(("what", "version or hash"), made_by)]
     return "\n\n".join(parts) + "\n"
 
@@ -75,22 +78,32 @@ def _states(run: Run) -> str:
 
 def _engagements(run: Run) -> str:
     rows = []
-    for drive, track in enumerate(run.tracks, start=1):
+    for drive, track in enumerate(run.tracks):
         for event in track.engagements:
             where = (str(drive),) if len(run.tracks) > 1 else ()
-            rows.append((*where, f"{event.start_s:.1f}", f"{event.duration_s:.2f}",
-                         plus_minus(Quantity("energy", "J"), event.energy_J, event.energy_std_J),
-                         f"{event.peak_torque:.0f}", f"{event.peak_temp_disc:.0f}"))  # fmt: skip
+            rows.append(
+                (
+                    *where,
+                    f"{event.start_s:.1f}",
+                    f"{event.duration_s:.2f}",
+                    plus_minus(Quantity("energy", "J"), event.energy_J, event.energy_std_J),
+                    f"{event.peak_torque:.0f}",
+                    f"{event.peak_temp_disc:.0f}",
+                )
+            )
     if not rows:
         return "The clutch never slipped."
     head = ("drive",) if len(run.tracks) > 1 else ()
-    return _table((*head, "start [s]", "lasted [s]", "energy", "peak torque [Nm]",
-                   "hottest disc [°C]"), rows)  # fmt: skip
+    return _table(
+        (*head, "start [s]", "lasted [s]", "energy", "peak torque [Nm]", "hottest disc [°C]"), rows
+    )
 
 
 def _sensors(run: Run) -> str:
-    rows = [(name, str(s["count"]), _short(s["innovation_rms"]), _short(s["nis_mean"]))
-            for name, s in run.summary["sensors"].items()]  # fmt: skip
+    rows = [
+        (name, str(s["count"]), _short(s["innovation_rms"]), _short(s["nis_mean"]))
+        for name, s in run.summary["sensors"].items()
+    ]
     note = "NIS is the squared misfit over its predicted variance: 1 when the model is honest."
     return _table(("sensor", "samples", "misfit rms [SI, mm]", "mean NIS"), rows) + "\n\n" + note
 

@@ -55,12 +55,14 @@ def write_recording(run: Run, path: Path) -> None:
     states = _send_states(stream, run, starts)
     residuals = _send_residuals(stream, run, starts)
     lanes = _send_lanes(stream, run, starts)
-    stream.log("report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN),
-               static=True)  # fmt: skip
+    stream.log(
+        "report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN), static=True
+    )
     speeds = [p for p in signals if "[rpm]" in p.title]
     pages = {"signals": signals, "all states": states, "residuals": residuals}
-    stream.send_blueprint(blueprint(
-        speeds + _worth_a_look(run, states), pages, lanes, TIMELINE, end))  # fmt: skip
+    stream.send_blueprint(
+        blueprint(speeds + _worth_a_look(run, states), pages, lanes, TIMELINE, end)
+    )
     stream.flush()
     stream.disconnect()
 
@@ -82,8 +84,10 @@ def outline(values: Floats, most: int) -> NDArray[np.intp]:
 
 def _starts(run: Run) -> tuple[list[float], float]:
     """Where each drive begins on the timeline, and where the last one ends, s."""
-    lengths = [max(drive.end, float(track.time[-1]) if len(track.time) else 0.0)
-               for drive, track in zip(run.signals.drives, run.tracks, strict=True)]  # fmt: skip
+    lengths = [
+        max(drive.end, float(track.time[-1]) if len(track.time) else 0.0)
+        for drive, track in zip(run.signals.drives, run.tracks, strict=True)
+    ]
     apart = 0.02 * sum(lengths)
     starts = [float(s) for s in np.cumsum([0.0, *(length + apart for length in lengths)])]
     return starts[:-1], starts[-1] - apart
@@ -136,28 +140,38 @@ def _send_properties(stream: rr.RecordingStream, run: Run, starts: Sequence[floa
     stream.send_recording_name(": ".join([run.vehicle.name, ", ".join(names[:3])]).strip(": "))
     if run.signals.start_ns is not None:
         stream.send_recording_start_time_nanos(run.signals.start_ns)
-    stream.send_property("provenance", rr.AnyValues(**run.provenance))
+    stream.send_property("provenance", rr.AnyValues(True, **run.provenance))
     stream.send_property("log", rr.AnyValues(sources=names or [""], drive_starts_s=starts))
 
 
 def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:
     drives = list(zip(starts, run.signals.drives, strict=True))
-    seen = {name: Quantity(name, signal.unit)
-            for _, drive in drives for name, signal in drive.items()}  # fmt: skip
+    seen = {
+        name: Quantity(name, signal.unit) for _, drive in drives for name, signal in drive.items()
+    }
     panels = []
     for group in _by_unit(seen.values()).values():
         shown = []
         for k, quantity in enumerate(group):
-            columns = _strung((start, (drive[quantity.name].time,
-                                       quantity.read(drive[quantity.name].value)))
-                              for start, drive in drives if quantity.name in drive)  # fmt: skip
+            columns = _strung(
+                (start, (drive[quantity.name].time, quantity.read(drive[quantity.name].value)))
+                for start, drive in drives
+                if quantity.name in drive
+            )
             if not columns:
                 continue
             time, value = columns
             entity = f"can/{quantity.name}"
-            stream.log(entity, rr.SeriesLines(
-                names=quantity.words, colors=np.uint32(COLOURS[(k + 1) % len(COLOURS)]),
-                widths=1.5, aggregation_policy="MinMax"), static=True)  # fmt: skip
+            stream.log(
+                entity,
+                rr.SeriesLines(
+                    names=quantity.words,
+                    colors=np.uint32(COLOURS[(k + 1) % len(COLOURS)]),
+                    widths=1.5,
+                    aggregation_policy="MinMax",
+                ),
+                static=True,
+            )
             stream.send_columns(entity, _index(time), rr.Scalars.columns(scalars=value))
             shown.append((entity, value))
         if shown:
@@ -173,22 +187,39 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
     for group in groups.values():
         lows, highs = [], []
         for k, quantity in enumerate(group):
-            estimates = [t.states.get(quantity.name) or getattr(t, quantity.name)
-                         for t in run.tracks]  # fmt: skip
+            estimates = [
+                t.states.get(quantity.name) or getattr(t, quantity.name) for t in run.tracks
+            ]
             columns = _strung(
-                (start, (track.time, quantity.read(e.value), quantity.read_spread(e.std),
-                         np.where(e.valid, COLOURS[k % len(COLOURS)], INVALID).astype(np.uint32)))
-                for start, track, e in zip(starts, run.tracks, estimates, strict=True))  # fmt: skip
+                (
+                    start,
+                    (
+                        track.time,
+                        quantity.read(e.value),
+                        quantity.read_spread(e.std),
+                        np.where(e.valid, COLOURS[k % len(COLOURS)], INVALID).astype(np.uint32),
+                    ),
+                )
+                for start, track, e in zip(starts, run.tracks, estimates, strict=True)
+            )
             if not columns:
                 continue
             time, value, std, colour = columns
             told = colour != INVALID
             colour[0] = COLOURS[k % len(COLOURS)]  # the legend takes the first one
             entity = f"state/{quantity.name}"
-            stream.log(entity, rr.Measurements.from_fields(
-                names=quantity.words, units=quantity.shown or None, widths=2.0), static=True)  # fmt: skip
-            stream.send_columns(entity, _index(time), rr.Measurements.columns(
-                values=value, variances=std**2, colors=colour))  # fmt: skip
+            stream.log(
+                entity,
+                rr.Measurements.from_fields(
+                    names=quantity.words, units=quantity.shown or None, widths=2.0
+                ),
+                static=True,
+            )
+            stream.send_columns(
+                entity,
+                _index(time),
+                rr.Measurements.columns(values=value, variances=std**2, colors=colour),
+            )
             told = told if told.any() else np.isfinite(value)
             lows.append((value - std)[told])
             highs.append((value + std)[told])
@@ -203,8 +234,9 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
 
 def _worth_a_look(run: Run, states: Sequence[Panel]) -> list[Panel]:
     """The panels that tell about the clutch: not those of states that are measured as they are."""
-    measured = {f"state/{name}" for drive in run.signals.drives for name in drive}
-    return [p for p in states if not measured & set(p.entities) and p.entities != ("state/slip_energy",)]
+    plain = {f"state/{name}" for drive in run.signals.drives for name in drive}
+    plain.add(f"state/{SLIP_ENERGY.name}")  # the report has it event by event
+    return [p for p in states if not plain & set(p.entities)]
 
 
 def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:
@@ -214,21 +246,38 @@ def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float
         for start, track in zip(starts, run.tracks, strict=True):
             if quantity.name in track.innovations.names:
                 time, innovation, std = track.innovations.of(quantity.name)
-                pieces.append((start, (time, quantity.read_spread(innovation),
-                                       quantity.read_spread(std))))  # fmt: skip
+                pieces.append(
+                    (start, (time, quantity.read_spread(innovation), quantity.read_spread(std)))
+                )
         time, innovation, std = _strung(pieces)
         entity = f"residual/{quantity.name}"
         colours = np.array([COLOURS[(k + 1) % len(COLOURS)], BOUND, BOUND], np.uint32)
-        stream.log(entity, rr.SeriesLines(
-            names=["measured − predicted", "+3σ", "−3σ"], colors=colours, widths=[1.2, 1.0, 1.0],
-            aggregation_policy="MinMax"), static=True)  # fmt: skip
-        stream.send_columns(entity, _index(time), rr.Scalars.columns(
-            scalars=np.column_stack([innovation, 3 * std, -3 * std])))  # fmt: skip
+        stream.log(
+            entity,
+            rr.SeriesLines(
+                names=["measured − predicted", "+3σ", "−3σ"],
+                colors=colours,
+                widths=[1.2, 1.0, 1.0],
+                aggregation_policy="MinMax",
+            ),
+            static=True,
+        )
+        stream.send_columns(
+            entity,
+            _index(time),
+            rr.Scalars.columns(scalars=np.column_stack([innovation, 3 * std, -3 * std])),
+        )
         # The start of a drive is uncertain by orders of magnitude more than the rest of it.
         reach = max(np.nanmax(np.abs(innovation)), 4 * np.nanmedian(std))
         reach = min(reach, 20 * np.nanmedian(std))
-        panels.append(panel(f"{quantity.label}: measured − predicted, within ± 3σ", [entity],
-                            np.array([-reach]), np.array([reach])))  # fmt: skip
+        panels.append(
+            panel(
+                f"{quantity.label}: measured − predicted, within ± 3σ",
+                [entity],
+                np.array([-reach]),
+                np.array([reach]),
+            )
+        )
     return panels
 
 
@@ -237,7 +286,8 @@ def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -
     modes: list[tuple[float, str]] = []
     drives: list[tuple[float, str]] = []
     for number, (start, drive, track) in enumerate(
-            zip(starts, run.signals.drives, run.tracks, strict=True), start=1):  # fmt: skip
+        zip(starts, run.signals.drives, run.tracks, strict=True)
+    ):
         if len(track.time) == 0:
             continue
         changes = np.flatnonzero(np.diff(track.mode, prepend=255))
@@ -245,8 +295,10 @@ def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -
         modes.append((start + track.time[-1], _BETWEEN))
         begun = drive.start_ns
         when = "" if begun is None else f", {datetime.fromtimestamp(begun / 1e9, UTC):%F %R} UTC"
-        drives += [(start + track.time[0], f"drive {number}{when}"),
-                   (start + track.time[-1], _BETWEEN)]  # fmt: skip
+        drives += [
+            (start + track.time[0], f"drive {number}{when}"),
+            (start + track.time[-1], _BETWEEN),
+        ]
     _send_lane(stream, "mode", modes, MODE_COLOURS)
     if len(run.tracks) == 1:
         return ["mode"]
@@ -254,12 +306,25 @@ def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -
     return ["mode", "drive"]
 
 
-def _send_lane(stream: rr.RecordingStream, entity: str, changes: Sequence[tuple[float, str]],
-               fixed: dict[str, int]) -> None:  # fmt: skip
+def _send_lane(
+    stream: rr.RecordingStream,
+    entity: str,
+    changes: Sequence[tuple[float, str]],
+    fixed: dict[str, int],
+) -> None:
     values = list(dict.fromkeys(value for _, value in changes))
     colours = [fixed.get(value, COLOURS[k % len(COLOURS)]) for k, value in enumerate(values)]
-    stream.log(entity, rr.StateConfiguration(
-        values=values, colors=np.array(colours, np.uint32),
-        visible=[value != _BETWEEN for value in values]), static=True)  # fmt: skip
-    stream.send_columns(entity, _index(np.array([time for time, _ in changes])),
-                        rr.StateChange.columns(state=[value for _, value in changes]))  # fmt: skip
+    stream.log(
+        entity,
+        rr.StateConfiguration(
+            values=values,
+            colors=np.array(colours, np.uint32),
+            visible=[value != _BETWEEN for value in values],
+        ),
+        static=True,
+    )
+    stream.send_columns(
+        entity,
+        _index(np.array([time for time, _ in changes])),
+        rr.StateChange.columns(state=[value for _, value in changes]),
+    )

@@ -1,4 +1,4 @@
-"""What a run says in a terminal: states, slip events and doubts, in a few lines."""
+"""What a run or a first look at a log says in a terminal, in a few lines."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from clutchest.estimate.run import Run
+from clutchest.inspect_log import Inspection
 from clutchest.record.quantities import Quantity, states_of
 from clutchest.record.report import plus_minus
 
@@ -20,15 +21,17 @@ def print_run(run: Run, console: Console) -> None:
     title = f"{escape(run.vehicle.name)}: {summary['duration_s']:.0f} s"
     if len(run.tracks) > 1:
         title += f", {len(run.tracks)} drives"
-    table = Table("quantity", "value ± 1σ", "", title=f"{title}, at the end", title_justify="left")
+    table = Table(
+        "quantity", "value ± 1σ", "valid", title=f"{title}, at the end", title_justify="left"
+    )
     for name, quantity in states_of(run).items():
         state = summary["states"][name]
         shown = plus_minus(quantity, state["value"], state["std"])
         if state["valid"]:
-            table.add_row(quantity.words, shown, "", style="bold")
+            table.add_row(quantity.words, shown, "yes", style="bold")
         else:
-            table.add_row(quantity.words, shown, f"not valid: {escape(state['why'] or 'uncertain')}",
-                          style="dim")  # fmt: skip
+            why = escape(state["why"] or "too uncertain")
+            table.add_row(quantity.words, shown, f"no: {why}", style="dim")
     console.print(table)
     console.print(_slip_events(run))
     warnings = [str(text) for text in summary["warnings"]]
@@ -46,6 +49,60 @@ def _slip_events(run: Run) -> str:
     # Parameters are the same in every event: their errors add up rather than average out.
     spread = sum(event.energy_std_J for event in events)
     hottest = np.nanmax([event.peak_temp_disc for event in events])
-    return (f"{len(events)} slip event{'s' if len(events) > 1 else ''}, "
-            f"{plus_minus(Quantity('energy', 'J'), energy, spread)} of heat, "
-            f"disc at most {hottest:.0f} °C.")  # fmt: skip
+    return (
+        f"{len(events)} slip event{'s' if len(events) > 1 else ''}, "
+        f"{plus_minus(Quantity('energy', 'J'), energy, spread)} of heat, "
+        f"disc at most {hottest:.0f} °C."
+    )
+
+
+def print_inspection(found: Inspection, console: Console) -> None:
+    """Print the ids of a log, the signals that could serve, and what is missing."""
+    ids = Table(
+        "channel",
+        "id",
+        "PGN",
+        "message",
+        "frames",
+        "Hz",
+        "largest gap [s]",
+        "bytes",
+        title=f"{found.frames} frames in {found.duration_s:.1f} s",
+        title_justify="left",
+    )
+    for row in found.rows:
+        ids.add_row(
+            str(row.channel),
+            f"{row.id:08X}" if row.extended else f"{row.id:03X}",
+            "" if row.pgn is None else str(row.pgn),
+            row.message or "",
+            str(row.count),
+            "" if row.rate_hz is None else f"{row.rate_hz:.3g}",
+            "" if row.gap_s is None else f"{row.gap_s:.3g}",
+            "/".join(map(str, row.lengths)),
+        )
+    console.print(ids)
+    signals = Table(
+        "quantity",
+        "could be",
+        "from",
+        "to",
+        "unit",
+        title_justify="left",
+        title="signals that look like what the estimator needs",
+    )
+    for name, candidates in found.candidates.items():
+        for candidate in candidates[:3]:
+            low, high = candidate.low, candidate.high
+            signals.add_row(
+                name,
+                candidate.where,
+                "–" if low is None else f"{low:.4g}",
+                "–" if high is None else f"{high:.4g}",
+                candidate.unit,
+            )
+    console.print(signals)
+    for reason, count in found.rejected.items():
+        console.print(f"not read: {count} × {reason}")
+    for what in found.missing:
+        console.print(f"missing: {escape(what)}")
