@@ -12,124 +12,77 @@ import numpy as np
 from numba import njit
 
 from clutchest.compute.lowered import (
-    HAS_MAP,
     INPUTS,
     OUTPUTS,
     STATES,
     THETAS,
-    dynamics,
-    dynamics_signature,
     outputs,
     outputs_signature,
     reading,
     reading_signature,
-    step_map,
+    step,
+    step_signature,
 )
 
 # --- the generated module goes on from here ---
 
 
 @njit(cache=True, error_model="numpy")
-def _times(A, B, out):
-    """out = A B, skipping the zeros of A."""
-    for i in range(A.shape[0]):
-        for j in range(B.shape[1]):
-            out[i, j] = 0.0
-        for k in range(A.shape[1]):
-            a = A[i, k]
+def propagate(P, F, Q, T):
+    """P ← F P Fᵀ + Q, exactly symmetric; the zeros of F cost nothing."""
+    for i in range(STATES):
+        for j in range(STATES):
+            T[i, j] = 0.0
+        for k in range(STATES):
+            a = F[i, k]
             if a != 0.0:
-                for j in range(B.shape[1]):
-                    out[i, j] += a * B[k, j]
-
-
-@njit(cache=True, error_model="numpy")
-def predict_state(x, dt, u0, u1, w, p, g, F, Q, q, noise, work):
-    """One step of Heun's rule with its exact derivative.
-
-    ``x`` (n) is advanced in place by ``dt`` s with inputs running straight from ``u0`` to ``u1``;
-    ``F`` (n, n) becomes dx'/dx and ``Q`` (n, n) the noise of process (``q`` (n), variance per s)
-    and inputs (``noise`` (nu), variance per s).  ``work`` keeps what the signatures need.
-    Returns the slip power at both ends.
-    """
-    f0, f1, x1, A0, A1, B0, B1, e0, e1, J0, J1, Jm0, Jm1, T, M, mapped = work
-    power0 = dynamics(x, u0, w, p, g, f0, A0, B0, e0)
-    for i in range(STATES):
-        x1[i] = x[i] + dt * f0[i]
-        for j in range(STATES):
-            T[i, j] = dt * A0[i, j]
-        T[i, i] += 1.0
-    if HAS_MAP:
-        step_map(x1, u0, u1, p, g, mapped, J0, Jm0)
-        x1[:] = mapped
-        _times(J0, T, M)
-        T[:, :] = M
-    power1 = dynamics(x1, u1, w, p, g, f1, A1, B1, e1)
-    _times(A1, T, F)
-    for i in range(STATES):
-        x[i] += 0.5 * dt * (f0[i] + f1[i])
-        for j in range(STATES):
-            F[i, j] = 0.5 * dt * (A0[i, j] + F[i, j])
-        F[i, i] += 1.0
-    if HAS_MAP:
-        step_map(x, u0, u1, p, g, mapped, J1, Jm1)
-        x[:] = mapped
-        _times(J1, F, M)
-        F[:, :] = M
+                for j in range(STATES):
+                    T[i, j] += a * P[k, j]
     for i in range(STATES):
         for j in range(i + 1):
-            total = 0.0
-            for k in range(INPUTS):
-                total += noise[k] * (B0[i, k] * B0[j, k] + B1[i, k] * B1[j, k])
-            Q[i, j] = 0.5 * dt * total
-            Q[j, i] = Q[i, j]
-        Q[i, i] += dt * q[i]
-    return power0, power1
-
-
-@njit(cache=True, error_model="numpy")
-def _predict_covariance(P, F, Q, T):
-    """P ← F P Fᵀ + Q, kept exactly symmetric."""
-    _times(F, P, T)
+            P[i, j] = Q[i, j]
+    for j in range(STATES):
+        for k in range(STATES):
+            a = F[j, k]
+            if a != 0.0:
+                for i in range(j, STATES):
+                    P[i, j] += T[i, k] * a
     for i in range(STATES):
-        for j in range(i + 1):
-            total = Q[i, j]
-            for k in range(STATES):
-                total += T[i, k] * F[j, k]
-            P[i, j] = total
-            P[j, i] = total
+        for j in range(i):
+            P[j, i] = P[i, j]
 
 
 @njit(cache=True, error_model="numpy")
-def _predict_signature(S, x0, x1, dt, u0, u1, w, p, g, sE, work, own):
-    """S ← dx'/dθ: the derivative of the same step with respect to every θ; sE that of the energy."""
-    A0, A1, e0, e1 = work[3], work[4], work[7], work[8]
-    J0, J1, Jm0, Jm1 = work[9], work[10], work[11], work[12]
-    du, G, R0, R1, S1, T, eG = own
-    for j in range(INPUTS):
-        du[j] = (u1[j] - u0[j]) / dt
-    dynamics_signature(x0, u0, du, w, p, g, G, eG)
-    _times(A0, S, R0)
-    for k in range(THETAS):
-        rate = eG[k]
-        for i in range(STATES):
-            R0[i, k] += G[i, k]
-            S1[i, k] = S[i, k] + dt * R0[i, k]
-            rate += e0[i] * S[i, k]
-        sE[k] += 0.5 * dt * rate
-    if HAS_MAP:
-        _times(J0, S1, T)
-        S1[:, :] = T + Jm0
-    dynamics_signature(x1, u1, du, w, p, g, G, eG)
-    _times(A1, S1, R1)
-    for k in range(THETAS):
-        rate = eG[k]
-        for i in range(STATES):
-            S[i, k] += 0.5 * dt * (R0[i, k] + R1[i, k] + G[i, k])
-            rate += e1[i] * S1[i, k]
-        sE[k] += 0.5 * dt * rate
-    if HAS_MAP:
-        _times(J1, S, T)
-        S[:, :] = T + Jm1
+def propagate_signature(S, F, G, T):
+    """S ← F S + G: how the state answers to every θ."""
+    for i in range(STATES):
+        for c in range(THETAS):
+            T[i, c] = G[i, c]
+        for k in range(STATES):
+            a = F[i, k]
+            if a != 0.0:
+                for c in range(THETAS):
+                    T[i, c] += a * S[k, c]
+    for i in range(STATES):
+        for c in range(THETAS):
+            S[i, c] = T[i, c]
+
+
+@njit(cache=True, error_model="numpy")
+def propagate_energy(E, cE, P, F, e, work):
+    """The energy as a state that no measurement corrects: its variance and covariance with x."""
+    for i in range(STATES):
+        total = cE[i]
+        for j in range(STATES):
+            total += P[i, j] * e[j]
+        work[i] = total  # cov(E', x) before the step
+    for i in range(STATES):
+        E[1] += e[i] * (cE[i] + work[i])
+    for i in range(STATES):
+        total = 0.0
+        for j in range(STATES):
+            total += F[i, j] * work[j]
+        cE[i] = total
 
 
 @njit(cache=True, error_model="numpy")
@@ -195,17 +148,11 @@ def run(
     ``out_signature`` (m).  Returns the log-likelihood.
     """
     n, m = STATES, THETAS
-    work = (
-        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)),
-        np.zeros((n, INPUTS)), np.zeros((n, INPUTS)), np.zeros(n), np.zeros(n),
-        np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, m)), np.zeros((n, m)),
-        np.zeros((n, n)), np.zeros((n, n)), np.zeros(n),
-    )  # fmt: skip
-    own = (np.zeros(INPUTS), np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m)),
-           np.zeros((n, m)), np.zeros((n, m)), np.zeros(m))  # fmt: skip
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    x0, ua, ub, K, PH = np.zeros(n), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(n), np.zeros(n)
-    H, Hm = np.zeros(n), np.zeros(m)
+    G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
+    xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
+                           np.zeros(m))  # fmt: skip
+    ua, ub = np.zeros(INPUTS), np.zeros(INPUTS)
     y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
                     np.zeros((OUTPUTS, m)))  # fmt: skip
     log_likelihood = 0.0
@@ -216,29 +163,23 @@ def run(
         if span > 0.0:
             steps = ceil(span / longest[row[k]])
             dt = span / steps
-            for step in range(steps):
+            for i in range(steps):
                 for j in range(INPUTS):
                     slope = (u[k, j] - u[k - 1, j]) / steps
-                    ua[j] = u[k - 1, j] + step * slope
-                    ub[j] = u[k - 1, j] + (step + 1) * slope
-                x0[:] = x
-                a, b = predict_state(x, dt, ua, ub, w, p, g, F, Q, Qs[row[k]], noise, work)
+                    ua[j] = u[k - 1, j] + i * slope
+                    ub[j] = u[k - 1, j] + (i + 1) * slope
+                E[0] += step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 if with_signature:
-                    _predict_signature(S, x0, work[2], dt, ua, ub, w, p, g, sE, work, own)
-                # the energy is a state that no measurement corrects
-                E[0] += 0.5 * dt * (a + b)
-                e0 = work[7]
-                for i in range(n):
-                    drift = 0.0
-                    for j in range(n):
-                        drift += P[i, j] * e0[j]
-                    E[1] += dt * e0[i] * (2.0 * cE[i] + dt * drift)
-                    PH[i] = cE[i] + dt * drift
-                for i in range(n):
-                    cE[i] = 0.0
-                    for j in range(n):
-                        cE[i] += F[i, j] * PH[j]
-                _predict_covariance(P, F, Q, T)
+                    step_signature(x, ua, ub, dt, w, p, g, G, eG)
+                    for c in range(m):
+                        sE[c] += eG[c]
+                        for j in range(n):
+                            sE[c] += e[j] * S[j, c]
+                    propagate_signature(S, F, G, Tm)
+                propagate_energy(E, cE, P, F, e, PH)
+                propagate(P, F, Q, T)
+                for j in range(n):
+                    x[j] = xn[j]
 
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H)

@@ -6,7 +6,10 @@ from collections.abc import Sequence
 
 import casadi as ca
 
+from clutchest.compute.step import heun
 from clutchest.models.model import Expressions, Model
+
+_SCALARS = ("dt",)  # arguments that are plain numbers
 
 # What is not an operator between its operands.  `if_else_zero` is how CasADi writes a branch.
 _CALLS = {
@@ -48,7 +51,8 @@ def lower(
         if op == ca.OP_CONST:
             lines.append(f"v{into[0]} = {function.instruction_constant(k)!r}")
         elif op == ca.OP_INPUT:
-            lines.append(f"v{into[0]} = {arrays[of[0]]}[{of[1]}]")
+            scalar = arrays[of[0]] in _SCALARS
+            lines.append(f"v{into[0]} = {arrays[of[0]]}" + ("" if scalar else f"[{of[1]}]"))
         elif op == ca.OP_OUTPUT:
             target, (row, column) = targets[into[0]], places[into[0]][into[1]]
             if target == returned:
@@ -68,49 +72,55 @@ def lower(
 
 
 def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
-    """Source of all functions that the kernel calls, for one model.
+    """Source of all functions that kernel and online filter call, for one model.
 
     ``thetas`` are what signatures are taken of: (``"parameter"``, key) or (effect name, number).
     """
     e = model.expressions()
-    theta = ca.vertcat(*(_symbol(model, e, owner, key) for owner, key in thetas))
-    du = ca.SX.sym("du", len(model.inputs))
-    names = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
-    power = e.outputs[model.outputs.index("power")]
+    taken = heun(model, e)
+    theta = ca.vertcat(ca.SX(0, 1), *(_symbol(model, e, *names) for names in thetas))
+    at = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
+    over = {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
 
-    # a delay shifts a signal in time: its response is that signal's slope
-    B = ca.jacobian(e.rate, e.u)
+    # a delay shifts a signal in time: its response is that signal's slope over the step
     late = ca.SX(len(model.inputs), len(thetas))
+    slope = (taken.u1 - e.u) / taken.dt
     for k, (owner, key) in enumerate(thetas):
         for effect in model.effects:
             for signal, number in effect.delays.items():
                 if effect.name == owner and number == key:
-                    late[model.input(signal), k] = du[model.input(signal)]
+                    late[model.input(signal), k] = slope[model.input(signal)]
 
     def by_theta(of: ca.SX) -> ca.SX:
-        return ca.jacobian(of, theta) + ca.mtimes(ca.jacobian(of, e.u), late)
+        by_inputs = ca.jacobian(of, e.u) + ca.jacobian(of, taken.u1)
+        return ca.jacobian(of, theta) + ca.mtimes(by_inputs, late)
 
     parts = [
         f"STATES, INPUTS, OUTPUTS, SENSORS, THETAS = {len(model.states)}, {len(model.inputs)}, "
         f"{len(model.outputs)}, {len(model.sensors)}, {len(thetas)}",
         f"HAS_MAP = {not ca.is_equal(e.mapped, e.x)}",
-        lower("dynamics", names, {"f": e.rate, "A": ca.jacobian(e.rate, e.x), "B": B, "power": power,
-                                  "e": ca.jacobian(power, e.x).T}, "power"),
-        lower("dynamics_signature", {"x": e.x, "u": e.u, "du": du, "w": e.w, "p": e.p, "g": e.g},
-              {"G": by_theta(e.rate), "eG": by_theta(power).T}),
-        lower("outputs", names, {"y": e.outputs, "Y": ca.jacobian(e.outputs, e.x),
-                                 "Yu": ca.jacobian(e.outputs, e.u)}),
-        lower("outputs_signature", names, {"Ym": ca.jacobian(e.outputs, theta)}),
+        lower(
+            "step",
+            over | {"q": taken.q, "noise": taken.noise},
+            {"xn": taken.x, "F": ca.jacobian(taken.x, e.x), "Q": taken.Q, "energy": taken.energy,
+             "e": ca.jacobian(taken.energy, e.x).T},
+            "energy",
+        ),
+        lower("step_signature", over, {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
+        lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
+                               "B": ca.jacobian(e.rate, e.u)}),
+        lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "p": e.p, "g": e.g},
+              {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x)}),
+        lower("outputs", at, {"y": e.outputs, "Y": ca.jacobian(e.outputs, e.x),
+                              "Yu": ca.jacobian(e.outputs, e.u)}),
+        lower("outputs_signature", at, {"Ym": ca.jacobian(e.outputs, theta)}),
         lower("initial", {"x": e.x, "p": e.p, "g": e.g},
               {"xi": e.initial, "Si": ca.jacobian(e.initial, theta)}),
-        lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "p": e.p, "g": e.g},
-              {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x),
-               "Jm": ca.jacobian(e.mapped, theta)}),
     ]  # fmt: skip
     for i, _ in enumerate(model.sensors):
         h = e.readings[i]
-        parts.append(lower(f"reading_{i}", names, {"h": h, "H": ca.jacobian(h, e.x).T}, "h"))
-        parts.append(lower(f"reading_{i}_signature", names, {"Hm": ca.jacobian(h, theta).T}))
+        parts.append(lower(f"reading_{i}", at, {"h": h, "H": ca.jacobian(h, e.x).T}, "h"))
+        parts.append(lower(f"reading_{i}_signature", at, {"Hm": ca.jacobian(h, theta).T}))
     parts.append(_dispatch("reading", "H", "", len(model.sensors)))
     parts.append(_dispatch("reading_signature", "Hm", "_signature", len(model.sensors)))
     return "\n\n".join(parts)

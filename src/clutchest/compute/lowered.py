@@ -13,13 +13,24 @@ STATES = INPUTS = OUTPUTS = SENSORS = THETAS = 0
 HAS_MAP = False
 
 
-def dynamics(x: Any, u: Any, w: Any, p: Any, g: Any, f: Any, A: Any, B: Any, e: Any) -> float:
-    """f (n) = dx/dt, A (n, n) = ∂f/∂x, B (n, nu) = ∂f/∂u, e (n) = ∂power/∂x; returns the power."""
+def step(
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, q: Any, noise: Any,
+    xn: Any, F: Any, Q: Any, e: Any,
+) -> float:  # fmt: skip
+    """xn (n) = x after ``dt`` s, F (n, n) = ∂xn/∂x, Q (n, n) the noise of process (``q`` (n)) and
+    inputs (``noise`` (nu)); returns the slip energy of the step, e (n) its derivative by x."""
     raise NotImplementedError
 
 
-def dynamics_signature(x: Any, u: Any, du: Any, w: Any, p: Any, g: Any, G: Any, eG: Any) -> float:
-    """G (n, m) = ∂f/∂θ, eG (m) = ∂power/∂θ; ``du`` (nu) are the inputs' slopes, for delays."""
+def step_signature(
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, G: Any, eG: Any
+) -> float:
+    """G (n, m) = ∂xn/∂θ, eG (m) = ∂energy/∂θ."""
+    raise NotImplementedError
+
+
+def dynamics(x: Any, u: Any, w: Any, p: Any, g: Any, f: Any, A: Any, B: Any) -> float:
+    """f (n) = dx/dt, A (n, n) = ∂f/∂x, B (n, nu) = ∂f/∂u."""
     raise NotImplementedError
 
 
@@ -48,6 +59,6 @@ def initial(x: Any, p: Any, g: Any, xi: Any, Si: Any) -> float:
     raise NotImplementedError
 
 
-def step_map(x: Any, u0: Any, u: Any, p: Any, g: Any, mapped: Any, J: Any, Jm: Any) -> float:
-    """The state after a step's discrete part, with derivatives J (n, n) and Jm (n, m)."""
+def step_map(x: Any, u0: Any, u: Any, p: Any, g: Any, mapped: Any, J: Any) -> float:
+    """The state after a step's discrete part, and its derivative J (n, n)."""
     raise NotImplementedError

@@ -42,8 +42,8 @@ class OnlineFilter(ExtendedKalmanFilter):
     def rates(self, x: Floats, u: Floats, row: int) -> tuple[Floats, Floats, Floats]:
         """dx/dt (n) with its derivatives by x (n, n) and by u (n, nu)."""
         n, nu = len(x), len(u)
-        f, A, B, e = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu)), np.zeros(n)
-        self.functions.dynamics(x, u, self.timeline.W[row], self.p, self.g, f, A, B, e)
+        f, A, B = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu))
+        self.functions.dynamics(x, u, self.timeline.W[row], self.p, self.g, f, A, B)
         return f, A, B
 
     def mapped(self, x: Floats, u0: Floats, u1: Floats) -> tuple[Floats, Floats]:
@@ -52,9 +52,7 @@ class OnlineFilter(ExtendedKalmanFilter):
             return x, np.eye(len(x))
         n = len(x)
         new, J = np.zeros(n), np.zeros((n, n))
-        self.functions.step_map(
-            x, u0, u1, self.p, self.g, new, J, np.zeros((n, self.functions.THETAS))
-        )
+        self.functions.step_map(x, u0, u1, self.p, self.g, new, J)
         return new, J
 
     def predict_x(self, u: tuple[float, Floats, Floats, int] | int = 0) -> None:
@@ -108,5 +106,3 @@ class OnlineFilter(ExtendedKalmanFilter):
                 total += float(self.log_likelihood)
             xs[k], Ps[k] = self.x, self.P
         return xs, Ps, total
-
-

@@ -152,7 +152,9 @@ def _engagements(
                 duration_s=float(duration),
                 energy_J=float(gained[0]),
                 energy_std_J=float(np.sqrt(variance)),
-                peak_torque=float(torque[first : last + 1][np.argmax(np.abs(torque[a:b])) + a - first]),
+                peak_torque=float(
+                    torque[first : last + 1][np.argmax(np.abs(torque[a:b])) + a - first]
+                ),
                 peak_temp_disc=float(filtered.x[first : last + 1, disc].max()),
             )
         )

@@ -161,7 +161,7 @@ def build(
     )
 
     # events: sensor samples, kinks of the inputs while they matter, outputs
-    keep = regimes.sliding | np.isin(stamps, grid) | np.isin(stamps, speed.time)
+    keep = (regimes.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, speed.time)
     times, index = [stamps[keep]], [np.full(int(keep.sum()), -1, np.int8)]
     values, variances = [np.zeros(int(keep.sum()))], [np.zeros(int(keep.sum()))]
     readings = {"engine_speed": speed}

@@ -222,7 +222,7 @@ DRY_CLUTCH = Model(
     regime=REGIME,
     sensors=SENSORS,
     outputs=("transmitted_torque", "power"),
-    renewed={"engine_speed": ("free_running", 3.0)},
+    renewed={"engine_speed": ("free_running", 1.0)},
     pieces=(
         slip,
         position,
