@@ -166,7 +166,8 @@ def test_hysteresis_is_a_play(bench):
 
 def test_every_effect_has_been_looked_at():
     elsewhere = {"heat_split", "wear", "position_offset", "friction_level",
-                 "torque_gain", "torque_bias", "torque_delay", "position_delay", "position_hysteresis"}  # fmt: skip
+                 "torque_gain", "torque_bias", "torque_delay", "position_delay",
+                 "position_hysteresis"}  # fmt: skip
     assert set(ON_THE_BENCH) | elsewhere == set(EFFECTS)
     assert not set(ON_THE_BENCH) & elsewhere
 

@@ -50,8 +50,9 @@ def surroundings(seed: int, duration: float, disturbances: Disturbances,
     weather = stream(seed, "weather")
     coolant = weather.uniform(81.0, 88.0) + _wander(weather, n, std=1.5, time_constant=200.0)
     ambient = weather.uniform(2.0, 26.0) + _wander(weather, n, std=0.7, time_constant=900.0)
-    return Surroundings(np.arange(n, dtype=np.float64) * GRID, np.clip(friction, 0.2, 3.0) * (1 + friction_change),
-                        walk + bias, coolant, ambient)
+    time = np.arange(n, dtype=np.float64) * GRID
+    level = np.clip(friction, 0.2, 3.0) * (1 + friction_change)
+    return Surroundings(time, level, walk + bias, coolant, ambient)
 
 
 def _walk(seed: int, purpose: str, n: int, start: float, walk: float) -> Floats:
