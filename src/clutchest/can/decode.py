@@ -106,8 +106,9 @@ def scaled(raw: NDArray, layout: SignalLayout) -> NDArray[np.float64]:
     """raw · scale + offset with the rounding of cantools: integers exactly, else in float64."""
     scale, offset = layout.scale, layout.offset
     if layout.is_float:
-        bits = raw.astype(f"u{layout.width // 8}")
-        return bits.view(f"f{layout.width // 8}").astype(np.float64) * scale + offset
+        numbers = raw.astype(f"u{layout.width // 8}").view(f"f{layout.width // 8}")
+        with np.errstate(invalid="ignore", over="ignore"):  # any bit pattern may come
+            return numbers.astype(np.float64) * scale + offset
     if scale == 1 and offset == 0:
         return raw.astype(np.float64)
     if float(scale).is_integer() and float(offset).is_integer():
