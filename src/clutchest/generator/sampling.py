@@ -89,12 +89,12 @@ def _beat(channel: Channel, seed: int, duration: float) -> Floats:
 
 def _noise(channel: Channel, seed: int, n: int) -> Floats:
     """Stationary AR(1) from its first sample on, with standard deviation ``channel.noise``."""
-    from scipy.signal import lfilter
+    from clutchest.generator.plant import recur
 
     white = stream(seed, "noise " + channel.name).standard_normal(n)
     fresh = np.sqrt(1 - channel.noise_ar**2)
     white[1:] *= fresh
-    return channel.noise * lfilter([1.0], [1.0, -channel.noise_ar], white)
+    return channel.noise * recur(white, channel.noise_ar)
 
 
 def _with_outliers(value: Floats, channel: Channel, seed: int, share: float) -> Floats:

@@ -62,12 +62,11 @@ def _walk(seed: int, purpose: str, n: int, start: float, walk: float) -> Floats:
 
 def _wander(rng: np.random.Generator, n: int, std: float, time_constant: float) -> Floats:
     """A stationary second-order wander: smooth, as a thermostat's temperature is."""
-    from scipy.signal import lfilter
+    from clutchest.generator.plant import recur
 
     keep = np.exp(-GRID / time_constant)
     settle = int(5 * time_constant / GRID)
     noise = rng.standard_normal(settle + n)
-    smooth = lfilter([1 - keep], [1, -keep], lfilter([1 - keep], [1, -keep], noise))[settle:]
-    # variance of white noise through two equal first-order lags
-    variance = (1 - keep) ** 4 * (1 + keep**2) / (1 - keep**2) ** 3
+    smooth = recur(recur(noise, keep), keep)[settle:]
+    variance = (1 + keep**2) / (1 - keep**2) ** 3  # of white noise through both
     return smooth * (std / np.sqrt(variance))
