@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -27,9 +29,10 @@ _SHARED_VIEW = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc"
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One time-series view: its heading (with the unit), its entities, and its vertical range."""
+    """One time-series view: its heading, its unit, its entities, and its vertical range."""
 
     title: str
+    unit: str
     entities: tuple[str, ...]
     low: float
     high: float
@@ -46,18 +49,21 @@ class Panel:
         )
 
 
-def panel(title: str, entities: Sequence[str], lows: Floats, highs: Floats) -> Panel:
+def panel(title: str, unit: str, entities: Sequence[str], lows: Floats, highs: Floats) -> Panel:
     """A panel whose range shows every finite low and high, with a little air around them."""
-    bottom = float(lows.min(initial=float("inf"), where=lows == lows))
-    top = float(highs.max(initial=float("-inf"), where=highs == highs))
+    bottom = float(lows.min(initial=inf, where=np.isfinite(lows)))
+    top = float(highs.max(initial=-inf, where=np.isfinite(highs)))
     if bottom > top:
         bottom, top = 0.0, 1.0
     air = 0.06 * (top - bottom) or max(0.1 * abs(top), 0.1)
-    return Panel(title, tuple(entities), bottom - air, top + air)
+    return Panel(title, unit, tuple(entities), bottom - air, top + air)
 
 
 class _Opening(rrb.Blueprint):
-    """A blueprint that also says which stretch of time every linked view shows at first."""
+    """A blueprint that also says which stretch of time every linked view shows at first.
+
+    Some room on the left keeps the legends off the lines.
+    """
 
     def __init__(self, *parts: rrb.BlueprintPart, end: float) -> None:
         super().__init__(*parts)
@@ -67,7 +73,7 @@ class _Opening(rrb.Blueprint):
         super()._log_to_stream(stream)
         absolute = rr.TimeRangeBoundary.absolute
         shown = rr.TimeRange(
-            start=absolute(seconds=-0.01 * self._end), end=absolute(seconds=1.01 * self._end)
+            start=absolute(seconds=-0.11 * self._end), end=absolute(seconds=1.01 * self._end)
         )
         stream.log(f"{_SHARED_VIEW}/TimeAxis", rrb.TimeAxis(view_range=shown))
 
@@ -89,10 +95,13 @@ def blueprint(
         contents=[f"/{lane}" for lane in lanes],
         time_view=rrb.TimeAxis(link="LinkToGlobal"),
     )
-    first, *others = [p.view() for p in overview]
-    shares = [3.0, 0.6 + 1.2 * len(lanes), *(3.0 + 0.5 * len(p.entities) for p in overview[1:])]
+    views: list[tuple[rrb.View, float]] = [
+        (p.view(), 2.0 + 0.5 * len(p.entities)) for p in overview
+    ]
+    views.insert(1, (mode, 0.6 + 0.9 * len(lanes)))
+    rows, shares = zip(*views, strict=True)
     start = rrb.Horizontal(
-        rrb.Vertical(first, mode, *others, row_shares=shares),
+        rrb.Vertical(*rows, row_shares=shares),
         rrb.TextDocumentView(name="report", origin="/report"),
         column_shares=[3, 1],
         name="overview",

@@ -58,7 +58,7 @@ def write_recording(run: Run, path: Path) -> None:
     stream.log(
         "report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN), static=True
     )
-    speeds = [p for p in signals if "[rpm]" in p.title]
+    speeds = [p for p in signals if p.unit == "rpm"]
     pages = {"signals": signals, "all states": states, "residuals": residuals}
     stream.send_blueprint(
         blueprint(speeds + _worth_a_look(run, states), pages, lanes, TIMELINE, end)
@@ -107,9 +107,9 @@ def _strung(drives: Iterable[tuple[float, Sequence[NDArray]]]) -> list[NDArray]:
         cut = [column[rows] for column in columns]
         cut[0] = cut[0] + start
         if strung:
-            for k, column in enumerate(cut):
-                missing = np.nan if column.dtype.kind == "f" else column[0]
-                cut[k] = np.concatenate([[column[0] if k == 0 else missing], column])
+            gap = [column[:1].copy() for column in cut]
+            gap[1][:] = np.nan
+            cut = [np.concatenate(pair) for pair in zip(gap, cut, strict=True)]
         strung.append(cut)
     return [np.concatenate(pieces) for pieces in zip(*strung, strict=True)]
 
@@ -133,6 +133,11 @@ def _heading(group: Sequence[Quantity]) -> str:
     unit = group[0].shown
     words = kinds.get(unit, ", ".join(q.words for q in group))
     return f"{words} [{unit}]" if unit else words
+
+
+def _series(quantity: Quantity, group: Sequence[Quantity]) -> str:
+    """The legend's word; what the heading says already is left out."""
+    return quantity.words.removesuffix(" temperature") if len(group) > 1 else quantity.words
 
 
 def _send_properties(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> None:
@@ -165,7 +170,7 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
             stream.log(
                 entity,
                 rr.SeriesLines(
-                    names=quantity.words,
+                    names=_series(quantity, group),
                     colors=np.uint32(COLOURS[(k + 1) % len(COLOURS)]),
                     widths=1.5,
                     aggregation_policy="MinMax",
@@ -176,7 +181,8 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
             shown.append((entity, value))
         if shown:
             values = np.concatenate([value for _, value in shown])
-            panels.append(panel(_heading(group), [entity for entity, _ in shown], values, values))
+            entities = [entity for entity, _ in shown]
+            panels.append(panel(_heading(group), group[0].shown, entities, values, values))
     return panels
 
 
@@ -211,7 +217,7 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             stream.log(
                 entity,
                 rr.Measurements.from_fields(
-                    names=quantity.words, units=quantity.shown or None, widths=2.0
+                    names=_series(quantity, group), units=quantity.shown or None, widths=2.0
                 ),
                 static=True,
             )
@@ -228,7 +234,8 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             if len(group) == 1:
                 title += f": {group[0].what}"
             entities = [f"state/{quantity.name}" for quantity in group]
-            panels.append(panel(title, entities, np.concatenate(lows), np.concatenate(highs)))
+            low, high = np.concatenate(lows), np.concatenate(highs)
+            panels.append(panel(title, group[0].shown, entities, low, high))
     return panels
 
 
@@ -273,6 +280,7 @@ def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float
         panels.append(
             panel(
                 f"{quantity.label}: measured − predicted, within ± 3σ",
+                quantity.shown,
                 [entity],
                 np.array([-reach]),
                 np.array([reach]),
@@ -299,6 +307,8 @@ def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -
             (start + track.time[0], f"drive {number}{when}"),
             (start + track.time[-1], _BETWEEN),
         ]
+    if not modes:
+        return []
     _send_lane(stream, "mode", modes, MODE_COLOURS)
     if len(run.tracks) == 1:
         return ["mode"]

@@ -1,0 +1,152 @@
+"""The files of a run, and its words on a terminal."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from rich.console import Console
+
+from clutchest.errors import ClutchestError
+from clutchest.record import rerun as recording
+from clutchest.record.files import finished_into, json_text, read_state, write_run
+from clutchest.record.quantities import Quantity
+from clutchest.record.report import plus_minus
+from clutchest.record.terminal import print_run
+
+
+def no_constant(name):
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_files_of_a_run(run, tmp_path):
+    written = write_run(run, tmp_path / "new" / "out", innovations=True)
+    assert [p.name for p in written] == [
+        "estimates.parquet",
+        "innovations.parquet",
+        "recording.rrd",
+        "state.json",
+        "summary.json",
+    ]
+    assert sorted(p.name for p in (tmp_path / "new" / "out").iterdir()) == [p.name for p in written]
+    table = pd.read_parquet(written[0])
+    pd.testing.assert_frame_equal(table, run.to_pandas())
+    metadata = pq.read_schema(written[0]).metadata
+    for key, value in run.provenance.items():
+        assert metadata[key.encode()].decode() == value
+    innovations = pd.read_parquet(written[1])
+    assert list(innovations) == ["time", "drive", "sensor", "innovation", "std"]
+    of_one = innovations[innovations.sensor == "zero_position"]
+    np.testing.assert_array_equal(
+        of_one.innovation, run.tracks[0].innovations.of("zero_position")[1]
+    )
+    state = json.loads(written[3].read_text(), parse_constant=no_constant)
+    assert state == read_state(written[3])
+
+
+def test_json_is_strict(run, tmp_path):
+    write_run(run, tmp_path)
+    text = (tmp_path / "summary.json").read_text(encoding="utf-8")
+    summary = json.loads(text, parse_constant=no_constant)
+    assert summary["log_likelihood"] is None  # the run has NaN there
+    assert summary["states"]["temp_disc"]["valid"] is True
+    assert json.loads(
+        json_text({"a": np.float32("inf"), "b": np.arange(2), "c": (np.nan, None)})
+    ) == {"a": None, "b": [0, 1], "c": [None, None]}
+
+
+def test_a_failed_write_keeps_what_was_good(run, tmp_path, monkeypatch):
+    write_run(run, tmp_path, innovations=True)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+
+    def full(run, path):
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(recording, "write_recording", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_run(replace(run, summary={}), tmp_path)
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_innovations_of_an_earlier_run_do_not_stay(run, tmp_path):
+    write_run(run, tmp_path, innovations=True)
+    write_run(run, tmp_path)
+    assert not (tmp_path / "innovations.parquet").exists()
+
+
+def test_a_file_is_no_folder(tmp_path):
+    target = tmp_path / "results"
+    target.write_text("mine")
+    with (
+        pytest.raises(ClutchestError, match="results: is a file, expected a folder"),
+        finished_into(target),
+    ):
+        pass
+    assert target.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ('{"x": 1,\n nope}', "line 2: not JSON"),
+        ("[1, 2]", "expected the state.json of an earlier replay"),
+    ],
+)
+def test_a_state_that_is_none(tmp_path, text, complaint):
+    path = tmp_path / "state.json"
+    path.write_text(text)
+    with pytest.raises(ClutchestError, match=complaint):
+        read_state(path)
+    with pytest.raises(ClutchestError, match=r"gone\.json: cannot be read"):
+        read_state(tmp_path / "gone.json")
+
+
+@pytest.mark.parametrize(
+    ("unit", "value", "std", "shown"),
+    [
+        ("°C", 82.123, 3.41, "82.1 ± 3.4 °C"),
+        ("mm", 38.40123, 0.0512, "38.401 ± 0.051 mm"),
+        ("rad/s", 62.83185, 0.1, "600.00 ± 0.95 rpm"),
+        ("J", 52_000.0, 1_800.0, "52.0 ± 1.8 kJ"),
+        ("1", 1.0, 0.03, "1.000 ± 0.030"),
+        ("Nm", -3.0, 1234.0, "-3 ± 1234 Nm"),
+        ("°C", 70.0, 0.0, "70.00 ± 0.00 °C"),
+        ("°C", None, 1.0, "–"),
+        ("°C", 1.0, float("nan"), "–"),
+    ],
+)
+def test_digits_follow_the_uncertainty(unit, value, std, shown):
+    assert plus_minus(Quantity("q", unit), value, std) == shown
+
+
+def words(run) -> str:
+    console = Console(file=StringIO(), width=110)
+    print_run(run, console)
+    return console.file.getvalue()
+
+
+def test_terminal_table(run):
+    text = words(run)
+    disc = run.summary["states"]["temp_disc"]
+    assert f"{disc['value']:.1f} ± {disc['std']:.1f} °C" in text
+    assert "1 slip event, 52.0 ± 1.8 kJ of heat, disc at most 96 °C." in text
+    assert "warning: parameter 'kiss_point' is a guess" in text
+
+
+def test_terminal_says_why_not_valid(run):
+    states = dict(run.summary["states"])
+    states["friction"] = {"value": None, "std": None, "valid": False, "why": "it needs a [launch]"}
+    tracks = tuple(replace(track, engagements=()) for track in run.tracks)
+    warnings = [f"warning {k}" for k in range(20)]
+    text = words(
+        replace(run, tracks=tracks, summary={**run.summary, "states": states, "warnings": warnings})
+    )
+    assert "no: it needs a [launch]" in text
+    assert "The clutch never slipped." in text
+    assert "… and 12 more warnings" in text
