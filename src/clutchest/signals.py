@@ -42,8 +42,9 @@ class Signal:
     why: NDArray[np.uint8]
 
     @classmethod
-    def of(cls, name: str, unit: str, time: Floats, value: Floats,
-           why: NDArray[np.uint8] | None = None) -> Signal:  # fmt: skip
+    def of(
+        cls, name: str, unit: str, time: Floats, value: Floats, why: NDArray[np.uint8] | None = None
+    ) -> Signal:
         """A signal from plain arrays; samples that are not finite become invalid, times sorted."""
         time, value = np.asarray(time, np.float64), np.array(value, np.float64)
         why = np.zeros(len(time), np.uint8) if why is None else np.array(why, np.uint8)
@@ -112,8 +113,9 @@ class Signals(Mapping[str, Signal]):
         try:
             return self.signals[name]
         except KeyError:
-            raise ClutchestError(f"no signal '{name}' in this log"
-                                 + nearest(name, self.signals)) from None  # fmt: skip
+            raise ClutchestError(
+                f"no signal '{name}' in this log" + nearest(name, self.signals)
+            ) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.signals)

@@ -69,13 +69,31 @@ _SYMBOLS = {
     "°F": Unit(5 / 9, (0, 0, 0, 1, 0), -160 / 9),
 }
 _ALIASES = {
-    "": "1", "-": "1", "kph": "km/h", "km/hour": "km/h", "degC": "°C", "deg C": "°C", "C": "°C",
-    "degF": "°F", "deg F": "°F", "RPM": "rpm", "1/min": "rpm", "N.m": "Nm", "N m": "Nm",
-    "percent": "%", "ohm": "Ohm", "um": "µm", "Nm/rad": "Nm", "unitless": "1", "Unitless": "1",
-}  # fmt: skip
+    "": "1",
+    "-": "1",
+    "kph": "km/h",
+    "km/hour": "km/h",
+    "degC": "°C",
+    "deg C": "°C",
+    "C": "°C",
+    "degF": "°F",
+    "deg F": "°F",
+    "RPM": "rpm",
+    "1/min": "rpm",
+    "N.m": "Nm",
+    "N m": "Nm",
+    "percent": "%",
+    "ohm": "Ohm",
+    "um": "µm",
+    "Nm/rad": "Nm",
+    "unitless": "1",
+    "Unitless": "1",
+}
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-_FACTOR = re.compile(r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e-?\d+)?)|(?P<symbol>[A-Za-zµΩ°%]+))"
-                     r"(?:\^(?P<power>-?\d+))?\s*")  # fmt: skip
+_FACTOR = re.compile(
+    r"\s*(?:(?P<number>\d+(?:\.\d+)?(?:e-?\d+)?)|(?P<symbol>[A-Za-zµΩ°%]+))"
+    r"(?:\^(?P<power>-?\d+))?\s*"
+)
 
 
 @lru_cache(maxsize=512)
@@ -107,8 +125,9 @@ def _product(text: str, whole: str) -> Unit:
         else:
             symbol = _ALIASES.get(match["symbol"], match["symbol"])
             if symbol not in _SYMBOLS:
-                raise ClutchestError(f"unknown unit '{match['symbol']}' in '{whole}'"
-                                     + nearest(symbol, _SYMBOLS))  # fmt: skip
+                raise ClutchestError(
+                    f"unknown unit '{match['symbol']}' in '{whole}'" + nearest(symbol, _SYMBOLS)
+                )
             unit = _SYMBOLS[symbol]
             scale, offset = scale * unit.scale**power, unit.offset
             dimensions = [d + power * e for d, e in zip(dimensions, unit.dimensions, strict=True)]

@@ -23,6 +23,7 @@ ROLES = ("adaptive", "constant", "nuisance")
 MODES = {
     "lock_slip": "rad/s",
     "lock_time": "s",
+    "lock_average": "s",
     "open_margin": "mm",
     "retracted_position": "mm",
     "settle": "s",

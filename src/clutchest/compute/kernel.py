@@ -128,22 +128,23 @@ def update(x, P, h, H, z, R, K, PH, limit):
 
 @njit(cache=True, error_model="numpy")
 def run(
-    x, P, S, E, cE, sE, spread, t, sensor, z, R, u, row, W, Qs, longest, noise, variance, p, g, limit,
-    emit, with_signature, frozen, gains, out_x, out_P, out_total, out_y, out_energy,
+    x, P, S, E, cE, sE, gained, spread, t, sensor, z, R, u, row, W, Qs, longest, noise, variance, p, g, limit,
+    emit, with_signature, frozen, gains, out_x, out_P, out_total, out_y, out_energy, out_gained,
     out_innovation, out_signature,
 ):  # fmt: skip
     """Filter a whole log.
 
     State ``x`` (n), covariance ``P`` (n, n) and signatures ``S`` (n, m) at ``t[0]`` are advanced
     in place, so that a log can be run piece by piece; so are ``E`` (2), the slip energy and its
-    variance, with its covariance ``cE`` (n) with x and its own signature ``sE`` (m).  Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with
+    variance, with its covariance ``cE`` (n) with x and its own signature ``sE`` (m), and
+    ``gained`` (n), the shares by which measurements lowered each state's variance, summed up.  Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with
     variance ``R``; ``u`` (K, nu) inputs, straight between events; ``row`` (K) the regime of the
     interval that ends at k: a row of the flags ``W``, process noise ``Qs`` and step ``longest``.
     ``noise`` (nu) input noise density, ``variance`` (nu) of one input sample, ``spread`` (m)
     standard deviation of every θ.  ``gains`` (K, n): with ``frozen`` they are used, else stored
     where it has rows.  ``emit`` (K): output row, −1 for none.  Outputs per emitted row: ``out_x``
     (n), ``out_P`` (n, n), ``out_total`` (n) variance with the spreads, ``out_y`` (outputs, value
-    and variance), ``out_energy`` (energy, variance, own part of it; then its response to each θ);
+    and variance), ``out_energy`` (energy, variance, own part of it; then its response to each θ), ``out_gained`` (n);
     per event ``out_innovation`` (innovation, predicted and used variance) and, where it has rows,
     ``out_signature`` (m).  Returns the log-likelihood.
     """
@@ -195,7 +196,12 @@ def run(
                     x[i] += K[i] * innovation
                 predicted, used = 1.0, 1.0
             else:
+                for i in range(n):
+                    gained[i] += 1.0
+                    xn[i] = P[i, i]
                 innovation, predicted, used = update(x, P, h, H, z[k], R[k], K, PH, limit)
+                for i in range(n):
+                    gained[i] -= P[i, i] / xn[i] if xn[i] > 0.0 else 1.0
                 correlated = 0.0
                 for i in range(n):
                     correlated += H[i] * cE[i]
@@ -245,4 +251,5 @@ def run(
                 out_energy[o, 1] += (sE[c] * spread[c]) ** 2
                 out_energy[o, 3 + c] = sE[c]
             out_energy[o, 2] = E[1]
+            out_gained[o] = gained
     return log_likelihood

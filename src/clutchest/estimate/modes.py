@@ -19,6 +19,7 @@ class Mode(IntEnum):
     slipping = 1
     locked = 2
     retracted = 3  # locked, and the actuator fully retracted
+    unknown = 4  # no signal tells the slip
 
 
 MODE_NAMES = tuple(mode.name for mode in Mode)
@@ -28,7 +29,8 @@ MODE_NAMES = tuple(mode.name for mode in Mode)
 class Thresholds:
     """When a clutch counts as what.
 
-    ``lock_slip`` rad/s and ``lock_time`` s: slip below this for this long is locked;
+    ``lock_slip`` rad/s and ``lock_time`` s: slip below this for this long is locked, averaged over
+    ``lock_average`` s where a shuffling driveline shakes the speeds;
     ``retracted_position`` mm: motor position below which the actuator is home, for ``settle`` s;
     ``open_margin`` mm beyond the nominal kiss point: surely open, however hot;
     ``guard`` s around each transition without information from torque; ``gap`` s without a
@@ -37,6 +39,7 @@ class Thresholds:
 
     lock_slip: float = 2.0
     lock_time: float = 0.3
+    lock_average: float = 0.0
     open_margin: float = 2.5
     retracted_position: float = 0.3
     settle: float = 0.2
@@ -61,7 +64,7 @@ class Regimes:
 
 def classify(
     time: Floats,
-    slip: Floats,
+    slip: Floats | None,
     position: Floats | None,
     motor: Floats | None,
     blind: NDArray[np.bool_],
@@ -73,6 +76,10 @@ def classify(
     ``slip`` rad/s, ``position`` x and ``motor`` mm, None where there is no such signal; ``blind``
     marks times at which a needed signal is missing.
     """
+    if slip is None:
+        no = np.zeros(len(time), bool)
+        return Regimes(np.full(len(time), Mode.unknown, np.uint8), no, no, no)
+    slip = _average(time, slip, thresholds.lock_average)
     still = np.abs(slip) < thresholds.lock_slip
     locked = _lasting(time, still, thresholds.lock_time)
     home = np.zeros(len(time), bool)
@@ -88,6 +95,16 @@ def classify(
     return Regimes(
         mode.astype(np.uint8), ~(near & ~apart) & ~locked & ~blind, ~locked, ~locked & ~apart
     )
+
+
+def _average(time: Floats, value: Floats, window: float) -> Floats:
+    """Mean of ``value`` over ``window`` s around each time, straight between the times."""
+    if window <= 0.0 or len(time) < 2:
+        return value
+    area = np.concatenate([[0.0], np.cumsum(np.diff(time) * (value[1:] + value[:-1]) / 2)])
+    a = np.clip(time - window / 2, time[0], time[-1])
+    b = np.clip(time + window / 2, time[0], time[-1])
+    return (np.interp(b, time, area) - np.interp(a, time, area)) / (b - a)
 
 
 def _lasting(time: Floats, flag: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:

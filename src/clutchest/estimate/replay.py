@@ -62,13 +62,13 @@ def replay(
             warnings += [warning] if warning else []
         filtered = run(compiled, timeline, start, progress=progress)
         track = _track(vehicle, compiled, timeline, filtered, energy)
-        energy = float(track.slip_energy.value[-1]) if len(track.time) else energy
+        energy += float(filtered.energy[-1, 0]) if len(filtered.energy) else 0.0
         state = leave(compiled, timeline, filtered.final, drive.start_ns, energy)
         state["vehicle"] = vehicle.name
         tracks.append(track)
         parts.append((drive, compiled, timeline, filtered, warnings))
         digest = compiled.digest
-    assert state is not None
+    assert state is not None  # a log has at least one drive
     return Run(
         vehicle=vehicle,
         signals=signals,
@@ -90,18 +90,19 @@ def _track(
     idle = np.abs(torque[:, 0]) < TORQUE_FLOOR
     if "slave_position" in {i.name for i in model.inputs}:
         # pressed together or not is the model's word: the kiss point moves with heat and wear
-        mode[(mode <= Mode.slipping)] = Mode.slipping
-        mode[(mode == Mode.slipping) & idle] = Mode.open
+        apart = mode <= Mode.slipping
+        mode[apart] = np.where(idle[apart], Mode.open, Mode.slipping)
     grid = timeline.grid
     states = {}
     for i, state in enumerate(model.states):
         std = np.sqrt(filtered.total[grid, i])
         setting = vehicle.estimation.get(state.name)
         useful = setting.useful_std if setting else state.useful_std
-        valid = std <= useful
-        if state.name in model.unobservable:
-            valid = np.zeros(len(std), bool)
-        states[state.name] = Estimate(filtered.x[grid, i], std, valid)
+        if state.name in model.unobservable:  # a prior is no estimate
+            nothing = np.full(len(std), np.nan)
+            states[state.name] = Estimate(nothing, nothing, np.zeros(len(std), bool))
+        else:
+            states[state.name] = Estimate(filtered.x[grid, i], std, std <= useful)
     sensed = timeline.sensor >= 0
     return Track(
         time=time[grid],
@@ -109,7 +110,11 @@ def _track(
         mode_names=MODE_NAMES,
         states=states,
         clutch_torque=_estimate(torque[grid, 0], torque[grid, 1]),
-        slip_energy=_estimate(before + filtered.energy[grid, 0], filtered.energy[grid, 1]),
+        slip_energy=_estimate(
+            before + filtered.energy[grid, 0],
+            filtered.energy[grid, 1],
+            "slip_energy" not in model.unobservable,
+        ),
         innovations=Innovations(
             tuple(sensor.name for sensor in model.sensors),
             timeline.t[sensed],
@@ -122,8 +127,10 @@ def _track(
     )
 
 
-def _estimate(value: Floats, variance: Floats) -> Estimate:
-    return Estimate(value, np.sqrt(np.maximum(variance, 0.0)), np.isfinite(value))
+def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:
+    valid = np.isfinite(value) & known
+    std = np.sqrt(np.maximum(variance, 0.0))
+    return Estimate(np.where(valid, value, np.nan), np.where(valid, std, np.nan), valid)
 
 
 def _engagements(

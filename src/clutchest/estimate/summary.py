@@ -15,9 +15,10 @@ from clutchest.estimate.start import prior_std
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled, Filtered
 from clutchest.models.symbols import State
-from clutchest.signals import Signals
+from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
+INFORMED = 1e-3  # share of a variance that must fall between two outputs to count
 Part = tuple[Signals, Compiled, Timeline, Filtered, list[str]]
 
 
@@ -57,11 +58,17 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
             for number, track in enumerate(tracks)
             for engagement in track.engagements
         ],
-        "slip_energy_J": float(last.slip_energy.value[-1]) if len(last.time) else 0.0,
+        "slip_energy_J": _number(last.slip_energy.value),
+        "slip_energy_std_J": _number(last.slip_energy.std),
         "guessed_parameters": list(vehicle.guessed),
         "log_likelihood": float(sum(track.log_likelihood for track in tracks)),
         "warnings": warnings,
     }
+
+
+def _number(column: Floats) -> float | None:
+    """The last value, None where there is none."""
+    return float(column[-1]) if len(column) and isfinite(column[-1]) else None
 
 
 def _modes(tracks: Sequence[Track]) -> dict[str, float]:
@@ -113,9 +120,8 @@ def _too_wide(state: State, std: float, own: float, prior: float) -> str:
 
 
 def _informed(timeline: Timeline, filtered: Filtered, i: int) -> float | None:
-    """The last time at which the data lowered the state's variance by a thousandth in one row."""
-    variance = filtered.P[:, i, i]
-    gained = np.flatnonzero(variance[1:] < 0.999 * variance[:-1])
+    """The last output time before which measurements lowered the state's variance by 0.1 %."""
+    gained = np.flatnonzero(np.diff(filtered.gained[:, i]) > INFORMED)
     if not len(gained):
         return None
     rows = np.flatnonzero(timeline.emit >= 0)

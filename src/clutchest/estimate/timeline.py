@@ -147,7 +147,9 @@ def build(
         return np.interp(times, present[name].time, present[name].value)
 
     # regimes at every stamp
-    slip = at("engine_speed", stamps) - at("input_shaft_speed", stamps)
+    slip = None
+    if "input_shaft_speed" in present:
+        slip = at("engine_speed", stamps) - at("input_shaft_speed", stamps)
     nominal = {key: value.value for key, value in vehicle.parameters.items()}
     position = None
     if "slave_position" in present:

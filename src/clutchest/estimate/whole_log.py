@@ -57,7 +57,8 @@ class Filtered:
     """What the kernel gives for one timeline; rows as ``Timeline.emit`` numbers them.
 
     ``x`` (r, n), ``P`` (r, n, n), ``total`` (r, n) variance with the parameters' spreads,
-    ``outputs`` (r, outputs, 2) value and variance, ``energy`` (r, 3 + m), per event
+    ``outputs`` (r, outputs, 2) value and variance, ``energy`` (r, 3 + m),
+    ``gained`` (r, n) the shares of variance that measurements took away, summed up; per event
     ``innovation`` (K, 3): innovation, its predicted and its used variance.  ``final`` is the
     belief after the last event; ``signature`` (K, m) the innovations' response, if asked for.
     """
@@ -67,6 +68,7 @@ class Filtered:
     total: Floats
     outputs: Floats
     energy: Floats
+    gained: Floats
     innovation: Floats
     signature: Floats
     gains: Floats
@@ -155,10 +157,10 @@ def run(
     rows = int(timeline.emit.max(initial=-1)) + 1
     outputs = len(compiled.model.outputs)
     belief = start.copy()
-    E, cE, sE = np.zeros(2), np.zeros(n), np.zeros(m)
+    E, cE, sE, gained = np.zeros(2), np.zeros(n), np.zeros(m), np.zeros(n)
     gains = np.zeros((K if keep_gains else 0, n)) if frozen is None else frozen
     out = (np.zeros((rows, n)), np.zeros((rows, n, n)), np.zeros((rows, n)),
-           np.zeros((rows, outputs, 2)), np.zeros((rows, 3 + m)))  # fmt: skip
+           np.zeros((rows, outputs, 2)), np.zeros((rows, 3 + m)), np.zeros((rows, n)))  # fmt: skip
     innovation = np.zeros((K, 3))
     signature = np.zeros((K if keep_signature else 0, m))
     total = 0.0
@@ -171,7 +173,7 @@ def run(
         if begin:
             sensor[0] = emit[0] = -1
         total += compiled.functions.run(
-            belief.x, belief.P, belief.S, E, cE, sE, compiled.spread,
+            belief.x, belief.P, belief.S, E, cE, sE, gained, compiled.spread,
             timeline.t[piece], sensor, timeline.z[piece], timeline.R[piece], timeline.u[piece],
             timeline.row[piece], timeline.W, timeline.Q, timeline.longest, timeline.noise,
             timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,

@@ -100,6 +100,11 @@ def slip(q: Quantities) -> None:
     q.slip_speed = q.engine_speed - q.input_shaft_speed
 
 
+def no_slip(q: Quantities) -> None:
+    """Slip unknown."""
+    q.slip_speed = 0.0
+
+
 def position(q: Quantities) -> None:
     """x from the raw reading, and how much thinner the pads are than nominal."""
     q.position = q.slave_position - q.position_origin
@@ -238,6 +243,7 @@ DRY_CLUTCH = Model(
 )
 
 _NO_POSITION = "no slave position signal"
+_NO_SLIP = "no input shaft speed signal, so that slip and its heat are unknown"
 
 # Without a slave position the clutch torque is what the engine gives less its inertia term.
 WITHOUT_POSITION = (
@@ -246,12 +252,23 @@ WITHOUT_POSITION = (
     .swap(torque_from_position, torque_from_engine)
     .swap(power_modelled, power_measured)
     .swap(engine, engine_as_measured)
+    .with_noise("engine_speed", 15.0)  # the slope of a shaken, coarse signal is a poor guide
     .unobserved(dict.fromkeys(("zero_position", "friction", "torque_bias"), _NO_POSITION))
+)
+
+# Without the input shaft's speed there is no slip to heat anything: only torque and speed remain.
+WITHOUT_SLIP = (
+    WITHOUT_POSITION.swap(slip, no_slip)
+    .without_input("input_shaft_speed")
+    .unobserved({
+        **dict.fromkeys(("temp_body", "temp_housing", "temp_disc", "slip_energy"), _NO_SLIP),
+        **WITHOUT_POSITION.unobservable,
+    })
 )
 
 
 def resting(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dict[str, float]:
-    """Start of a drive as far as parameters and first inputs tell: (12)–(14) at rest without slip."""
+    """State at the start of a drive as far as first inputs tell: (12)–(14) at rest, no slip."""
     to_engine = parameters["conductance_engine_body"]
     to_housing = parameters["conductance_body_housing"]
     to_air = parameters["conductance_housing_ambient"]
@@ -270,6 +287,8 @@ def resting(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dic
 
 def for_signals(names: Container[str]) -> Model:
     """The model that the signals at hand can drive."""
+    if "input_shaft_speed" not in names:
+        return WITHOUT_SLIP
     return DRY_CLUTCH if "slave_position" in names else WITHOUT_POSITION
 
 
@@ -281,6 +300,11 @@ def two_state(model: Model) -> Model:
 def static(model: Model) -> Model:
     """The static model: torque from the position alone."""
     return model.swap(correction, no_correction)
+
+
+def following_speed(model: Model) -> Model:
+    """The same model with the engine speed as measured: for running it open loop."""
+    return model.swap(engine, engine_as_measured)
 
 
 def with_measured_power(model: Model) -> Model:

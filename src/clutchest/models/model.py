@@ -105,6 +105,13 @@ class Model:
         """The same model not driven by this input."""
         return replace(self, inputs=tuple(i for i in self.inputs if i.name != name))
 
+    def with_noise(self, state: str, process_noise: float) -> Model:
+        """The same model with another process noise of one state, state unit/√s."""
+        changed = tuple(
+            replace(s, process_noise=process_noise) if s.name == state else s for s in self.states
+        )
+        return replace(self, states=changed)
+
     def unobserved(self, why: Mapping[str, str]) -> Model:
         """The same model, with states that nothing at hand informs: state → why."""
         return replace(self, unobservable=dict(why))

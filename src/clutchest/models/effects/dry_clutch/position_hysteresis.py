@@ -12,7 +12,7 @@ from clutchest.models.symbols import State
 
 
 class PositionHysteresis(Effect):
-    """The release mechanism has play of half-width ``play``: the play operator between x and clutch.
+    """The release mechanism has play of half-width ``play``: a play operator behind the sensor.
 
     The state d = y − x, of the plate's position y, is held while x moves inside the play and is
     dragged along at its ends: d ← d − Δx, clipped to ±play after each step.
