@@ -1,0 +1,118 @@
+"""A vehicle file drafted from a log: it must agree with the one that made the log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.errors import ClutchestError
+from clutchest.inspect_log import inspect_logs
+from clutchest.simulated import write_simulation
+from clutchest.vehicle import load_vehicle
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return load_vehicle("truck")
+
+
+@pytest.fixture(scope="module")
+def log(truck, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("logs") / "my drive.log"
+    write_simulation(path, truck, "launches", 4, duration=20.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(log):
+    return inspect_logs([log])
+
+
+def real(name: str) -> Path:
+    if not (DATA / name).exists():
+        pytest.skip(f"no {name} here: real logs are not part of the repository")
+    return DATA / name
+
+
+def test_finds_what_the_truck_maps(found, truck):
+    assert set(found.candidates) == set(truck.signals)
+    for name, signal in truck.signals.items():
+        best = found.candidates[name][0]
+        assert (best.message, best.signal) == (signal.bus.message, signal.bus.signal)
+    torque = truck.signals["engine_torque"]
+    assert found.torque_parts["friction"].signal == torque.friction.signal
+    assert found.torque_parts["fraction"].signal == torque.fraction.signal
+
+
+def test_draft_loads_once_the_missing_is_filled_in(found, log, truck, tmp_path):
+    assert [text.split(":")[0] for text in found.missing] == ["signals.engine_torque"]
+    target = tmp_path / "vehicle.toml"
+    draft = found.vehicle_toml(target)
+    target.write_text(draft)
+    assert "# MISSING signals.engine_torque: reference" in draft
+    with pytest.raises(ClutchestError, match=r"vehicle\.toml:\d+: .*needs 'reference'"):
+        load_vehicle(target)
+    filled = draft.replace(
+        'signal = "ActualEnginePercentTorque"',
+        'signal = "ActualEnginePercentTorque"\nreference = { value = 3500.0, unit = "Nm" }',
+    )
+    target.write_text(filled)
+    vehicle = load_vehicle(target)
+    assert set(vehicle.guessed) == set(vehicle.parameters) == set(truck.parameters)
+    mine, theirs = clutchest.read_log(log, vehicle), clutchest.read_log(log, truck)
+    for name in truck.signals:
+        np.testing.assert_array_equal(mine[name].value, theirs[name].value)
+        assert vehicle.signals[name].noise >= truck.signals[name].noise
+
+
+def test_rates_add_up_over_relative_clocks(tmp_path):
+    path = tmp_path / "console.log"
+    path.write_text("".join(f" (000.{k * 10000:06d})  can0  123   [2]  AB CD\n" for k in range(50)))
+    once, twice = inspect_logs([path]), inspect_logs([path, path])
+    assert once.rows[0].rate_hz == pytest.approx(100.0)
+    assert twice.rows[0].count == 2 * once.rows[0].count == 100
+    assert twice.rows[0].rate_hz == pytest.approx(100.0, rel=0.03)
+    assert twice.duration_s == pytest.approx(2 * once.duration_s)
+
+
+def test_nothing_known_names_everything(tmp_path):
+    path = tmp_path / "other.log"
+    path.write_text("(1700000000.000000) can0 123#0102\n(1700000000.010000) can0 123#0102\n")
+    found = inspect_logs([path])
+    assert found.candidates == {}
+    for name in ("engine_speed", "input_shaft_speed", "engine_torque", "slave_position"):
+        assert any(text.startswith(f"signals.{name} ") for text in found.missing), name
+    assert not any("ambient_temp" in text for text in found.missing)  # has a default
+
+
+def test_t270_maps_by_spn():
+    found = inspect_logs([real("j1939_t270_drive.log")])
+    by = {name: c[0].by for name, c in found.candidates.items()}
+    assert by["engine_speed"] == by["input_shaft_speed"] == by["engine_torque"] == "SPN"
+    speed = found.candidates["engine_speed"][0]
+    assert 1100 < speed.low < speed.high < 1800
+    # two controllers send CCVS1; only one of them knows the speed
+    assert [c.sender for c in found.candidates["vehicle_speed"]] == [0x00, 0x31]
+    assert any(text.startswith("signals.slave_position") for text in found.missing)
+
+
+def test_gt350_maps_by_name():
+    log, dbc = real("gt350_launch.trc"), real("ford_lincoln_base_pt.dbc")
+    found = inspect_logs([log], [dbc])
+    best = {name: c[0].signal for name, c in found.candidates.items()}
+    assert best["engine_speed"] == "EngAout_N_Actl"
+    assert best["engine_torque"] == "TrnAin_Tq_Actl"
+    assert best["coolant_temp"] == "EngClnt_Te_Actl"
+    (shaft,) = [text for text in found.missing if "input_shaft_speed" in text]
+    assert "gears" in shaft and "WhlRl_W_Meas" in shaft
+
+
+def test_css_idles():
+    found = inspect_logs([real("j1939_css_idle.mf4")])
+    speed = found.candidates["engine_speed"][0]
+    assert 646 < speed.low < speed.high < 654.5

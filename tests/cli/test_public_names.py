@@ -1,0 +1,53 @@
+"""`import clutchest`: quick, complete, and known to type checkers."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import clutchest
+
+
+def test_dir_and_getattr_agree():
+    for name in dir(clutchest):
+        assert getattr(clutchest, name) is not None
+    assert {"load_vehicle", "read_log", "replay", "simulate", "Signals", "Run"} <= set(
+        dir(clutchest)
+    )
+    with pytest.raises(AttributeError, match="no attribute 'relpay'"):
+        _ = clutchest.relpay
+
+
+def test_type_checkers_see_the_same_names():
+    tree = ast.parse(Path(clutchest.__file__).read_text(encoding="utf-8"))
+    imported = {
+        (node.module, alias.name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert {(home, name) for name, home in clutchest._HOMES.items()} <= imported
+    assert set(clutchest.__all__) == set(clutchest._HOMES) | {"__version__"}
+
+
+def test_version_is_that_of_the_project():
+    project = Path(__file__).parents[2] / "pyproject.toml"
+    assert tomllib.loads(project.read_text())["project"]["version"] == clutchest.__version__
+
+
+def test_import_loads_nothing_heavy():
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    code = (
+        "import sys, clutchest; "
+        "print([n for n in ('numpy', 'pandas', 'numba', 'rerun', 'casadi') if n in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, text=True, capture_output=True, timeout=60
+    )
+    assert done.stdout.strip() == "[]", done.stderr
