@@ -226,7 +226,7 @@ def test_coolant_and_ambient_wander_slowly():
     coolant, ambient = np.array([[generate(TRUCK, {}, "closed", seed, CHANNELS, duration=400.0)
                                   .signals[name][1] for name in ("coolant_temp", "ambient_temp")]
                                  for seed in range(8)]).swapaxes(0, 1)  # fmt: skip
-    assert 76 < coolant.min() and coolant.max() < 93
+    assert coolant.min() > 76 and coolant.max() < 93
     assert 0.5 < np.std(coolant[:, -1] - coolant[:, 0]) < 4
     assert np.abs(np.diff(coolant)).max() < 0.2  # K per second
-    assert -1 < ambient.min() and ambient.max() < 29
+    assert ambient.min() > -1 and ambient.max() < 29

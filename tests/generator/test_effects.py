@@ -191,3 +191,10 @@ def test_no_effect_upsets_a_drive(name):
     assert c["engine_speed"].min() > 40 and 20 < c["temp_disc"].max() < 300
     assert any(np.any(value != d.signals[n][1]) for n, (_, value) in changed.signals.items()
                ) or name == "friction_fade"  # fmt: skip
+
+
+def test_a_clutch_too_weak_for_its_engine_is_relieved():
+    _, weak = _pair({"torque_curve": {"change": -0.1}}, scenario="city", duration=400.0)
+    c = weak.truth.columns
+    assert c["clutch_torque"].max() > 1500 and c["engine_speed"].max() < 240
+    assert c["temp_disc"].max() < 300

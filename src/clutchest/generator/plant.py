@@ -227,6 +227,7 @@ def recur(drive: Floats, keep: float) -> Floats:
 @njit(cache=True, error_model="numpy")
 def _torque_limits(engine: float, p: Record) -> tuple[float, float]:
     full = min(max(0.45 + 0.55 * (engine - 60.0) / 50.0, 0.3), 1.0)
+    full *= min(max((235.0 - engine) / 15.0, 0.0), 1.0)  # no more revolutions than that
     return -(60.0 + 0.9 * engine), full * p.engine_torque_max
 
 
@@ -280,6 +281,8 @@ def _drive(wish: float, y: Floats, s: Record, p: Record) -> None:
     s.brake = 0.0
     demand = (total * wish + resistance(y[SPEED], s, p)) / s.ratio
     low, high = _torque_limits(y[ENGINE], p)
+    if not s.locked and s.since > 0.3:
+        demand = min(demand, 0.8 * s.sensed)  # a clutch that slips unasked is relieved
     if demand < low:
         s.brake = (low - demand) * s.ratio
     demand = min(max(demand, low), high)
