@@ -134,19 +134,23 @@ def run(
 ):  # fmt: skip
     """Filter a whole log.
 
-    State ``x`` (n), covariance ``P`` (n, n) and signatures ``S`` (n, m) at ``t[0]`` are advanced
-    in place, so that a log can be run piece by piece; so are ``E`` (2), the slip energy and its
-    variance, with its covariance ``cE`` (n) with x and its own signature ``sE`` (m), and
-    ``gained`` (n), the shares by which measurements lowered each state's variance, summed up.  Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with
-    variance ``R``; ``u`` (K, nu) inputs, straight between events; ``row`` (K) the regime of the
-    interval that ends at k: a row of the flags ``W``, process noise ``Qs`` and step ``longest``.
-    ``noise`` (nu) input noise density, ``variance`` (nu) of one input sample, ``spread`` (m)
-    standard deviation of every θ.  ``gains`` (K, n): with ``frozen`` they are used, else stored
-    where it has rows.  ``emit`` (K): output row, −1 for none.  Outputs per emitted row: ``out_x``
-    (n), ``out_P`` (n, n), ``out_total`` (n) variance with the spreads, ``out_y`` (outputs, value
-    and variance), ``out_energy`` (energy, variance, own part of it; then its response to each θ), ``out_gained`` (n);
-    per event ``out_innovation`` (innovation, predicted and used variance) and, where it has rows,
-    ``out_signature`` (m).  Returns the log-likelihood.
+    Advanced in place, so that a log can be run piece by piece: state ``x`` (n), covariance ``P``
+    (n, n) and signatures ``S`` (n, m) at ``t[0]``; ``E`` (2), the slip energy and its variance,
+    with its covariance ``cE`` (n) with x and its own signature ``sE`` (m); ``gained`` (n), the
+    shares by which measurements lowered each state's variance, summed up.
+
+    Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with variance
+    ``R``; ``u`` (K, nu) inputs, straight between events; ``row`` (K) the regime of the interval
+    that ends at k: a row of the flags ``W``, process noise ``Qs`` and step ``longest``; ``emit``
+    (K) output row, −1 for none.  ``noise`` (nu) input noise density, ``variance`` (nu) of one
+    input sample, ``spread`` (m) standard deviation of every θ.  ``gains`` (K, n): with ``frozen``
+    they are used, else stored where it has rows.
+
+    Outputs per emitted row: ``out_x`` (n), ``out_P`` (n, n), ``out_total`` (n) variance with the
+    spreads, ``out_y`` (outputs, value and variance), ``out_energy`` (energy, variance, own part
+    of it; then its response to each θ), ``out_gained`` (n).  Per event: ``out_innovation``
+    (innovation, predicted and used variance) and, where it has rows, ``out_signature`` (m).
+    Returns the log-likelihood.
     """
     n, m = STATES, THETAS
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
@@ -209,7 +213,8 @@ def run(
                     cE[i] -= K[i] * correlated
                 log_likelihood -= 0.5 * (log(2.0 * pi * used) + innovation * innovation / used)
                 if len(gains) > 0:
-                    gains[k] = K
+                    for i in range(n):
+                        gains[k, i] = K[i]
             if with_signature:
                 for i in range(n):
                     for c in range(m):
@@ -225,10 +230,12 @@ def run(
         if o >= 0:
             outputs(x, u[k], w, p, g, y, Y, Yu)
             outputs_signature(x, u[k], w, p, g, Ym)
-            out_x[o] = x
-            out_P[o] = P
             for i in range(n):
+                out_x[o, i] = x[i]
+                out_gained[o, i] = gained[i]
                 out_total[o, i] = P[i, i]
+                for j in range(n):
+                    out_P[o, i, j] = P[i, j]
                 for c in range(m):
                     out_total[o, i] += (S[i, c] * spread[c]) ** 2
             for i in range(OUTPUTS):
@@ -251,5 +258,4 @@ def run(
                 out_energy[o, 1] += (sE[c] * spread[c]) ** 2
                 out_energy[o, 3 + c] = sE[c]
             out_energy[o, 2] = E[1]
-            out_gained[o] = gained
     return log_likelihood

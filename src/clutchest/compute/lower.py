@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import casadi as ca
@@ -10,6 +11,7 @@ from clutchest.compute.step import heun
 from clutchest.models.model import Expressions, Model
 
 _SCALARS = ("dt",)  # arguments that are plain numbers
+_LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
 # What is not an operator between its operands.  `if_else_zero` is how CasADi writes a branch.
 _CALLS = {
@@ -39,36 +41,67 @@ def lower(
     that is returned instead.  Raises NotImplementedError for an operation numba has no name for.
     """
     function = ca.Function(name, list(inputs.values()), list(outputs.values()), {"cse": True})
-    arrays, targets = list(inputs), list(outputs)
-    places = [list(zip(*function.sparsity_out(i).get_triplet(), strict=True))
-              for i in range(len(targets))]  # fmt: skip
-    filled = [t for t in targets if t != returned]
-    lines = ["@njit(cache=True, error_model='numpy')", f"def {name}({', '.join(arrays + filled)}):"]
+    targets = list(outputs)
+    places = [
+        list(zip(*function.sparsity_out(i).get_triplet(), strict=True)) for i in range(len(targets))
+    ]
+    values, written = _values(name, function, list(inputs))
+    uses = Counter(of for _, _, of in written)
+    for template, operands in values:
+        for i, of in enumerate(operands):
+            uses[of] += template.count(f"{{{i}}}")
+    lines, texts = [], [""] * len(values)
+    for k, (template, operands) in enumerate(values):
+        text = template.format(*(texts[of] for of in operands))
+        if operands and (uses[k] > 1 or len(text) > _LONGEST):
+            lines.append(f"v{k} = {text}")
+            text = f"v{k}"
+        elif operands:
+            text = f"({text})"  # used once: stands where it is used, which compiles faster
+        texts[k] = text
     result = "0.0"
+    for output, place, of in written:
+        target, (row, column) = targets[output], places[output][place]
+        if target == returned:
+            result = texts[of]
+        elif outputs[target].is_column():
+            lines.append(f"{target}[{row}] = {texts[of]}")
+        else:
+            lines.append(f"{target}[{row}, {column}] = {texts[of]}")
+    lines.append(f"return {result}")
+    arguments = ", ".join([*inputs, *(t for t in targets if t != returned)])
+    head = f"@njit(cache=True, error_model='numpy')\ndef {name}({arguments}):\n"
+    return head + "\n".join("    " + line for line in lines) + "\n"
+
+
+def _values(
+    name: str, function: ca.Function, arrays: list[str]
+) -> tuple[list[tuple[str, tuple[int, ...]]], list[tuple[int, int, int]]]:
+    """Every value the function makes, as (template, numbers of its operands), and what is written:
+    (output, place in it, number of the value).  CasADi re-uses work slots; here each value has
+    its own number."""
+    values: list[tuple[str, tuple[int, ...]]] = []
+    written: list[tuple[int, int, int]] = []
+    slots: dict[int, int] = {}
+    value: tuple[str, tuple[int, ...]]
     for k in range(function.n_instructions()):
         op = function.instruction_id(k)
         into, of = function.instruction_output(k), function.instruction_input(k)
+        if op == ca.OP_OUTPUT:
+            written.append((into[0], into[1], slots[of[0]]))
+            continue
         if op == ca.OP_CONST:
-            lines.append(f"v{into[0]} = {function.instruction_constant(k)!r}")
+            value = (repr(function.instruction_constant(k)), ())
         elif op == ca.OP_INPUT:
             scalar = arrays[of[0]] in _SCALARS
-            lines.append(f"v{into[0]} = {arrays[of[0]]}" + ("" if scalar else f"[{of[1]}]"))
-        elif op == ca.OP_OUTPUT:
-            target, (row, column) = targets[into[0]], places[into[0]][into[1]]
-            if target == returned:
-                result = f"v{of[0]}"
-                lines.append(f"returned = {result}")
-                result = "returned"
-            elif outputs[target].is_column():
-                lines.append(f"{target}[{row}] = v{of[0]}")
-            else:
-                lines.append(f"{target}[{row}, {column}] = v{of[0]}")
+            value = (arrays[of[0]] + ("" if scalar else f"[{of[1]}]"), ())
         elif op in _CALLS:
-            lines.append(f"v{into[0]} = " + _CALLS[op].format(*(f"v{i}" for i in of)))
+            value = (_CALLS[op], tuple(slots[i] for i in of))
         else:
             raise NotImplementedError(f"{name}: CasADi operation {op} has no numba form here")
-    lines.append(f"return {result}")
-    return "\n".join([lines[0], lines[1], *("    " + line for line in lines[2:])]) + "\n"
+        slots[into[0]] = len(values)
+        values.append(value)
+    return values, written
 
 
 def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:

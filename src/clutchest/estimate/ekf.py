@@ -91,7 +91,7 @@ class OnlineFilter(ExtendedKalmanFilter):
             Hx=lambda x: np.array([h]),
             R=R + (used - S),
         )
-        return z - h, S
+        return float(z - h), float(S)
 
     def run(self) -> tuple[Floats, Floats, float]:
         """Filter the whole timeline: states (K, n), covariances (K, n, n), log-likelihood."""

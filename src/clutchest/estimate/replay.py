@@ -146,22 +146,21 @@ def _engagements(
     edges = np.diff(np.concatenate([[0], slipping.astype(np.int8), [0]]))
     found = []
     for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
-        first, last = max(a - 1, 0), min(b, len(time) - 1)
+        first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
         gained = filtered.energy[last] - filtered.energy[first]
         duration = time[last] - time[first]
         if duration < SHORTEST or abs(gained[0]) < SMALLEST:
             continue
         # the parameters' share of the variance from the difference of the energy's responses
         variance = max(gained[2], 0.0) + float(np.sum((gained[3:] * compiled.spread) ** 2))
+        passed = torque[int(a) : int(b)]
         found.append(
             Engagement(
                 start_s=float(time[first]),
                 duration_s=float(duration),
                 energy_J=float(gained[0]),
                 energy_std_J=float(np.sqrt(variance)),
-                peak_torque=float(
-                    torque[first : last + 1][np.argmax(np.abs(torque[a:b])) + a - first]
-                ),
+                peak_torque=float(passed[np.argmax(np.abs(passed))]),
                 peak_temp_disc=float(filtered.x[first : last + 1, disc].max()),
             )
         )

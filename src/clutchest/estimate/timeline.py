@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.modes import Mode, Thresholds, classify
+from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -17,6 +17,7 @@ from clutchest.vehicle import Vehicle
 FAST = 0.02  # s, longest step while the surfaces slide
 SLOW = 0.5  # s, longest step while nothing but heat flows
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
+READ_FROM = {"zero_position": "slave_position"}  # sensor → the signal it is read from
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
 
 
@@ -87,26 +88,6 @@ def slope(signal: Signal, noise: float) -> tuple[Signal, float]:
     return Signal.of("slope", "", time, padded), float(noise / np.sqrt(np.median(moment)))
 
 
-def _usable(signals: Signals, vehicle: Vehicle, name: str, delays: Mapping[str, float]) -> Signal:
-    """The valid samples of a signal, each at the time at which it was true."""
-    signal = signals[name].only_valid()
-    mapped = vehicle.signals.get(name)
-    late = (mapped.delay if mapped else 0.0) + delays.get(name, 0.0)
-    if not late:
-        return signal
-    return Signal(signal.name, signal.unit, signal.time - late, signal.value, signal.why)
-
-
-def _blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
-    """Where the nearest samples on both sides lie further apart than ``gap`` s."""
-    after = np.searchsorted(signal.time, time)
-    before = np.clip(after - 1, 0, len(signal) - 1)
-    after = np.clip(after, 0, len(signal) - 1)
-    hole = signal.time[after] - signal.time[before] > gap
-    outside = (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
-    return hole | outside
-
-
 def build(
     signals: Signals, vehicle: Vehicle, model: Model, rate: float, delays: Mapping[str, float]
 ) -> Timeline:
@@ -116,125 +97,188 @@ def build(
     that the model cannot do without has no valid sample.
     """
     thresholds = Thresholds.of(vehicle.modes)
-    missing = [i.name for i in model.inputs if i.default is None and i.name not in signals
-               and i.name != "engine_acceleration"]  # fmt: skip
-    if "engine_speed" not in signals:
-        missing.append("engine_speed")
-    present = {name: _usable(signals, vehicle, name, delays) for name in signals}
-    missing += [name for name, signal in present.items() if not len(signal)
-                and name in {i.name for i in model.inputs if i.default is None} | {"engine_speed"}]  # fmt: skip
-    if missing:
-        raise ClutchestError(
-            f"no valid sample of {', '.join(sorted(set(missing)))}: the {vehicle.name} vehicle's "
-            f"model needs {', '.join(i.name for i in model.inputs if i.default is None)}"
-        )
-    present = {name: signal for name, signal in present.items() if len(signal)}
+    present = _usable(signals, vehicle, model, delays)
+    noise_of = {name: mapped.noise for name, mapped in vehicle.signals.items()}
+    colour_of = {name: mapped.noise_ar for name, mapped in vehicle.signals.items()}
     speed = present["engine_speed"]
-    sigma = {name: mapped.noise for name, mapped in vehicle.signals.items()}
-    colour = {name: mapped.noise_ar for name, mapped in vehicle.signals.items()}
-    present["engine_acceleration"], sigma["engine_acceleration"] = slope(
-        speed, sigma.get("engine_speed", 0.0)
+    present["engine_acceleration"], noise_of["engine_acceleration"] = slope(
+        speed, noise_of["engine_speed"]
     )
-
-    end = max(signals.end, speed.time[-1])
-    first = max(0.0, min(s.time[0] for s in present.values()))
-    grid = np.arange(np.ceil(first * rate) / rate, end + 1e-9, 1.0 / rate)
     fast = [i.name for i in model.inputs if i.name in present and i.gap <= thresholds.gap]
+
+    # every time at which something is measured, or wanted
+    first = max(0.0, min(s.time[0] for s in present.values()))
+    end = max(signals.end, speed.time[-1])
+    grid = np.arange(np.ceil(first * rate) / rate, end + 1e-9, 1.0 / rate)
     stamps = np.unique(np.concatenate([speed.time, grid, *(present[n].time for n in fast)]))
     stamps = stamps[(stamps >= first) & (stamps <= end)]
+    regimes = _regimes(stamps, present, vehicle, fast, thresholds)
 
-    def at(name: str, times: Floats) -> Floats:
-        return np.interp(times, present[name].time, present[name].value)
+    # events: sensor samples, kinks of the inputs while they matter, outputs
+    bare = stamps[(regimes.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, speed.time)]
+    times, sensors = [bare], [np.full(len(bare), -1, np.int8)]
+    values, variances = [np.zeros(len(bare))], [np.zeros(len(bare))]
+    for i, sensor in enumerate(model.sensors):
+        name = READ_FROM.get(sensor.name, sensor.name)
+        if name not in present:
+            continue
+        reading = present[name]
+        if sensor.name == "zero_position":
+            reading = _where(reading, stamps, regimes.mode == Mode.retracted)
+        ar = colour_of[name]
+        times.append(reading.time)
+        sensors.append(np.full(len(reading), i, np.int8))
+        values.append(reading.value)
+        # coloured noise tells less per sample than white noise of the same size
+        variances.append(np.full(len(reading), noise_of[name] ** 2 * (1 + ar) / (1 - ar)))
+    t, sensor_of = np.concatenate(times), np.concatenate(sensors)
+    order = np.lexsort((sensor_of, t))
+    order = order[(t[order] >= first) & (t[order] <= end)]
+    t, sensor_of = t[order], sensor_of[order]
 
-    # regimes at every stamp
-    slip = None
-    if "input_shaft_speed" in present:
-        slip = at("engine_speed", stamps) - at("input_shaft_speed", stamps)
+    of = np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)
+    sliding, free = regimes.sliding[of], regimes.free_running[of].copy()
+    free[1:] &= regimes.free_running[of[:-1]]  # an interval is free if both its ends are
+    flags = np.array([[r >> 2 & 1, r >> 1 & 1, r & 1] for r in range(8)], float)
+    u, noise, variance = _inputs(t, model, present, noise_of, colour_of)
+    emit, on_grid = _outputs(t, sliding, grid)
+    return Timeline(
+        t=t,
+        sensor=sensor_of,
+        z=np.concatenate(values)[order],
+        R=np.concatenate(variances)[order],
+        u=u,
+        row=free * 4 + sliding * 2 + regimes.engaged[of],
+        W=flags,
+        Q=_noise_table(vehicle, model, flags),
+        longest=np.where(flags[:, 1] > 0, FAST, SLOW),
+        mode=regimes.mode[of],
+        emit=emit,
+        grid=on_grid,
+        noise=noise,
+        variance=variance,
+        warnings=_gaps(present, fast, thresholds.gap),
+    )
+
+
+def _usable(
+    signals: Signals, vehicle: Vehicle, model: Model, delays: Mapping[str, float]
+) -> dict[str, Signal]:
+    """The valid samples of every signal, each at the time at which it was true."""
+    needed = {i.name for i in model.inputs if i.default is None} - {"engine_acceleration"}
+    present = {}
+    for name in signals:
+        signal, mapped = signals[name].only_valid(), vehicle.signals.get(name)
+        late = (mapped.delay if mapped else 0.0) + delays.get(name, 0.0)
+        if len(signal):
+            present[name] = replace(signal, time=signal.time - late) if late else signal
+    missing = sorted((needed | {"engine_speed"}) - set(present))
+    if missing:
+        raise ClutchestError(
+            f"no valid sample of {', '.join(missing)}: the model of '{vehicle.name}' needs it"
+        )
+    return present
+
+
+def _regimes(
+    stamps: Floats,
+    present: Mapping[str, Signal],
+    vehicle: Vehicle,
+    fast: list[str],
+    thresholds: Thresholds,
+) -> Regimes:
+    """Which equations hold at every stamp."""
+
+    def at(name: str) -> Floats | None:
+        if name not in present:
+            return None
+        return np.interp(stamps, present[name].time, present[name].value)
+
     nominal = {key: value.value for key, value in vehicle.parameters.items()}
-    position = None
-    if "slave_position" in present:
-        position = at("slave_position", stamps) - nominal["position_origin"]
-    motor = at("motor_position", stamps) if "motor_position" in present else None
+    speed, shaft, position = at("engine_speed"), at("input_shaft_speed"), at("slave_position")
+    assert speed is not None
     blind = np.zeros(len(stamps), bool)
     for name in fast:
         blind |= _blind(stamps, present[name], thresholds.gap)
-    regimes = classify(
-        stamps, slip, position, motor, blind, nominal.get("kiss_point", 0.0), thresholds
+    return classify(
+        stamps,
+        None if shaft is None else speed - shaft,
+        None if position is None else position - nominal["position_origin"],
+        at("motor_position"),
+        blind,
+        nominal["kiss_point"],
+        thresholds,
     )
 
-    # events: sensor samples, kinks of the inputs while they matter, outputs
-    keep = (regimes.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, speed.time)
-    times, index = [stamps[keep]], [np.full(int(keep.sum()), -1, np.int8)]
-    values, variances = [np.zeros(int(keep.sum()))], [np.zeros(int(keep.sum()))]
-    readings = {"engine_speed": speed}
-    if "slave_position" in present:
-        readings["zero_position"] = present["slave_position"]
-        sigma["zero_position"], colour["zero_position"] = (
-            sigma.get("slave_position", 0.0), colour.get("slave_position", 0.0))  # fmt: skip
-    for i, sensor in enumerate(model.sensors):
-        if sensor.name not in readings:
-            continue
-        signal = readings[sensor.name]
-        if sensor.name == "zero_position":
-            rows = np.clip(np.searchsorted(stamps, signal.time), 0, len(stamps) - 1)
-            home = (regimes.mode[rows] == Mode.retracted) & (signal.time <= stamps[-1])
-            signal = Signal(signal.name, signal.unit, signal.time[home], signal.value[home],
-                            signal.why[home])  # fmt: skip
-        ar = colour.get(sensor.name, 0.0)
-        times.append(signal.time)
-        index.append(np.full(len(signal), i, np.int8))
-        values.append(signal.value)
-        # coloured noise tells less per sample than white noise of the same size
-        variances.append(np.full(len(signal), sigma[sensor.name] ** 2 * (1 + ar) / (1 - ar)))
-    t, sensor_of = np.concatenate(times), np.concatenate(index)
-    order = np.lexsort((sensor_of, t))
-    t, sensor_of = t[order], sensor_of[order]
-    z, R = np.concatenate(values)[order], np.concatenate(variances)[order]
-    inside = (t >= first) & (t <= end)
-    t, sensor_of, z, R = t[inside], sensor_of[inside], z[inside], R[inside]
 
-    of = np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)
-    # an interval has the regime that holds at both its ends
-    sliding, engaged = regimes.sliding[of], regimes.engaged[of]
-    free = regimes.free_running[of].copy()
-    free[1:] &= regimes.free_running[of[:-1]]
-    row = free * 4 + sliding * 2 + engaged
-    flags = np.array([[r >> 2 & 1, r >> 1 & 1, r & 1] for r in range(8)], float)
-    Q = np.tile(process_noise(vehicle, model), (8, 1))
-    for name, (flag, walk) in model.renewed.items():
-        Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = walk**2
-    longest = np.where(flags[:, 1] > 0, FAST, SLOW)
+def _blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
+    """Where the nearest samples on both sides lie further apart than ``gap`` s."""
+    after = np.searchsorted(signal.time, time)
+    before = np.clip(after - 1, 0, len(signal) - 1)
+    after = np.clip(after, 0, len(signal) - 1)
+    hole = signal.time[after] - signal.time[before] > gap
+    return hole | (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
 
+
+def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
+    """The samples of ``signal`` that fall on stamps with the flag."""
+    rows = np.clip(np.searchsorted(stamps, signal.time), 0, len(stamps) - 1)
+    keep = flag[rows] & (signal.time <= stamps[-1])
+    return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
+
+
+def _inputs(
+    t: Floats,
+    model: Model,
+    present: Mapping[str, Signal],
+    noise_of: Mapping[str, float],
+    colour_of: Mapping[str, float],
+) -> tuple[Floats, Floats, Floats]:
+    """Inputs (K, nu) straight between their own stamps, with noise density and variance (nu)."""
     u = np.empty((len(t), len(model.inputs)))
     noise, variance = np.zeros(len(model.inputs)), np.zeros(len(model.inputs))
     for j, item in enumerate(model.inputs):
         if item.name not in present:
             u[:, j] = item.default
             continue
-        u[:, j] = at(item.name, t)
-        variance[j] = sigma.get(item.name, 0.0) ** 2
+        signal, sigma = present[item.name], noise_of[item.name]
+        u[:, j] = np.interp(t, signal.time, signal.value)
+        variance[j] = sigma**2
         if item.name != "engine_acceleration":  # a slope's noise cancels when it is summed up
-            noise[j] = white_density(
-                present[item.name], sigma.get(item.name, 0.0), colour.get(item.name, 0.0)
-            )
+            noise[j] = white_density(signal, sigma, colour_of[item.name])
+    return u, noise, variance
 
-    # outputs: the grid, and densely wherever the surfaces slide
+
+def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
+    """Process noise, variance per s, of every state in every regime; shape (rows of flags, n)."""
+    Q = np.tile(process_noise(vehicle, model), (len(flags), 1))
+    for name, (flag, walk) in model.renewed.items():
+        Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = walk**2
+    return Q
+
+
+def _outputs(
+    t: Floats, sliding: NDArray[np.bool_], grid: Floats
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Output row of every event (−1: none), on the grid and densely wherever the surfaces slide,
+    and of every row whether it is on the grid."""
     last = np.append(np.diff(t) > 0, True)  # after the last event of a time stamp
     on_grid = last & np.isin(t, grid)
     dense = np.zeros(len(t), bool)
-    ticks = np.floor(t / DENSE)
-    dense[1:] = sliding[1:] & (np.diff(ticks) > 0)
+    dense[1:] = sliding[1:] & (np.diff(np.floor(t / DENSE)) > 0)
     dense[1:] |= np.diff(sliding.astype(np.int8)) != 0
     emitted = on_grid | (dense & last)
-    emit = np.where(emitted, np.cumsum(emitted) - 1, -1)
+    return np.where(emitted, np.cumsum(emitted) - 1, -1), on_grid[emitted]
 
+
+def _gaps(present: Mapping[str, Signal], fast: list[str], gap: float) -> tuple[str, ...]:
     warnings = []
     for name in fast:
         holes = np.diff(present[name].time)
-        if np.any(holes > thresholds.gap):
+        holes = holes[holes > gap]
+        if len(holes):
             warnings.append(
-                f"{name}: {int(np.sum(holes > thresholds.gap))} gap(s), the longest "
-                f"{holes.max():.1f} s; heat of a slip in a gap is not seen"
+                f"{name}: {len(holes)} gap(s), the longest {holes.max():.1f} s; "
+                "heat of a slip in a gap is not seen"
             )
-    return Timeline(t, sensor_of, z, R, u, row, flags, Q, longest, regimes.mode[of],
-                    emit, on_grid[emitted], noise, variance, tuple(warnings))  # fmt: skip
+    return tuple(warnings)

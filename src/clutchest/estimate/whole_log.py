@@ -121,11 +121,11 @@ def compile_model(
     for effect in effects:
         given: Mapping[str, float] = vehicle.effects.get(effect.name, {})
         g += [given.get(n.key, n.default if n.shape else 0.0) for n in effect.parameters]
-    # what moves x0_ref at the start is the state's own prior, not the constant in (11)
-    uncertain = [q.key for q in model.parameters
-                 if vehicle.parameters[q.key].spread > 0 and q.key != "zero_position_ref"]  # fmt: skip
+    spreads = {q.key: vehicle.parameters[q.key].spread for q in model.parameters}
+    # x0_ref is a state: the spread of its nominal value is that state's prior
+    uncertain = [key for key, s in spreads.items() if s > 0 and key != "zero_position_ref"]
     thetas = [("parameter", key) for key in uncertain]
-    spread = [vehicle.parameters[key].spread for key in uncertain]
+    spread = [spreads[key] for key in uncertain]
     for effect in effects:
         thetas += [(effect.name, n.key) for n in effect.gains]
         spread += [0.0] * len(effect.gains)

@@ -260,10 +260,12 @@ WITHOUT_POSITION = (
 WITHOUT_SLIP = (
     WITHOUT_POSITION.swap(slip, no_slip)
     .without_input("input_shaft_speed")
-    .unobserved({
-        **dict.fromkeys(("temp_body", "temp_housing", "temp_disc", "slip_energy"), _NO_SLIP),
-        **WITHOUT_POSITION.unobservable,
-    })
+    .unobserved(
+        {
+            **dict.fromkeys(("temp_body", "temp_housing", "temp_disc", "slip_energy"), _NO_SLIP),
+            **WITHOUT_POSITION.unobservable,
+        }
+    )
 )
 
 

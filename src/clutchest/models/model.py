@@ -27,19 +27,19 @@ class Quantities:
 
     def __setattr__(self, name: str, value: Any) -> None:
         expression = ca.SX(value)
-        for term in self._terms.get(name, ()):
+        for term in vars(self)["_terms"].get(name, ()):
             expression = term(expression, self)
-        self._values[name] = expression
+        vars(self)["_values"][name] = expression
 
     def __getattr__(self, name: str) -> ca.SX:
         try:
-            return self._values[name]
+            return vars(self)["_values"][name]
         except KeyError:
             raise AttributeError(f"the equations have no quantity '{name}' here") from None
 
     def names(self) -> tuple[str, ...]:
         """Names of all quantities so far."""
-        return tuple(self._values)
+        return tuple(vars(self)["_values"])
 
 
 Piece = Callable[[Quantities], None]
