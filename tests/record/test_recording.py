@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
 
+from clutchest.estimate.run import Estimate
 from clutchest.models import card
 from clutchest.record import rerun as recording
 from clutchest.record.blueprint import INVALID, panel
@@ -158,6 +159,20 @@ def test_drives_stand_one_behind_another(two_drives, tmp_path):
     assert start > two_drives.signals.end
     lane = column(moving["/drive"], "StateChange:state")
     assert [text.split(",")[0] for text in lane[::2]] == ["drive 0", "drive 1"]
+
+
+def test_states_without_an_estimate_take_no_room(run, tmp_path):
+    (track,) = run.tracks
+    unknown = np.full(len(track.time), np.nan)
+    friction = Estimate(unknown, unknown, np.zeros(len(unknown), bool))
+    track = replace(track, states={**track.states, "friction": friction})
+    write_recording(replace(run, tracks=(track,)), tmp_path / "blind.rrd")
+    assert np.isnan(
+        column(read(tmp_path / "blind.rrd")[0]["/state/friction"], "Measurements:values")
+    ).all()
+    cells = blueprint_of(tmp_path / "blind.rrd").values()
+    queries = str([c["ViewContents:query"] for c in cells if "ViewContents:query" in c])
+    assert "'/state/zero_position'" in queries and "'/state/friction'" not in queries
 
 
 def test_nothing_on_the_terminal(run, tmp_path, capfd):

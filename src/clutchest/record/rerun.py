@@ -229,12 +229,12 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             told = told if told.any() else np.isfinite(value)
             lows.append((value - std)[told])
             highs.append((value + std)[told])
-        if lows:
+        low, high = np.concatenate([[], *lows]), np.concatenate([[], *highs])
+        if np.isfinite(low).any():  # else this log tells nothing about these states
             title = f"{_heading(group)} ± 1σ"
             if len(group) == 1:
                 title += f": {group[0].what}"
             entities = [f"state/{quantity.name}" for quantity in group]
-            low, high = np.concatenate(lows), np.concatenate(highs)
             panels.append(panel(title, group[0].shown, entities, low, high))
     return panels
 
