@@ -17,14 +17,6 @@ _HOW_TO_READ = (
 )
 
 
-def number(quantity: Quantity, value: float | None, digits: int = 4) -> str:
-    """A value in the shown unit with four significant digits, ``–`` where there is none."""
-    if value is None or not np.isfinite(value):
-        return "–"
-    shown = float(quantity.read(np.array([value]))[0])
-    return f"{shown:,.{_decimals(shown, digits)}f}".replace(",", " ")
-
-
 def plus_minus(quantity: Quantity, value: float | None, std: float | None) -> str:
     """``82.1 ± 3.4 °C``: the value is given to the digits that its uncertainty supports."""
     if value is None or std is None or not (np.isfinite(value) and np.isfinite(std)):
