@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from math import pi
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +139,7 @@ def _product(text: str, whole: str) -> Unit:
 def convert(value: float, unit: str, to: str) -> float: ...
 @overload
 def convert(value: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]: ...
-def convert(value, unit, to):
+def convert(value: Any, unit: str, to: str) -> Any:
     """``value`` given in ``unit``, expressed in the unit ``to``.
 
     Raises ClutchestError if the two do not measure the same thing.

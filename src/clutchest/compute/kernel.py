@@ -128,7 +128,8 @@ def update(x, P, h, H, z, R, K, PH, limit):
 
 @njit(cache=True, error_model="numpy")
 def run(
-    x, P, S, E, cE, sE, gained, spread, t, sensor, z, R, u, row, W, Qs, longest, noise, variance, p, g, limit,
+    x, P, S, E, cE, sE, gained, spread, t, sensor, z, R, u, row, W, Qs, longest, noise,
+    variance, p, g, limit,
     emit, with_signature, frozen, gains, out_x, out_P, out_total, out_y, out_energy, out_gained,
     out_innovation, out_signature,
 ):  # fmt: skip

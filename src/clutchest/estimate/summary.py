@@ -37,7 +37,9 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         prefix = f"drive {number}: " if len(parts) > 1 else ""
         warnings += [prefix + warning for warning in (*drive.warnings, *own)]
     if vehicle.guessed:
-        warnings.append(f"guessed parameters (see the vehicle file): {', '.join(vehicle.guessed)}")
+        every = len(vehicle.guessed) == len(vehicle.parameters)
+        names = f"all {len(vehicle.guessed)}" if every else ", ".join(vehicle.guessed)
+        warnings.append(f"guessed parameters, by {vehicle.path.name}: {names}")
     last, (_, compiled, timeline, filtered, _) = tracks[-1], parts[-1]
     return {
         "vehicle": vehicle.name,

@@ -1,0 +1,79 @@
+"""Modes from the signals alone."""
+
+import numpy as np
+import pytest
+
+from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify
+
+KISS = 6.5
+T = np.arange(0.0, 10.0, 0.01)
+NONE_BLIND = np.zeros(len(T), bool)
+
+
+def modes(slip, position, motor=None, blind=NONE_BLIND, **thresholds) -> Regimes:
+    return classify(T, slip, position, motor, blind, KISS, Thresholds(**thresholds))
+
+
+def launch():
+    """Open to 2 s, slipping to 5 s, locked after; the actuator goes home at 7 s."""
+    slip = np.where(T < 2, 100.0, np.clip(100.0 * (5 - T) / 3, 0.0, None))
+    position = np.where(T < 2, 12.0, np.where(T < 7, 4.5, 0.0))
+    motor = np.where(T < 7, 30.0, 0.0)
+    return slip, position, motor
+
+
+def test_a_launch_runs_through_all_modes():
+    regimes = modes(*launch())
+    assert regimes.mode[50] == Mode.open
+    assert regimes.mode[300] == Mode.slipping
+    assert regimes.mode[600] == Mode.locked
+    assert regimes.mode[900] == Mode.retracted
+    assert set(np.diff(regimes.mode.astype(int))) <= {0, 1}  # each entered once, in order
+
+
+def test_retracted_waits_until_the_actuator_has_settled():
+    regimes = modes(*launch(), settle=0.5)
+    first = T[np.argmax(regimes.mode == Mode.retracted)]
+    assert first == pytest.approx(7.5, abs=0.011)
+
+
+def test_no_torque_information_around_lock_up():
+    regimes = modes(*launch(), guard=0.2, lock_slip=2.0)
+    locks = T[np.argmax(regimes.mode == Mode.locked)]
+    assert locks == pytest.approx(5 - 2.0 * 3 / 100, abs=0.02)
+    assert not regimes.free_running[(T > locks - 0.19) & (T < locks + 1)].any()
+    assert regimes.free_running[(T > 2.1) & (T < locks - 0.21)].all()
+    assert regimes.sliding[T < locks - 0.02].all()
+
+
+def test_slip_that_only_passes_zero_is_not_locked():
+    slip = 100.0 * np.cos(T)
+    regimes = modes(slip, np.full(len(T), 4.5))
+    assert (regimes.mode == Mode.slipping).all()
+    assert not regimes.free_running[np.abs(slip) < 2.0].any()  # the torque's sign is open there
+
+
+def test_an_open_clutch_whose_speeds_meet_still_tells_the_engine_torque():
+    regimes = modes(100.0 * np.cos(T), np.full(len(T), 12.0))
+    assert regimes.free_running.all()
+    assert not regimes.engaged.any()
+
+
+def test_a_shaken_driveline_locks_on_its_mean_slip():
+    shaken = np.where(T < 3, 50.0, 8.0 * np.sin(2 * np.pi * 6 * T))
+    assert (modes(shaken, None).mode != Mode.locked).all()
+    regimes = modes(shaken, None, lock_slip=3.0, lock_average=0.3)
+    assert (regimes.mode[(T > 3.3) & (T < 9.8)] == Mode.locked).all()
+    assert (regimes.mode[T < 2.8] == Mode.slipping).all()
+
+
+def test_blind_times_carry_no_torque_information():
+    blind = (T > 3) & (T < 4)
+    regimes = modes(*launch(), blind=blind)
+    assert not regimes.free_running[blind].any()
+
+
+def test_without_slip_nothing_is_known():
+    regimes = modes(None, None)
+    assert (regimes.mode == Mode.unknown).all()
+    assert not (regimes.free_running | regimes.sliding | regimes.engaged).any()

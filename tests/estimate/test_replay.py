@@ -1,0 +1,201 @@
+"""Replay end to end on drives of the independent generator."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.errors import ClutchestError
+from clutchest.estimate import whole_log
+from clutchest.signals import Signals
+
+TRUCK = clutchest.load_vehicle("truck")
+STATES = ("temp_body", "temp_housing", "temp_disc", "zero_position", "friction", "engine_speed",
+          "torque_bias")  # fmt: skip
+
+
+def error(run, truth, name):
+    """(estimate − truth, std) of a state on the output grid."""
+    track = run.tracks[0]
+    estimate = track.states[name]
+    return estimate.value - np.interp(track.time, truth.time, truth.columns[name]), estimate.std
+
+
+@pytest.fixture(scope="module")
+def drives():
+    """Launches of ten minutes: parameters, start and noise drawn by the seed."""
+    signals = [clutchest.simulate(TRUCK, "launches", seed, duration=600.0) for seed in range(6)]
+    return [(s, clutchest.replay(s, TRUCK)) for s in signals]
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_the_truth_lies_within_the_stated_uncertainty(drives, name):
+    inside = [np.abs(e) < 1.96 * std for e, std in (error(r, s.truth, name) for s, r in drives)]
+    assert np.mean(inside) >= 0.90
+    # and the uncertainty is no excuse: it shrinks to something of use
+    assert all(run.summary["states"][name]["valid"] for _, run in drives)
+
+
+def test_torque_while_slipping(drives):
+    for signals, run in drives:
+        track, truth = run.tracks[0], signals.truth
+        row = np.clip(np.searchsorted(truth.time, track.time), 0, len(truth.time) - 1)
+        slipping = truth.columns["mode"][row] == "slipping"
+        wrong = track.clutch_torque.value - np.interp(
+            track.time, truth.time, truth.columns["clutch_torque"])  # fmt: skip
+        assert np.sqrt(np.mean(wrong[slipping] ** 2)) < 0.03 * 3500  # [ME15]'s three per cent
+
+
+def test_slip_events_and_their_energy(drives):
+    for signals, run in drives:
+        truth = signals.truth
+        energy = truth.columns["slip_energy"]
+        found = run.summary["engagements"]
+        launches = [e for e in found if e["energy_J"] > 10e3]
+        assert len(launches) >= 8
+        for event in launches:
+            a, b = event["start_s"], event["start_s"] + event["duration_s"]
+            true = np.interp(b + 0.1, truth.time, energy) - np.interp(a - 0.1, truth.time, energy)
+            assert abs(event["energy_J"] - true) < 4 * event["energy_std_J"] + 500
+        track = run.tracks[0]
+        assert abs(track.slip_energy.value[-1] - energy[-1]) < 4 * track.slip_energy.std[-1]
+
+
+def test_modes_agree_with_the_truth(drives):
+    for signals, run in drives:
+        track, truth = run.tracks[0], signals.truth
+        row = np.clip(np.searchsorted(truth.time, track.time), 0, len(truth.time) - 1)
+        mine = np.array(track.mode_names)[track.mode]
+        # the two know lock-up and settling to a few tenths of a second
+        assert np.mean(mine == truth.columns["mode"][row]) > 0.95
+
+
+def test_innovations_of_the_zero_position_are_as_large_as_predicted(drives):
+    ratios = [run.summary["sensors"]["zero_position"]["nis_mean"] for _, run in drives]
+    assert 0.8 < np.mean(ratios) < 1.4
+
+
+@pytest.mark.parametrize(
+    ("effects", "state", "shift"),
+    [
+        ({"wear": {"amount": 0.6}}, "zero_position", -0.6),
+        ({"friction_level": {"change": -0.2}}, "friction", -0.2),
+    ],
+)
+def test_wear_and_friction_are_followed(effects, state, shift):
+    for seed in range(3):
+        plain = clutchest.simulate(TRUCK, "launches", seed, duration=600.0)
+        signals = clutchest.simulate(TRUCK, "launches", seed, effects, duration=600.0)
+        run = clutchest.replay(signals, TRUCK)
+        wrong, std = error(run, signals.truth, state)
+        assert abs(wrong[-1]) < 3 * std[-1]
+        moved = run.tracks[0].states[state].value[-1]
+        moved -= clutchest.replay(plain, TRUCK).tracks[0].states[state].value[-1]
+        assert moved == pytest.approx(shift, abs=0.15 * abs(shift))
+
+
+def test_half_an_hour_without_slip_informs_no_friction():
+    signals = clutchest.simulate(TRUCK, "closed", 1)
+    run = clutchest.replay(signals, TRUCK)
+    friction = run.tracks[0].states["friction"]
+    assert np.abs(friction.value - 1.0).max() < 1e-6  # nothing wanders
+    assert (np.diff(friction.std) > -1e-9).all()  # nothing grows surer
+    told = run.summary["states"]["friction"]
+    assert not told["valid"]
+    assert "launch" in told["why"]
+
+
+def test_a_log_in_pieces_gives_the_same_answer(drives, monkeypatch):
+    signals, whole = drives[0]
+    monkeypatch.setattr(whole_log, "CHUNK", 10_007)
+    pieces = clutchest.replay(signals, TRUCK)
+    for name in STATES:
+        a, b = whole.tracks[0].states[name], pieces.tracks[0].states[name]
+        assert np.array_equal(a.value, b.value)
+        assert np.array_equal(a.std, b.std)
+    assert np.array_equal(whole.tracks[0].slip_energy.value, pieces.tracks[0].slip_energy.value)
+
+
+def test_outliers_do_little_harm():
+    signals = clutchest.simulate(TRUCK, "launches", 3, duration=600.0, outliers=0.02)
+    run = clutchest.replay(signals, TRUCK)
+    for name in STATES:
+        wrong, std = error(run, signals.truth, name)
+        assert np.mean(np.abs(wrong) < 1.96 * std) >= 0.9, name
+
+
+def shifted(signals: Signals, seconds: float) -> Signals:
+    """The same drive that many seconds later."""
+    return replace(signals, start_ns=signals.start_ns + round(seconds * 1e9))
+
+
+class TestCarryingOver:
+    """``state.json``: from one drive to the next."""
+
+    def test_a_night_in_the_yard(self, drives):
+        signals, first = drives[0]
+        final = json.loads(json.dumps(first.final))
+        second = clutchest.replay(shifted(signals, 12 * 3600.0), TRUCK, state=final)
+        before, after = first.tracks[0].states, second.tracks[0].states
+        zero = "zero_position"
+        assert after[zero].value[0] == pytest.approx(before[zero].value[-1], abs=1e-3)
+        assert after[zero].std[0] < 1.05 * before[zero].std[-1]
+        assert after["friction"].std[0] < 1.05 * before["friction"].std[-1]
+        assert second.tracks[0].slip_energy.value[0] == pytest.approx(
+            first.tracks[0].slip_energy.value[-1])  # fmt: skip
+
+    def test_temperatures_relax_over_minutes_and_settle_over_days(self, drives):
+        signals, first = drives[0]
+        hot = first.tracks[0].states["temp_body"].value[-1]
+        run = {
+            seconds: clutchest.replay(shifted(signals, 600.0 + seconds), TRUCK, state=first.final)
+            for seconds in (10.0, 900.0, 40 * 86400.0)
+        }
+        start = {s: r.tracks[0].states["temp_body"].value[0] for s, r in run.items()}
+        rest = clutchest.replay(signals, TRUCK).tracks[0].states["temp_body"].value[0]
+        assert start[10.0] == pytest.approx(hot, abs=1.5)
+        assert abs(start[900.0] - rest) < abs(hot - rest)
+        assert start[40 * 86400.0] == pytest.approx(rest, abs=1.0)
+
+    def test_without_a_clock_only_wear_and_friction_carry_over(self, drives):
+        signals, first = drives[0]
+        run = clutchest.replay(replace(signals, start_ns=None), TRUCK, state=first.final)
+        fresh = clutchest.replay(replace(signals, start_ns=None), TRUCK)
+        a, b = run.tracks[0].states, fresh.tracks[0].states
+        assert a["temp_body"].std[0] == pytest.approx(b["temp_body"].std[0])
+        assert a["zero_position"].std[0] < 0.5 * b["zero_position"].std[0]
+        assert any("no absolute time" in warning for warning in run.summary["warnings"])
+
+    def test_drives_out_of_order_are_refused(self, drives):
+        signals, first = drives[0]
+        with pytest.raises(ClutchestError, match="order of time"):
+            clutchest.replay(shifted(signals, -3600.0), TRUCK, state=first.final)
+
+    @pytest.mark.parametrize(
+        ("key", "value", "words"),
+        [
+            ("vehicle", "bus", "of vehicle 'bus'"),
+            ("states", ["temp_bodie"], "other states"),
+            ("P", None, "lacks P"),
+        ],
+    )
+    def test_a_foreign_state_is_refused(self, drives, key, value, words):
+        signals, first = drives[0]
+        final = {k: v for k, v in first.final.items() if k != key}
+        if value is not None:
+            final[key] = value
+        with pytest.raises(ClutchestError, match=words):
+            clutchest.replay(shifted(signals, 7200.0), TRUCK, state=final)
+
+    def test_several_drives_in_one_call_are_carried_on(self, drives):
+        signals = drives[0][0]
+        both = replace(signals, later=(shifted(signals, 7200.0),))
+        run = clutchest.replay(both, TRUCK)
+        chained = clutchest.replay(shifted(signals, 7200.0), TRUCK, state=drives[0][1].final)
+        for name in STATES:
+            a, b = run.tracks[1].states[name], chained.tracks[0].states[name]
+            assert np.array_equal(a.value, b.value)
+        frame = run.to_pandas()
+        assert list(frame["drive"].unique()) == [0, 1]
