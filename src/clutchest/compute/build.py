@@ -44,12 +44,17 @@ def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]
     """(hash, source) of the module for this model, with signatures of ``thetas``."""
     import llvmlite.binding
 
-    kernel = (Path(__file__).parent / "kernel.py").read_text(encoding="utf-8").split(_MARK)[1]
-    text = _HEADER + module_text(model, thetas) + "\n\n" + kernel
+    parts = [_HEADER, _text_of("choices.py"), module_text(model, thetas), _text_of("kernel.py")]
+    text = "\n\n".join(parts)
     platform = [version(name) for name in ("numba", "casadi")]
     platform += [__version__, llvmlite.binding.get_host_cpu_name(), sys.version]
     digest = hashlib.sha256("\n".join([*platform, text]).encode()).hexdigest()[:16]
     return digest, text
+
+
+def _text_of(file: str) -> str:
+    """What a file of this folder contributes to the generated module."""
+    return (Path(__file__).parent / file).read_text(encoding="utf-8").split(_MARK)[1]
 
 
 @lru_cache(maxsize=32)

@@ -13,21 +13,17 @@ from clutchest.models.model import Expressions, Model
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
-# What is not an operator between its operands.  `if_else_zero` is how CasADi writes a branch.
+# What each operation of CasADi is in Python; see compute.choices for the named ones.
 _CALLS = {
     ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}",
-    ca.OP_DIV: "{0} / {1}", ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})",
+    ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})",
     ca.OP_POW: "{0} ** {1}", ca.OP_CONSTPOW: "{0} ** {1}", ca.OP_SQRT: "sqrt({0})",
     ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "2.0 * {0}", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
     ca.OP_TANH: "tanh({0})", ca.OP_INV: "1.0 / {0}", ca.OP_FABS: "abs({0})",
-    ca.OP_LT: "(1.0 if {0} < {1} else 0.0)", ca.OP_LE: "(1.0 if {0} <= {1} else 0.0)",
-    ca.OP_EQ: "(1.0 if {0} == {1} else 0.0)", ca.OP_NE: "(1.0 if {0} != {1} else 0.0)",
-    ca.OP_NOT: "(1.0 if {0} == 0.0 else 0.0)",
-    ca.OP_AND: "(1.0 if {0} != 0.0 and {1} != 0.0 else 0.0)",
-    ca.OP_OR: "(1.0 if {0} != 0.0 or {1} != 0.0 else 0.0)",
-    ca.OP_SIGN: "(1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else 0.0))",
-    ca.OP_FMIN: "({0} if {0} < {1} else {1})", ca.OP_FMAX: "({0} if {0} > {1} else {1})",
-    ca.OP_IF_ELSE_ZERO: "({1} if {0} != 0.0 else 0.0)",
+    ca.OP_LT: "less({0}, {1})", ca.OP_LE: "at_most({0}, {1})", ca.OP_EQ: "same({0}, {1})",
+    ca.OP_NE: "(1.0 - same({0}, {1}))", ca.OP_NOT: "same({0}, 0.0)", ca.OP_AND: "both({0}, {1})",
+    ca.OP_OR: "either({0}, {1})", ca.OP_SIGN: "sign({0})", ca.OP_FMIN: "smaller({0}, {1})",
+    ca.OP_FMAX: "larger({0}, {1})", ca.OP_IF_ELSE_ZERO: "when({0}, {1})",
 }  # fmt: skip
 
 
@@ -83,6 +79,7 @@ def _values(
     values: list[tuple[str, tuple[int, ...]]] = []
     written: list[tuple[int, int, int]] = []
     slots: dict[int, int] = {}
+    reciprocals: dict[int, int] = {}
     value: tuple[str, tuple[int, ...]]
     for k in range(function.n_instructions()):
         op = function.instruction_id(k)
@@ -95,6 +92,12 @@ def _values(
         elif op == ca.OP_INPUT:
             scalar = arrays[of[0]] in _SCALARS
             value = (arrays[of[0]] + ("" if scalar else f"[{of[1]}]"), ())
+        elif op == ca.OP_DIV:  # one division per divisor: it costs as much as a dozen products
+            top, bottom = slots[of[0]], slots[of[1]]
+            if bottom not in reciprocals:
+                reciprocals[bottom] = len(values)
+                values.append((_CALLS[ca.OP_INV], (bottom,)))
+            value = (_CALLS[ca.OP_MUL], (top, reciprocals[bottom]))
         elif op in _CALLS:
             value = (_CALLS[op], tuple(slots[i] for i in of))
         else:

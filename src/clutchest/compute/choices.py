@@ -1,0 +1,55 @@
+"""Comparisons and choices as functions: numba compiles a call far faster than a conditional
+expression, and both sides are known when it chooses, so that the machine code needs no jump.
+
+Truth is 1.0 and 0.0, as CasADi has it.
+"""
+
+from numba import njit
+
+# --- the generated module goes on from here ---
+
+
+@njit(cache=True, error_model="numpy")
+def when(condition, value):
+    """CasADi's ``if_else_zero``: a value that is not a number does no harm where not chosen."""
+    return value if condition != 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def less(a, b):
+    return 1.0 if a < b else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def at_most(a, b):
+    return 1.0 if a <= b else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def same(a, b):
+    return 1.0 if a == b else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def both(a, b):
+    return 1.0 if a != 0.0 and b != 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def either(a, b):
+    return 1.0 if a != 0.0 or b != 0.0 else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def sign(a):
+    return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def smaller(a, b):
+    return a if a < b else b
+
+
+@njit(cache=True, error_model="numpy")
+def larger(a, b):
+    return a if a > b else b
