@@ -17,39 +17,47 @@ def when(condition, value):
 
 @njit(cache=True, error_model="numpy")
 def less(a, b):
+    """a < b."""
     return 1.0 if a < b else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def at_most(a, b):
+    """a ≤ b."""
     return 1.0 if a <= b else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def same(a, b):
+    """a = b."""
     return 1.0 if a == b else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def both(a, b):
+    """a and b."""
     return 1.0 if a != 0.0 and b != 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def either(a, b):
+    """a or b."""
     return 1.0 if a != 0.0 or b != 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def sign(a):
+    """−1, 0 or 1."""
     return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
 
 
 @njit(cache=True, error_model="numpy")
 def smaller(a, b):
+    """The smaller of two."""
     return a if a < b else b
 
 
 @njit(cache=True, error_model="numpy")
 def larger(a, b):
+    """The larger of two."""
     return a if a > b else b
