@@ -1,0 +1,379 @@
+"""The battery that every effect of every model passes."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from bench import BENCHES, Bench
+from clutchest.compute.step import heun
+from clutchest.estimate import whole_log
+from clutchest.estimate.timeline import Timeline
+from clutchest.models import _MODELS, effects
+from clutchest.models.effects import Effect, Number, library
+from clutchest.models.model import Model
+
+from .dimensions import UnitsError, balances, carried, dimensions_of, per_second
+from .equations import argument_names, draw, evaluator, vector
+
+CASES = [(model, name) for model in BENCHES for name in library(model)]
+GAINS = [
+    (model, name, number.key) for model, name in CASES for number in library(model)[name].gains
+]
+
+# (+) one-sided; parameters and their units as every user of the library knows them
+CATALOGUE = {
+    "dry_clutch": {
+        "wear": "+ amount mm, rate mm/MJ",
+        "position_offset": "offset mm",
+        "friction_level": "change 1",
+        "friction_slip": "change 1, speed rad/s",
+        "friction_speed": "slope s/(100 rad)",
+        "friction_temperature": "slope 1/(100 K)",
+        "friction_fade": "+ slope 1/(100 K), onset °C",
+        "torque_gain": "change 1",
+        "torque_bias": "bias Nm",
+        "torque_delay": "+ delay s",
+        "position_delay": "+ delay s",
+        "engine_inertia": "change 1",
+        "kiss_point": "shift mm",
+        "torque_curve": "change 1/mm",
+        "expansion_body": "change 1",
+        "expansion_disc": "change 1",
+        "heat_capacity_disc": "change 1",
+        "heat_capacity_body": "change 1",
+        "heat_split": "fraction 1",
+        "transmission_heat_path": "+ conductance W/K",
+        "coolant_coupling": "change 1",
+        "housing_airflow": "slope s/(20 m)",
+        "position_hysteresis": "+ play mm",
+        "centrifugal": "slope s^2/10000",
+        "viscous_drag": "+ coefficient Nm s/(100 rad)",
+    }
+}
+EQUATIONS = {"torque", "disc_heat", "body_heat", "housing_heat", "engine_speed", "zero_position",
+             "current", "motor", "axial_force", "pack_heat"}  # fmt: skip
+
+# Surroundings that an effect brings besides the model's own, °C.
+FURTHER_SURROUNDINGS = {("dry_clutch", "transmission_heat_path"): (80.0,)}
+
+BenchOf = Callable[[str], Bench]
+
+
+def bounds(*owned: Effect) -> dict[str, tuple[float, float]]:
+    return {f"{e.name}.{n.key}": (n.lower, n.upper) for e in owned for n in e.parameters}
+
+
+def ranges_of(bench: Bench, model: Model) -> dict[str, tuple[float, float]]:
+    """Everything the equations read, parameters aside."""
+    return {
+        **{s.name: bench.plausible.states[s.name] for s in model.states},
+        **{i.name: bench.plausible.inputs[i.name] for i in model.inputs},
+        **dict.fromkeys(model.regime, (0.0, 1.0)),
+    }
+
+
+def parameters(bench: Bench) -> dict[str, float]:
+    return {key: value.value for key, value in bench.vehicle.parameters.items()}
+
+
+# --- the registry ---
+
+
+def test_the_registry_is_what_the_catalogue_says() -> None:
+    """Every effect class there is stands in the battery and carries its public name."""
+    classes = set()
+    for module in pkgutil.walk_packages(effects.__path__, effects.__name__ + "."):
+        for value in vars(importlib.import_module(module.name)).values():
+            if isinstance(value, type) and issubclass(value, Effect) and value is not Effect:
+                classes.add(value)
+    assert {(c.model, c.name) for c in classes} == set(CASES)
+    assert len({(c.model, c.name) for c in classes}) == len(classes)
+    assert set(BENCHES) == set(_MODELS)
+    for model in BENCHES:
+        assert set(library(model)) == set(CATALOGUE[model])
+        for name, effect in library(model).items():
+            numbers = ", ".join(f"{n.key} {n.unit}" for n in effect.parameters)
+            one_sided = all(n.one_sided for n in effect.gains)
+            assert ("+ " if one_sided else "") + numbers == CATALOGUE[model][name]
+            assert type(effect).__module__.endswith(f".{model}.{name}"), "one file per effect"
+
+
+@pytest.mark.parametrize(("model", "name"), CASES)
+def test_an_effect_says_what_it_is(model: str, name: str, bench: BenchOf) -> None:
+    effect = library(model)[name]
+    equation = type(effect).__doc__ or ""
+    assert all(f"``{number.key}``" in equation for number in effect.parameters)
+    columns = set(bench(model).plausible.inputs) | {s.name for s in bench(model).model.sensors}
+    kind, _, column = effect.equation.partition(":")
+    assert effect.equation in EQUATIONS or (kind in ("sensor", "timing") and column in columns)
+    assert effect.gains
+    for number in effect.parameters:
+        assert np.isfinite([number.lower, number.upper]).all()
+        assert number.lower < number.upper
+        assert dimensions_of(number.unit) is not None
+        if number.shape:
+            assert all(number.lower <= v <= number.upper for v in (number.default, *number.grid))
+            assert number.grid
+        else:
+            assert number.lower <= 0.0 < number.upper
+            assert number.default == 0.0
+
+
+# --- a. gain 0 is as good as absent, to the last bit ---
+
+
+def test_all_effects_at_gain_0_leave_the_filter_as_it_was(model: str, bench: BenchOf) -> None:
+    b = bench(model)
+    line = b.timeline(b.bare)
+    without = whole_log.run(b.bare, line, b.belief(b.bare, line))
+    _, present = b.at_zero
+    n = len(b.model.states)
+    assert np.array_equal(without.x, present.x[:, :n])
+    assert np.array_equal(without.P, present.P[:, :n, :n])
+    assert np.array_equal(without.innovation, present.innovation)
+    assert np.array_equal(without.outputs, present.outputs)
+    assert without.log_likelihood == present.log_likelihood
+
+
+@pytest.mark.parametrize(("model", "name"), CASES)
+def test_gain_0_is_absent_in_every_step(model: str, name: str, bench: BenchOf) -> None:
+    """State, transition, noise, readings and outputs of one step: the same bits."""
+    b, effect = bench(model), library(model)[name]
+    rng = np.random.default_rng(1)
+    functions = [_step(m) for m in (b.model, b.model.with_effects((effect,)))]
+    n = len(b.model.states)
+    shapes = [number.default for number in effect.parameters]
+    for _ in range(100):
+        x, u0, w, p, _ = _point(b, b.model, rng)
+        u1 = vector(argument_names(b.model)[1], draw(rng, b.plausible.inputs))
+        q, noise = rng.uniform(0, 1, n), rng.uniform(0, 1, len(u0))
+        brought = np.zeros(len(effect.states))
+        plain = functions[0](x, u0, u1, 0.02, w, p, [], q, noise)
+        filled = functions[1](np.append(x, brought), u0, u1, 0.02, w, p, shapes,
+                              np.append(q, brought), noise)  # fmt: skip
+        for a, c in zip(plain, filled, strict=True):
+            a, c = np.array(a), np.array(c)
+            assert np.array_equal(a, c[: a.shape[0], : a.shape[1]])
+
+
+def _step(model: Model) -> ca.Function:
+    e = model.expressions()
+    s = heun(model, e)
+    made = [s.x, ca.jacobian(s.x, e.x), s.Q, s.energy, e.readings, e.outputs]
+    return ca.Function("step", [e.x, e.u, s.u1, s.dt, e.w, e.p, e.g, s.q, s.noise], made)
+
+
+def _point(b: Bench, model: Model, rng: np.random.Generator, corners: bool = False) -> list:
+    """x, u, w, p, g drawn from where they are plausible; flags are 0 or 1."""
+    values = draw(rng, {**ranges_of(b, model), **bounds(*model.effects)}, corners)
+    values |= {flag: float(rng.integers(2)) for flag in model.regime}
+    values |= parameters(b)
+    return [vector(group, values) for group in argument_names(model)]
+
+
+# --- b. the signature is the derivative of whole runs ---
+
+
+@pytest.mark.parametrize(("model", "name", "key"), GAINS)
+def test_the_signature_is_what_a_small_gain_does(
+    model: str, name: str, key: str, bench: BenchOf
+) -> None:
+    """Innovations at gain ε, the filter's own gains frozen, against those at 0.
+
+    ε is far above rounding, and so small that hardly a sample changes sides of a kink: the cap
+    of the disc's expansion, an onset, the ends of the play.
+    """
+    b = bench(model)
+    line, base = b.at_zero
+    effect, k = library(model)[name], b.full.thetas.index((name, key))
+    largest = next(number.upper for number in effect.gains if number.key == key)
+    size = 1e-6 * largest
+    late = {signal: size for signal, number in effect.delays.items() if number == key}
+
+    g = b.full.g.copy()
+    g[[(e.name, number) for e, number in b.full.model.numbers].index((name, key))] = size
+    moved = replace(b.full, g=g)
+    shifted = _delayed(line, b.timeline(moved, late)) if late else line
+    rows, other = np.flatnonzero(line.sensor >= 0), np.flatnonzero(shifted.sensor >= 0)
+    frozen = np.zeros((len(shifted.t), base.gains.shape[1]))
+    frozen[other] = base.gains[rows]
+    small = whole_log.run(
+        moved, shifted, b.belief(moved, shifted), frozen=frozen, with_signature=False
+    )
+
+    std = np.sqrt(base.innovation[rows, 1])
+    found = (small.innovation[other, 0] - base.innovation[rows, 0]) / size / std
+    stated = base.signature[rows, k] / std
+    assert np.linalg.norm(stated) * largest > 0.01, "the drive excites it"
+    assert np.linalg.norm(found - stated) <= 0.02 * np.linalg.norm(stated)
+
+
+def _delayed(line: Timeline, shifted: Timeline) -> Timeline:
+    """``line`` with the inputs of ``shifted``: regimes and readings stay at their own times."""
+    stamps = np.setdiff1d(shifted.t, line.t)  # where the delayed signal has its kinks now
+    stamps = stamps[stamps > line.t[0]]
+    t, none = np.concatenate([line.t, stamps]), np.zeros(len(stamps))
+    sensor = np.concatenate([line.sensor, np.full(len(stamps), -1, np.int8)])
+    order = np.lexsort((sensor, t))
+    t, sensor = t[order], sensor[order]
+    interval = np.minimum(np.searchsorted(line.t, t), len(line.t) - 1)
+    return replace(
+        line, t=t, sensor=sensor, z=np.append(line.z, none)[order],
+        R=np.append(line.R, none)[order], row=line.row[interval],
+        u=np.column_stack([np.interp(t, shifted.t, column) for column in shifted.u.T]),
+        mode=line.mode[interval], emit=np.full(len(t), -1),
+    )  # fmt: skip
+
+
+# --- c. finite everywhere ---
+
+
+@pytest.mark.parametrize("corners", [False, True])
+def test_everything_is_finite_within_the_bounds(model: str, corners: bool, bench: BenchOf) -> None:
+    """Steps, readings, outputs and their signatures, each effect at work and all at once."""
+    b = bench(model)
+    f, m, rng = b.full.functions, b.full.model, np.random.default_rng(2)
+    n, nu, no, k = f.STATES, f.INPUTS, f.OUTPUTS, f.THETAS
+    largest = bounds(*m.effects)
+    absent = dict(zip(argument_names(m)[4], b.full.g, strict=True))
+    alone = [{**absent, **{key: largest[key] for key in bounds(e)}} for e in m.effects]
+    for chosen in [*alone, *[largest] * 200]:
+        drawn = {key: v if isinstance(v, tuple) else (v, v) for key, v in chosen.items()}
+        x, u0, w, p, _ = _point(b, m, rng, corners)
+        u1 = vector(argument_names(m)[1], draw(rng, b.plausible.inputs, corners))
+        if rng.random() < 0.2:  # no slip at all
+            u0[:], x[m.state("engine_speed")] = u1, u1[m.input("input_shaft_speed")]
+        g = vector(argument_names(m)[4], draw(rng, drawn, corners))
+        made = [np.zeros(s) for s in (n, (n, n), (n, n), n, (n, k), k, no, (no, n), (no, nu),
+                                      (no, k), n, k)]  # fmt: skip
+        xn, F, Q, e, G, eG, y, Y, Yu, Ym, H, Hm = made
+        f.step(x, u0, u1, 0.02, w, p, g, np.ones(n), np.ones(nu), xn, F, Q, e)
+        f.step_signature(x, u0, u1, 0.02, w, p, g, G, eG)
+        f.outputs(x, u1, w, p, g, y, Y, Yu)
+        f.outputs_signature(x, u1, w, p, g, Ym)
+        for sensor in range(f.SENSORS):
+            assert np.isfinite(f.reading(sensor, x, u1, w, p, g, H))
+            f.reading_signature(sensor, x, u1, w, p, g, Hm)
+            assert all(np.isfinite(array).all() for array in made), (chosen, x, u0, u1, w)
+
+
+# --- d. friction opposes slip ---
+
+
+@pytest.mark.parametrize(("model", "name"), CASES)
+def test_torque_opposes_slip(model: str, name: str, bench: BenchOf) -> None:
+    """Whatever the effect's size, a clutch brakes: torque on the engine has the sign of slip."""
+    b = bench(model)
+    m = b.model.with_effects((library(model)[name],))
+    evaluate, rng = evaluator(m, ["clutch_torque", "slip_speed"]), np.random.default_rng(3)
+    opposed = 0
+    for corners in (False, True):
+        for _ in range(300):
+            values = {**draw(rng, ranges_of(b, m)), **draw(rng, bounds(*m.effects), corners)}
+            made = evaluate({**values, **parameters(b)})
+            assert made["clutch_torque"] * made["slip_speed"] >= 0.0, values
+            opposed += made["clutch_torque"] != 0.0
+    assert opposed > 100, "the points hold a clutch that is pressed together"
+
+
+# --- e. temperatures relax ---
+
+
+@pytest.mark.parametrize(("model", "name"), CASES)
+def test_temperatures_relax_to_their_surroundings(model: str, name: str, bench: BenchOf) -> None:
+    """Without slip nothing grows, and all comes to rest between the hottest and the coldest."""
+    from scipy.integrate import solve_ivp
+
+    b, effect = bench(model), library(model)[name]
+    m, rng = b.model.with_effects((effect,)), np.random.default_rng(4)
+    e = m.expressions()
+    rate = ca.Function("rate", [e.x, e.u, e.w, e.p, e.g], [e.rate])
+    heated = [m.state(temperature) for temperature in b.plausible.temperatures]
+    for corners in (False, True, True):
+        given = draw(rng, {**ranges_of(b, m), **bounds(effect)}, corners)
+        given |= {**b.plausible.resting, **parameters(b), **dict.fromkeys(m.regime, 0.0)}
+        x0, u, w, p, g = (vector(group, given) for group in argument_names(m))
+
+        def rates(_: float, T: np.ndarray, x=x0, rest=(u, w, p, g)) -> np.ndarray:
+            x = x.copy()
+            x[heated] = T
+            return np.array(rate(x, *rest)).ravel()[heated]
+
+        around = [given[s] for s in b.plausible.surroundings]
+        around += FURTHER_SURROUNDINGS.get((model, name), ())
+        course = solve_ivp(rates, (0.0, 3e5), x0[heated], method="LSODA", rtol=1e-8, atol=1e-8)
+        every = [*around, *x0[heated]]
+        assert course.y.min() >= min(every) - 1e-5
+        assert course.y.max() <= max(every) + 1e-5
+        assert np.all(course.y[:, -1] >= min(around) - 1e-3)
+        assert np.all(course.y[:, -1] <= max(around) + 1e-3)
+        assert np.abs(rates(0.0, course.y[:, -1])).max() < 1e-6
+
+
+# --- f. units balance ---
+
+
+def check_units(model: Model) -> None:
+    """Raises UnitsError unless rates, readings, outputs and maps have the units they should."""
+    e = model.expressions()
+    states = [dimensions_of(s.unit) for s in model.states]
+    inputs = [dimensions_of(i.unit) for i in model.inputs]
+    given = {
+        0: states, 1: inputs, 2: inputs, 3: [dimensions_of("1")] * len(model.regime),
+        4: [dimensions_of(p.unit) for p in model.parameters],
+        5: [dimensions_of(n.unit) for effect in model.effects for n in effect.parameters],
+    }  # fmt: skip
+    wanted = {
+        "rate": [per_second(s) for s in states],
+        "readings": [dimensions_of(s.unit) for s in model.sensors],
+        "outputs": [dimensions_of({"power": "W"}.get(name, "Nm")) for name in model.outputs],
+        "initial": states,
+        "mapped": states,
+    }
+    made = [ca.densify(getattr(e, name)) for name in wanted]
+    found = carried(ca.Function("units", [e.x, e.u, e.u0, e.w, e.p, e.g], made), given)
+    for (name, units), row in zip(wanted.items(), found, strict=True):
+        for i, (has, should) in enumerate(zip(row, units, strict=True)):
+            if not balances(has, should):
+                raise UnitsError(f"{name}[{i}] has {has}, should have {should}")
+
+
+@pytest.mark.parametrize(("model", "name"), CASES)
+def test_units_balance(model: str, name: str, bench: BenchOf) -> None:
+    check_units(bench(model).model.with_effects((library(model)[name],)))
+
+
+WRONG = {
+    "a temperature added to a torque": ("drag_torque", "1", lambda m, q, g: m + q.temp_disc),
+    "a slope per kelvin on a square": (
+        "sliding_torque", "1/(100 K)", lambda m, q, g: m * (1 + g * q.temp_disc**2)),
+    "a speed in an exponential": ("sliding_torque", "1", lambda m, q, g: m * ca.exp(q.slip_speed)),
+    "a speed compared with a torque": (
+        "sliding_torque", "1", lambda m, q, g: m * (q.slip_speed < m)),
+    "a gain in the wrong unit": ("zero_position_rate", "mm/s", lambda r, q, g: r - g * q.power),
+    "a product for a quotient": ("temp_disc_rate", "1", lambda r, q, g: r * q.heat_capacity_disc),
+    "branches of two kinds": (
+        "drag_torque", "1", lambda m, q, g: ca.if_else(g > 0, q.sliding_torque, q.slip_speed)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_equation_does_not_balance(what: str, bench: BenchOf) -> None:
+    quantity, unit, term = WRONG[what]
+
+    class Wrong(Effect):
+        name, model, equation = "wrong", "dry_clutch", "torque"
+        parameters = (Number("gain", unit, -1.0, 1.0),)
+
+        def terms(self, g):
+            return {quantity: lambda value, q: term(value, q, g.gain)}
+
+    with pytest.raises(UnitsError):
+        check_units(bench("dry_clutch").model.with_effects((Wrong(),)))
