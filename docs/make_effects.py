@@ -1,0 +1,50 @@
+"""Writes docs/effects.md from the library of effects.
+
+python docs/make_effects.py
+"""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+from clutchest.models.effects import Effect, Number, library
+
+PAGE = Path(__file__).with_name("effects.md")
+HEADING = """# Effects
+
+Terms in the equations of the dry clutch beyond the paper's. Each is absent at 0. A vehicle file
+puts one into the model that estimates (`[effects]`), and
+`clutchest simulate --effect wear:amount=0.5` into the truth of a simulated drive.
+
+The range is that of plausible sizes; one that begins at 0 means that only positive values are
+physical. A number with a default is a shape: it says how the effect looks, not how large it is.
+The equation is the place in the model where the effect acts.
+
+This page is written by `python docs/make_effects.py`.
+
+| effect | what it does | numbers | equation |
+|---|---|---|---|
+"""
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    return HEADING + "".join(map(_row, library("dry_clutch").values()))
+
+
+def _row(effect: Effect) -> str:
+    first_paragraph = inspect.cleandoc(type(effect).__doc__ or "").split("\n\n")[0]
+    what = " ".join(first_paragraph.split()).replace("``", "`").replace("|", "\\|")
+    numbers = "<br>".join(map(_number, effect.parameters))
+    return f"| `{effect.name}` | {what} | {numbers} | {effect.equation} |\n"
+
+
+def _number(number: Number) -> str:
+    unit = "" if number.unit == "1" else f" {number.unit}"
+    default = f", default {number.default:g}" if number.shape else ""
+    return f"`{number.key}` {number.lower:g} … {number.upper:g}{unit}{default}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

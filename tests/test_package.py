@@ -1,0 +1,168 @@
+"""What a newcomer meets: start-up time, README, manual, shipped files, the wheel."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import runpy
+import subprocess
+import sys
+import zipfile
+from dataclasses import fields
+from importlib.metadata import version
+from itertools import chain
+from pathlib import Path
+from time import perf_counter
+
+import pytest
+
+import clutchest
+from clutchest import vehicle_file
+from clutchest.estimate.modes import MODE_NAMES
+from clutchest.estimate.run import Run
+from clutchest.models import card
+from clutchest.shipped import locate, shipped
+from clutchest.vehicle import Estimation
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MANUAL = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
+
+
+def blocks(language: str) -> list[str]:
+    """The fenced blocks of README in one language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def demo() -> Run:
+    truck = clutchest.load_vehicle("truck")
+    return clutchest.replay(clutchest.read_log("demo", truck), truck)
+
+
+def test_starts_within_half_a_second():
+    """Over the bare interpreter, best of five: a heavy import costs that much by itself."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+
+    def best(*arguments: str) -> float:
+        times = []
+        for _ in range(5):
+            begin = perf_counter()
+            subprocess.run([sys.executable, *arguments], env=environment, check=True,
+                           capture_output=True, timeout=60)  # fmt: skip
+            times.append(perf_counter() - begin)
+        return min(times)
+
+    bare = best("-c", "pass")
+    assert best("-c", "import clutchest") - bare < 0.1
+    assert best("-m", "clutchest", "--help") - bare < 0.5
+
+
+def test_installed_version_is_the_package_s():
+    assert version("clutchest") == clutchest.__version__
+
+
+def test_readme_example_prints_what_it_says(demo):
+    (code,), (printed,) = blocks("python"), blocks("text")
+    assert code.count("\n") == 5
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(code, "README.md", "exec"), {})
+    assert out.getvalue() == printed
+    assert printed.count("\n") == len(demo.summary["engagements"]) == 4
+
+
+def test_ci_runs_the_lines_of_the_readme():
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    lines = [block.strip() for block in blocks("sh")]
+    assert len(lines) == 2 and not any("\n" in line for line in lines)
+    for line in lines:
+        assert line in [text.strip() for text in ci]
+
+
+def test_demo_shows_what_the_estimator_does(demo):
+    """Launches, a hot disc, the zero position read in between: a log worth shipping."""
+    assert demo.summary["frames_decoded"] == demo.summary["frames"] > 50_000
+    assert demo.summary["warnings"] == []
+    assert max(event.peak_temp_disc for event in demo.tracks[0].engagements) > 120.0
+    assert demo.summary["modes_s"]["retracted"] > 60.0
+    assert all(state["valid"] for state in demo.summary["states"].values())
+    assert locate("demo", "logs").stat().st_size < 3e6
+
+
+@pytest.mark.parametrize("name", shipped("vehicles"))
+def test_shipped_vehicle_loads_and_is_in_the_readme(name):
+    vehicle = clutchest.load_vehicle(name)
+    assert vehicle.name == name
+    assert f"| `{name}` |" in README
+    for dbc in vehicle.dbc:
+        text = (ROOT / "vehicles" / f"{name}.toml").read_text(encoding="utf-8")
+        assert dbc.is_file() or f"put\n# {dbc} (" in text, "told in the heading where to find it"
+
+
+@pytest.mark.parametrize("page", ["README.md", *(f"docs/{name}" for name in MANUAL)])
+def test_links_lead_somewhere(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    targets = [t for t in re.findall(r"\]\(([^)]+)\)", text) if "://" not in t]
+    assert [t for t in targets if not ((ROOT / page).parent / t).exists()] == []
+
+
+def test_effects_page_is_that_of_the_library():
+    page = runpy.run_path(str(ROOT / "docs" / "make_effects.py"))["page"]()
+    assert page == MANUAL["effects.md"], "run python docs/make_effects.py"
+
+
+def test_vehicle_file_page_names_every_key():
+    dry = card("dry_clutch")
+    keys = chain(
+        vehicle_file._TOP,
+        vehicle_file._SIGNAL,
+        vehicle_file.MODES,
+        vehicle_file.MONITORS,
+        vehicle_file.ROLES,
+        vehicle_file.LIMITS["dry_clutch"],
+        (name for name, _ in dry.columns),
+        (parameter.key for parameter in dry.parameters),
+        (field.name for field in fields(Estimation)),
+    )
+    words = set(re.findall(r"[\w]+", MANUAL["vehicle-file.md"]))
+    assert set(keys) - words == set()
+
+
+def test_pages_name_every_output_and_state(demo):
+    files, model = MANUAL["files.md"], MANUAL["model.md"]
+    states = list(demo.tracks[0].states)
+    own = {f"{state}{ending}" for state in states for ending in ("", "_std", "_valid")}
+    named = [*(set(demo.to_pandas().columns) - own), *demo.summary,
+             *demo.summary["engagements"][0], *demo.summary["sensors"]["engine_speed"],
+             *demo.summary["states"]["friction"]]  # fmt: skip
+    assert [name for name in named if f"`{name}`" not in files] == []
+    assert [name for name in (*states, *MODE_NAMES) if f"`{name}`" not in model] == []
+
+
+def test_equations_in_the_manual_name_functions_that_exist():
+    from clutchest.models import dry_clutch
+
+    rows = re.findall(r"^\|[^|]*\|[^\n]*\| `(\w+)` \|$", MANUAL["model.md"], re.MULTILINE)
+    assert len(rows) > 10
+    assert [name for name in rows if not callable(getattr(dry_clutch, name, None))] == []
+
+
+def test_wheel_holds_the_package_and_everything_shipped(tmp_path):
+    from hatchling.builders.wheel import WheelBuilder
+
+    (wheel,) = WheelBuilder(str(ROOT)).build(directory=str(tmp_path), versions=["standard"])
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    modules = {p.relative_to(ROOT / "src").as_posix() for p in (ROOT / "src").rglob("*.py")}
+    data = {
+        f"clutchest/data/{kind}/{path.name}"
+        for kind in ("dbc", "logs", "vehicles")
+        for path in shipped(kind).values()
+    }
+    about = {name for name in names if name.startswith(f"clutchest-{clutchest.__version__}.dist")}
+    assert names - about == modules | data
+    assert len(data) >= 5
+    assert any(name.endswith("entry_points.txt") for name in about)
