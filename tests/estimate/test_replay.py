@@ -199,3 +199,48 @@ class TestCarryingOver:
             assert np.array_equal(a.value, b.value)
         frame = run.to_pandas()
         assert list(frame["drive"].unique()) == [0, 1]
+
+
+class TestEffectsInTheVehicleFile:
+    """What the file says of an effect stands in the model."""
+
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def weak():
+        """A drive whose clutch has lost a fifth of its torque and whose engine torque is late."""
+        effects = {"friction_level": {"change": -0.2}, "torque_delay": {"delay": 0.08}}
+        signals = clutchest.simulate(TRUCK, "launches", 5, effects, duration=400.0)
+        return signals, replace(TRUCK, effects=effects)
+
+    def test_the_same_effects_in_the_file_explain_the_drive(self, weak):
+        signals, knowing = weak
+        told, untold = clutchest.replay(signals, knowing), clutchest.replay(signals, TRUCK)
+        friction = told.summary["states"]["friction"]
+        assert abs(friction["value"] - 1.0) < 3 * friction["std"]
+        assert told.summary["log_likelihood"] > untold.summary["log_likelihood"] + 10
+
+    def test_an_effect_of_the_users_own(self, weak, tmp_path):
+        file = tmp_path / "glazing.py"
+        file.write_text(
+            "from clutchest.models.effects import Effect, Number\n"
+            "class Glazing(Effect):\n"
+            "    '''Torque less by a share.'''\n"
+            "    name, model, equation = 'glazing', 'dry_clutch', 'torque'\n"
+            "    parameters = (Number('share', '1', 0.0, 0.5),)\n"
+            "    def terms(self, g):\n"
+            "        return {'sliding_torque': lambda torque, q: torque * (1 - g.share)}\n"
+        )
+        signals, knowing = weak
+        own = replace(
+            knowing,
+            effects={"glazing": {"share": 0.2}, "torque_delay": {"delay": 0.08}},
+            effects_files=(file,),
+        )
+        a = clutchest.replay(signals, own).tracks[0].states["friction"]
+        b = clutchest.replay(signals, knowing).tracks[0].states["friction"]
+        assert np.allclose(a.value, b.value, rtol=1e-9)
+
+    def test_an_unknown_effect_is_refused(self, weak):
+        signals, knowing = weak
+        with pytest.raises(ClutchestError, match="did you mean 'friction_level'"):
+            clutchest.replay(signals, replace(knowing, effects={"friction_lvl": {"change": 0.1}}))

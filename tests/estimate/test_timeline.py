@@ -17,9 +17,12 @@ TRUCK = load_vehicle("truck")
 
 def drive(**changes) -> Signals:
     """Ten seconds of steady slip; signals at their own rates and phases."""
+
     def at(period, phase, value):
         time = np.arange(phase, 10.0, period)
-        return Signal.of("", "", time, value(time) if callable(value) else np.full(len(time), value))
+        return Signal.of(
+            "", "", time, value(time) if callable(value) else np.full(len(time), value)
+        )
 
     signals = {
         "engine_speed": at(0.01, 0.000, 100.0),
