@@ -99,7 +99,6 @@ def _load(path: Path) -> pd.DataFrame:
             "sep": separator,
             "skipinitialspace": True,
             "low_memory": False,
-            "float_precision": "round_trip",  # what was written is read back, to the last bit
             "decimal": "," if separator == ";" else ".",
         }
         try:
