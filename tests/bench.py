@@ -187,5 +187,5 @@ _TRUCK = Plausible(
     warm=_WARM,
 )  # fmt: skip
 
-Drive = Callable[[Vehicle], Signals]
+Drive = Callable[..., Signals]  # (vehicle, duration s, noise)
 BENCHES: dict[str, tuple[str, Drive, Plausible]] = {"dry_clutch": ("truck", truck_drive, _TRUCK)}

@@ -22,8 +22,7 @@ from clutchest.models.dry_clutch import (
 from clutchest.models.effects import library
 from clutchest.models.model import Model
 from clutchest.vehicle import load_vehicle
-
-from .equations import argument_names, draw, evaluator, vector
+from equations import argument_names, draw, evaluator, vector
 
 POINTS = 300
 # free_running, sliding, engaged: open, slipping, slipping near a transition, locked

@@ -18,9 +18,9 @@ from clutchest.estimate.timeline import Timeline
 from clutchest.models import _MODELS, effects
 from clutchest.models.effects import Effect, Number, library
 from clutchest.models.model import Model
+from equations import argument_names, draw, evaluator, vector
 
 from .dimensions import UnitsError, balances, carried, dimensions_of, per_second
-from .equations import argument_names, draw, evaluator, vector
 
 CASES = [(model, name) for model in BENCHES for name in library(model)]
 GAINS = [

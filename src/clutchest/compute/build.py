@@ -23,7 +23,7 @@ from clutchest.compute.lower import module_text
 from clutchest.models.model import Model
 
 _HEADER = '''"""Generated; do not edit."""
-from math import ceil, cos, exp, log, pi, sin, sqrt, tanh
+from math import ceil, cos, exp, inf, log, nan, pi, sin, sqrt, tanh
 
 import numpy as np
 from numba import njit

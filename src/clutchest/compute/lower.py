@@ -88,7 +88,7 @@ def _values(
             written.append((into[0], into[1], slots[of[0]]))
             continue
         if op == ca.OP_CONST:
-            value = (repr(function.instruction_constant(k)), ())
+            value = (f"({function.instruction_constant(k)!r})", ())  # may be negative
         elif op == ca.OP_INPUT:
             scalar = arrays[of[0]] in _SCALARS
             value = (arrays[of[0]] + ("" if scalar else f"[{of[1]}]"), ())

@@ -1,0 +1,129 @@
+"""Generated modules: where they lie, and when they change."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from clutchest.compute import build
+from clutchest.models.effects import effects_of_file
+
+from . import linear
+
+EFFECT = '''
+from clutchest.models.effects import Effect, Number
+
+class Faster(Effect):
+    """The first tank leaks {factor} times as much per ``gain``."""
+
+    name, model, equation = "faster", "tanks", "flow"
+    parameters = (Number("gain", "1", 0.0, 1.0),)
+
+    def terms(self, g):
+        return {{"leak": lambda k, q: k * (1 + {factor} * g.gain)}}
+'''
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache of its own."""
+    monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path / "cache"))
+    build.load.cache_clear()
+    return tmp_path / "cache"
+
+
+def test_the_cache_lies_where_the_environment_says(folder: Path) -> None:
+    digest, text = build.generate(linear.TANKS, ())
+    module = build.load(digest, text)
+    assert module.__file__ is not None
+    assert Path(module.__file__) == folder / f"model_{digest}.py"
+    assert linear.rates(module, (1.0, 0.0), 0.5) == pytest.approx([-0.2, 0.7])
+    assert any(folder.glob("__pycache__/*dynamics*.nbi")), "the compiled code lies there too"
+
+
+def test_without_a_word_the_cache_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CLUTCHEST_CACHE")
+    assert build.cache_folder().name == "clutchest"
+    assert build.cache_folder() != Path("clutchest")
+
+
+def test_the_same_model_has_the_same_name(folder: Path) -> None:
+    assert build.generate(linear.TANKS, ()) == build.generate(linear.TANKS, ())
+    with_signature = build.generate(linear.TANKS, (("parameter", "leak"),))
+    assert with_signature[0] != build.generate(linear.TANKS, ())[0]
+
+
+def test_an_edited_effect_changes_name_and_answer(folder: Path, tmp_path: Path) -> None:
+    file, digests, leaks = tmp_path / "mine.py", [], []
+    for factor in (2.0, 5.0):
+        file.write_text(EFFECT.format(factor=factor), encoding="utf-8")
+        model = linear.TANKS.with_effects(tuple(effects_of_file(file).values()))
+        digest, text = build.generate(model, (("faster", "gain"),))
+        functions = build.load(digest, text)
+        digests.append(digest)
+        leaks.append(-linear.rates(functions, (1.0, 0.0), 0.0, gain=1.0)[0])
+    assert digests[0] != digests[1]
+    assert leaks == pytest.approx([0.7 * 3.0, 0.7 * 6.0])
+
+
+def test_versions_and_processor_are_part_of_the_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    digest, text = build.generate(linear.TANKS, ())
+    monkeypatch.setattr("llvmlite.binding.get_host_cpu_name", lambda: "another processor")
+    assert build.generate(linear.TANKS, ()) != (digest, text)
+    monkeypatch.undo()
+    monkeypatch.setattr(build, "__version__", "another version")
+    assert build.generate(linear.TANKS, ())[0] != digest
+
+
+def test_a_folder_that_cannot_be_made_is_no_obstacle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("no folder", encoding="utf-8")
+    monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path / "file" / "cache"))
+    build.load.cache_clear()
+    digest, text = build.generate(linear.TANKS, ())
+    assert linear.rates(build.load(digest, text), (0.0, 1.0), 0.0) == pytest.approx([0.0, -0.3])
+    assert not build.is_compiled(digest)
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="nothing is read-only for root")
+@pytest.mark.parametrize("filled", [False, True], ids=["empty", "with the model in it"])
+def test_a_read_only_folder_is_no_obstacle(folder: Path, filled: bool) -> None:
+    folder.mkdir()
+    digest, text = build.generate(linear.TANKS, ())
+    if filled:
+        build.load(digest, text)
+        build.load.cache_clear()
+    folder.chmod(0o500)
+    try:
+        assert linear.rates(build.load(digest, text), (0.0, 1.0), 0.0) == pytest.approx([0.0, -0.3])
+    finally:
+        folder.chmod(0o700)
+
+
+def test_processes_may_compile_at_once(folder: Path) -> None:
+    """And the next one finds what they left."""
+    here = Path(__file__).resolve().parent
+    script = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "import linear\n"
+        "digest, functions = linear.compiled()\n"
+        "print(linear.rates(functions, (1.0, 2.0), 0.5))\n"
+        "print(sum(functions.dynamics.stats.cache_hits.values()))\n"
+    )
+    command = [sys.executable, "-c", script, str(here)]
+    both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    said = [process.communicate()[0].splitlines() for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert json.loads(said[0][0]) == json.loads(said[1][0]) == pytest.approx([-0.2, 0.1])
+    assert len(list(folder.glob("model_*.py"))) == 1
+    assert not list(folder.glob("*.tmp"))
+    third = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert third == [said[0][0], "1"]

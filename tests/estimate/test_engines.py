@@ -1,0 +1,70 @@
+"""Two engines, one answer: the compiled kernel and filterpy's filter, event by event."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench import BENCHES, Bench
+from clutchest.estimate import start, timeline, whole_log
+from clutchest.estimate.ekf import OnlineFilter
+from clutchest.estimate.whole_log import Compiled
+from clutchest.signals import Signals
+from clutchest.simulated import simulate
+
+BenchOf = Callable[[str], Bench]
+
+
+def compare(compiled: Compiled, bench: Bench, signals: Signals) -> None:
+    """|Δx_i| ≤ 1e-9 max(|x_i|, σ_i), |ΔP_ij| ≤ 1e-9 σ_i σ_j at every event."""
+    line = timeline.build(signals, bench.vehicle, compiled.model, 10.0, {})
+    line = replace(line, emit=np.arange(len(line.t)))
+    assert len({*line.row}) > 3, "the drive has its modes"
+    belief = start.fresh(bench.vehicle, compiled, line)
+    ours = whole_log.run(compiled, line, belief, with_signature=False)
+    xs, Ps, total = OnlineFilter(
+        compiled.functions, belief.x, belief.P, compiled.p, compiled.g, line, whole_log.ROBUST_LIMIT
+    ).run()
+    std = np.sqrt(np.einsum("kii->ki", Ps))
+    assert np.all(np.abs(ours.x - xs) <= 1e-9 * np.maximum(np.abs(xs), std))
+    assert np.all(np.abs(ours.P - Ps) <= 1e-9 * std[:, :, None] * std[:, None, :])
+    assert ours.log_likelihood == pytest.approx(total, rel=1e-9)
+    assert np.array_equal(ours.P, ours.P.transpose(0, 2, 1))
+
+
+def with_every_effect(bench: Bench) -> Compiled:
+    """Every effect at work at a tenth of its largest plausible size, step maps included."""
+    full = bench.full
+    sizes = [n.default if n.shape else 0.1 * n.upper
+             for e in full.model.effects for n in e.parameters]  # fmt: skip
+    assert full.functions.HAS_MAP
+    return replace(full, g=np.array(sizes))
+
+
+def noisy(bench: Bench, duration: float) -> Signals:
+    """The bench's drive with the noise of the vehicle's sensors."""
+    _, drive, _ = BENCHES[bench.model.name]
+    return drive(bench.vehicle, duration, 1.0)
+
+
+@pytest.mark.parametrize("model", list(BENCHES))
+def test_engines_agree_over_a_minute(model: str, bench: BenchOf) -> None:
+    made = bench(model)
+    compare(made.bare, made, noisy(made, 60.0))
+
+
+@pytest.mark.parametrize("model", list(BENCHES))
+def test_engines_agree_with_every_effect_at_work(model: str, bench: BenchOf) -> None:
+    made = bench(model)
+    compare(with_every_effect(made), made, noisy(made, 24.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effects", [False, True], ids=["plain", "every effect"])
+def test_engines_agree_over_half_an_hour(effects: bool, bench: BenchOf) -> None:
+    made = bench("dry_clutch")
+    signals = simulate(made.vehicle, "city", 3, duration=1800.0)
+    compare(with_every_effect(made) if effects else made.bare, made, signals)
