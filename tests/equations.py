@@ -17,7 +17,7 @@ def evaluator(model: Model, names: Sequence[str]) -> Callable[[Values], dict[str
     """A function: values of states, inputs, regime flags, parameters and effects' numbers by
     name (an effect's as ``effect.number``; what is not given is 0) → the named quantities.
 
-    A name may also be ``readings``' or ``outputs``' own, or a state's rate, ``<state>_rate``.
+    A name may also be a state's rate, ``<state>_rate``, or a sensor's ``<sensor>_reading``.
     """
     e = model.expressions()
     function = ca.Function(

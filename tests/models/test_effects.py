@@ -18,7 +18,7 @@ from clutchest.estimate.timeline import Timeline
 from clutchest.models import _MODELS, effects
 from clutchest.models.effects import Effect, Number, library
 from clutchest.models.model import Model
-from equations import argument_names, draw, evaluator, vector
+from equations import argument_names, draw, vector
 
 from .dimensions import UnitsError, balances, carried, dimensions_of, per_second
 
@@ -130,16 +130,23 @@ def test_an_effect_says_what_it_is(model: str, name: str, bench: BenchOf) -> Non
 
 
 def test_all_effects_at_gain_0_leave_the_filter_as_it_was(model: str, bench: BenchOf) -> None:
+    """Over a drive that starts with a second in which no input moves."""
     b = bench(model)
     line = b.timeline(b.bare)
+    line.u[line.t < 1.0] = line.u[0]
     without = whole_log.run(b.bare, line, b.belief(b.bare, line))
-    _, present = b.at_zero
+    present = whole_log.run(b.full, _with_brought(b, line), b.belief(b.full, line))
     n = len(b.model.states)
     assert np.array_equal(without.x, present.x[:, :n])
     assert np.array_equal(without.P, present.P[:, :n, :n])
     assert np.array_equal(without.innovation, present.innovation)
     assert np.array_equal(without.outputs, present.outputs)
     assert without.log_likelihood == present.log_likelihood
+
+
+def _with_brought(b: Bench, line: Timeline) -> Timeline:
+    """The same events, with process noise for the states that effects bring."""
+    return replace(line, Q=b.timeline(b.full).Q)
 
 
 @pytest.mark.parametrize(("model", "name"), CASES)
@@ -272,15 +279,17 @@ def test_torque_opposes_slip(model: str, name: str, bench: BenchOf) -> None:
     """Whatever the effect's size, a clutch brakes: torque on the engine has the sign of slip."""
     b = bench(model)
     m = b.model.with_effects((library(model)[name],))
-    evaluate, rng = evaluator(m, ["clutch_torque", "slip_speed"]), np.random.default_rng(3)
-    opposed = 0
+    e, rng = m.expressions(), np.random.default_rng(3)
+    function = ca.Function("brake", [e.x, e.u, e.w, e.p, e.g],
+                           [e.quantities.clutch_torque, e.quantities.slip_speed])  # fmt: skip
     for corners in (False, True):
-        for _ in range(300):
-            values = {**draw(rng, ranges_of(b, m)), **draw(rng, bounds(*m.effects), corners)}
-            made = evaluate({**values, **parameters(b)})
-            assert made["clutch_torque"] * made["slip_speed"] >= 0.0, values
-            opposed += made["clutch_torque"] != 0.0
-    assert opposed > 100, "the points hold a clutch that is pressed together"
+        drawn = [{**draw(rng, ranges_of(b, m)), **draw(rng, bounds(*m.effects), corners),
+                  **parameters(b)} for _ in range(300)]  # fmt: skip
+        columns = [ca.DM(np.array([vector(group, values) for values in drawn]).T)
+                   for group in argument_names(m)]  # fmt: skip
+        torque, slip = (np.array(row).ravel() for row in function(*columns))
+        assert np.all(torque * slip >= 0.0)
+        assert np.sum(torque != 0.0) > 50, "the points hold a clutch that is pressed together"
 
 
 # --- e. temperatures relax ---
@@ -299,12 +308,13 @@ def test_temperatures_relax_to_their_surroundings(model: str, name: str, bench: 
     for corners in (False, True, True):
         given = draw(rng, {**ranges_of(b, m), **bounds(effect)}, corners)
         given |= {**b.plausible.resting, **parameters(b), **dict.fromkeys(m.regime, 0.0)}
-        x0, u, w, p, g = (vector(group, given) for group in argument_names(m))
+        x0, *rest = (vector(group, given) for group in argument_names(m))
+        x, T = ca.SX(x0), ca.SX.sym("T", len(heated))
+        x[heated] = T
+        by_temperature = ca.Function("rates", [T], [rate(x, *rest)[heated]])
 
-        def rates(_: float, T: np.ndarray, x=x0, rest=(u, w, p, g)) -> np.ndarray:
-            x = x.copy()
-            x[heated] = T
-            return np.array(rate(x, *rest)).ravel()[heated]
+        def rates(_: float, T: np.ndarray, of: ca.Function = by_temperature) -> np.ndarray:
+            return np.array(of(T)).ravel()
 
         around = [given[s] for s in b.plausible.surroundings]
         around += FURTHER_SURROUNDINGS.get((model, name), ())

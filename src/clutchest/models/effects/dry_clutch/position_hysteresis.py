@@ -22,7 +22,7 @@ class PositionHysteresis(Effect):
     model = "dry_clutch"
     equation = "sensor:slave_position"
     parameters = (Number("play", "mm", 0.0, 0.5),)
-    states = (State("position_play", "mm", "d", "plate behind the sensor", 0.0, 1e-6, 1.0),)
+    states = (State("position_play", "mm", "d", "plate behind the sensor", 0.0, 0.0, 1.0),)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""
