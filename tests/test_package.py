@@ -19,12 +19,12 @@ from time import perf_counter
 import pytest
 
 import clutchest
-from clutchest import vehicle_file
 from clutchest.estimate.modes import MODE_NAMES
 from clutchest.estimate.run import Run
 from clutchest.models import card
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle import Estimation
+from clutchest.vehicle import file as vehicle_file
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -200,7 +200,7 @@ def inspect(
     """
     with _progress() as progress:
         progress("reading", None)
-        from clutchest.inspect_log import inspect_logs
+        from clutchest.reading.inspection import inspect_logs
         from clutchest.record.files import finished_into, json_text
 
         found = inspect_logs(logs, dbc or ())

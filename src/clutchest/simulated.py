@@ -19,11 +19,11 @@ from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.generator import Channel, Sampled, generate
-from clutchest.mapping import mapped_messages, signals_of
 from clutchest.models import card
 from clutchest.reading import load_database
+from clutchest.reading.mapping import mapped_messages, signals_of
+from clutchest.reading.tables import write_signals
 from clutchest.signals import Floats, Signals, Truth
-from clutchest.tables import write_signals
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one

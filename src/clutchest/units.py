@@ -22,7 +22,7 @@ Dimensions = tuple[int, int, int, int, int]  # exponents of kg, m, s, K, A
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """SI value = ``scale`` · number + ``offset``; ``dimensions`` are exponents of kg, m, s, K, A."""
+    """SI value = ``scale`` · number + ``offset``; ``dimensions``: exponents of kg, m, s, K, A."""
 
     scale: float
     dimensions: Dimensions

@@ -9,7 +9,7 @@ import pytest
 
 import clutchest
 from clutchest.errors import ClutchestError
-from clutchest.inspect_log import inspect_logs
+from clutchest.reading.inspection import inspect_logs
 from clutchest.simulated import write_simulation
 from clutchest.vehicle import load_vehicle
 

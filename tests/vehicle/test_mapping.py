@@ -7,8 +7,8 @@ import pytest
 
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.gears import engaged_gear
-from clutchest.mapping import signals_of
+from clutchest.reading.gears import engaged_gear
+from clutchest.reading.mapping import signals_of
 from clutchest.signals import Why
 from clutchest.vehicle import BusSignal, load_vehicle
 

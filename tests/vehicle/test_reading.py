@@ -11,8 +11,8 @@ from clutchest.can.files import write_frames
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
+from clutchest.reading.tables import to_table, write_signals
 from clutchest.signals import Signal, Signals
-from clutchest.tables import to_table, write_signals
 from clutchest.vehicle import load_vehicle
 
 RPM = np.pi / 30

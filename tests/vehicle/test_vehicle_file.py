@@ -11,7 +11,7 @@ from clutchest.models import card
 from clutchest.models.effects import library
 from clutchest.shipped import shipped
 from clutchest.vehicle import Vehicle, dump_vehicle, load_vehicle
-from clutchest.vehicle_file import MODES
+from clutchest.vehicle.file import MODES
 
 
 @pytest.mark.parametrize("name", sorted(shipped("vehicles")))

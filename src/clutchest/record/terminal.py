@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from clutchest.estimate.run import Run
-from clutchest.inspect_log import Inspection
+from clutchest.reading.inspection import Inspection
 from clutchest.record.quantities import Quantity, states_of
 from clutchest.record.report import plus_minus
 

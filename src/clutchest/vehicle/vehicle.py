@@ -105,26 +105,3 @@ class Vehicle:
     def guessed(self) -> tuple[str, ...]:
         """Keys of the parameters that the file calls guesses."""
         return tuple(key for key, p in self.parameters.items() if p.guessed)
-
-
-def load_vehicle(v: str | Path) -> Vehicle:
-    """The vehicle in the TOML file ``v``, or the shipped one of that name.
-
-    Units are checked and values converted to the model's own.  Raises ClutchestError naming file,
-    line and key, what was expected and the nearest valid key.
-    """
-    from clutchest.vehicle_file import read_vehicle
-
-    return read_vehicle(v)
-
-
-def dump_vehicle(vehicle: Vehicle, path: str | Path, heading: str = "") -> None:
-    """Write ``vehicle`` as a complete file; :func:`load_vehicle` reads it back equal.
-
-    ``heading`` becomes comment lines at the top.  DBCs that do not travel with the package are
-    named relative to the new file.
-    """
-    from clutchest.vehicle_text import vehicle_text
-
-    path = Path(path)
-    path.write_text(vehicle_text(vehicle, path, heading), encoding="utf-8")

@@ -16,8 +16,8 @@ from clutchest.can.decode import Column, decode, rows_of
 from clutchest.can.encode import check
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
-from clutchest.gears import engaged_gear
 from clutchest.models import card
+from clutchest.reading.gears import engaged_gear
 from clutchest.signals import Counts, Floats, Signal, Signals, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 

@@ -22,7 +22,7 @@ from clutchest.models import card
 from clutchest.shipped import locate, shipped
 from clutchest.signals import Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
-from clutchest.vehicle_text import vehicle_text
+from clutchest.vehicle.text import vehicle_text
 
 _MODEL = "dry_clutch"
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from clutchest import units
 from clutchest.errors import ClutchestError, nearest
-from clutchest.vehicle import ParameterValue
+from clutchest.vehicle.vehicle import ParameterValue
 
 Keys = tuple[str, ...]
 

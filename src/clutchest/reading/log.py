@@ -13,11 +13,11 @@ from clutchest.can import files
 from clutchest.can.database import Database, load
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.mapping import NoMappedFrame, signals_of
 from clutchest.models import card
+from clutchest.reading.mapping import NoMappedFrame, signals_of
+from clutchest.reading.tables import is_table, joined, read_table
 from clutchest.shipped import locate
 from clutchest.signals import Signals
-from clutchest.tables import is_table, joined, read_table
 from clutchest.vehicle import Vehicle
 
 JOIN_S = 60.0  # pieces of one drive lie no further apart

@@ -10,7 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from clutchest.shipped import shipped
-from clutchest.vehicle import BusSignal, SignalMap, Vehicle
+from clutchest.vehicle.vehicle import BusSignal, SignalMap, Vehicle
+
+
+def dump_vehicle(vehicle: Vehicle, path: str | Path, heading: str = "") -> None:
+    """Write ``vehicle`` as a complete file; ``load_vehicle`` reads it back equal.
+
+    ``heading`` becomes comment lines at the top.  DBCs that do not travel with the package are
+    named relative to the new file.
+    """
+    path = Path(path)
+    path.write_text(vehicle_text(vehicle, path, heading), encoding="utf-8")
 
 
 def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.shipped import locate, shipped
-from clutchest.toml_file import Keys, TomlFile
-from clutchest.vehicle import BusSignal, Estimation, ParameterValue, SignalMap, Vehicle
+from clutchest.vehicle.toml import Keys, TomlFile
+from clutchest.vehicle.vehicle import BusSignal, Estimation, ParameterValue, SignalMap, Vehicle
 
 if TYPE_CHECKING:
     from clutchest.models import ModelCard
@@ -69,8 +69,12 @@ _SIGNAL = (
 _BUS = ("message", "signal", "unit")
 
 
-def read_vehicle(v: str | Path) -> Vehicle:
-    """See :func:`clutchest.vehicle.load_vehicle`."""
+def load_vehicle(v: str | Path) -> Vehicle:
+    """The vehicle in the TOML file ``v``, or the shipped one of that name.
+
+    Units are checked and values converted to the model's own.  Raises ClutchestError naming file,
+    line and key, what was expected and the nearest valid key.
+    """
     file = TomlFile.read(locate(str(v), "vehicles").resolve())
     return _vehicle(file, file.data)
 

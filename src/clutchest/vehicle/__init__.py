@@ -1,0 +1,15 @@
+"""A vehicle: one TOML file that says which bus signal is what, and which numbers hold."""
+
+from clutchest.vehicle.file import load_vehicle
+from clutchest.vehicle.text import dump_vehicle
+from clutchest.vehicle.vehicle import BusSignal, Estimation, ParameterValue, SignalMap, Vehicle
+
+__all__ = [
+    "BusSignal",
+    "Estimation",
+    "ParameterValue",
+    "SignalMap",
+    "Vehicle",
+    "dump_vehicle",
+    "load_vehicle",
+]
