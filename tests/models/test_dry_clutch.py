@@ -14,6 +14,7 @@ from clutchest.models import card, dry_clutch, model_for
 from clutchest.models.dry_clutch import (
     DRY_CLUTCH,
     WITHOUT_POSITION,
+    WITHOUT_SLIP,
     following_speed,
     static,
     two_state,
@@ -258,6 +259,21 @@ def test_signals_at_hand_choose_the_model() -> None:
     every = {name for name, _ in dry_clutch.COLUMNS}
     assert model_for("dry_clutch", every) is DRY_CLUTCH
     assert model_for("dry_clutch", every - {"slave_position"}) is WITHOUT_POSITION
+    assert model_for("dry_clutch", every - {"input_shaft_speed"}) is WITHOUT_SLIP
+
+
+def test_without_slip_nothing_heats() -> None:
+    evaluate = evaluator(WITHOUT_SLIP, ["power", "transmitted_torque", "engine_speed_rate"])
+    for v in points(WITHOUT_SLIP, sliding=0.0, engaged=0.0)[:50]:
+        measured = (
+            v["engine_torque"] - v["torque_bias"] - v["engine_inertia"] * v["engine_acceleration"]
+        )
+        made = evaluate(v)
+        assert made["power"] == 0.0
+        assert isclose(made["transmitted_torque"], measured, rel_tol=1e-12)
+        assert made["engine_speed_rate"] == v["engine_acceleration"]
+    heated = {"temp_body", "temp_housing", "temp_disc"}
+    assert heated | set(WITHOUT_POSITION.unobservable) <= set(WITHOUT_SLIP.unobservable)
 
 
 # --- the collapse to two states ---
@@ -328,9 +344,22 @@ def test_a_piece_that_lacks_its_quantity_says_which() -> None:
 
 
 def test_an_effect_on_a_quantity_that_is_not_there_is_refused() -> None:
-    offset = library("dry_clutch")["friction_level"]
+    level = library("dry_clutch")["friction_level"]
     with pytest.raises(AttributeError, match="sliding_torque"):
-        WITHOUT_POSITION.with_effects((offset,)).expressions()
+        WITHOUT_POSITION.with_effects((level,)).expressions()
+
+
+def test_a_model_says_which_effects_it_takes() -> None:
+    effects = library("dry_clutch")
+    assert all(DRY_CLUTCH.takes(effect) for effect in effects.values())
+    refused = {name for name, effect in effects.items() if not WITHOUT_POSITION.takes(effect)}
+    about_torque = {name for name, e in effects.items() if e.equation == "torque"}
+    at_parameters = {"kiss_point", "expansion_disc"}  # there, if without consequence
+    assert refused == about_torque - at_parameters | {
+        "position_offset", "position_hysteresis", "position_delay",
+    }  # fmt: skip
+    for name in set(effects) - refused:
+        WITHOUT_POSITION.with_effects((effects[name],)).expressions()
 
 
 def test_variants_leave_the_original_as_it_was() -> None:

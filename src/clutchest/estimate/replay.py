@@ -55,6 +55,10 @@ def replay(
         compiled = compile_model(vehicle, model, progress=progress)
         timeline = build(drive, vehicle, compiled.model, rate, delays(vehicle))
         warnings = list(timeline.warnings)
+        left_out = [name for name in vehicle.effects
+                    if name not in {effect.name for effect in compiled.model.effects}]  # fmt: skip
+        if left_out:
+            warnings.append(f"without {', '.join(left_out)}: the signals at hand do not show it")
         if state is None:
             start = fresh(vehicle, compiled, timeline)
         else:

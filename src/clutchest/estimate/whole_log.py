@@ -108,10 +108,11 @@ def compile_model(
 ) -> Compiled:
     """The model lowered and loaded, with the vehicle's numbers.
 
-    ``effects`` stand in the equations, those of the vehicle file unless given; what the file says
-    of an effect holds, others are at gain 0.
+    ``effects`` stand in the equations, unless given those of the vehicle file that the model can
+    take; what the file says of an effect holds, others are at gain 0.
     """
-    effects = present_effects(vehicle) if effects is None else effects
+    if effects is None:
+        effects = tuple(e for e in present_effects(vehicle) if model.takes(e))
     model = model.with_effects(effects)
     lacking = [p.key for p in model.parameters if p.key not in vehicle.parameters]
     if lacking:

@@ -121,6 +121,14 @@ class Model:
         brought = tuple(state for effect in effects for state in effect.states)
         return replace(self, effects=effects, states=self.states + brought)
 
+    def takes(self, effect: Effect) -> bool:
+        """Whether these equations have every quantity and signal that the effect changes."""
+        g = Gains({number.key: ca.SX.sym(number.key) for number in effect.parameters})
+        known = replace(self, effects=()).expressions().quantities.names()
+        return set(effect.terms(g)) <= set(known) and set(effect.delays) <= {
+            item.name for item in self.inputs
+        }
+
     @property
     def numbers(self) -> tuple[tuple[Effect, str], ...]:
         """(effect, parameter) of every entry of the vector ``g``."""
