@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from bench import Bench
 
+from bench import Bench
 from clutchest.estimate import whole_log
 from clutchest.estimate.replay import replay
 from clutchest.models import model_for
@@ -34,6 +34,7 @@ def test_replay_says_which_effects_it_leaves_out(bench: Callable[[str], Bench]) 
     b = bench("dry_clutch")
     some = {name: s for name, s in b.signals.signals.items() if name != "slave_position"}
     run = replay(replace(b.signals, signals=some), replace(b.vehicle, effects=EFFECTS))
-    assert "without friction_level, position_delay: the signals at hand do not show it" in (
-        run.summary["warnings"]
+    assert (
+        "without friction_level, position_delay: the signals at hand do not show it"
+        in (run.summary["warnings"])
     )
