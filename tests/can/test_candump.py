@@ -8,6 +8,7 @@ from clutchest.can.files import read_frames
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.readers import candump
 from clutchest.can.writers import candump as writer
+from samples import random_frames
 
 
 def rows(frames: Frames) -> list[tuple]:
@@ -116,26 +117,6 @@ def test_a_broken_line_is_counted_and_the_rest_kept(line, reason):
 def test_nothing_of_a_broken_line_stays_behind():
     frames = candump.read(b"(1.5) can0 123#01020304050G\n(1.6) can0 124#09\n")
     assert frames.data.tolist() == [[9, 0, 0, 0, 0, 0, 0, 0]]
-
-
-def random_frames(n: int, seed: int, fd: bool = False) -> Frames:
-    """Frames as they come on a bus, stamps to the microsecond."""
-    rng = np.random.default_rng(seed)
-    frames = Frames.empty(n, 64 if fd else 8)
-    frames.t_ns[:] = 1_700_000_000 * 10**9 + np.cumsum(rng.integers(1, 5000, n)) * 1000
-    frames.channel[:] = rng.integers(0, 3, n)
-    extended = rng.random(n) < 0.5
-    frames.id[:] = np.where(extended, rng.integers(0, 2**29, n), rng.integers(0, 2**11, n))
-    frames.flags[:] = np.where(extended, Flag.EXTENDED, 0)
-    frames.length[:] = rng.integers(0, 9, n)
-    if fd:
-        wide = rng.random(n) < 0.5
-        frames.length[wide] = rng.choice([12, 16, 20, 24, 32, 48, 64], wide.sum())
-        frames.flags[wide] |= np.uint8(Flag.FD)
-        frames.flags[wide & (rng.random(n) < 0.5)] |= np.uint8(Flag.BITRATE_SWITCH)
-    frames.data[:] = rng.integers(0, 256, frames.data.shape)
-    frames.data[np.arange(frames.data.shape[1]) >= frames.length[:, None]] = 0
-    return frames
 
 
 def test_agrees_with_python_can(tmp_path):

@@ -12,40 +12,7 @@ from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.shipped import locate
 from clutchest.signals import Why
-
-EVERYTHING = """VERSION ""
-BS_:
-BU_: A
-BO_ 256 Floats: 16 A
- SG_ Double : 0|64@1- (1,0) [0|0] "" A
- SG_ Single : 71|32@0- (0.5,-3) [0|0] "" A
- SG_ Half : 96|16@1- (1,0) [0|0] "" A
-BO_ 257 Wide: 8 A
- SG_ Whole : 0|64@1+ (3,-7) [0|0] "" A
-BO_ 258 WideSigned: 8 A
- SG_ Whole : 7|64@0- (0.1,1) [0|0] "" A
-BO_ 259 Odd: 8 A
- SG_ A : 3|61@1- (1,0.5) [0|0] "" A
-BO_ 260 Crossing: 8 A
- SG_ A : 5|13@0- (0.25,-40) [0|0] "" A
- SG_ B : 21|23@1+ (1e-3,2) [0|0] "" A
- SG_ C : 45|1@1- (1,0) [0|0] "" A
- SG_ D : 51|11@0+ (2.0,4.0) [0|0] "" A
-BO_ 261 Switched: 8 A
- SG_ M M : 0|3@1+ (1,0) [0|0] "" A
- SG_ A m0 : 8|8@1+ (1,0) [0|0] "" A
- SG_ B m1M : 8|8@1+ (1,0) [0|0] "" A
- SG_ C m3 : 16|16@1- (0.5,0) [0|0] "" A
- SG_ D m2 : 24|16@1+ (1,0) [0|0] "" A
- SG_ E : 56|8@1+ (1,0) [0|0] "" A
-SG_MUL_VAL_ 261 A M 0-0,4-6;
-SG_MUL_VAL_ 261 B M 1-2;
-SG_MUL_VAL_ 261 C B 3-100;
-SG_MUL_VAL_ 261 D M 7-7;
-SIG_VALTYPE_ 256 Double : 2;
-SIG_VALTYPE_ 256 Single : 1;
-SIG_VALTYPE_ 256 Half : 1;
-"""
+from samples import EVERYTHING
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@ from __future__ import annotations
 import cantools
 import numpy as np
 import pytest
-from test_decode import EVERYTHING
 
 from clutchest.can.database import load
 from clutchest.can.decode import decode, rows_of
@@ -12,6 +11,7 @@ from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.shipped import locate
 from clutchest.signals import Why
+from samples import EVERYTHING
 
 T = np.arange(50) * 10**7
 

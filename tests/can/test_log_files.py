@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from asammdf import MDF
-from test_candump import random_frames
 
 import can
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
+from samples import random_frames
 
 SUFFIXES = [".log", ".asc", ".blf", ".trc", ".csv", ".mf4", ".log.gz", ".asc.gz", ".trc.gz",
             ".csv.gz"]  # fmt: skip
