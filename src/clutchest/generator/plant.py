@@ -1,7 +1,7 @@
 """The truck, step by step: thermal network, clutch, engine, driveline, actuator, control unit.
 
-All compiled code of the generator stands in this one file, so that numba's cache never serves a
-kernel older than what it calls; imported constants are frozen into it (touch this file if one
+All of it that is compiled stands in this one file, so that numba's cache never serves a kernel
+older than what it calls; imported constants are frozen into it (touch this file if one
 changes).  Numbers are those of ``effects.NUMBERS``.
 """
 
@@ -208,17 +208,6 @@ def _meet(y: Floats, s: Record, p: Record) -> None:
     y[SHAFT] = common
     if s.ratio > 0.0 and not s.held:
         y[SPEED] = common / s.ratio
-
-
-@njit(cache=True, error_model="numpy")
-def recur(drive: Floats, keep: float) -> Floats:
-    """A first-order recursion: out[k] = keep · out[k − 1] + drive[k]."""
-    out = np.empty_like(drive)
-    last = 0.0
-    for k in range(len(drive)):
-        last = keep * last + drive[k]
-        out[k] = last
-    return out
 
 
 # --- the control unit: it knows speeds, position, reported torque and its own nominal curve ------

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.generator.recursion import recur
 from clutchest.generator.surroundings import stream
 from clutchest.signals import Floats, Truth
 
@@ -89,8 +90,6 @@ def _beat(channel: Channel, seed: int, duration: float) -> Floats:
 
 def _noise(channel: Channel, seed: int, n: int) -> Floats:
     """Stationary AR(1) from its first sample on, with standard deviation ``channel.noise``."""
-    from clutchest.generator.plant import recur
-
     white = stream(seed, "noise " + channel.name).standard_normal(n)
     fresh = np.sqrt(1 - channel.noise_ar**2)
     white[1:] *= fresh

@@ -7,6 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
+from clutchest.generator.recursion import recur
 from clutchest.signals import Floats
 
 GEARBOX_TEMP = 80.0  # °C
@@ -62,8 +63,6 @@ def _walk(seed: int, purpose: str, n: int, start: float, walk: float) -> Floats:
 
 def _wander(rng: np.random.Generator, n: int, std: float, time_constant: float) -> Floats:
     """A stationary second-order wander: smooth, as a thermostat's temperature is."""
-    from clutchest.generator.plant import recur
-
     keep = np.exp(-GRID / time_constant)
     settle = int(5 * time_constant / GRID)
     noise = rng.standard_normal(settle + n)

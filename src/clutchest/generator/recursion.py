@@ -1,0 +1,19 @@
+"""The recursion behind every coloured noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from clutchest.signals import Floats
+
+
+@njit(cache=True, error_model="numpy")
+def recur(drive: Floats, keep: float) -> Floats:
+    """A first-order recursion: out[k] = keep · out[k − 1] + drive[k]; shape (n,)."""
+    out = np.empty_like(drive)
+    last = 0.0
+    for k in range(len(drive)):
+        last = keep * last + drive[k]
+        out[k] = last
+    return out
