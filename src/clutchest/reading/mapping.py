@@ -126,7 +126,8 @@ class _Drive:
         self._count_unmapped(mapped)
         made: dict[str, Signal] = {}
         unit_of = dict(card(self.vehicle.model).columns)
-        for name, signal in self.vehicle.signals.items():
+        # what goes through a gear needs the engine speed, wherever the file names it
+        for name, signal in sorted(self.vehicle.signals.items(), key=lambda s: bool(s[1].gears)):
             samples = self._samples(signal, signal.bus)
             if len(samples.rows):
                 made[name] = self._canonical(signal, samples, unit_of[name], made)
