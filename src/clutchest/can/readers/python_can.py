@@ -136,8 +136,7 @@ def _plain_asc(lines: list[str]) -> list[str]:
     if deltas:
         header["base"] = header["base"].lower().replace("relative", "absolute")
     kept = (header[key] for key in ("date", "base") if key in header)
-    return list(chain(kept, ["no internal events logged\n"],
-                      _added_up(body) if deltas else body))
+    return list(chain(kept, ["no internal events logged\n"], _added_up(body) if deltas else body))
 
 
 def _added_up(lines: Iterable[str]) -> Iterator[str]:
