@@ -9,7 +9,7 @@ import pytest
 import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.estimate import whole_log
-from clutchest.signals import Signals
+from clutchest.signals import Signal, Signals
 
 TRUCK = clutchest.load_vehicle("truck")
 STATES = ("temp_body", "temp_housing", "temp_disc", "zero_position", "friction", "engine_speed",
@@ -244,3 +244,42 @@ class TestEffectsInTheVehicleFile:
         signals, knowing = weak
         with pytest.raises(ClutchestError, match="did you mean 'friction_level'"):
             clutchest.replay(signals, replace(knowing, effects={"friction_lvl": {"change": 0.1}}))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("x", [1.0, 2.0]), ("x", ["a"] * 7), ("x", [None] * 7), ("P", [[1.0]]),
+        ("P", (-np.eye(7)).tolist()), ("signature", [[1.0]]), ("thetas", 3), ("inputs", [1]),
+        ("inputs", {"coolant_temp": "warm"}), ("states", 3), ("time_ns", "noon"),
+        ("slip_energy", "much"), ("model", "alsd"),
+    ],
+)  # fmt: skip
+def test_a_damaged_state_is_told_before_the_kernel_trusts_it(drives, key, value):
+    signals, run = drives[0]
+    state = {**run.final, "time_ns": None, key: value}
+    with pytest.raises(ClutchestError, match=key):
+        clutchest.replay(signals, TRUCK, state=state)
+
+
+def test_a_log_shorter_than_a_row_of_the_grid():
+    time = np.array([0.003, 0.013, 0.023])
+    names = {"engine_speed": "rad/s", "engine_torque": "Nm", "input_shaft_speed": "rad/s",
+             "slave_position": "mm"}  # fmt: skip
+    signals = {n: Signal.of(n, unit, time, np.full(3, 45.0)) for n, unit in names.items()}
+    table = clutchest.replay(Signals(signals, end=0.023), TRUCK).to_pandas()
+    assert len(table) == 1 and np.isfinite(table.engine_speed).all()
+
+
+def test_what_is_missing_is_told_with_the_reader_s_own_words():
+    signals = Signals(
+        {"coolant_temp": Signal.of("coolant_temp", "°C", np.zeros(1), np.ones(1))},
+        warnings=("column 'engine_sped' ignored; did you mean 'engine_speed'?",),
+    )
+    with pytest.raises(ClutchestError, match="engine_sped"):
+        clutchest.replay(signals, TRUCK)
+
+
+def test_duration_is_the_log_s(drives):
+    signals, run = drives[0]
+    assert run.summary["duration_s"] == pytest.approx(signals.end, abs=0.02)

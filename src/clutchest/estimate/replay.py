@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from clutchest import __version__
 from clutchest.estimate.modes import MODE_NAMES, Mode
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
-from clutchest.estimate.start import carried_on, fresh, leave
+from clutchest.estimate.start import carried_energy, carried_on, fresh, leave
 from clutchest.estimate.summary import summarise
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import (
@@ -47,7 +47,7 @@ def replay(
     time in between; ``progress`` is called with a text and the share done.  Raises ClutchestError
     where a signal that the model needs is not there.
     """
-    tracks, parts, energy = [], [], float((state or {}).get("slip_energy", 0.0))
+    tracks, parts, energy = [], [], carried_energy(state)
     digest = ""
     for drive in signals.drives:
         usable = {name for name in drive if drive[name].valid.any()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -104,14 +105,64 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
     lacking = {"model", "states", "x", "P", "signature", "thetas", "inputs"} - set(state)
     if lacking:
         raise ClutchestError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
+    if state["model"] != compiled.model.name:
+        raise ClutchestError(f"the carried-over state is of model '{state['model']}', "
+                             f"not '{compiled.model.name}'")  # fmt: skip
     if state.get("vehicle", vehicle.name) != vehicle.name:
         raise ClutchestError(f"the carried-over state is of vehicle '{state['vehicle']}', "
                              f"not '{vehicle.name}'")  # fmt: skip
     names = [s.name for s in compiled.model.states]
+    found = state["states"]
+    if not (isinstance(found, list) and all(isinstance(name, str) for name in found)):
+        raise ClutchestError("the carried-over state is damaged: 'states' must be a list of names")
     if state["states"] != names:
         odd = (set(state["states"]) ^ set(names)) or {"order"}
         raise ClutchestError(f"the carried-over state has other states ({', '.join(sorted(odd))})"
                              + nearest(sorted(odd)[0], names))  # fmt: skip
+    _check_numbers(state, len(names))
+
+
+def _check_numbers(state: Mapping[str, Any], n: int) -> None:
+    """Shapes and finite numbers: the compiled kernel trusts them blindly."""
+
+    def damaged(key: str, expected: str) -> ClutchestError:
+        return ClutchestError(f"the carried-over state is damaged: '{key}' must be {expected}")
+
+    thetas = state["thetas"]
+    if not (isinstance(thetas, list) and all(
+        isinstance(pair, list | tuple) and len(pair) == 2 and all(isinstance(p, str) for p in pair)
+        for pair in thetas
+    )):  # fmt: skip
+        raise damaged("thetas", "a list of pairs of names")
+    for key, shape in (("x", (n,)), ("P", (n, n)), ("signature", (n, len(thetas)))):
+        try:
+            numbers = np.array(state[key], np.float64)
+        except (TypeError, ValueError):
+            numbers = np.zeros(0)
+        if numbers.shape != shape or not np.all(np.isfinite(numbers)):
+            raise damaged(key, f"{' × '.join(map(str, shape))} finite numbers")
+    if np.any(np.diag(np.array(state["P"], np.float64)) < 0):
+        raise damaged("P", "a covariance: no variance below zero")
+    inputs = state["inputs"]
+    if not (isinstance(inputs, Mapping) and all(map(_finite, inputs.values()))):
+        raise damaged("inputs", "names with finite numbers")
+    time = state.get("time_ns")
+    if time is not None and (isinstance(time, bool) or not isinstance(time, int)):
+        raise damaged("time_ns", "a whole number of ns or null")
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, int | float) and isfinite(value)
+
+
+def carried_energy(state: Mapping[str, Any] | None) -> float:
+    """Slip energy in J that a carried-over state brings along, 0 without one."""
+    energy = (state or {}).get("slip_energy", 0.0)
+    if not _finite(energy):
+        raise ClutchestError(
+            "the carried-over state is damaged: 'slip_energy' must be a finite number"
+        )
+    return float(energy)
 
 
 def _signature(state: Mapping[str, Any], compiled: Compiled) -> Floats:

@@ -47,7 +47,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "frames_decoded": sum(p[0].counts.decoded for p in parts),
         "frames_rejected": rejected,
         "messages": messages,
-        "duration_s": float(sum(t.time[-1] - t.time[0] for t in tracks if len(t.time))),
+        "duration_s": float(sum(p[2].t[-1] - p[2].t[0] for p in parts)),
         "drives": len(tracks),
         "modes_s": _modes(tracks),
         "states": {

@@ -110,6 +110,8 @@ def build(
     first = max(0.0, min(s.time[0] for s in present.values()))
     end = max(signals.end, speed.time[-1])
     grid = np.arange(np.ceil(first * rate) / rate, end + 1e-9, 1.0 / rate)
+    if not len(grid):  # a log that ends before the first row of the grid still has an end
+        grid = np.array([end])
     stamps = np.unique(np.concatenate([speed.time, grid, *(present[n].time for n in fast)]))
     stamps = stamps[(stamps >= first) & (stamps <= end)]
     regimes = _regimes(stamps, present, vehicle, fast, thresholds)
@@ -174,8 +176,10 @@ def _usable(
             present[name] = replace(signal, time=signal.time - late) if late else signal
     missing = sorted((needed | {"engine_speed"}) - set(present))
     if missing:
+        hints = "".join(f"; {warning}" for warning in signals.warnings[:4])
         raise ClutchestError(
             f"no valid sample of {', '.join(missing)}: the model of '{vehicle.name}' needs it"
+            + hints
         )
     return present
 
