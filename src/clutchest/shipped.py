@@ -33,4 +33,6 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
     for path in stock.values():
         if name in (path.name, path.name.split(".")[0]):
             return path
+    if direct.is_dir():
+        raise ClutchestError(f"{name}: is a folder, expected a file")
     raise ClutchestError(f"no such file: {name}" + nearest(direct.name.split(".")[0], stock))

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from clutchest.can.files import write_frames
@@ -213,3 +214,39 @@ def test_a_table_holds_one_drive(tmp_path: Path) -> None:
         write_signals(two, tmp_path / "x.csv")
     with pytest.raises(ClutchestError, match=r"written as \.csv or \.parquet"):
         write_signals(Signals({}), tmp_path / "x.xlsx")
+
+
+def test_a_log_given_twice_does_not_count_twice(logs, truck) -> None:
+    one = logs("a.log", 0.0)
+    with pytest.raises(ClutchestError, match="given twice"):
+        read_log([one, one.parent / "." / "a.log"], truck)
+
+
+def test_a_folder_is_no_log(tmp_path: Path, truck) -> None:
+    with pytest.raises(ClutchestError, match="is a folder"):
+        read_log(tmp_path, truck)
+
+
+@pytest.mark.parametrize("kind", ["dates", "dates with a zone", "spans", "index"])
+def test_parquet_with_other_times(tmp_path: Path, truck, kind: str) -> None:
+    seconds = np.array([0.0, 0.5, 1.0])
+    table = pd.DataFrame({"time": seconds, "engine_speed": [60.0, 61.0, 62.0]})
+    if kind == "index":
+        table = table.set_index("time")
+    else:
+        table["time"] = (
+            pd.to_timedelta(seconds, unit="s")
+            if kind == "spans"
+            else pd.to_datetime(1.7e9 + seconds, unit="s", utc=kind.endswith("zone"))
+        )
+    table.to_parquet(tmp_path / "x.parquet")
+    signals = read_log(tmp_path / "x.parquet", truck)
+    np.testing.assert_allclose(signals["engine_speed"].time, seconds, atol=1e-6)
+    assert signals.start_ns == (1_700_000_000 * 10**9 if kind.startswith("dates") else None)
+
+
+def test_times_below_zero_are_kept_and_told(tmp_path: Path, truck) -> None:
+    (tmp_path / "x.csv").write_text("time,engine_speed\n-2,60\n-1,61\n1,62\n")
+    signals = read_log(tmp_path / "x.csv", truck)
+    assert signals["engine_speed"].time.tolist() == [0.0, 1.0, 3.0] and signals.end == 3.0
+    assert "begins at -2 s" in signals.warnings[0]

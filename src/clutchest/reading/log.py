@@ -50,6 +50,11 @@ def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle) -> Sign
     if not given:
         raise ClutchestError("no log to read")
     found = [locate(str(path), "logs") for path in given]
+    once = dict.fromkeys(path.resolve() for path in found)
+    if len(once) < len(found):
+        twice = next(p for i, p in enumerate(found) if p.resolve() in
+                     {other.resolve() for other in found[:i]})  # fmt: skip
+        raise ClutchestError(f"{twice}: given twice; each log counts once")
     columns = dict(card(vehicle.model).columns)
     pieces = [_table(path, columns) if is_table(path) else _frames(path) for path in found]
     database: Database | None = None

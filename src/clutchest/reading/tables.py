@@ -64,11 +64,14 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     numbers = {name: _numbers(path, table, name, warnings) for name in ("time", *names)}
     time, timed = numbers["time"][0], np.isfinite(numbers["time"][0])
     if not timed.any():
-        raise ClutchestError(f"{path}: no row with a time")
+        told = "".join(f"; {warning}" for warning in warnings[-1:])
+        raise ClutchestError(f"{path}: no row with a time in s{told}")
     rejected = {"no time": int((~timed).sum())} if not timed.all() else {}
     start = float(time[timed].min())
     absolute = start > _EPOCH
-    time = time - start if absolute else time
+    if start < 0:
+        warnings.append(f"{path.name}: time begins at {start:g} s; counted from there")
+    time = time - start if absolute or start < 0 else time
 
     signals, useful = {}, np.zeros(len(time), bool)
     for name in names:
@@ -93,7 +96,7 @@ def _load(path: Path) -> pd.DataFrame:
 
     try:
         if path.suffix.lower() == ".parquet":
-            return pd.read_parquet(path)
+            return _in_seconds(pd.read_parquet(path))
         separator = ";" if _header(path).count(";") > _header(path).count(",") else ","
         options = {
             "sep": separator,
@@ -109,6 +112,24 @@ def _load(path: Path) -> pd.DataFrame:
         what = str(problem).splitlines()[0] if str(problem) else type(problem).__name__
         raise ClutchestError(f"{path}: not a readable table: {what}") from None
     return table.rename(columns=lambda name: str(name).strip())
+
+
+def _in_seconds(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with dates (UTC unless they say otherwise) or spans in ``time`` as s."""
+    import pandas as pd
+
+    if table.index.name == "time" and "time" not in table.columns:
+        table = table.reset_index()
+    if "time" not in table.columns or isinstance(table["time"], pd.DataFrame):
+        return table
+    time = table["time"]
+    if isinstance(time.dtype, pd.DatetimeTZDtype):
+        time = time.dt.tz_convert("UTC").dt.tz_localize(None)
+    if pd.api.types.is_datetime64_dtype(time):
+        time = time - pd.Timestamp(0)
+    if pd.api.types.is_timedelta64_dtype(time):
+        table = table.assign(time=time / pd.Timedelta(seconds=1))
+    return table
 
 
 def _numbers(
