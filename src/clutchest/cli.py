@@ -60,6 +60,8 @@ def main() -> None:
         app()
     except ClutchestError as problem:
         _fail(str(problem))
+    except MemoryError as problem:
+        _fail(f"not enough memory: {problem or 'the log or the duration is too long'}")
     except OSError as problem:
         where = f"{problem.filename}: " if problem.filename else ""
         _fail(f"{where}{problem.strerror or problem}")

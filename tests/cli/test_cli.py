@@ -183,8 +183,17 @@ def test_a_folder_that_cannot_be(run, log, tmp_path):
     code, _, err = run("convert", log, "-o", tmp_path / "file" / "deeper" / "x.asc")
     assert code == 1 and err.count("\n") == 1 and "file" in err
     code, _, err = run("convert", log, "-o", tmp_path / "x.nothing")
-    assert code == 1 and err.count("\n") == 1 and ".nothing" in err
+    assert code == 1 and err.count("\n") == 1 and f"{tmp_path / 'x.nothing'}: " in err
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+    (tmp_path / "x.asc").mkdir()
+    code, _, err = run("convert", log, "-o", tmp_path / "x.asc")
+    assert code == 1 and err == f"clutchest: {tmp_path / 'x.asc'}: is a folder, expected a file\n"
+
+
+def test_out_of_memory_is_one_line(run, tmp_path):
+    arguments = ["simulate", "--vehicle", "truck", "--scenario", "city", "--seed", 1]
+    code, out, err = run(*arguments, "--duration", 1e13, "-o", tmp_path / "x.log")
+    assert (code, out) == (1, "") and err.startswith("clutchest: ") and err.count("\n") == 1
 
 
 def test_a_broken_log_is_one_line(run, tmp_path):

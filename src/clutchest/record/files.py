@@ -57,8 +57,17 @@ def finished_into(out: Path) -> Iterator[Path]:
         raise ClutchestError(f"{out}: is a file, expected a folder for the results")
     out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out, prefix=".unfinished-") as unfinished:
-        yield Path(unfinished)
-        for path in sorted(Path(unfinished).iterdir()):
+        try:
+            yield Path(unfinished)
+        except ClutchestError as problem:  # name what was asked for, not the place of passage
+            passage = str(Path(unfinished) / "x")[:-1]
+            named = str(problem).replace(passage, str(out / "x")[:-1])
+            raise ClutchestError(named) from problem
+        finished = sorted(Path(unfinished).iterdir())
+        for path in finished:
+            if (out / path.name).is_dir():
+                raise ClutchestError(f"{out / path.name}: is a folder, expected a file")
+        for path in finished:
             path.replace(out / path.name)
 
 
