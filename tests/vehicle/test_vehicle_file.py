@@ -171,6 +171,16 @@ WRONG = [
         r"unknown parameter of effect 'wear' 'rat'; did you mean 'rate'\?",
     ),
     (
+        ("[limits]", "[effects]\nwear = { rate = -0.1 }\n\n[limits]"),
+        "wear = { rate",
+        r"effects\.wear\.rate = -0\.1 must lie within 0 ",
+    ),
+    (
+        ("[limits]", "[effects]\nfriction_slip = { change = 0.1, speed = 0 }\n\n[limits]"),
+        "friction_slip =",
+        r"effects\.friction_slip\.speed = 0 must lie within",
+    ),
+    (
         ("[limits]", '[estimation]\nfrictoin = { role = "constant" }\n\n[limits]'),
         "frictoin",
         r"unknown state 'frictoin'; did you mean 'friction'\?",

@@ -291,10 +291,12 @@ def _effects(
     effects = {}
     for name, value in table.items():
         entry = file.table(("effects", name), value)
-        unit_of = {number.key: number.unit for number in known[name].parameters}
-        file.known(("effects", name), entry, unit_of, f"parameter of effect '{name}'")
+        numbers = {number.key: number for number in known[name].parameters}
+        file.known(("effects", name), entry, numbers, f"parameter of effect '{name}'")
         effects[name] = {
-            key: file.quantity(("effects", name, key), given, unit_of[key]).value
+            key: file.quantity(
+                ("effects", name, key), given, numbers[key].unit, numbers[key].least
+            ).value
             for key, given in entry.items()
         }
     return effects

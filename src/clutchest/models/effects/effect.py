@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
@@ -42,6 +43,13 @@ class Number:
     def one_sided(self) -> bool:
         """Whether only positive values are physical."""
         return not self.shape and self.lower == 0.0
+
+    @property
+    def least(self) -> float:
+        """What a stated value must not fall below: 0 where one-sided, above 0 for a scale."""
+        if self.shape:
+            return 1e-9 if self.lower > 0.0 else -inf
+        return 0.0 if self.one_sided else -inf
 
 
 class Gains:
