@@ -283,3 +283,9 @@ def test_what_is_missing_is_told_with_the_reader_s_own_words():
 def test_duration_is_the_log_s(drives):
     signals, run = drives[0]
     assert run.summary["duration_s"] == pytest.approx(signals.end, abs=0.02)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_rate_that_cannot_be(drives, rate):
+    with pytest.raises(ClutchestError, match="rate"):
+        clutchest.replay(drives[0][0], TRUCK, rate=rate)

@@ -250,3 +250,10 @@ def test_times_below_zero_are_kept_and_told(tmp_path: Path, truck) -> None:
     signals = read_log(tmp_path / "x.csv", truck)
     assert signals["engine_speed"].time.tolist() == [0.0, 1.0, 3.0] and signals.end == 3.0
     assert "begins at -2 s" in signals.warnings[0]
+
+
+def test_the_same_frames_in_two_files_count_once(logs, truck) -> None:
+    one, copy = logs("a.log", 0.0), logs("copy.mf4", 0.0)
+    signals = read_log([one, copy], truck)
+    assert len(signals["engine_speed"]) == 100
+    assert dict(signals.counts.rejected) == {"copy": 100}

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import __version__
+from clutchest.errors import ClutchestError
 from clutchest.estimate.modes import MODE_NAMES, Mode
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
 from clutchest.estimate.start import carried_energy, carried_on, fresh, leave
@@ -28,6 +29,7 @@ from clutchest.models import model_for
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
+FASTEST = 1000.0  # Hz, of the output grid
 TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
 SHORTEST = 0.1  # s; a slip event shorter than this and
 SMALLEST = 200.0  # J; weaker than this is noise at a gear change
@@ -47,6 +49,8 @@ def replay(
     time in between; ``progress`` is called with a text and the share done.  Raises ClutchestError
     where a signal that the model needs is not there.
     """
+    if not 0.0 < rate <= FASTEST:
+        raise ClutchestError(f"rate {rate:g} Hz: expected more than 0, at most {FASTEST:g}")
     tracks, parts, energy = [], [], carried_energy(state)
     digest = ""
     for drive in signals.drives:

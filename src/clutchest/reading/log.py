@@ -68,7 +68,8 @@ def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle) -> Sign
         database = database or load_database(vehicle, [path.parent for path in found])
         sources = tuple(str(piece.path) for piece in group)
         frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
-        for part in _split(frames.sorted()):
+        frames = frames.sorted() if len(group) == 1 else _without_copies(frames.sorted())
+        for part in _split(frames):
             try:
                 drives.append(signals_of(part, vehicle, database, sources))
             except NoMappedFrame as problem:
@@ -131,6 +132,23 @@ def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
                 end = piece.end
     order = {id(piece): i for i, piece in enumerate(pieces)}
     return sorted(groups, key=lambda group: min(order[id(piece)] for piece in group))
+
+
+def _without_copies(frames: Frames) -> Frames:
+    """Without frames (sorted) that stand in two files: what is heard twice is no second reading."""
+    close = np.flatnonzero(np.diff(frames.t_ns) == 0)
+    rows = np.union1d(close, close + 1)
+    if not len(rows):
+        return frames
+    columns = (frames.t_ns, frames.channel, frames.id, frames.length, frames.data)
+    keys = [np.ascontiguousarray(c[rows]).view(np.uint8).reshape(len(rows), -1) for c in columns]
+    _, first = np.unique(np.hstack(keys), axis=0, return_index=True)
+    kept = np.ones(len(frames), bool)
+    kept[rows] = False
+    kept[rows[first]] = True
+    copies = int((~kept).sum())
+    frames = frames.take(kept)
+    return replace(frames, rejected=(*frames.rejected, ("copy", copies))) if copies else frames
 
 
 def _split(frames: Frames) -> list[Frames]:
