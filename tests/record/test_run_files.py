@@ -139,6 +139,12 @@ def test_terminal_table(run):
     assert "warning: parameter 'kiss_point' is a guess" in text
 
 
+def test_terminal_says_what_was_not_used(run):
+    assert "not used" not in words(run)
+    summary = {**run.summary, "frames_rejected": {"gzip data end early": 1}}
+    assert "not used: 1 × gzip data end early" in words(replace(run, summary=summary))
+
+
 def test_terminal_says_why_not_valid(run):
     states = dict(run.summary["states"])
     states["friction"] = {"value": None, "std": None, "valid": False, "why": "it needs a [launch]"}

@@ -34,6 +34,8 @@ def print_run(run: Run, console: Console) -> None:
             table.add_row(quantity.words, shown, f"no: {why}", style="dim")
     console.print(table)
     console.print(_slip_events(run))
+    for reason, count in summary["frames_rejected"].items():
+        console.print(f"not used: {count} × {escape(reason)}")
     warnings = [str(text) for text in summary["warnings"]]
     for text in warnings[:_MOST_WARNINGS]:
         console.print(f"[yellow]warning:[/] {escape(text)}")
