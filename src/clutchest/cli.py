@@ -226,7 +226,7 @@ def inspect(
 def convert(
     logs: Annotated[
         list[str],
-        typer.Argument(metavar="IN", show_default=False, help="CAN logs of any known format."),
+        typer.Argument(metavar="IN", show_default=False, help="Logs of any known format."),
     ],
     out: Annotated[
         Path,
@@ -238,47 +238,49 @@ def convert(
             help="The log to write; its suffix says the format.",
         ),
     ],
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="V",
+            show_default=False,
+            help="Decode CAN logs by this vehicle; OUT is then .csv or .parquet.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write CAN logs in another format.
+    """Write logs in another format.
 
-    Several become one, in order of time.
+    CAN logs become CAN logs, several of them one, in order of time; decoded tables become tables.
+    With a vehicle CAN logs become decoded tables.
 
     \b
     Example:
       clutchest convert drive.mf4 -o drive.log.gz
+      clutchest convert drive.mf4 --vehicle truck -o drive.parquet
     """
     with _progress() as progress:
         progress("reading", None)
-        from clutchest.can.files import read_frames, write_frames
-        from clutchest.can.frames import Frames
+        from clutchest.reading.conversion import Conversion
         from clutchest.record.files import finished_into
-        from clutchest.shipped import locate
+        from clutchest.vehicle import load_vehicle
 
-        parts = [read_frames(locate(log, "logs")) for log in logs]
-        if len(parts) > 1 and not all(part.absolute for part in parts):
-            which = next(log for log, part in zip(logs, parts, strict=True) if not part.absolute)
-            raise ClutchestError(
-                f"{which}: its clock only counts from its own start, so it cannot "
-                "be put in order with the others; convert it alone"
-            )
-        frames = Frames.concatenate(parts).sorted() if len(parts) > 1 else parts[0]
+        read = Conversion.of(logs, out, None if vehicle is None else load_vehicle(vehicle))
         progress("writing", None)
         with finished_into(out.parent) as folder:
-            losses = write_frames(frames, folder / out.name)
-    rejected = dict(frames.rejected)
+            losses = read.write(folder / out.name)
+    what = "samples" if read.decoded else "frames"
     if as_json:
         _print_json(
             {
                 "written": str(out),
-                "frames": len(frames),
-                "frames_rejected": rejected,
+                what: read.count,
+                "frames_rejected": read.rejected,
                 "lost": list(losses),
             }
         )
         return
-    print(f"Written: {out}, {len(frames)} frames")
-    for reason, count in rejected.items():
+    print(f"Written: {out}, {read.count} {what}")
+    for reason, count in read.rejected.items():
         _note(f"not read: {count} × {reason}")
     for loss in losses:
         _note(f"not kept: {loss}")

@@ -106,7 +106,7 @@ class Signals(Mapping[str, Signal]):
 
     @property
     def drives(self) -> tuple[Signals, ...]:
-        """Every drive in order of reading, this one first."""
+        """Every drive, this one first."""
         return (replace(self, later=()), *self.later)
 
     def __getitem__(self, name: str) -> Signal:

@@ -24,7 +24,7 @@ from clutchest.reading import load_database
 from clutchest.reading.mapping import mapped_messages, signals_of
 from clutchest.reading.tables import write_signals
 from clutchest.signals import Floats, Signals, Truth
-from clutchest.vehicle import BusSignal, SignalMap, Vehicle
+from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
@@ -45,7 +45,7 @@ class Options(TypedDict, total=False):
 
 
 def simulate(
-    vehicle: Vehicle,
+    vehicle: Vehicle | str | Path,
     scenario: str,
     seed: int = 0,
     effects: Effects | None = None,
@@ -56,6 +56,7 @@ def simulate(
     ``effects`` (name → parameter → value) join those of the vehicle file itself; see
     :class:`Options` for the rest.  Raises ClutchestError for unknown names.
     """
+    vehicle = load_vehicle(vehicle)
     frames, truth, _ = _drive(vehicle, scenario, seed, effects, options)
     signals = signals_of(frames, vehicle, load_database(vehicle), (f"{scenario}, seed {seed}",))
     return replace(signals, truth=truth)

@@ -362,3 +362,19 @@ cli.main()
     ) as process:
         process.stdout.close()
         assert process.stderr.read() == ""
+
+
+def test_convert_decodes_with_a_vehicle_and_rewrites_tables(run, log, tmp_path):
+    table, again = tmp_path / "d.parquet", tmp_path / "d.csv"
+    assert run("convert", log, "--vehicle", "truck", "-o", table)[0] == 0
+    code, out, _ = run("convert", table, "-o", again, "--json")
+    assert code == 0 and json.loads(out)["samples"] > 1000
+    truck = clutchest.load_vehicle("truck")
+    first, last = clutchest.read_log(table, truck), clutchest.read_log(again, "truck")
+    assert set(first) == set(last) == set(truck.signals)
+    for name in first:
+        np.testing.assert_array_equal(first[name].value, last[name].value)
+    code, _, err = run("convert", log, "-o", table)
+    assert code == 1 and "name a vehicle" in err
+    code, _, err = run("convert", log, table, "-o", tmp_path / "x.log")
+    assert code == 1 and "holds decoded signals" in err

@@ -128,7 +128,7 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
         longest=np.array([0.02, 0.007]), mode=np.zeros(K, np.uint8), emit=np.arange(K),
         grid=np.ones(K, bool), noise=np.array([0.3]), variance=np.array([0.2]), warnings=(),
     )  # fmt: skip
-    return compiled, line, Belief(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]),
+    return compiled, line, Belief.of(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]),
                                   np.zeros((2, 0)))  # fmt: skip
 
 

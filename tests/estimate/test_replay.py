@@ -131,6 +131,19 @@ def shifted(signals: Signals, seconds: float) -> Signals:
     return replace(signals, start_ns=signals.start_ns + round(seconds * 1e9))
 
 
+def until(signal, end):
+    """The samples up to ``end`` s."""
+    keep = signal.time < end
+    return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
+
+
+def after(signal, start):
+    """The samples from ``start`` s on, counted from there."""
+    keep = signal.time >= start
+    return replace(signal, time=signal.time[keep] - start, value=signal.value[keep],
+                   why=signal.why[keep])  # fmt: skip
+
+
 class TestCarryingOver:
     """``state.json``: from one drive to the next."""
 
@@ -177,7 +190,7 @@ class TestCarryingOver:
         ("key", "value", "words"),
         [
             ("vehicle", "bus", "of vehicle 'bus'"),
-            ("states", ["temp_bodie"], "other states"),
+            ("states", ["temp_bodie"], "none of the states"),
             ("P", None, "lacks P"),
         ],
     )
@@ -188,6 +201,28 @@ class TestCarryingOver:
             final[key] = value
         with pytest.raises(ClutchestError, match=words):
             clutchest.replay(shifted(signals, 7200.0), TRUCK, state=final)
+
+    def test_the_uncertainty_of_the_energy_carries_over(self, drives):
+        signals, whole = drives[0]
+        half = 300.0
+        first = replace(signals, signals={n: until(s, half) for n, s in signals.items()}, end=half)
+        second = replace(signals, signals={n: after(s, half) for n, s in signals.items()},
+                         end=signals.end - half)  # fmt: skip
+        state = json.loads(json.dumps(clutchest.replay(first, TRUCK).final))
+        joined = clutchest.replay(shifted(second, half), TRUCK, state=state).tracks[0].slip_energy
+        entire = whole.tracks[0].slip_energy
+        assert joined.value[-1] == pytest.approx(entire.value[-1], rel=0.01)
+        assert joined.std[-1] == pytest.approx(entire.std[-1], rel=0.1)
+
+    def test_states_are_matched_by_name(self, drives):
+        signals, first = drives[0]
+        played = replace(TRUCK, effects={"position_hysteresis": {"play": 0.01}})
+        later = shifted(signals, 7200.0)
+        gained = clutchest.replay(later, played, state=first.final)
+        before = first.tracks[0].states["zero_position"].value[-1]
+        assert gained.tracks[0].states["zero_position"].value[0] == pytest.approx(before, abs=1e-3)
+        lost = clutchest.replay(shifted(signals, 14400.0), TRUCK, state=gained.final)
+        assert set(lost.tracks[0].states) == set(STATES)
 
     def test_several_drives_in_one_call_are_carried_on(self, drives):
         signals = drives[0][0]

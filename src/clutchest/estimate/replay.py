@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from clutchest import __version__
 from clutchest.errors import ClutchestError
 from clutchest.estimate.modes import MODE_NAMES, Mode
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
-from clutchest.estimate.start import carried_energy, carried_on, fresh, leave
+from clutchest.estimate.start import carried_on, fresh, leave
 from clutchest.estimate.summary import summarise
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import (
@@ -27,7 +28,7 @@ from clutchest.estimate.whole_log import (
 )
 from clutchest.models import model_for
 from clutchest.signals import Floats, Signals
-from clutchest.vehicle import Vehicle
+from clutchest.vehicle import Vehicle, load_vehicle
 
 FASTEST = 1000.0  # Hz, of the output grid
 TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
@@ -37,7 +38,7 @@ SMALLEST = 200.0  # J; weaker than this is noise at a gear change
 
 def replay(
     signals: Signals,
-    vehicle: Vehicle,
+    vehicle: Vehicle | str | Path,
     *,
     rate: float = 10.0,
     state: Mapping[str, Any] | None = None,
@@ -45,14 +46,15 @@ def replay(
 ) -> Run:
     """Estimate temperatures, wear, friction and torque over every drive in ``signals``.
 
+    ``vehicle`` as loaded, or what ``load_vehicle`` takes.
     ``rate`` Hz of the output grid; ``state`` as an earlier run's ``Run.final``, carried over the
     time in between; ``progress`` is called with a text and the share done.  Raises ClutchestError
     where a signal that the model needs is not there.
     """
+    vehicle = load_vehicle(vehicle)
     if not 0.0 < rate <= FASTEST:
         raise ClutchestError(f"rate {rate:g} Hz: expected more than 0, at most {FASTEST:g}")
-    tracks, parts, energy = [], [], carried_energy(state)
-    digest = ""
+    tracks, parts, digest = [], [], ""
     for drive in signals.drives:
         usable = {name for name in drive if drive[name].valid.any()}
         model = model_for(vehicle.model, usable)
@@ -69,10 +71,8 @@ def replay(
             start, warning = carried_on(vehicle, compiled, timeline, state, drive.start_ns)
             warnings += [warning] if warning else []
         filtered = run(compiled, timeline, start, progress=progress)
-        track = _track(vehicle, compiled, timeline, filtered, energy)
-        energy += float(filtered.energy[-1, 0]) if len(filtered.energy) else 0.0
-        state = leave(compiled, timeline, filtered.final, drive.start_ns, energy)
-        state["vehicle"] = vehicle.name
+        track = _track(vehicle, compiled, timeline, filtered)
+        state = leave(vehicle, compiled, timeline, filtered.final, drive.start_ns)
         tracks.append(track)
         parts.append((drive, compiled, timeline, filtered, warnings))
         digest = compiled.digest
@@ -87,9 +87,7 @@ def replay(
     )
 
 
-def _track(
-    vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: Filtered, before: float
-) -> Track:
+def _track(vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: Filtered) -> Track:
     """The kernel's rows as named estimates, on the regular grid."""
     model = compiled.model
     rows = np.flatnonzero(timeline.emit >= 0)
@@ -119,7 +117,7 @@ def _track(
         states=states,
         clutch_torque=_estimate(torque[grid, 0], torque[grid, 1]),
         slip_energy=_estimate(
-            before + filtered.energy[grid, 0],
+            filtered.energy[grid, 0],
             filtered.energy[grid, 1],
             "slip_energy" not in model.unobservable,
         ),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError
 from clutchest.estimate.timeline import Timeline, process_noise
 from clutchest.estimate.whole_log import Belief, Compiled, run
 from clutchest.models import resting
@@ -46,7 +46,7 @@ def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
     x = np.array([values.get(state.name, 0.0) for state in model.states])
     xi, Si = np.zeros(len(x)), np.zeros((len(x), len(compiled.thetas)))
     compiled.functions.initial(x, compiled.p, compiled.g, xi, Si)
-    return Belief(xi, np.diag(prior_std(vehicle, compiled) ** 2), Si)
+    return Belief.of(xi, np.diag(prior_std(vehicle, compiled) ** 2), Si)
 
 
 def carried_on(
@@ -64,31 +64,42 @@ def carried_on(
     """
     belief, model = fresh(vehicle, compiled, timeline), compiled.model
     _check(vehicle, compiled, state)
-    before = Belief(np.array(state["x"]), np.array(state["P"]), _signature(state, compiled))
-    slow = np.array([s.carried and s.parked_noise == 0.0 for s in model.states])
-    kept = np.array([s.carried for s in model.states])
+    before = _recalled(compiled, state, belief)
+    known = np.array([s.name in state["states"] for s in model.states])
+    kept = known & np.array([s.carried for s in model.states])
     warning = None
     first_ns = None if start_ns is None else start_ns + round(timeline.t[0] * 1e9)
     if first_ns is None or state.get("time_ns") is None:
-        kept, warning = slow, "no absolute time: temperatures do not carry over from the last drive"
+        kept &= np.array([s.parked_noise == 0.0 for s in model.states])
+        warning = "no absolute time: temperatures do not carry over from the last drive"
     elif first_ns < state["time_ns"]:
         raise ClutchestError("the log begins before the state that was carried over ends; give the "
                              "drives in order of time")  # fmt: skip
     else:
         before = _parked(vehicle, compiled, timeline, before, state,
                          (first_ns - state["time_ns"]) * 1e-9)  # fmt: skip
-    belief.x[kept], belief.S[kept] = before.x[kept], before.S[kept]
+    belief.x[kept], belief.S[kept], belief.cE[kept] = (
+        before.x[kept],
+        before.S[kept],
+        before.cE[kept],
+    )
     both = np.ix_(kept, kept)
     belief.P[both] = before.P[both]
+    belief.E, belief.sE = before.E, before.sE
     return belief, warning
 
 
 def leave(
-    compiled: Compiled, timeline: Timeline, belief: Belief, start_ns: int | None, energy: float
+    vehicle: Vehicle,
+    compiled: Compiled,
+    timeline: Timeline,
+    belief: Belief,
+    start_ns: int | None,
 ) -> dict[str, Any]:
     """What the next drive needs, ready for JSON."""
     inputs = [i.name for i in compiled.model.inputs]
     return {
+        "vehicle": vehicle.name,
         "model": compiled.model.name,
         "states": [state.name for state in compiled.model.states],
         "time_ns": None if start_ns is None else start_ns + round(timeline.t[-1] * 1e9),
@@ -97,13 +108,16 @@ def leave(
         "thetas": [list(theta) for theta in compiled.thetas],
         "signature": belief.S.tolist(),
         "inputs": dict(zip(inputs, timeline.u[-1].tolist(), strict=True)),
-        "slip_energy": energy,
+        "slip_energy": belief.E.tolist(),
+        "slip_energy_covariance": belief.cE.tolist(),
+        "slip_energy_signature": belief.sE.tolist(),
     }
 
 
 def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> None:
-    lacking = {"model", "states", "x", "P", "signature", "thetas", "inputs"} - set(state)
-    if lacking:
+    wanted = {"model", "states", "x", "P", "signature", "thetas", "inputs", "slip_energy",
+              "slip_energy_covariance", "slip_energy_signature"}  # fmt: skip
+    if lacking := wanted - set(state):
         raise ClutchestError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
     if state["model"] != compiled.model.name:
         raise ClutchestError(f"the carried-over state is of model '{state['model']}', "
@@ -111,15 +125,13 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
     if state.get("vehicle", vehicle.name) != vehicle.name:
         raise ClutchestError(f"the carried-over state is of vehicle '{state['vehicle']}', "
                              f"not '{vehicle.name}'")  # fmt: skip
-    names = [s.name for s in compiled.model.states]
     found = state["states"]
     if not (isinstance(found, list) and all(isinstance(name, str) for name in found)):
         raise ClutchestError("the carried-over state is damaged: 'states' must be a list of names")
-    if state["states"] != names:
-        odd = (set(state["states"]) ^ set(names)) or {"order"}
-        raise ClutchestError(f"the carried-over state has other states ({', '.join(sorted(odd))})"
-                             + nearest(sorted(odd)[0], names))  # fmt: skip
-    _check_numbers(state, len(names))
+    names = {s.name for s in compiled.model.states}
+    if not names & set(found):
+        raise ClutchestError(f"the carried-over state has none of the states {', '.join(names)}")
+    _check_numbers(state, len(found))
 
 
 def _check_numbers(state: Mapping[str, Any], n: int) -> None:
@@ -134,7 +146,9 @@ def _check_numbers(state: Mapping[str, Any], n: int) -> None:
         for pair in thetas
     )):  # fmt: skip
         raise damaged("thetas", "a list of pairs of names")
-    for key, shape in (("x", (n,)), ("P", (n, n)), ("signature", (n, len(thetas)))):
+    shapes = {"x": (n,), "P": (n, n), "signature": (n, len(thetas)), "slip_energy": (2,),
+              "slip_energy_covariance": (n,), "slip_energy_signature": (len(thetas),)}  # fmt: skip
+    for key, shape in shapes.items():
         try:
             numbers = np.array(state[key], np.float64)
         except (TypeError, ValueError):
@@ -155,25 +169,26 @@ def _finite(value: Any) -> bool:
     return isinstance(value, int | float) and isfinite(value)
 
 
-def carried_energy(state: Mapping[str, Any] | None) -> float:
-    """Slip energy in J that a carried-over state brings along, 0 without one."""
-    energy = (state or {}).get("slip_energy", 0.0)
-    if not _finite(energy):
-        raise ClutchestError(
-            "the carried-over state is damaged: 'slip_energy' must be a finite number"
-        )
-    return float(energy)
+def _recalled(compiled: Compiled, state: Mapping[str, Any], fresh: Belief) -> Belief:
+    """What the state says of the states and thetas that the model has now; else as ``fresh``.
 
-
-def _signature(state: Mapping[str, Any], compiled: Compiled) -> Floats:
-    """Responses to the thetas that both know, zero for the others."""
-    known = [tuple(theta) for theta in state["thetas"]]
-    S = np.zeros((len(state["x"]), len(compiled.thetas)))
-    stored = np.array(state["signature"]).reshape(len(S), len(known))
-    for k, theta in enumerate(compiled.thetas):
-        if theta in known:
-            S[:, k] = stored[:, known.index(theta)]
-    return S
+    Matched by name: a vehicle file may have gained or lost an effect since.
+    """
+    names, thetas = list(state["states"]), [tuple(theta) for theta in state["thetas"]]
+    here = [i for i, s in enumerate(compiled.model.states) if s.name in names]
+    there = [names.index(compiled.model.states[i].name) for i in here]
+    k_here = [k for k, theta in enumerate(compiled.thetas) if theta in thetas]
+    k_there = [thetas.index(compiled.thetas[k]) for k in k_here]
+    belief = fresh.copy()
+    signature = np.array(state["signature"]).reshape(len(names), len(thetas))
+    belief.x[here] = np.array(state["x"])[there]
+    belief.P[np.ix_(here, here)] = np.array(state["P"])[np.ix_(there, there)]
+    belief.S[here] = 0.0
+    belief.S[np.ix_(here, k_here)] = signature[np.ix_(there, k_there)]
+    belief.E = np.array(state["slip_energy"], np.float64)
+    belief.cE[here] = np.array(state["slip_energy_covariance"])[there]
+    belief.sE[k_here] = np.array(state["slip_energy_signature"])[k_there]
+    return belief
 
 
 def _parked(

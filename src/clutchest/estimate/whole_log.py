@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import ModuleType
 
 import numpy as np
@@ -41,15 +41,27 @@ class Compiled:
 
 @dataclass(slots=True)
 class Belief:
-    """State ``x`` (n), covariance ``P`` (n, n), and the response ``S`` (n, m) to every theta."""
+    """State ``x`` (n), covariance ``P`` (n, n), and the response ``S`` (n, m) to every theta.
+
+    The slip energy so far, which no measurement corrects: ``E`` (2) J and its variance, ``cE`` (n)
+    its covariance with x, ``sE`` (m) its response to every theta.
+    """
 
     x: Floats
     P: Floats
     S: Floats
+    E: Floats
+    cE: Floats
+    sE: Floats
+
+    @classmethod
+    def of(cls, x: Floats, P: Floats, S: Floats) -> Belief:
+        """Before any slip."""
+        return cls(x, P, S, np.zeros(2), np.zeros(len(x)), np.zeros(S.shape[1]))
 
     def copy(self) -> Belief:
         """An independent copy."""
-        return Belief(self.x.copy(), self.P.copy(), self.S.copy())
+        return Belief(*(getattr(self, f.name).copy() for f in fields(self)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +170,7 @@ def run(
     rows = int(timeline.emit.max(initial=-1)) + 1
     outputs = len(compiled.model.outputs)
     belief = start.copy()
-    E, cE, sE, gained = np.zeros(2), np.zeros(n), np.zeros(m), np.zeros(n)
+    gained = np.zeros(n)
     gains = np.zeros((K if keep_gains else 0, n)) if frozen is None else frozen
     out = (np.zeros((rows, n)), np.zeros((rows, n, n)), np.zeros((rows, n)),
            np.zeros((rows, outputs, 2)), np.zeros((rows, 3 + m)), np.zeros((rows, n)))  # fmt: skip
@@ -174,7 +186,7 @@ def run(
         if begin:
             sensor[0] = emit[0] = -1
         total += compiled.functions.run(
-            belief.x, belief.P, belief.S, E, cE, sE, gained, compiled.spread,
+            belief.x, belief.P, belief.S, belief.E, belief.cE, belief.sE, gained, compiled.spread,
             timeline.t[piece], sensor, timeline.z[piece], timeline.R[piece], timeline.u[piece],
             timeline.row[piece], timeline.W, timeline.Q, timeline.longest, timeline.noise,
             timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,

@@ -18,7 +18,7 @@ from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.tables import is_table, joined, read_table
 from clutchest.shipped import locate
 from clutchest.signals import Signals
-from clutchest.vehicle import Vehicle
+from clutchest.vehicle import Vehicle, load_vehicle
 
 JOIN_S = 60.0  # pieces of one drive lie no further apart
 HOLE_S = 3600.0  # a longer silence inside a log starts a new drive
@@ -35,17 +35,18 @@ class _Piece:
     end: int = 0
 
 
-def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle) -> Signals:
+def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle | str | Path) -> Signals:
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
     CAN logs are decoded through the vehicle's DBC, ``.csv`` and ``.parquet`` with canonical columns
     are taken as they are.  Logs on absolute clocks that overlap or lie less than a minute apart
-    are pieces of one drive; all others are drives of their own, on ``later`` in order of reading.
+    are pieces of one drive; all others are drives of their own, on ``later`` in order of time.
     Times are s from the drive's start.  Delays that the vehicle file states are not applied.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
     """
+    vehicle = load_vehicle(vehicle)
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     if not given:
         raise ClutchestError("no log to read")
@@ -118,7 +119,7 @@ def _frames(path: Path) -> _Piece:
 
 
 def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
-    """Pieces of one drive together, drives in order of reading."""
+    """Pieces of one drive together; drives in order of time, as read where no clock tells it."""
     groups: list[list[_Piece]] = [[piece] for piece in pieces if not piece.absolute]
     for kind in (Frames, Signals):
         end = None
@@ -130,6 +131,8 @@ def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
             else:
                 groups.append([piece])
                 end = piece.end
+    if all(piece.absolute for piece in pieces):
+        return sorted(groups, key=lambda group: group[0].start)
     order = {id(piece): i for i, piece in enumerate(pieces)}
     return sorted(groups, key=lambda group: min(order[id(piece)] for piece in group))
 

@@ -69,12 +69,14 @@ _SIGNAL = (
 _BUS = ("message", "signal", "unit")
 
 
-def load_vehicle(v: str | Path) -> Vehicle:
+def load_vehicle(v: str | Path | Vehicle) -> Vehicle:
     """The vehicle in the TOML file ``v``, or the shipped one of that name.
 
     Units are checked and values converted to the model's own.  Raises ClutchestError naming file,
     line and key, what was expected and the nearest valid key.
     """
+    if isinstance(v, Vehicle):  # what is loaded already may stand where a name may
+        return v
     file = TomlFile.read(locate(str(v), "vehicles").resolve())
     return _vehicle(file, file.data)
 

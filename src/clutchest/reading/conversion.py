@@ -1,0 +1,78 @@
+"""Logs rewritten in another format: frames as frames, signals as signals, frames decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from clutchest.can import files
+from clutchest.can.frames import Frames
+from clutchest.errors import ClutchestError
+from clutchest.models import card
+from clutchest.reading.log import read_log
+from clutchest.reading.tables import is_table, joined, read_table, write_signals
+from clutchest.shipped import locate
+from clutchest.signals import Signals
+from clutchest.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """What was read, not yet written: ``content`` frames, or the signals of one drive."""
+
+    content: Frames | Signals
+
+    @classmethod
+    def of(cls, logs: Sequence[str], out: Path, vehicle: Vehicle | None) -> Conversion:
+        """Read ``logs`` as what ``out`` can hold.
+
+        With a ``vehicle`` CAN logs are decoded; decoded tables need none.  Raises ClutchestError
+        where the logs and the suffix of ``out`` do not go together.
+        """
+        paths = [locate(log, "logs") for log in logs]
+        tables = [is_table(path) for path in paths]
+        if vehicle is not None:
+            return cls(read_log(paths, vehicle))
+        if all(tables):
+            columns = dict(card("dry_clutch").columns)
+            return cls(joined([read_table(path, columns) for path in paths]))
+        if any(tables):
+            raise ClutchestError(f"{paths[tables.index(True)]}: holds decoded signals, the others "
+                                 "frames; name a vehicle to decode those")  # fmt: skip
+        if out.suffix.lower() == ".parquet":
+            raise ClutchestError(f"{out}: holds decoded signals; name a vehicle to decode by")
+        parts = [files.read_frames(path) for path in paths]
+        if len(parts) > 1 and not all(part.absolute for part in parts):
+            which = next(log for log, part in zip(logs, parts, strict=True) if not part.absolute)
+            raise ClutchestError(
+                f"{which}: its clock only counts from its own start, so it cannot "
+                "be put in order with the others; convert it alone"
+            )
+        return cls(Frames.concatenate(parts).sorted() if len(parts) > 1 else parts[0])
+
+    def write(self, path: Path) -> tuple[str, ...]:
+        """Write to ``path``; returns what its format could not keep, in words."""
+        if isinstance(self.content, Frames):
+            return files.write_frames(self.content, path)
+        write_signals(self.content, path)
+        return ()
+
+    @property
+    def decoded(self) -> bool:
+        """Whether it is signals."""
+        return isinstance(self.content, Signals)
+
+    @property
+    def count(self) -> int:
+        """Frames, or samples."""
+        if isinstance(self.content, Frames):
+            return len(self.content)
+        return sum(len(signal) for signal in self.content.values())
+
+    @property
+    def rejected(self) -> dict[str, int]:
+        """What was not read: reason → number."""
+        if isinstance(self.content, Frames):
+            return dict(self.content.rejected)
+        return dict(self.content.counts.rejected)
