@@ -121,6 +121,13 @@ def test_a_signal_without_any_valid_sample_is_named(name):
         timeline(drive(**{name: dead}))
 
 
+def test_times_that_cannot_be_seconds_are_told():
+    plain = drive()
+    slow = {n: Signal.of("", "", s.time * 1000, s.value) for n, s in plain.items()}
+    with pytest.raises(ClutchestError, match="are the times in seconds"):
+        timeline(Signals(slow, end=10_000.0))
+
+
 def test_the_zero_position_is_read_only_while_retracted():
     time = drive()["slave_position"].time
     still = Signal.of("", "", drive()["input_shaft_speed"].time, np.full(1000, 100.0))

@@ -32,8 +32,8 @@ from clutchest.vehicle import Vehicle, load_vehicle
 
 FASTEST = 1000.0  # Hz, of the output grid
 TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
-SHORTEST = 0.1  # s; a slip event shorter than this and
-SMALLEST = 200.0  # J; weaker than this is noise at a gear change
+SHORTEST = 0.1  # s; a slip event is longer than this
+SMALLEST = 200.0  # J; and stronger than this and than its own uncertainty, or it is noise
 
 
 def replay(
@@ -155,10 +155,10 @@ def _engagements(
         first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
         gained = filtered.energy[last] - filtered.energy[first]
         duration = time[last] - time[first]
-        if duration < SHORTEST or abs(gained[0]) < SMALLEST:
-            continue
         # the parameters' share of the variance from the difference of the energy's responses
         variance = max(gained[2], 0.0) + float(np.sum((gained[3:] * compiled.spread) ** 2))
+        if duration < SHORTEST or gained[0] < max(SMALLEST, np.sqrt(variance)):
+            continue
         passed = torque[int(a) : int(b)]
         found.append(
             Engagement(

@@ -14,6 +14,7 @@ from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
+COARSEST = 0.5  # s between samples of the engine speed; a slip lasts little longer
 FAST = 0.02  # s, longest step while the surfaces slide
 SLOW = 0.5  # s, longest step while nothing but heat flows
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
@@ -180,6 +181,12 @@ def _usable(
         raise ClutchestError(
             f"no valid sample of {', '.join(missing)}: the model of '{vehicle.name}' needs it"
             + hints
+        )
+    speed = present["engine_speed"]
+    if len(speed) > 1 and (period := float(np.median(np.diff(speed.time)))) > COARSEST:
+        raise ClutchestError(
+            f"engine_speed has a sample every {period:g} s, expected at least one every "
+            f"{COARSEST:g} s; are the times in seconds?"
         )
     return present
 

@@ -227,7 +227,7 @@ DRY_CLUTCH = Model(
     regime=REGIME,
     sensors=SENSORS,
     outputs=("transmitted_torque", "power"),
-    renewed={"engine_speed": ("free_running", 1.0)},
+    renewed={"engine_speed": ("free_running", 0.2)},
     pieces=(
         slip,
         position,
