@@ -148,10 +148,10 @@ def run(
     they are used, else stored where it has rows.
 
     Outputs per emitted row: ``out_x`` (n), ``out_P`` (n, n), ``out_total`` (n) variance with the
-    spreads, ``out_y`` (outputs, value and variance), ``out_energy`` (energy, variance, own part
-    of it; then its response to each θ), ``out_gained`` (n).  Per event: ``out_innovation``
-    (innovation, predicted and used variance) and, where it has rows, ``out_signature`` (m).
-    Returns the log-likelihood.
+    spreads (where signatures are followed), ``out_y`` (outputs, value and variance),
+    ``out_energy`` (energy, variance, own part of it; then its response to each θ), ``out_gained``
+    (n).  Per event: ``out_innovation`` (innovation, predicted and used variance) and, where it has
+    rows, ``out_signature`` (m).  Returns the log-likelihood.
     """
     n, m = STATES, THETAS
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
@@ -162,6 +162,7 @@ def run(
     y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
                     np.zeros((OUTPUTS, m)))  # fmt: skip
     log_likelihood = 0.0
+    followed = m if with_signature else 0
 
     for k in range(len(t)):
         w = W[row[k]]
@@ -230,14 +231,15 @@ def run(
         o = emit[k]
         if o >= 0:
             outputs(x, u[k], w, p, g, y, Y, Yu)
-            outputs_signature(x, u[k], w, p, g, Ym)
+            if with_signature:
+                outputs_signature(x, u[k], w, p, g, Ym)
             for i in range(n):
                 out_x[o, i] = x[i]
                 out_gained[o, i] = gained[i]
                 out_total[o, i] = P[i, i]
                 for j in range(n):
                     out_P[o, i, j] = P[i, j]
-                for c in range(m):
+                for c in range(followed):
                     out_total[o, i] += (S[i, c] * spread[c]) ** 2
             for i in range(OUTPUTS):
                 total = 0.0
@@ -246,7 +248,7 @@ def run(
                         total += Y[i, a_] * P[a_, b_] * Y[i, b_]
                 for j in range(INPUTS):
                     total += Yu[i, j] * Yu[i, j] * variance[j]
-                for c in range(m):
+                for c in range(followed):
                     response = Ym[i, c]
                     for a_ in range(n):
                         response += Y[i, a_] * S[a_, c]
@@ -255,7 +257,7 @@ def run(
                 out_y[o, i, 1] = total
             out_energy[o, 0] = E[0]
             out_energy[o, 1] = E[1]
-            for c in range(m):
+            for c in range(followed):
                 out_energy[o, 1] += (sE[c] * spread[c]) ** 2
                 out_energy[o, 3 + c] = sE[c]
             out_energy[o, 2] = E[1]
