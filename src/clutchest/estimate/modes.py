@@ -109,7 +109,7 @@ def _average(time: Floats, value: Floats, window: float) -> Floats:
 
 def _lasting(time: Floats, flag: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
     """``flag`` where it holds for at least ``least`` s on end."""
-    starts, ends = _runs(flag)
+    starts, ends = runs(flag)
     kept = np.zeros(len(flag), bool)
     for start, end in zip(starts, ends, strict=True):
         if time[end - 1] - time[start] >= least:
@@ -119,7 +119,7 @@ def _lasting(time: Floats, flag: NDArray[np.bool_], least: float) -> NDArray[np.
 
 def _since(time: Floats, flag: NDArray[np.bool_]) -> Floats:
     """For how long ``flag`` has held, s; −1 where it does not."""
-    starts, ends = _runs(flag)
+    starts, ends = runs(flag)
     since = np.full(len(flag), -1.0)
     for start, end in zip(starts, ends, strict=True):
         since[start:end] = time[start:end] - time[start]
@@ -138,7 +138,7 @@ def _around(time: Floats, flag: NDArray[np.bool_], guard: float) -> NDArray[np.b
     return flag | (since < guard) | (until < guard)
 
 
-def _runs(flag: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def runs(flag: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Starts and ends (exclusive) of the runs of True."""
     edges = np.diff(np.concatenate([[0], flag.astype(np.int8), [0]]))
     return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from clutchest import __version__
 from clutchest.errors import ClutchestError
-from clutchest.estimate.modes import MODE_NAMES, Mode
+from clutchest.estimate.modes import MODE_NAMES, Mode, runs
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
 from clutchest.estimate.start import carried_on, fresh, leave
 from clutchest.estimate.summary import summarise
@@ -102,8 +102,7 @@ def _track(vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: F
     states = {}
     for i, state in enumerate(model.states):
         std = np.sqrt(filtered.total[grid, i])
-        setting = vehicle.estimation.get(state.name)
-        useful = setting.useful_std if setting else state.useful_std
+        useful = vehicle.estimation.get(state.name, state).useful_std
         if state.name in model.unobservable:  # a prior is no estimate
             nothing = np.full(len(std), np.nan)
             states[state.name] = Estimate(nothing, nothing, np.zeros(len(std), bool))
@@ -148,10 +147,8 @@ def _engagements(
 ) -> tuple[Engagement, ...]:
     """Slip events: runs of rows in which the clutch slips and passes torque."""
     disc = compiled.model.state("temp_disc")
-    slipping = mode == Mode.slipping
-    edges = np.diff(np.concatenate([[0], slipping.astype(np.int8), [0]]))
     found = []
-    for a, b in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+    for a, b in zip(*runs(mode == Mode.slipping), strict=True):
         first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
         gained = filtered.energy[last] - filtered.energy[first]
         duration = time[last] - time[first]

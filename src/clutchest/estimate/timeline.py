@@ -54,12 +54,9 @@ def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Float
     """Variance per s of every state, shape (n,), by vehicle file or model."""
     densities = []
     for state in model.states:
-        setting = vehicle.estimation.get(state.name)
-        role = setting.role if setting else state.role
-        density = setting.process_noise if setting else state.process_noise
-        if parked:
-            density = state.parked_noise
-        densities.append(0.0 if role != "adaptive" else density**2)
+        setting = vehicle.estimation.get(state.name, state)  # the model's own unless the file's
+        density = state.parked_noise if parked else setting.process_noise
+        densities.append(density**2 if setting.role == "adaptive" else 0.0)
     return np.array(densities)
 
 
