@@ -23,7 +23,7 @@ import clutchest
 from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import build
-from clutchest.estimate.whole_log import ROBUST_LIMIT, compile_model, delays, run
+from clutchest.estimate.whole_log import compile_model, delays, run
 from clutchest.models import model_for
 
 ONLINE, KERNEL, SIGNATURES = "online (filterpy)", "kernel", "kernel with signatures"
@@ -40,15 +40,12 @@ def compare(drive: clutchest.Signals, vehicle: clutchest.Vehicle, repeats: int) 
     start = fresh(vehicle, compiled, line)
 
     def online() -> tuple[np.ndarray, np.ndarray, float]:
-        engine = OnlineFilter(
-            compiled.functions, start.x, start.P, compiled.p, compiled.g, line, ROBUST_LIMIT
-        )
-        return engine.run()
+        return OnlineFilter(compiled, start, line).run()
 
     engines: dict[str, Callable[[], Any]] = {
         ONLINE: online,
         KERNEL: lambda: run(compiled, line, start, with_signature=False),
-        SIGNATURES: lambda: run(compiled, line, start, with_signature=True),
+        SIGNATURES: lambda: run(compiled, line, start, consider=True),
     }
     engines[SIGNATURES]()  # compiled before the clock starts, as is what both engines call
     x, P, _ = online()

@@ -176,6 +176,7 @@ _TRUCK = Plausible(
     states={"temp_body": (-40.0, 200.0), "temp_housing": (-40.0, 150.0),
             "temp_disc": (-40.0, 300.0), "zero_position": (35.4, 38.9), "friction": (0.5, 1.5),
             "engine_speed": (40.0, 250.0), "torque_bias": (-200.0, 200.0),
+            "wear_rate": (-0.5, 0.5),
             "position_play": (-0.5, 0.5)},
     inputs={"engine_torque": (-500.0, 3500.0), "input_shaft_speed": (0.0, 250.0),
             "slave_position": (37.9, 51.4), "coolant_temp": (-30.0, 110.0),

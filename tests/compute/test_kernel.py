@@ -22,11 +22,17 @@ from . import linear
 BenchOf = Callable[[str], Bench]
 
 
+def nothing_unknown(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """No unknown parameters: responses (n, 0) and (0), variances (0)."""
+    return np.zeros((n, 0)), np.zeros(0), np.zeros(0)
+
+
 def test_covariances_stay_symmetric_and_positive_definite(bench: BenchOf) -> None:
     """1e5 random steps, over ten decades of noise and sixteen of measurement accuracy."""
     functions = bench("dry_clutch").bare.functions
     n, rng = functions.STATES, np.random.default_rng(8)
     P, T, K, PH = np.eye(n), np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    S, Hm, considered = nothing_unknown(n)
     x, smallest = np.zeros(n), np.inf
     for k in range(100_000):
         if k % 100 == 0:
@@ -35,7 +41,7 @@ def test_covariances_stay_symmetric_and_positive_definite(bench: BenchOf) -> Non
             Q = np.diag(10.0 ** rng.uniform(-10.0, 0.0, n))
             H, R = rng.normal(size=n) * (rng.random(n) < 0.5), 10.0 ** rng.uniform(-12.0, 4.0)
         functions.propagate(P, F, Q, T)
-        functions.update(x, P, 0.0, H, rng.normal(), R, K, PH, 5.0)
+        functions.update(x, P, S, 0.0, H, Hm, rng.normal(), R, considered, K, PH, 5.0)
         if k % 100 == 99:
             assert np.array_equal(P, P.T)
             std = np.sqrt(np.diag(P))
@@ -46,18 +52,19 @@ def test_covariances_stay_symmetric_and_positive_definite(bench: BenchOf) -> Non
 def test_an_update_never_adds_uncertainty(bench: BenchOf) -> None:
     functions = bench("dry_clutch").bare.functions
     n, rng = functions.STATES, np.random.default_rng(9)
+    S, Hm, considered = nothing_unknown(n)
     for _ in range(200):
         root = rng.normal(size=(n, n))
         P = root @ root.T
         P = (P + P.T) / 2
         before, x, H = P.copy(), rng.normal(size=n), rng.normal(size=n)
         start, R, z = x.copy(), 10.0 ** rng.uniform(-6.0, 6.0), rng.normal()
-        innovation, S, used = functions.update(
-            x, P, float(H @ x), H, z, R, np.zeros(n), np.zeros(n), 1e9
+        innovation, predicted, used = functions.update(
+            x, P, S, float(H @ x), H, Hm, z, R, considered, np.zeros(n), np.zeros(n), 1e9
         )
-        assert used == S == pytest.approx(H @ before @ H + R)
+        assert used == predicted == pytest.approx(H @ before @ H + R)
         assert innovation == z - H @ start
-        gain = before @ H / S
+        gain = before @ H / predicted
         np.testing.assert_allclose(x, start + gain * innovation, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(P, before - np.outer(gain, H @ before), rtol=1e-6, atol=1e-9)
         assert np.linalg.eigvalsh(before - P).min() > -1e-9 * np.abs(before).max()
@@ -68,8 +75,11 @@ def test_an_outlier_counts_for_less(bench: BenchOf) -> None:
     functions = bench("dry_clutch").bare.functions
     n = functions.STATES
     H, x, P = np.eye(n)[0], np.zeros(n), np.eye(n)
-    innovation, S, used = functions.update(x, P, 0.0, H, 100.0, 1.0, np.zeros(n), np.zeros(n), 5.0)
-    assert (innovation, S) == (100.0, 2.0)
+    S, Hm, considered = nothing_unknown(n)
+    innovation, predicted, used = functions.update(
+        x, P, S, 0.0, H, Hm, 100.0, 1.0, considered, np.zeros(n), np.zeros(n), 5.0
+    )
+    assert (innovation, predicted) == (100.0, 2.0)
     assert used == pytest.approx(100.0**2 / 5.0**2)
     assert x[0] == pytest.approx(100.0 / used)
     assert P[0, 0] == pytest.approx(1.0 - 1.0 / used)
@@ -92,11 +102,12 @@ class Kalman:
         e = dt / 2 * np.array([3.0, 0.0]) @ (2 * one + dt * A)
         x, f0 = self.E[:2], A @ self.E[:2] + B * u0
         ahead = x + dt * f0
-        self.E[2] += dt / 2 * 3.0 * (x[0] + ahead[0])
+        energy = dt / 2 * 3.0 * (x[0] + ahead[0])
+        self.E[2] += energy
         self.E[:2] = x + dt / 2 * (f0 + A @ ahead + B * u1)
         whole = np.block([[F, np.zeros((2, 1))], [e[None, :], np.ones((1, 1))]])
         Q = np.zeros((3, 3))
-        Q[:2, :2] = dt * (np.diag(q) + noise * np.outer(B, B))
+        Q[:2, :2] = dt * (np.diag(q[:2]) + noise * np.outer(B, B)) + abs(energy) * np.diag(q[2:])
         self.P = whole @ self.P @ whole.T + Q
 
     def correct(self, H: np.ndarray, z: float, R: float) -> float:
@@ -124,7 +135,8 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
     line = Timeline(
         t=t, sensor=sensor, z=rng.normal(3.0, 2.0, K), R=10.0 ** rng.uniform(-4, 1, K),
         u=np.interp(t, np.linspace(0, 30, 40), rng.normal(1.0, 1.0, 40))[:, None],
-        row=rng.integers(0, 2, K), W=np.zeros((2, 0)), Q=np.array([[0.1, 0.02], [0.5, 0.3]]),
+        row=rng.integers(0, 2, K), W=np.zeros((2, 0)),
+        Q=np.array([[0.1, 0.02, 0.01, 0.0], [0.5, 0.3, 0.0, 0.02]]),
         longest=np.array([0.02, 0.007]), mode=np.zeros(K, np.uint8), emit=np.arange(K),
         grid=np.ones(K, bool), noise=np.array([0.3]), variance=np.array([0.2]), warnings=(),
     )  # fmt: skip
@@ -168,10 +180,7 @@ def test_filterpys_engine_agrees_on_a_linear_model(
 ) -> None:
     compiled, line, belief = tanks
     ours = whole_log.run(compiled, line, belief)
-    online = OnlineFilter(
-        compiled.functions, belief.x, belief.P, compiled.p, compiled.g, line, whole_log.ROBUST_LIMIT
-    )
-    xs, Ps, total = online.run()
+    xs, Ps, total = OnlineFilter(compiled, belief, line).run()
     np.testing.assert_allclose(ours.x, xs, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(ours.P, Ps, rtol=1e-9, atol=1e-12)
     assert ours.log_likelihood == pytest.approx(total, rel=1e-10)

@@ -145,7 +145,7 @@ class Lowered:
             "w": rng.integers(0, 2, len(names[2])).astype(float),
             "p": self.b.full.p,
             "g": vector(names[4], draw(rng, gains)),
-            "q": rng.uniform(0.0, 1.0, len(names[0])),
+            "q": rng.uniform(0.0, 1.0, 2 * len(names[0])),
             "noise": rng.uniform(0.0, 1.0, len(names[1])),
         }
 

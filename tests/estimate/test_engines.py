@@ -14,6 +14,7 @@ from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.whole_log import Compiled
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
+from clutchest.vehicle import load_vehicle
 
 BenchOf = Callable[[str], Bench]
 
@@ -25,14 +26,34 @@ def compare(compiled: Compiled, bench: Bench, signals: Signals) -> None:
     assert len({*line.row}) > 3, "the drive has its modes"
     belief = start.fresh(bench.vehicle, compiled, line)
     ours = whole_log.run(compiled, line, belief, with_signature=False)
-    xs, Ps, total = OnlineFilter(
-        compiled.functions, belief.x, belief.P, compiled.p, compiled.g, line, whole_log.ROBUST_LIMIT
-    ).run()
+    xs, Ps, total = OnlineFilter(compiled, belief, line).run()
     std = np.sqrt(np.einsum("kii->ki", Ps))
     assert np.all(np.abs(ours.x - xs) <= 1e-9 * np.maximum(np.abs(xs), std))
     assert np.all(np.abs(ours.P - Ps) <= 1e-9 * std[:, :, None] * std[:, None, :])
     assert ours.log_likelihood == pytest.approx(total, rel=1e-9)
     assert np.array_equal(ours.P, ours.P.transpose(0, 2, 1))
+
+
+def test_engines_agree_on_what_parameters_may_do(bench: BenchOf) -> None:
+    """Schmidt's filter, once with the parameters as states and once through their signatures."""
+    made = bench("dry_clutch")
+    vehicle = load_vehicle("truck")
+    compiled = whole_log.compile_model(vehicle, made.model, ())
+    assert np.count_nonzero(compiled.spread) > 10
+    line = timeline.build(noisy(made, 60.0), vehicle, compiled.model, 10.0, {})
+    line = replace(line, emit=np.arange(len(line.t)))
+    belief = start.fresh(vehicle, compiled, line)
+    ours = whole_log.run(compiled, line, belief, consider=True)
+    xs, Ps, total = OnlineFilter(compiled, belief, line, consider=True).run()
+    n = len(belief.x)
+    std = np.sqrt(np.einsum("kii->ki", Ps))[:, :n]
+    assert np.all(np.abs(ours.x - xs[:, :n]) <= 1e-9 * np.maximum(np.abs(xs[:, :n]), std))
+    assert np.all(np.abs(np.sqrt(ours.total) - std) <= 1e-9 * std)
+    assert ours.log_likelihood == pytest.approx(total, rel=1e-9)
+    naive = whole_log.run(compiled, line, belief)
+    assert np.all(ours.total[-1] <= 1.001 * naive.total[-1]), "the wiser gain is never the worse"
+    assert np.any(ours.total[-1] < 0.5 * naive.total[-1])
+    assert np.all(xs[:, n:] == 0.0), "no measurement moves a parameter"
 
 
 def with_every_effect(bench: Bench) -> Compiled:

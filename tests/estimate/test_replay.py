@@ -13,7 +13,7 @@ from clutchest.signals import Signal, Signals
 
 TRUCK = clutchest.load_vehicle("truck")
 STATES = ("temp_body", "temp_housing", "temp_disc", "zero_position", "friction", "engine_speed",
-          "torque_bias")  # fmt: skip
+          "torque_bias", "wear_rate")  # fmt: skip
 
 
 def error(run, truth, name):

@@ -250,7 +250,7 @@ def test_without_a_position_the_engine_tells_the_torque() -> None:
         assert made["engine_speed_rate"] == v["engine_acceleration"]
         wanted = v["engaged"] * measured if v["sliding"] else measured
         assert isclose(made["transmitted_torque"], wanted, rel_tol=1e-12)
-    unknown = {"zero_position", "friction", "torque_bias"}
+    unknown = {"zero_position", "wear_rate", "friction", "torque_bias"}
     assert set(WITHOUT_POSITION.unobservable) == unknown
     assert "slave_position" not in {i.name for i in WITHOUT_POSITION.inputs}
 

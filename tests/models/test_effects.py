@@ -160,11 +160,11 @@ def test_gain_0_is_absent_in_every_step(model: str, name: str, bench: BenchOf) -
     for _ in range(100):
         x, u0, w, p, _ = _point(b, b.model, rng)
         u1 = vector(argument_names(b.model)[1], draw(rng, b.plausible.inputs))
-        q, noise = rng.uniform(0, 1, n), rng.uniform(0, 1, len(u0))
+        q, noise = rng.uniform(0, 1, (2, n)), rng.uniform(0, 1, len(u0))
         brought = np.zeros(len(effect.states))
-        plain = functions[0](x, u0, u1, 0.02, w, p, [], q, noise)
+        plain = functions[0](x, u0, u1, 0.02, w, p, [], q.ravel(), noise)
         filled = functions[1](np.append(x, brought), u0, u1, 0.02, w, p, shapes,
-                              np.append(q, brought), noise)  # fmt: skip
+                              np.hstack([q, [brought] * 2]).ravel(), noise)  # fmt: skip
         for a, c in zip(plain, filled, strict=True):
             a, c = np.array(a), np.array(c)
             assert np.array_equal(a, c[: a.shape[0], : a.shape[1]])
@@ -261,7 +261,7 @@ def test_everything_is_finite_within_the_bounds(model: str, corners: bool, bench
         made = [np.zeros(s) for s in (n, (n, n), (n, n), n, (n, k), k, no, (no, n), (no, nu),
                                       (no, k), n, k)]  # fmt: skip
         xn, F, Q, e, G, eG, y, Y, Yu, Ym, H, Hm = made
-        f.step(x, u0, u1, 0.02, w, p, g, np.ones(n), np.ones(nu), xn, F, Q, e)
+        f.step(x, u0, u1, 0.02, w, p, g, np.ones(2 * n), np.ones(nu), xn, F, Q, e)
         f.step_signature(x, u0, u1, 0.02, w, p, g, G, eG)
         f.outputs(x, u1, w, p, g, y, Y, Yu)
         f.outputs_signature(x, u1, w, p, g, Ym)

@@ -78,7 +78,7 @@ def track_of(vehicle, drive: Signals, seed: int) -> Track:
     rng = np.random.default_rng(seed)
     truth = drive.truth
     time = np.arange(0.0, drive.end, 0.1)
-    spread = {"°C": 3.0, "mm": 0.05, "1": 0.03, "rad/s": 0.1, "Nm": 8.0}
+    spread = {"°C": 3.0, "mm": 0.05, "1": 0.03, "rad/s": 0.1, "Nm": 8.0, "mm/MJ": 0.003}
     states = {}
     for state in card(vehicle.model).states:
         value = np.interp(time, truth.time, truth.columns[state.name])

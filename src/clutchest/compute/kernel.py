@@ -86,28 +86,38 @@ def propagate_energy(E, cE, P, F, e, work):
 
 
 @njit(cache=True, error_model="numpy")
-def update(x, P, h, H, z, R, K, PH, limit):
+def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     """One scalar measurement, Joseph's form; P stays exactly symmetric.
+
+    The gain weighs what unknown parameters do to state and reading as well (Schmidt's consider
+    filter): ``S`` (n, m) and ``Hm`` (m) are the responses to them, ``considered`` (m or 0) their
+    variances.
 
     Where the innovation is beyond ``limit`` standard deviations the measurement counts for less:
     its variance is raised until the innovation is at the limit.  Returns innovation, its variance
     as predicted, and the variance used.
     """
-    S = R
+    predicted = R
     for i in range(STATES):
         total = 0.0
         for j in range(STATES):
             total += P[i, j] * H[j]
         PH[i] = total
     for i in range(STATES):
-        S += H[i] * PH[i]
+        predicted += H[i] * PH[i]
+        K[i] = PH[i]
+    for c in range(len(considered)):
+        part = considered[c] * Hm[c]
+        predicted += part * Hm[c]
+        for i in range(STATES):
+            K[i] += S[i, c] * part
     innovation = z - h
-    used = S
-    if innovation * innovation > limit * limit * S:
+    used = predicted
+    if innovation * innovation > limit * limit * predicted:
         used = innovation * innovation / (limit * limit)
-    R_used = R + (used - S)
+    R_used = R + (used - predicted)
     for i in range(STATES):
-        K[i] = PH[i] / used
+        K[i] /= used
         x[i] += K[i] * innovation
     # (I − K Hᵀ) P (I − K Hᵀ)ᵀ + K R Kᵀ, one factor after the other
     for i in range(STATES):
@@ -123,12 +133,12 @@ def update(x, P, h, H, z, R, K, PH, limit):
             value = P[i, j] - PH[i] * K[j] + R_used * K[i] * K[j]
             P[i, j] = value
             P[j, i] = value
-    return innovation, S, used
+    return innovation, predicted, used
 
 
 @njit(cache=True, error_model="numpy")
 def run(
-    x, P, S, E, cE, sE, gained, spread, t, sensor, z, R, u, row, W, Qs, longest, noise,
+    x, P, S, E, cE, sE, gained, spread, considered, t, sensor, z, R, u, row, W, Qs, longest, noise,
     variance, p, g, limit,
     emit, with_signature, frozen, gains, out_x, out_P, out_total, out_y, out_energy, out_gained,
     out_innovation, out_signature,
@@ -137,15 +147,17 @@ def run(
 
     Advanced in place, so that a log can be run piece by piece: state ``x`` (n), covariance ``P``
     (n, n) and signatures ``S`` (n, m) at ``t[0]``; ``E`` (2), the slip energy and its variance,
-    with its covariance ``cE`` (n) with x and its own signature ``sE`` (m); ``gained`` (n), the
-    shares by which measurements lowered each state's variance, summed up.
+    with its covariance ``cE`` (n) with x and its own signature ``sE`` (m); ``gained`` (2, n), the
+    information in nats that measurements gave of each state up to the last output (½ log of its
+    variance before over that after, summed up), and the variance they took away since.
 
     Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with variance
     ``R``; ``u`` (K, nu) inputs, straight between events; ``row`` (K) the regime of the interval
     that ends at k: a row of the flags ``W``, process noise ``Qs`` and step ``longest``; ``emit``
     (K) output row, −1 for none.  ``noise`` (nu) input noise density, ``variance`` (nu) of one
-    input sample, ``spread`` (m) standard deviation of every θ.  ``gains`` (K, n): with ``frozen``
-    they are used, else stored where it has rows.
+    input sample, ``spread`` (m) standard deviation of every θ, ``considered`` the variances that
+    gains weigh: (m), or (0) where they weigh none.  ``gains`` (K, n): with ``frozen`` they are
+    used, else stored where it has rows.
 
     Outputs per emitted row: ``out_x`` (n), ``out_P`` (n, n), ``out_total`` (n) variance with the
     spreads (where signatures are followed), ``out_y`` (outputs, value and variance),
@@ -202,17 +214,15 @@ def run(
                     x[i] += K[i] * innovation
                 predicted, used = 1.0, 1.0
             else:
-                for i in range(n):
-                    gained[i] += 1.0
-                    xn[i] = P[i, i]
-                innovation, predicted, used = update(x, P, h, H, z[k], R[k], K, PH, limit)
-                for i in range(n):
-                    gained[i] -= P[i, i] / xn[i] if xn[i] > 0.0 else 1.0
+                innovation, predicted, used = update(
+                    x, P, S, h, H, Hm, z[k], R[k], considered, K, PH, limit
+                )
                 correlated = 0.0
                 for i in range(n):
                     correlated += H[i] * cE[i]
                 for i in range(n):
                     cE[i] -= K[i] * correlated
+                    gained[1, i] += K[i] * K[i] * used
                 log_likelihood -= 0.5 * (log(2.0 * pi * used) + innovation * innovation / used)
                 if len(gains) > 0:
                     for i in range(n):
@@ -235,12 +245,15 @@ def run(
                 outputs_signature(x, u[k], w, p, g, Ym)
             for i in range(n):
                 out_x[o, i] = x[i]
-                out_gained[o, i] = gained[i]
                 out_total[o, i] = P[i, i]
                 for j in range(n):
                     out_P[o, i, j] = P[i, j]
                 for c in range(followed):
                     out_total[o, i] += (S[i, c] * spread[c]) ** 2
+                if gained[1, i] > 0.0:
+                    gained[0, i] += 0.5 * log(1.0 + gained[1, i] / out_total[o, i])
+                    gained[1, i] = 0.0
+                out_gained[o, i] = gained[0, i]
             for i in range(OUTPUTS):
                 total = 0.0
                 for a_ in range(n):

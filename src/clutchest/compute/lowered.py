@@ -17,7 +17,7 @@ def step(
     x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, q: Any, noise: Any,
     xn: Any, F: Any, Q: Any, e: Any,
 ) -> float:  # fmt: skip
-    """xn (n) = x after ``dt`` s, F (n, n) = ∂xn/∂x, Q (n, n) the noise of process (``q`` (n)) and
+    """xn (n) = x after ``dt`` s, F (n, n) = ∂xn/∂x, Q (n, n) the noise of process (``q`` (2n)) and
     inputs (``noise`` (nu)); returns the slip energy of the step, e (n) its derivative by x."""
     raise NotImplementedError
 

@@ -13,7 +13,8 @@ from clutchest.models.model import Expressions, Model
 class Step:
     """From the state ``e.x`` and inputs ``e.u`` at its start to those at its end, ``dt`` s later.
 
-    ``u1`` inputs at the end; ``q`` (n) process and ``noise`` (nu) input noise, variance per s;
+    ``u1`` inputs at the end; ``q`` (2n) process noise, variance per s and per J of slip energy;
+    ``noise`` (nu) input noise, variance per s;
     ``x`` (n) the state after the step, ``Q`` (n, n) the noise gathered, ``energy`` J.
     """
 
@@ -32,7 +33,7 @@ def heun(model: Model, e: Expressions) -> Step:
     A step map acts on the guess and on the result alike.
     """
     u1, dt = ca.SX.sym("u1", len(model.inputs)), ca.SX.sym("dt")
-    q, noise = ca.SX.sym("q", len(model.states)), ca.SX.sym("noise", len(model.inputs))
+    q, noise = ca.SX.sym("q", 2 * len(model.states)), ca.SX.sym("noise", len(model.inputs))
     power = e.outputs[model.outputs.index("power")]
     rates = ca.Function("rates", [e.x, e.u, e.w, e.p, e.g], [e.rate, power])
     by_input = ca.Function("by_input", [e.x, e.u, e.w, e.p, e.g], [ca.jacobian(e.rate, e.u)])
@@ -44,5 +45,8 @@ def heun(model: Model, e: Expressions) -> Step:
     x = mapped(e.x + dt / 2 * (f0 + f1), e.u, u1, e.p, e.g)
     B0, B1 = by_input(e.x, e.u, e.w, e.p, e.g), by_input(guess, u1, e.w, e.p, e.g)
     noises = ca.diag(noise)
-    Q = ca.diag(dt * q) + dt / 2 * (B0 @ noises @ B0.T + B1 @ noises @ B1.T)
-    return Step(u1, dt, q, noise, x, Q, dt / 2 * (power0 + power1))
+    per_second, per_joule = ca.vertsplit(q, len(model.states))
+    energy = dt / 2 * (power0 + power1)
+    Q = ca.diag(dt * per_second + ca.fabs(energy) * per_joule)
+    Q += dt / 2 * (B0 @ noises @ B0.T + B1 @ noises @ B1.T)
+    return Step(u1, dt, q, noise, x, Q, energy)

@@ -7,36 +7,42 @@ model functions, but integrates, propagates and updates by itself and by filterp
 from __future__ import annotations
 
 from math import ceil
-from types import ModuleType
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
 from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.whole_log import ROBUST_LIMIT, Belief, Compiled
 from clutchest.signals import Floats
 
 
 class OnlineFilter(ExtendedKalmanFilter):
     """filterpy's filter over the states of a model; its public attributes keep their meaning.
 
-    ``x`` (n), ``P`` (n, n): start; ``functions``: the lowered model (``compute.build.load``);
-    ``p``, ``g``: parameters and numbers of the effects; ``timeline`` gives noise and regimes;
-    ``limit``: innovations beyond so many standard deviations count for less.
+    ``start`` as the whole-log filter takes it; ``timeline`` gives noise and regimes; innovations
+    beyond ``limit`` standard deviations count for less.
+
+    With ``consider`` the uncertain parameters follow the states in ``x`` and ``P`` as constants
+    that no measurement corrects (Schmidt's consider filter): ``x`` (n + m), ``P`` (n + m, n + m).
     """
 
     def __init__(
         self,
-        functions: ModuleType,
-        x: Floats,
-        P: Floats,
-        p: Floats,
-        g: Floats,
+        compiled: Compiled,
+        start: Belief,
         timeline: Timeline,
-        limit: float,
+        *,
+        consider: bool = False,
+        limit: float = ROBUST_LIMIT,
     ) -> None:
-        super().__init__(dim_x=len(x), dim_z=1)
-        self.x, self.P = np.array(x), np.array(P)
-        self.functions, self.p, self.g = functions, p, g
+        self.states, self.consider = len(start.x), consider
+        super().__init__(dim_x=self.states + (len(compiled.thetas) if consider else 0), dim_z=1)
+        self.x, self.P = np.array(start.x), np.array(start.P)
+        if consider:
+            spread, across = np.diag(compiled.spread**2), start.S * compiled.spread**2
+            self.x = np.append(start.x, np.zeros(len(spread)))
+            self.P = np.block([[start.P + across @ start.S.T, across], [across.T, spread]])
+        self.functions, self.p, self.g = compiled.functions, compiled.p, compiled.g
         self.timeline, self.limit = timeline, limit
 
     def rates(self, x: Floats, u: Floats, row: int) -> tuple[Floats, Floats, Floats]:
@@ -45,6 +51,13 @@ class OnlineFilter(ExtendedKalmanFilter):
         f, A, B = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu))
         self.functions.dynamics(x, u, self.timeline.W[row], self.p, self.g, f, A, B)
         return f, A, B
+
+    def power(self, x: Floats, u: Floats, row: int) -> float:
+        """Slip power in W: the model's last output."""
+        f = self.functions
+        y, Y, Yu = np.zeros(f.OUTPUTS), np.zeros((f.OUTPUTS, len(x))), np.zeros((f.OUTPUTS, len(u)))
+        f.outputs(x, u, self.timeline.W[row], self.p, self.g, y, Y, Yu)
+        return float(y[-1])
 
     def mapped(self, x: Floats, u0: Floats, u1: Floats) -> tuple[Floats, Floats]:
         """The state after the step map, and its derivative (n, n)."""
@@ -62,14 +75,24 @@ class OnlineFilter(ExtendedKalmanFilter):
         """
         assert isinstance(u, tuple)
         dt, u0, u1, row = u
-        one = np.eye(self.dim_x)
-        f0, A0, B0 = self.rates(self.x, u0, row)
-        guess, J0 = self.mapped(self.x + dt * f0, u0, u1)
+        n, line, x = self.states, self.timeline, self.x[: self.states]
+        one = np.eye(n)
+        f0, A0, B0 = self.rates(x, u0, row)
+        guess, J0 = self.mapped(x + dt * f0, u0, u1)
         f1, A1, B1 = self.rates(guess, u1, row)
-        self.x, J1 = self.mapped(self.x + dt / 2 * (f0 + f1), u0, u1)
-        self.F = J1 @ (one + dt / 2 * (A0 + A1 @ J0 @ (one + dt * A0)))
-        of_inputs = (B0 * self.timeline.noise) @ B0.T + (B1 * self.timeline.noise) @ B1.T
-        self.Q = dt * np.diag(self.timeline.Q[row]) + dt / 2 * of_inputs
+        energy = dt / 2 * (self.power(x, u0, row) + self.power(guess, u1, row))
+        if self.consider:
+            G, of_energy = np.zeros((n, self.dim_x - n)), np.zeros(self.dim_x - n)
+            w = line.W[row]
+            self.functions.step_signature(x, u0, u1, dt, w, self.p, self.g, G, of_energy)
+            self.F = np.eye(self.dim_x)
+            self.F[:n, n:] = G
+        self.x[:n], J1 = self.mapped(x + dt / 2 * (f0 + f1), u0, u1)
+        self.F[:n, :n] = J1 @ (one + dt / 2 * (A0 + A1 @ J0 @ (one + dt * A0)))
+        of_inputs = (B0 * line.noise) @ B0.T + (B1 * line.noise) @ B1.T
+        of_process = dt * line.Q[row, :n] + abs(energy) * line.Q[row, n:]
+        self.Q = np.zeros((self.dim_x, self.dim_x))
+        self.Q[:n, :n] = np.diag(of_process) + dt / 2 * of_inputs
 
     def advance(self, span: float, u0: Floats, u1: Floats, row: int) -> None:
         """Predict over ``span`` s, in steps no longer than the regime allows."""
@@ -81,20 +104,35 @@ class OnlineFilter(ExtendedKalmanFilter):
 
     def correct(self, sensor: int, z: float, R: float, u: Floats, row: int) -> tuple[float, float]:
         """Take one reading; returns innovation and its predicted variance."""
-        H, w = np.zeros(self.dim_x), self.timeline.W[row]
-        h = self.functions.reading(sensor, self.x, u, w, self.p, self.g, H)
+        n, w = self.states, self.timeline.W[row]
+        H, by_theta = np.zeros(self.dim_x), np.zeros(self.functions.THETAS)
+        h = self.functions.reading(sensor, self.x[:n], u, w, self.p, self.g, H[:n])
+        if self.consider:
+            self.functions.reading_signature(sensor, self.x[:n], u, w, self.p, self.g, by_theta)
+            H[n:] = by_theta
         S = H @ self.P @ H + R
         used = max(S, (z - h) ** 2 / self.limit**2)
-        self.update(
-            np.array([z]),
-            HJacobian=lambda x: H[None, :],
-            Hx=lambda x: np.array([h]),
-            R=R + (used - S),
-        )
+        measured, R_used = np.array([z]), R + (used - S)
+        if self.consider:
+            self._leave_parameters(measured - h, H, R_used)
+        else:
+            self.update(measured, HJacobian=lambda x: H[None, :], Hx=lambda x: np.array([h]),
+                        R=R_used)  # fmt: skip
         return float(z - h), float(S)
 
+    def _leave_parameters(self, innovation: Floats, H: Floats, R: float) -> None:
+        """filterpy's update with no gain on the parameters: Joseph's form allows any gain."""
+        self.y, self.S = innovation, np.array([[H @ self.P @ H + R]])
+        self.SI = 1.0 / self.S
+        self.K = (self.P @ H)[:, None] * self.SI
+        self.K[self.states :] = 0.0
+        self.x = self.x + self.K[:, 0] * innovation
+        rest = np.eye(self.dim_x) - self.K * H
+        self.P = rest @ self.P @ rest.T + R * (self.K @ self.K.T)
+        self._log_likelihood = self._likelihood = self._mahalanobis = None
+
     def run(self) -> tuple[Floats, Floats, float]:
-        """Filter the whole timeline: states (K, n), covariances (K, n, n), log-likelihood."""
+        """Filter the whole timeline: ``x`` and ``P`` after every event, log-likelihood."""
         line = self.timeline
         xs, Ps = np.empty((len(line.t), self.dim_x)), np.empty((len(line.t), *self.P.shape))
         total = 0.0

@@ -70,7 +70,7 @@ def replay(
         else:
             start, warning = carried_on(vehicle, compiled, timeline, state, drive.start_ns)
             warnings += [warning] if warning else []
-        filtered = run(compiled, timeline, start, progress=progress)
+        filtered = run(compiled, timeline, start, consider=True, progress=progress)
         track = _track(vehicle, compiled, timeline, filtered)
         state = leave(vehicle, compiled, timeline, filtered.final, drive.start_ns)
         tracks.append(track)

@@ -28,8 +28,8 @@ class Timeline:
 
     ``t`` s; ``sensor`` index or −1; ``z`` its reading, ``R`` its variance; ``u`` (K, nu) inputs;
     ``row`` the regime of the interval that ends at k, row of the tables ``W`` (flags), ``Q``
-    (process noise, variance per s) and ``longest`` (s); ``mode`` by :class:`Mode`; ``emit``
-    output row or −1; ``grid`` True where an output row belongs to the regular grid.
+    (process noise, variance per s and per J) and ``longest`` (s); ``mode`` by :class:`Mode`;
+    ``emit`` output row or −1; ``grid`` True where an output row belongs to the regular grid.
     ``noise`` (nu) density and ``variance`` (nu) of the inputs' own noise.
     """
 
@@ -51,13 +51,16 @@ class Timeline:
 
 
 def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Floats:
-    """Variance per s of every state, shape (n,), by vehicle file or model."""
-    densities = []
+    """Variance per s, then per J of slip energy, of every state, shape (2n,), by vehicle file or
+    model."""
+    per_second, per_joule = [], []
     for state in model.states:
         setting = vehicle.estimation.get(state.name, state)  # the model's own unless the file's
+        adaptive = setting.role == "adaptive"
         density = state.parked_noise if parked else setting.process_noise
-        densities.append(density**2 if setting.role == "adaptive" else 0.0)
-    return np.array(densities)
+        per_second.append(density**2 if adaptive else 0.0)
+        per_joule.append(state.slip_noise**2 if adaptive else 0.0)
+    return np.array(per_second + per_joule)
 
 
 def white_density(signal: Signal, noise: float, ar: float) -> float:
@@ -258,7 +261,7 @@ def _inputs(
 
 
 def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
-    """Process noise, variance per s, of every state in every regime; shape (rows of flags, n)."""
+    """Process noise, variance per s, of every state in every regime; shape (rows of flags, 2n)."""
     Q = np.tile(process_noise(vehicle, model), (len(flags), 1))
     for name, (flag, walk) in model.renewed.items():
         Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = walk**2

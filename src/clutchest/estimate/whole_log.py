@@ -70,7 +70,7 @@ class Filtered:
 
     ``x`` (r, n), ``P`` (r, n, n), ``total`` (r, n) variance with the parameters' spreads,
     ``outputs`` (r, outputs, 2) value and variance, ``energy`` (r, 3 + m),
-    ``gained`` (r, n) the shares of variance that measurements took away, summed up; per event
+    ``gained`` (r, n) the information in nats that measurements gave so far; per event
     ``innovation`` (K, 3): innovation, its predicted and its used variance.  ``final`` is the
     belief after the last event; ``signature`` (K, m) the innovations' response, if asked for.
     """
@@ -157,20 +157,24 @@ def run(
     limit: float = ROBUST_LIMIT,
     with_signature: bool = True,
     keep_signature: bool = False,
+    consider: bool = False,
     keep_gains: bool = False,
     frozen: Floats | None = None,
     progress: Progress | None = None,
 ) -> Filtered:
     """Filter one timeline from ``start``.
 
-    ``frozen`` gains (K, n) replace the filter's own, so that two runs differ by the model alone;
-    ``keep_gains`` and ``keep_signature`` fill those arrays.
+    With ``consider`` the gains weigh the parameters' spreads, and innovations are judged with
+    them; without, the filter takes the parameters for true and only its stated uncertainty has
+    the spreads (``with_signature``).  ``frozen`` gains (K, n) replace the filter's own, so that
+    two runs differ by the model alone; ``keep_gains`` and ``keep_signature`` fill those arrays.
     """
     n, m, K = len(start.x), len(compiled.thetas), len(timeline.t)
     rows = int(timeline.emit.max(initial=-1)) + 1
     outputs = len(compiled.model.outputs)
     belief = start.copy()
-    gained = np.zeros(n)
+    gained = np.zeros((2, n))
+    considered = compiled.spread**2 if consider and with_signature else np.zeros(0)
     gains = np.zeros((K if keep_gains else 0, n)) if frozen is None else frozen
     out = (np.zeros((rows, n)), np.zeros((rows, n, n)), np.zeros((rows, n)),
            np.zeros((rows, outputs, 2)), np.zeros((rows, 3 + m)), np.zeros((rows, n)))  # fmt: skip
@@ -187,9 +191,9 @@ def run(
             sensor[0] = emit[0] = -1
         total += compiled.functions.run(
             belief.x, belief.P, belief.S, belief.E, belief.cE, belief.sE, gained, compiled.spread,
-            timeline.t[piece], sensor, timeline.z[piece], timeline.R[piece], timeline.u[piece],
-            timeline.row[piece], timeline.W, timeline.Q, timeline.longest, timeline.noise,
-            timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,
+            considered, timeline.t[piece], sensor, timeline.z[piece], timeline.R[piece],
+            timeline.u[piece], timeline.row[piece], timeline.W, timeline.Q, timeline.longest,
+            timeline.noise, timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,
             frozen is not None, gains[piece] if len(gains) else gains, *out,
             innovation[piece], signature[piece] if len(signature) else signature,
         )  # fmt: skip

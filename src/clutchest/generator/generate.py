@@ -110,7 +110,7 @@ def _simulate(plan: Scenario, duration: float, legs: NDArray, truck: NDArray,
         "clutch_torque": slow[:, 5], "mode": np.array(plant.MODES)[slow[:, 7].astype(int)],
         "slip_speed": engine - shaft, "slip_energy": slow[:, 6], "engine_torque": torque,
         "input_shaft_speed": shaft, "slave_position": truck[0]["position_origin"] + slave,
-        "vehicle_speed": speed,
+        "vehicle_speed": speed, "wear_rate": np.full(len(time), float(truck[0]["wear_rate"])),
     }  # fmt: skip
     return fast, Truth(time, {name: np.ascontiguousarray(v) for name, v in columns.items()})
 

@@ -34,13 +34,16 @@ STATES = (
     State("temp_disc", "°C", "T_d", "friction disc", 0.1, 15.0, 40.0,
           "a slip, or the actuator retracted right after one", 0.1),
     State("zero_position", "mm", "x0_ref", "closed slave position at T_ref; wear lowers it",
-          1e-5, 0.2, 0.12, "the actuator fully retracted at a known temperature"),
+          1e-5, 0.2, 0.12, "the actuator fully retracted at a known temperature",
+          slip_noise=1e-5),
     State("friction", "1", "μ/μ_0", "torque relative to the curve", 5e-4, 0.1, 0.05,
           "a launch: torque through a slipping clutch"),
     State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0,
           "any sample of the engine speed", carried=False),
     State("torque_bias", "Nm", "M_bias", "reported engine torque less the true one",
           1.0, 30.0, 25.0, "an open clutch with changing engine speed", carried=False),
+    State("wear_rate", "mm/MJ", "w", "wear per slip energy", 0.0, 0.05, 0.01,
+          "some ten megajoules of slip, and the actuator retracted before and after"),
 )
 
 PARAMETERS = (
@@ -201,6 +204,11 @@ def housing(q: Quantities) -> None:
     q.temp_housing_rate = q.housing_heat / q.heat_capacity_housing
 
 
+def wear(q: Quantities) -> None:
+    """Our extension: slip wears the pads in proportion to its energy, as Archard's law has it."""
+    q.zero_position_rate = -q.wear_rate * 1e-6 * q.power
+
+
 def engine(q: Quantities) -> None:
     """J_e dω_e/dt = M_e − M_c while not locked; the measured slope otherwise."""
     unlocked = (q.true_engine_torque - q.clutch_torque) / q.engine_inertia
@@ -237,23 +245,25 @@ DRY_CLUTCH = Model(
         torque_from_position,
         power_modelled,
         temperatures,
+        wear,
         engine,
         readings,
     ),
 )
 
 _NO_POSITION = "no slave position signal"
+_UNSEEN = ("zero_position", "wear_rate", "friction", "torque_bias")
 _NO_SLIP = "no input shaft speed signal, so that slip and its heat are unknown"
 
 # Without a slave position the clutch torque is what the engine gives less its inertia term.
 WITHOUT_POSITION = (
-    DRY_CLUTCH.without(position, correction)
+    DRY_CLUTCH.without(position, correction, wear)
     .without_input("slave_position")
     .swap(torque_from_position, torque_from_engine)
     .swap(power_modelled, power_measured)
     .swap(engine, engine_as_measured)
     .with_noise("engine_speed", 15.0)  # the slope of a shaken, coarse signal is a poor guide
-    .unobserved(dict.fromkeys(("zero_position", "friction", "torque_bias"), _NO_POSITION))
+    .unobserved(dict.fromkeys(_UNSEEN, _NO_POSITION))
 )
 
 # Without the input shaft's speed there is no slip to heat anything: only torque and speed remain.

@@ -13,7 +13,8 @@ class State:
     ``process_noise`` (unit/√s) and ``initial_std`` (unit) hold where the vehicle file is silent;
     ``useful_std`` is the largest standard deviation at which the estimate still tells something;
     ``informed_by`` is the manoeuvre that lowers it.  ``parked_noise`` (unit/√s) is what a parked
-    vehicle adds: wear and friction stay as they were.  What is not ``carried`` starts every drive
+    vehicle adds: wear and friction stay as they were; ``slip_noise`` (unit/√J) is what slip adds,
+    by the energy it turns to heat.  What is not ``carried`` starts every drive
     from its prior.
     """
 
@@ -26,6 +27,7 @@ class State:
     useful_std: float
     informed_by: str = ""
     parked_noise: float = 0.0
+    slip_noise: float = 0.0
     carried: bool = True
     role: str = "adaptive"  # adaptive | constant | nuisance
 
