@@ -6,7 +6,7 @@ Whatever is heavy is imported by the verb that needs it, so that ``--help`` answ
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -330,6 +330,25 @@ def simulate(
             help="Something that is wrong with the truth; repeat for several.",
         ),
     ] = None,
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE",
+            show_default=False,
+            help="What wanders during the drive: torque_bias_walk Nm/√s from a start of "
+            "torque_bias_std Nm, friction_walk 1/√s from friction_std; repeat for several.",
+        ),
+    ] = None,
+    truck_seed: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=0,
+            show_default=False,
+            help="Draws the truck's parameters, while --seed draws the drive: another drive of "
+            "the same truck. The same as --seed unless said.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Make a log of a drive whose truth is known.
@@ -340,9 +359,19 @@ def simulate(
     Example:
       clutchest simulate --vehicle truck --scenario city --seed 1 -o city.log
       clutchest simulate --vehicle truck --scenario launches --seed 2 \\
-          --effect wear:amount=0.5,rate=0.02 -o worn.mf4
+          --effect wear:amount=0.5,rate=0.02 --disturb friction_walk=5e-4 -o worn.mf4
     """
-    effects = dict(_effect(text) for text in effect or ())
+    effects: dict[str, dict[str, float]] = {}
+    for text in effect or ():
+        name, colon, values = text.partition(":")
+        if not colon:
+            raise typer.BadParameter(
+                f"'{text}' is not NAME:P=V,P2=V2, for example wear:amount=0.5",
+                param_hint="--effect",
+            )
+        _numbers(values.split(","), effects.setdefault(name.strip(), {}), "--effect")
+    disturbances: dict[str, float] = {}
+    _numbers(disturb or (), disturbances, "--disturb")
     with _progress() as progress:
         progress("simulating", None)
         from clutchest.record.files import finished_into
@@ -358,6 +387,8 @@ def simulate(
                 effects,
                 nominal=nominal,
                 duration=duration,
+                truck_seed=truck_seed,
+                disturbances=disturbances,
             )
     truth = out.parent / truth.name
     if as_json:
@@ -367,20 +398,24 @@ def simulate(
                 "truth": str(truth),
                 "scenario": scenario,
                 "seed": seed,
+                "truck_seed": seed if truck_seed is None else truck_seed,
                 "effects": effects,
+                "disturbances": disturbances,
             }
         )
         return
     print(f"Written: {out} and {truth.name}")
 
 
-def _effect(text: str) -> tuple[str, dict[str, float]]:
-    """``wear:amount=0.5,rate=0.02`` taken apart."""
-    name, _, values = text.partition(":")
-    try:
-        pairs = [pair.split("=") for pair in values.split(",")]
-        return name.strip(), {key.strip(): float(value) for key, value in pairs}
-    except ValueError:
-        raise typer.BadParameter(
-            f"'{text}' is not NAME:P=V,P2=V2, for example wear:amount=0.5", param_hint="--effect"
-        ) from None
+def _numbers(given: Iterable[str], into: dict[str, float], option: str) -> None:
+    """``KEY=VALUE`` texts into ``into``; a key may come once."""
+    for text in given:
+        key, _, value = (part.strip() for part in text.partition("="))
+        if key in into:
+            raise typer.BadParameter(f"'{key}' is given twice", param_hint=option)
+        try:
+            into[key] = float(value)
+        except ValueError:
+            raise typer.BadParameter(
+                f"'{text}' is not KEY=VALUE with a number", param_hint=option
+            ) from None

@@ -18,7 +18,7 @@ from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, Sampled, generate
+from clutchest.generator import Channel, Disturbances, Sampled, generate
 from clutchest.models import card
 from clutchest.reading import load_database
 from clutchest.reading.mapping import mapped_messages, signals_of
@@ -35,11 +35,15 @@ Effects = Mapping[str, Mapping[str, float]]
 
 class Options(TypedDict, total=False):
     """``duration`` s, the scenario's own unless given; ``nominal``: parameters as they stand in
-    the vehicle file, not drawn from their spreads; ``noise_ar``: AR(1) coefficient of all noise
-    in place of the file's; ``outliers``: share of samples that are far off."""
+    the vehicle file, not drawn from their spreads; ``truck_seed``: draws them, while the seed
+    draws the drive (the same unless said); ``disturbances``: name → size of what wanders during
+    the drive, see :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of
+    all noise in place of the file's; ``outliers``: share of samples that are far off."""
 
     duration: float | None
     nominal: bool
+    truck_seed: int | None
+    disturbances: Mapping[str, float]
     noise_ar: float | None
     outliers: float
 
@@ -97,10 +101,12 @@ def write_simulation(
         {
             "scenario": scenario,
             "seed": seed,
+            "truck_seed": _truck_seed(seed, options),
             "clutchest": version("clutchest"),
             "vehicle": vehicle.name,
             "vehicle_hash": vehicle.hash,
             "effects": _all_effects(vehicle, effects),
+            "disturbances": Disturbances.of(options.get("disturbances", {})).sizes(),
             "parameters": dict(sampled.parameters),
             "options": dict(options),
         },
@@ -136,9 +142,11 @@ def _drive(
         nominal=options.get("nominal", False),
         duration=options.get("duration"),
         effects=effects,
+        disturbances=Disturbances.of(options.get("disturbances", {})),
         outliers=options.get("outliers", 0.0),
+        truck_seed=options.get("truck_seed"),
     )
-    start = _start(vehicle, scenario, seed, effects)
+    start = _start(vehicle, scenario, seed, effects, options)
     frames = _frames(vehicle, database, sampled, start)
     late = (frames.t_ns[0] - start) / 1e9
     seen = sampled.truth.time >= late
@@ -154,12 +162,21 @@ def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[st
     return merged
 
 
-def _start(vehicle: Vehicle, scenario: str, seed: int, effects: Effects) -> int:
+def _truck_seed(seed: int, options: Options) -> int:
+    given = options.get("truck_seed")
+    return seed if given is None else given
+
+
+def _start(vehicle: Vehicle, scenario: str, seed: int, effects: Effects, options: Options) -> int:
     """Epoch ns of t = 0: the same for the same drive, and apart for different ones, so that logs
     read together are not taken for pieces of one drive; a higher seed is a later drive."""
-    fingerprint = repr(
-        (vehicle.name, scenario, sorted((n, sorted(v.items())) for n, v in effects.items()))
-    )
+    ordered = sorted((name, sorted(values.items())) for name, values in effects.items())
+    drive: list[object] = [vehicle.name, scenario, ordered]
+    if (truck := _truck_seed(seed, options)) != seed:
+        drive.append(truck)
+    if wandering := options.get("disturbances"):
+        drive.append(sorted(wandering.items()))
+    fingerprint = repr(tuple(drive))
     slot = crc32(fingerprint.encode()) % 240
     return (_EPOCH + seed % 1000 * 10 * _DAY + slot * _SLOT) * 1_000_000_000
 

@@ -29,6 +29,13 @@ class Effect:
     at_least: Values = field(default_factory=dict)  # parameter → bound that must be exceeded
 
 
+# Per name of a parameter, a magnitude that no truck reaches: beyond it a drive is nonsense.
+LARGEST: Values = MappingProxyType({
+    "amount": 20.0, "rate": 10.0, "offset": 20.0, "shift": 5.0, "play": 5.0,  # mm, mm/MJ
+    "change": 4.0, "slope": 5.0, "fraction": 1.0, "speed": 1e3, "onset": 1e3,  # –, rad/s, °C
+    "bias": 3500.0, "coefficient": 1e4, "conductance": 1e4, "delay": 2.0,  # Nm, W/K, s
+})  # fmt: skip
+
 _CHANGE = {"change": 0.0}
 _SHRINKS = {"change": -1.0}  # a coefficient must stay positive
 
@@ -112,6 +119,9 @@ def complete(effects: Mapping[str, Values]) -> dict[str, dict[str, float]]:
             if value <= effect.at_least.get(key, -np.inf):
                 raise ClutchestError(f"effect '{name}': {key} = {value:g}, "
                                      f"expected more than {effect.at_least[key]:g}")  # fmt: skip
+            if abs(value) > LARGEST[key]:
+                raise ClutchestError(f"effect '{name}': {key} = {value:g}, expected a magnitude "
+                                     f"of at most {LARGEST[key]:g}")  # fmt: skip
     return {name: {**effect.parameters, **effects.get(name, {})}
             for name, effect in EFFECTS.items()}  # fmt: skip
 

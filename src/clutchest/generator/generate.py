@@ -27,14 +27,16 @@ def generate(
     parameters: Values, spreads: Values, scenario: str, seed: int, channels: Sequence[Channel], *,
     nominal: bool = False, duration: float | None = None,
     effects: Mapping[str, Values] | None = None, disturbances: Disturbances | None = None,
-    outliers: float = 0.0,
+    outliers: float = 0.0, truck_seed: int | None = None,
 ) -> Sampled:  # fmt: skip
     """Drive ``scenario`` with a truck drawn around ``parameters`` (keys and units of a dry
     clutch's vehicle file) with standard deviations ``spreads``; undrawn if ``nominal``.
 
     ``zero_position_ref`` itself is never drawn: its spread is that of the truth's x0_ref.
-    ``outliers`` is the share of samples that are far off.  Raises ClutchestError for an unknown
-    scenario, effect, channel or missing parameter.
+    ``outliers`` is the share of samples that are far off.  ``truck_seed`` draws the truck's
+    parameters and its x0_ref, ``seed`` all that a drive brings: load, road, weather, noise and
+    ``disturbances``; the same unless said.  Raises ClutchestError for an unknown scenario,
+    effect, channel or missing parameter.
     """
     if scenario not in SCENARIOS:
         raise ClutchestError(f"unknown scenario '{scenario}'" + nearest(scenario, SCENARIOS))
@@ -42,14 +44,20 @@ def generate(
     duration = plan.duration if duration is None else float(duration)
     if not 0 < duration < np.inf:
         raise ClutchestError(f"duration {duration:g} s: expected more than 0 s")
-    if seed < 0:
-        raise ClutchestError(f"seed {seed}: expected 0 or more")
+    truck_seed = seed if truck_seed is None else truck_seed
+    for name, number in (("seed", seed), ("truck_seed", truck_seed)):
+        if number < 0:
+            raise ClutchestError(f"{name} {number}: expected 0 or more")
     for key in RANGES:
         if key not in parameters:
             raise ClutchestError(f"parameter '{key}' is missing" + nearest(key, parameters))
     disturbances = disturbances or Disturbances()
     active = complete(effects or {})
-    drawn, zero_position = draw(parameters, {} if nominal else spreads, seed)
+    for name in ("torque_delay", "position_delay"):
+        if active[name]["delay"] >= duration:
+            raise ClutchestError(f"effect '{name}': delay = {active[name]['delay']:g} s, "
+                                 f"expected less than the drive's {duration:g} s")  # fmt: skip
+    drawn, zero_position = draw(parameters, {} if nominal else spreads, truck_seed)
     around = surroundings(seed, duration, disturbances, active["friction_level"]["change"],
                           active["torque_bias"]["bias"])  # fmt: skip
     road = stream(seed, "road")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from zlib import crc32
 
 import numpy as np
 
+from clutchest.errors import ClutchestError, nearest
 from clutchest.generator.recursion import recur
 from clutchest.signals import Floats
 
@@ -23,6 +26,28 @@ class Disturbances:
     torque_bias_std: float = 0.0
     friction_walk: float = 0.0
     friction_std: float = 0.0
+
+    @classmethod
+    def of(cls, given: Mapping[str, float]) -> Disturbances:
+        """From name → value.  Raises ClutchestError for an unknown name or a size that cannot
+        be."""
+        for name, value in given.items():
+            if name not in LARGEST:
+                raise ClutchestError(f"unknown disturbance '{name}'" + nearest(name, LARGEST))
+            if not 0 <= value <= LARGEST[name]:
+                raise ClutchestError(f"disturbance '{name}' = {value:g}: "
+                                     f"expected 0 to {LARGEST[name]:g}")  # fmt: skip
+        return cls(**given)
+
+    def sizes(self) -> dict[str, float]:
+        """Name → value."""
+        return asdict(self)
+
+
+# Beyond these the friction runs into its clip, or the bias exceeds what an engine reports.
+LARGEST: Mapping[str, float] = MappingProxyType({
+    "torque_bias_walk": 50.0, "torque_bias_std": 500.0, "friction_walk": 0.02, "friction_std": 0.2,
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
