@@ -34,8 +34,10 @@ def drives():
 def test_the_truth_lies_within_the_stated_uncertainty(drives, name):
     inside = [np.abs(e) < 1.96 * std for e, std in (error(r, s.truth, name) for s, r in drives)]
     assert np.mean(inside) >= 0.90
-    # and the uncertainty is no excuse: it shrinks to something of use
-    assert all(run.summary["states"][name]["valid"] for _, run in drives)
+    # and the uncertainty is no excuse: it shrinks to something of use, but ten minutes are too
+    # short to tell a rate of wear
+    known = [run.summary["states"][name]["valid"] for _, run in drives]
+    assert all(known) if name != "wear_rate" else not any(known)
 
 
 def test_torque_while_slipping(drives):

@@ -1,0 +1,77 @@
+"""Drives drawn from the filter's own stated model, to judge the filter by: start from its prior,
+process noise Q and sensor noise R as stated, parameters exactly known.
+
+What such a drive cannot judge is the model itself; that is the generator's part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clutchest.errors import ClutchestError
+from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.whole_log import Belief, Compiled
+from clutchest.signals import Floats
+
+FINEST = 0.01  # s, longest step of the truth
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """Keeps a ``sensor``'s reading near the plan's: ``answers`` says by how much each input goes
+    up per unit that the last reading fell short."""
+
+    sensor: str
+    answers: Mapping[str, float]
+
+
+ENGINE_DRIVER = Driver("engine_speed", {"engine_torque": 100.0, "engine_acceleration": 5.0})
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A drive from the model: ``timeline`` with its readings and inputs, truth ``x`` (rows, n).
+
+    ``bound`` (rows, n): posterior Cramér–Rao bound of this trajectory, a variance.
+    """
+
+    timeline: Timeline
+    x: Floats
+    bound: Floats
+
+
+def draw(
+    compiled: Compiled,
+    plan: Timeline,
+    prior: Belief,
+    seed: int,
+    start: Floats | None = None,
+    driver: Driver | None = ENGINE_DRIVER,
+) -> Drawn:
+    """A drive along ``plan``: its stamps, modes and inputs, with readings of a truth of its own.
+
+    The truth starts at ``start`` (n), unless given a draw from ``prior``.  Its engine would not
+    keep the plan's speed by itself: ``driver`` answers to readings, which the filter sees too.
+    Raises ClutchestError for a model with a step map.
+    """
+    if compiled.functions.HAS_MAP:
+        raise ClutchestError("a drive cannot be drawn from a model whose state jumps")
+    model, n = compiled.model, len(prior.x)
+    rng = np.random.default_rng(seed)
+    if start is None:
+        start = prior.x + np.linalg.cholesky(prior.P) @ rng.standard_normal(n)
+    watched = model.sensor(driver.sensor) if driver else -1
+    answers = driver.answers if driver else {}
+    pull = np.array([answers.get(item.name, 0.0) for item in model.inputs])
+    rows = int(plan.emit.max()) + 1
+    u, z = plan.u.copy(), np.zeros(len(plan.t))
+    x, bound = np.zeros((rows, n)), np.zeros((rows, n))
+    compiled.functions.draw(
+        rng, start.copy(), prior.P.copy(), plan.t, plan.sensor, plan.R, u,
+        plan.row, plan.W, plan.Q, plan.longest, FINEST, plan.noise, compiled.p, compiled.g,
+        watched, plan.z, pull, plan.emit, z, x, bound,
+    )  # fmt: skip
+    return Drawn(replace(plan, u=u, z=z), x, bound)
