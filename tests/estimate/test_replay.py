@@ -106,7 +106,7 @@ def test_half_an_hour_without_slip_informs_no_friction():
     assert (np.diff(friction.std) > -1e-9).all()  # nothing grows surer
     told = run.summary["states"]["friction"]
     assert not told["valid"]
-    assert "launch" in told["why"]
+    assert "launch" in told["needs"]
 
 
 def test_a_log_in_pieces_gives_the_same_answer(drives, monkeypatch):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
 from clutchest.models import card
 from clutchest.signals import Signals
@@ -47,6 +48,11 @@ def run_of(vehicle, signals: Signals) -> Run:
             "std": e.std[-1],
             "valid": bool(e.valid[-1]),
             "why": None if e.valid[-1] else "no launch yet",
+            "needs": None if e.valid[-1] else "a launch",
+            "information_bits": {"total": 2.5, "slipping": 2.0, "retracted": 0.5},
+            "informed_at_s": last.time[-1],
+            "not_observable_now": None,
+            "moves_with": {},
         }
         for name, e in last.states.items()
     }
@@ -67,6 +73,7 @@ def run_of(vehicle, signals: Signals) -> Run:
         "states": states,
         "sensors": sensors,
         "log_likelihood": float("nan"),
+        "wear": {"words": ["Worn 0.14 ± 0.05 mm of 3 mm.", "Left: 140 MJ [95 %: 36 to 200]."]},
         "engagements": [],
         "warnings": ["parameter 'kiss_point' is a guess"],
     }
@@ -108,4 +115,5 @@ def track_of(vehicle, drive: Signals, seed: int) -> Track:
         innovations,
         (Engagement(3.1, 1.9, 52e3, 1.8e3, 640.0, 96.0),),
         -12.5,
+        Information((), time, np.zeros(len(time), np.uint8), np.zeros((len(time), 0))),
     )

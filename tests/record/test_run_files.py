@@ -135,6 +135,7 @@ def test_terminal_table(run):
     text = words(run)
     disc = run.summary["states"]["temp_disc"]
     assert f"{disc['value']:.1f} ± {disc['std']:.1f} °C" in text
+    assert "Left: 140 MJ [95 %: 36 to 200]." in text
     assert "1 slip event, 52.0 ± 1.8 kJ of heat, disc at most 96 °C." in text
     assert "warning: parameter 'kiss_point' is a guess" in text
 
@@ -147,12 +148,19 @@ def test_terminal_says_what_was_not_used(run):
 
 def test_terminal_says_why_not_valid(run):
     states = dict(run.summary["states"])
-    states["friction"] = {"value": None, "std": None, "valid": False, "why": "it needs a [launch]"}
+    states["friction"] = {
+        **states["friction"],
+        "value": None,
+        "std": None,
+        "valid": False,
+        "why": "nothing informs it",
+        "needs": "a [launch]",
+    }
     tracks = tuple(replace(track, engagements=()) for track in run.tracks)
     warnings = [f"warning {k}" for k in range(20)]
     text = words(
         replace(run, tracks=tracks, summary={**run.summary, "states": states, "warnings": warnings})
     )
-    assert "no: it needs a [launch]" in text
+    assert "nothing informs it; needs a [launch]" in text
     assert "The clutch never slipped." in text
     assert "… and 12 more warnings" in text

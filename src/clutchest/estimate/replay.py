@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchest import __version__
 from clutchest.errors import ClutchestError
 from clutchest.estimate.modes import MODE_NAMES, Mode, runs
+from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
-from clutchest.estimate.start import carried_on, fresh, leave
-from clutchest.estimate.summary import summarise
+from clutchest.estimate.start import History, carried_on, fresh, leave
+from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import (
     Compiled,
@@ -72,9 +72,14 @@ def replay(
             warnings += [warning] if warning else []
         filtered = run(compiled, timeline, start, consider=True, progress=progress)
         track = _track(vehicle, compiled, timeline, filtered)
-        state = leave(vehicle, compiled, timeline, filtered.final, drive.start_ns)
+        history = History.of(state).after(
+            float(timeline.t[-1] - timeline.t[0]),
+            len(track.engagements),
+            max(float(filtered.final.E[0] - start.E[0]), 0.0),
+        )
+        state = leave(vehicle, compiled, timeline, filtered.final, drive.start_ns, history)
         tracks.append(track)
-        parts.append((drive, compiled, timeline, filtered, warnings))
+        parts.append(Part(drive, compiled, timeline, filtered, warnings, history))
         digest = compiled.digest
     assert state is not None  # a log has at least one drive
     return Run(
@@ -98,6 +103,7 @@ def _track(vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: F
         # pressed together or not is the model's word: the kiss point moves with heat and wear
         apart = mode <= Mode.slipping
         mode[apart] = np.where(idle[apart], Mode.open, Mode.slipping)
+    information = Information.of(compiled, time, mode, filtered.gained)
     grid = timeline.grid
     states = {}
     for i, state in enumerate(model.states):
@@ -127,8 +133,9 @@ def _track(vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: F
             filtered.innovation[sensed, 0],
             np.sqrt(filtered.innovation[sensed, 1]),
         ),
-        engagements=_engagements(compiled, time, mode, torque[:, 0], filtered),
+        engagements=_engagements(compiled, information, torque[:, 0], filtered),
         log_likelihood=filtered.log_likelihood,
+        information=information,
     )
 
 
@@ -139,13 +146,10 @@ def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:
 
 
 def _engagements(
-    compiled: Compiled,
-    time: Floats,
-    mode: NDArray[np.uint8],
-    torque: Floats,
-    filtered: Filtered,
+    compiled: Compiled, information: Information, torque: Floats, filtered: Filtered
 ) -> tuple[Engagement, ...]:
     """Slip events: runs of rows in which the clutch slips and passes torque."""
+    time, mode = information.time, information.mode
     disc = compiled.model.state("temp_disc")
     found = []
     for a, b in zip(*runs(mode == Mode.slipping), strict=True):
@@ -165,6 +169,7 @@ def _engagements(
                 energy_std_J=float(np.sqrt(variance)),
                 peak_torque=float(passed[np.argmax(np.abs(passed))]),
                 peak_temp_disc=float(filtered.x[first : last + 1, disc].max()),
+                information_bits=information.between(time[first], time[last]).total(),
             )
         )
     return tuple(found)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.estimate.observability import Information
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
@@ -47,7 +48,7 @@ class Innovations:
 
 @dataclass(frozen=True, slots=True)
 class Engagement:
-    """One slip event: s, s, J (± std), Nm, °C."""
+    """One slip event: s, s, J (± std), Nm, °C; bits that measurements told of each state in it."""
 
     start_s: float
     duration_s: float
@@ -55,13 +56,15 @@ class Engagement:
     energy_std_J: float
     peak_torque: float
     peak_temp_disc: float
+    information_bits: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
     """The estimates of one drive on the output grid.
 
-    ``mode`` uint8 (m,), index into ``mode_names``; ``states`` by state name.
+    ``mode`` uint8 (m,), index into ``mode_names``; ``states`` by state name; ``information``
+    is denser than the grid while the clutch slips.
     """
 
     time: Floats
@@ -73,6 +76,7 @@ class Track:
     innovations: Innovations
     engagements: tuple[Engagement, ...]
     log_likelihood: float
+    information: Information
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, dataclass, fields, replace
 from math import isfinite
 from typing import Any
 
@@ -19,6 +19,31 @@ from clutchest.vehicle import Vehicle
 COOLING = 3600.0  # s, time constant at which the coolant of a parked engine follows the air
 LONGEST_SOAK = 48 * 3600.0  # s, after which every temperature has long settled
 PARKED_STEP = 5.0  # s, a quarter of the disc's time constant
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """What the drives so far add up to: how hard this clutch is used.
+
+    ``slip_energy_J`` belongs to the same drives as the rest; a state file may know of more.
+    """
+
+    driven_s: float = 0.0
+    engagements: int = 0
+    slip_energy_J: float = 0.0
+
+    @classmethod
+    def of(cls, state: Mapping[str, Any] | None) -> History:
+        """That of what :func:`leave` wrote; empty where it is silent or nothing is carried over."""
+        return cls(**(state or {}).get("history", {}))
+
+    def after(self, driven_s: float, engagements: int, slip_energy_J: float) -> History:
+        """With one more drive."""
+        return History(
+            self.driven_s + driven_s,
+            self.engagements + engagements,
+            self.slip_energy_J + slip_energy_J,
+        )
 
 
 def prior_std(vehicle: Vehicle, compiled: Compiled) -> Floats:
@@ -95,6 +120,7 @@ def leave(
     timeline: Timeline,
     belief: Belief,
     start_ns: int | None,
+    history: History,
 ) -> dict[str, Any]:
     """What the next drive needs, ready for JSON."""
     inputs = [i.name for i in compiled.model.inputs]
@@ -111,6 +137,7 @@ def leave(
         "slip_energy": belief.E.tolist(),
         "slip_energy_covariance": belief.cE.tolist(),
         "slip_energy_signature": belief.sE.tolist(),
+        "history": asdict(history),
     }
 
 
@@ -163,6 +190,13 @@ def _check_numbers(state: Mapping[str, Any], n: int) -> None:
     time = state.get("time_ns")
     if time is not None and (isinstance(time, bool) or not isinstance(time, int)):
         raise damaged("time_ns", "a whole number of ns or null")
+    history, wanted = state.get("history", {}), {field.name for field in fields(History)}
+    if not (
+        isinstance(history, Mapping)
+        and set(history) <= wanted
+        and all(_finite(number) and number >= 0 for number in history.values())
+    ):
+        raise damaged("history", f"numbers of {', '.join(sorted(wanted))}")
 
 
 def _finite(value: Any) -> bool:

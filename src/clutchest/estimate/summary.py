@@ -2,24 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from clutchest.estimate.modes import MODE_NAMES
+from clutchest.estimate.observability import (
+    NOTHING,
+    between_engagements,
+    moves_with,
+    moving_together,
+    needs,
+    not_observable_now,
+)
 from clutchest.estimate.run import Track
-from clutchest.estimate.start import prior_std
+from clutchest.estimate.start import History
 from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.wear import wear_trend
 from clutchest.estimate.whole_log import Compiled, Filtered
 from clutchest.models.symbols import State
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
-INFORMED = 1e-3  # share of a variance that must fall between two outputs to count
-Part = tuple[Signals, Compiled, Timeline, Filtered, list[str]]
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What the summary needs of one drive beside its track; ``history`` with it included."""
+
+    drive: Signals
+    compiled: Compiled
+    timeline: Timeline
+    filtered: Filtered
+    warnings: list[str]
+    history: History
 
 
 def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) -> dict[str, Any]:
@@ -27,7 +45,8 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
     rejected: dict[str, int] = {}
     messages: dict[str, dict[str, int]] = {}
     warnings: list[str] = []
-    for number, (drive, *_, own) in enumerate(parts):
+    for number, part in enumerate(parts):
+        drive = part.drive
         for reason, count in drive.counts.rejected.items():
             rejected[reason] = rejected.get(reason, 0) + count
         for message, counts in drive.counts.messages.items():
@@ -35,30 +54,36 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
             for reason, count in counts.items():
                 total[reason] = total.get(reason, 0) + count
         prefix = f"drive {number}: " if len(parts) > 1 else ""
-        warnings += [prefix + warning for warning in (*drive.warnings, *own)]
+        warnings += [prefix + warning for warning in (*drive.warnings, *part.warnings)]
     if vehicle.guessed:
         every = len(vehicle.guessed) == len(vehicle.parameters)
         names = f"all {len(vehicle.guessed)}" if every else ", ".join(vehicle.guessed)
         warnings.append(f"guessed parameters, by {vehicle.path.name}: {names}")
-    last, (_, compiled, timeline, filtered, _) = tracks[-1], parts[-1]
+    last, end = tracks[-1], parts[-1]
     return {
         "vehicle": vehicle.name,
-        "frames": sum(p[0].counts.frames for p in parts),
-        "frames_decoded": sum(p[0].counts.decoded for p in parts),
+        "frames": sum(p.drive.counts.frames for p in parts),
+        "frames_decoded": sum(p.drive.counts.decoded for p in parts),
         "frames_rejected": rejected,
         "messages": messages,
-        "duration_s": float(sum(p[2].t[-1] - p[2].t[0] for p in parts)),
+        "duration_s": float(sum(p.timeline.t[-1] - p.timeline.t[0] for p in parts)),
         "drives": len(tracks),
         "modes_s": _modes(tracks),
-        "states": {
-            state.name: _state(vehicle, compiled, timeline, filtered, last, i)
-            for i, state in enumerate(compiled.model.states)
-        },
+        "states": _states(vehicle, tracks, end),
+        "wear": wear_trend(vehicle, end.compiled, end.filtered.final, end.history),
         "sensors": _sensors(tracks),
         "engagements": [
             {"drive": number, **asdict(engagement)}
             for number, track in enumerate(tracks)
             for engagement in track.engagements
+        ],
+        "between_engagements": [
+            {"drive": number, **piece}
+            for number, track in enumerate(tracks)
+            for piece in between_engagements(
+                track.information,
+                [(e.start_s, e.start_s + e.duration_s) for e in track.engagements],
+            )
         ],
         "slip_energy_J": _number(last.slip_energy.value),
         "slip_energy_std_J": _number(last.slip_energy.std),
@@ -84,50 +109,65 @@ def _modes(tracks: Sequence[Track]) -> dict[str, float]:
     return spent
 
 
-def _state(
-    vehicle: Vehicle,
-    compiled: Compiled,
-    timeline: Timeline,
-    filtered: Filtered,
-    track: Track,
-    i: int,
-) -> dict[str, Any]:
-    """Final value, standard deviation, whether to trust it and, if not, why."""
-    state = compiled.model.states[i]
-    estimate = track.states[state.name]
-    value, std = float(estimate.value[-1]), float(estimate.std[-1])
-    valid = bool(estimate.valid[-1])
-    why = None
-    if not valid:
-        why = compiled.model.unobservable.get(state.name) or _too_wide(
-            state, std, float(np.sqrt(filtered.P[-1, i, i])), prior_std(vehicle, compiled)[i]
-        )
-    return {
-        "value": value if isfinite(value) else None,
-        "std": std if isfinite(std) else None,
-        "unit": state.unit,
-        "valid": valid,
-        "why": why,
-        "informed_at_s": _informed(timeline, filtered, i),
-    }
+def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, dict[str, Any]]:
+    """Final values, standard deviations, whether to trust them, and what would tell more."""
+    model, track = part.compiled.model, tracks[-1]
+    together = moving_together(part.compiled, part.filtered.final)
+    found = {}
+    for i, state in enumerate(model.states):
+        estimate = track.states[state.name]
+        value, std = float(estimate.value[-1]), float(estimate.std[-1])
+        valid = bool(estimate.valid[-1])
+        told: dict[str, Any] = {
+            "value": value if isfinite(value) else None,
+            "std": std if isfinite(std) else None,
+            "unit": state.unit,
+            "valid": valid,
+        }
+        if state.name in model.unobservable:
+            why = model.unobservable[state.name]
+            told |= {
+                "why": why,
+                "needs": "the missing signal",
+                "information_bits": None,
+                "informed_at_s": None,
+                "not_observable_now": why,
+                "moves_with": {},
+            }
+        else:
+            bits = _bits(tracks, state.name)
+            partners = together[state.name]
+            own = float(np.sqrt(part.filtered.P[-1, i, i]))
+            told |= {
+                "why": None if valid else _too_wide(state, std, own, bits["total"], partners),
+                "needs": None if valid else needs(model.name, state, partners),
+                "information_bits": bits,
+                "informed_at_s": track.information.informed_at(state.name),
+                "not_observable_now": not_observable_now(track.information, state.name),
+                "moves_with": partners,
+            }
+        found[state.name] = told
+    return found
 
 
-def _too_wide(state: State, std: float, own: float, prior: float) -> str:
+def _bits(tracks: Sequence[Track], name: str) -> dict[str, float]:
+    """What measurements told of a state over all drives, in all and by mode."""
+    informed = [t.information.by_mode() for t in tracks if name in t.information.names]
+    modes = {mode: sum(drive[mode][name] for drive in informed) for mode in MODE_NAMES}
+    return {"total": sum(modes.values()), **modes}
+
+
+def _too_wide(
+    state: State, std: float, own: float, bits: float, partners: Mapping[str, float]
+) -> str:
     """Why a standard deviation is too large to be of use."""
-    if own >= 0.98 * prior:
-        return f"nothing in this log informs it; it needs {state.informed_by}"
+    if bits < NOTHING:
+        return "nothing in this log informs it"
+    if together := moves_with(partners):
+        return together
     if std > 1.5 * own:
         return f"±{std:.2g} {state.unit}, most of it from the spread of the parameters"
-    return f"±{std:.2g} {state.unit} is too wide to be of use; it needs {state.informed_by}"
-
-
-def _informed(timeline: Timeline, filtered: Filtered, i: int) -> float | None:
-    """The last output time before which measurements lowered the state's variance by 0.1 %."""
-    gained = np.flatnonzero(np.diff(filtered.gained[:, i]) > INFORMED)
-    if not len(gained):
-        return None
-    rows = np.flatnonzero(timeline.emit >= 0)
-    return float(timeline.t[rows[gained[-1] + 1]])
+    return f"±{std:.2g} {state.unit} is too wide to be of use"
 
 
 def _sensors(tracks: Sequence[Track]) -> dict[str, dict[str, Any]]:

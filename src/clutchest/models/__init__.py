@@ -25,6 +25,7 @@ class ModelCard:
     inputs: tuple[Input, ...]
     sensors: tuple[Sensor, ...]
     columns: tuple[tuple[str, str], ...]  # canonical (name, unit) that a vehicle may map
+    apart: tuple[tuple[tuple[str, str], str], ...]  # two states, what tells them apart
 
 
 def card(model: str) -> ModelCard:
@@ -34,8 +35,9 @@ def card(model: str) -> ModelCard:
     from clutchest.models import dry_clutch as module
 
     return ModelCard(
-        model, module.STATES, module.PARAMETERS, module.INPUTS, module.SENSORS, module.COLUMNS
-    )
+        model, module.STATES, module.PARAMETERS, module.INPUTS, module.SENSORS, module.COLUMNS,
+        module.APART,
+    )  # fmt: skip
 
 
 def model_for(name: str, signals: Container[str]) -> Model:

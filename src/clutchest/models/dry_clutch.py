@@ -46,6 +46,18 @@ STATES = (
           "some ten megajoules of slip, and the actuator retracted before and after"),
 )
 
+# Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.
+APART = (
+    (("temp_body", "zero_position"), "slow cooling with the actuator retracted"),
+    (("temp_disc", "zero_position"), "slow cooling with the actuator retracted"),
+    (("temp_housing", "zero_position"), "slow cooling with the actuator retracted"),
+    (("temp_housing", "temp_body"), "a long cool-down with the actuator retracted"),
+    (("temp_disc", "temp_body"), "a slip, which heats the disc first"),
+    (("friction", "zero_position"), "the actuator retracted, which shows the position alone"),
+    (("friction", "torque_bias"), "an open clutch, which shows the bias alone"),
+    (("wear_rate", "zero_position"), "more slip, with the actuator retracted before and after"),
+)
+
 PARAMETERS = (
     Parameter("heat_capacity_body", "J/K", "(m c_p)_b", "heat capacity of the body", 1.0),
     Parameter("heat_capacity_housing", "J/K", "(m c_p)_h", "heat capacity of the housing", 1.0),

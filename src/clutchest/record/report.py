@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from clutchest.estimate.observability import NOTHING, moves_with
 from clutchest.estimate.run import Run
 from clutchest.record.quantities import Quantity, states_of
 
@@ -15,6 +17,9 @@ _HOW_TO_READ = (
     "Lines are estimates, the bands around them one standard deviation; a line is grey "
     "while its estimate is not valid."
 )
+
+
+BITS = "One bit of information halves a standard deviation."
 
 
 def plus_minus(quantity: Quantity, value: float | None, std: float | None) -> str:
@@ -33,10 +38,27 @@ def _decimals(value: float, digits: int) -> int:
     return int(np.clip(digits - 1 - np.floor(np.log10(abs(value))), 0, 6))
 
 
+def informed(state: Mapping[str, Any]) -> str:
+    """Why an entry of the summary's ``states`` is not known and what would help; else what told it
+    and what stands in the way of knowing it better."""
+    bits, now = state["information_bits"], state["not_observable_now"]
+    if not state["valid"]:
+        return f"{state['why']}; needs {state['needs']}"
+    parts = ["carried over"]
+    if bits["total"] >= NOTHING:
+        mode = max((m for m in bits if m != "total"), key=lambda m: bits[m])
+        shown = f"{bits['total']:.1f}" if bits["total"] < 100 else f"{bits['total']:.0f}"
+        parts = [f"{shown} bits, mostly {mode}"]
+    parts += [words for words in (moves_with(state["moves_with"]), now) if words]
+    return "; ".join(parts)
+
+
 def markdown(run: Run) -> str:
     """Summary, final states, engagements and warnings of ``run`` as one Markdown text."""
     parts = [f"# {run.vehicle.name}", _sources(run), _HOW_TO_READ]
-    parts += ["## What is known at the end", _states(run)]
+    parts += ["## What is known at the end", _states(run), BITS]
+    if run.summary["wear"]:
+        parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
     parts += ["## Slip events", _engagements(run)]
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
@@ -61,11 +83,11 @@ def _sources(run: Run) -> str:
 def _states(run: Run) -> str:
     rows = []
     for name, quantity in states_of(run).items():
-        state = run.summary["states"].get(name)
-        if state is not None:
-            known = "yes" if state["valid"] else f"no: {state.get('why') or 'uncertain'}"
-            rows.append((quantity.words, plus_minus(quantity, state["value"], state["std"]), known))
-    return _table(("quantity", "value ± 1σ", "valid"), rows)
+        state = run.summary["states"][name]
+        shown = plus_minus(quantity, state["value"], state["std"])
+        known = "yes" if state["valid"] else "no"
+        rows.append((quantity.words, shown, known, informed(state)))
+    return _table(("quantity", "value ± 1σ", "known", "informed by, or why not"), rows)
 
 
 def _engagements(run: Run) -> str:

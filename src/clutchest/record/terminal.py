@@ -10,30 +10,31 @@ from rich.table import Table
 from clutchest.estimate.run import Run
 from clutchest.reading.inspection import Inspection
 from clutchest.record.quantities import Quantity, states_of
-from clutchest.record.report import plus_minus
+from clutchest.record.report import BITS, informed, plus_minus
 
 _MOST_WARNINGS = 8
 
 
 def print_run(run: Run, console: Console) -> None:
-    """Print the final states, the slip events in one line, and the warnings of ``run``."""
+    """Print the final states with what told them, slip events and wear in a line or two each, and
+    the warnings of ``run``."""
     summary = run.summary
     title = f"{escape(run.vehicle.name)}: {summary['duration_s']:.0f} s"
     if len(run.tracks) > 1:
         title += f", {len(run.tracks)} drives"
     table = Table(
-        "quantity", "value ± 1σ", "valid", title=f"{title}, at the end", title_justify="left"
-    )
+        "quantity", "value ± 1σ", "known", "informed by, or why not",
+        title=f"{title}, at the end", title_justify="left", caption=BITS, caption_justify="left",
+    )  # fmt: skip
     for name, quantity in states_of(run).items():
         state = summary["states"][name]
         shown = plus_minus(quantity, state["value"], state["std"])
-        if state["valid"]:
-            table.add_row(quantity.words, shown, "yes", style="bold")
-        else:
-            why = escape(state["why"] or "too uncertain")
-            table.add_row(quantity.words, shown, f"no: {why}", style="dim")
+        known, style = ("yes", "bold") if state["valid"] else ("no", "dim")
+        table.add_row(quantity.words, shown, known, escape(informed(state)), style=style)
     console.print(table)
     console.print(_slip_events(run))
+    for words in summary["wear"]["words"] if summary["wear"] else ():
+        console.print(escape(words))
     for reason, count in summary["frames_rejected"].items():
         console.print(f"not used: {count} × {escape(reason)}")
     warnings = [str(text) for text in summary["warnings"]]

@@ -1,0 +1,141 @@
+"""How much is worn, how fast, and how long the pads will last, with the uncertainty of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from clutchest.estimate.observability import covariance
+from clutchest.estimate.start import History
+from clutchest.estimate.timeline import process_noise
+from clutchest.estimate.whole_log import Belief, Compiled
+from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
+
+Z = 1.96  # standard deviations of a 95 % interval
+MJ = 1e6
+
+Interval = tuple[float | None, float | None]
+
+
+def wear_trend(
+    vehicle: Vehicle, compiled: Compiled, belief: Belief, history: History
+) -> dict[str, Any] | None:
+    """The section ``wear`` of the summary after the drive that ended in ``belief``.
+
+    None where the model has no wear or the signals do not show it.
+    """
+    model = compiled.model
+    names = {state.name for state in model.states} - set(model.unobservable)
+    if not {"zero_position", "wear_rate"} <= names:
+        return None
+    position, rate = model.state("zero_position"), model.state("wear_rate")
+    P = covariance(compiled, belief)[np.ix_([position, rate], [position, rate])]
+    amount = vehicle.parameters["zero_position_ref"].value - float(belief.x[position])
+    known = any(effect.name == "wear" for effect in model.effects)
+    of_file = vehicle.effects["wear"].get("rate", 0.0) if known else 0.0
+    speed = float(belief.x[rate]) + of_file
+    energy = float(belief.E[0]) / MJ
+    energy_std = sqrt(float(belief.E[1] + np.sum((belief.sE * compiled.spread) ** 2))) / MJ
+    limit = vehicle.limits.get("wear")
+    found: dict[str, Any] = {
+        "amount": _estimate(amount, sqrt(P[0, 0]), "mm"),
+        "rate": _estimate(speed, sqrt(P[1, 1]), "mm/MJ"),
+        "slip_energy": _estimate(energy, energy_std, "MJ"),
+        "limit": None,
+        "remaining": None,
+    }
+    if limit is not None:
+        found["limit"] = {"value": limit.value, "unit": limit.unit}
+        wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
+        found["remaining"] = _remaining(limit.value - amount, speed, P, wandering, history)
+    found["words"] = _words(found)
+    return found
+
+
+def remaining_energy(mm: float, rate: float, P: Floats, wandering: float) -> Interval:
+    """95 % interval of the slip energy in MJ after which the limit is reached.
+
+    ``mm`` left at ``rate`` mm/MJ, ``P`` (2, 2) covariance of x0_ref and rate, ``wandering`` mm²/MJ
+    the variance that slip adds to the wear.  What is left after r MJ, mm − rate · r, is normal
+    with variance P₀₀ − 2 r P₀₁ + r² P₁₁ + wandering · r; the interval holds the r at which it is
+    not surely on one side of zero (Fieller's theorem: two roots of a parabola).  Its upper end is
+    None where the rate may be zero.
+    """
+    z2 = Z**2
+    a = rate**2 - z2 * P[1, 1]
+    b = mm * rate + z2 * (wandering / 2 - P[0, 1])
+    c = mm**2 - z2 * P[0, 0]
+    root = sqrt(max(b**2 - a * c, 0.0))
+    if mm <= 0.0 <= c:
+        return 0.0, 0.0
+    low = 0.0 if c <= 0.0 else c / (b + root) if b + root > 0.0 else None
+    return low, (b + root) / a if a > 0.0 and rate > 0.0 else None
+
+
+def _estimate(value: float, std: float, unit: str) -> dict[str, Any]:
+    return {"value": value, "std": std, "ci95": [value - Z * std, value + Z * std], "unit": unit}
+
+
+def _remaining(
+    mm: float, rate: float, P: Floats, wandering: float, history: History
+) -> dict[str, Any]:
+    """What is left, in mm, MJ, hours of driving and slip events as seen so far."""
+    left = max(mm, 0.0) / rate if rate > 0.0 else (0.0 if mm <= 0.0 else None)
+    ends = remaining_energy(mm, rate, P, wandering)
+    spent = history.slip_energy_J / MJ
+    per_MJ = {
+        "MJ": 1.0,
+        "h": history.driven_s / 3600.0 / spent if spent > 0.0 else None,
+        "engagements": history.engagements / spent if spent > 0.0 else None,
+    }
+    std = sqrt(P[0, 0])
+    found: dict[str, Any] = {"mm": {"value": mm, "ci95": [mm - Z * std, mm + Z * std]}}
+    for unit, scale in per_MJ.items():
+        value, low, high = (
+            None if number is None or scale is None else number * scale for number in (left, *ends)
+        )
+        found[unit] = {"value": value, "ci95": [low, high]}
+    return found
+
+
+def _words(found: Mapping[str, Any]) -> list[str]:
+    """Two sentences."""
+    amount, rate, energy = found["amount"], found["rate"], found["slip_energy"]
+    limit = found["limit"]
+    of = "" if limit is None else f" of {limit['value']:g} mm"
+    first = (
+        f"Worn {amount['value']:.2f} ± {amount['std']:.2f} mm{of}, at {rate['value']:.3f} ± "
+        f"{rate['std']:.3f} mm/MJ; {energy['value']:.3g} MJ of slip so far."
+    )
+    if limit is None:
+        return [first, "What is left is not told: the vehicle file has no limit ([limits] wear)."]
+    return [first, _left(found["remaining"])]
+
+
+def _left(left: Mapping[str, Any]) -> str:
+    low, high = left["MJ"]["ci95"]
+    if left["mm"]["value"] <= 0.0:
+        return "The limit is reached."
+    if low is None:
+        return "What is left is not told: by these data the pads do not wear."
+    if high is None:
+        words = f"Left: at least {low:.3g} MJ"
+        more = _as_driven(left, 0)
+        return f"{words}{more}; not bounded from above by these data, the rate may be zero."
+    words = f"Left: {left['MJ']['value']:.3g} MJ (95 %: {low:.3g} to {high:.3g})"
+    return f"{words}{_as_driven(left, None)}."
+
+
+def _as_driven(left: Mapping[str, Any], end: int | None) -> str:
+    """The same in hours and slip events: the value, or an end of the interval."""
+    hours, events = (
+        left[unit]["value"] if end is None else left[unit]["ci95"][end]
+        for unit in ("h", "engagements")
+    )
+    if hours is None or events is None:
+        return ""
+    return f", {hours:.3g} h or {events:.3g} slip events if driven as so far"
