@@ -419,3 +419,58 @@ def _numbers(given: Iterable[str], into: dict[str, float], option: str) -> None:
             raise typer.BadParameter(
                 f"'{text}' is not KEY=VALUE with a number", param_hint=option
             ) from None
+
+
+@app.command()
+def identify(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROCEDURE",
+            show_default=False,
+            help="noise: noise, its AR(1) coefficient and the delay of every signal.",
+        ),
+    ],
+    logs: Logs,
+    vehicle: VehicleName,
+    out: Out = DEFAULT_OUT,
+    as_json: AsJson = False,
+) -> None:
+    """Fit numbers of a vehicle file to your own logs.
+
+    Writes vehicle.toml (the vehicle with the numbers that the logs determine), fit.json (each
+    with its interval, or why it cannot be told) and pictures.
+
+    \b
+    Example:
+      clutchest identify noise monday.log --vehicle truck --out tuned
+      clutchest replay tuesday.log --vehicle tuned/vehicle.toml
+    """
+    with _progress() as progress:
+        progress("loading", None)
+        from clutchest.identify import procedure
+        from clutchest.reading import read_log
+        from clutchest.record.files import finished_into, json_text
+        from clutchest.vehicle import load_vehicle
+
+        run = procedure(name)
+        car = load_vehicle(vehicle)
+        progress("reading", None)
+        fit = run(read_log(logs, car), car, progress)
+        progress("writing", None)
+        with finished_into(out) as folder:
+            text = json_text(fit.as_dict())
+            (folder / "fit.json").write_text(text, encoding="utf-8")
+            found = fit.vehicle_toml(out / "vehicle.toml")
+            (folder / "vehicle.toml").write_text(found, encoding="utf-8")
+            fit.draw(folder)
+            names = sorted(path.name for path in folder.iterdir())
+    if as_json:
+        sys.stdout.write(text)
+        return
+    from rich.console import Console
+
+    from clutchest.identify.fit import print_fit
+
+    print_fit(fit, car, Console())
+    print(f"Written to {out}: {', '.join(names)}")

@@ -19,7 +19,7 @@ from clutchest.can.files import read_frames
 from clutchest.generator import SCENARIOS
 from clutchest.shipped import shipped
 
-VERBS = ("replay", "inspect", "convert", "simulate")
+VERBS = ("replay", "inspect", "convert", "simulate", "identify")
 
 
 @pytest.fixture

@@ -1,0 +1,309 @@
+"""Noise of one sensor: what of its readings is neither a smooth course nor the bus's step.
+
+Readings are cut into windows.  Within a window the quantity itself is a straight line of unknown
+level and slope plus an integrated random walk of unknown strength; the noise is AR(1), the same in
+every window; the bus rounds to its step.  Noise and AR(1) coefficient maximise the likelihood of
+what is left of each window without its straight line (restricted likelihood).  The strength of
+the walk differs from window to window: its distribution over a grid, nought included, is
+estimated with the rest (a nonparametric mixture), so no window has to be called quiet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.signals import Floats, Signal
+
+WINDOW = 128  # samples
+MOST = 300  # windows; more are thinned out evenly
+MISSING = 16  # samples of a window that may be missing or far off
+OUTLIER = 6.0  # robust standard deviations between a sample and its neighbours' median
+QUIET = 0.5  # of the noise: a walk up to here leaves a window quiet
+CLUSTERED = 20  # windows from which on their scatter is trusted to widen the interval
+BELOW_STEP = 0.3  # of the bus step: smaller noise is hidden by rounding
+_STARTS = (-0.3, 0.0, 0.3, 0.6, 0.8, 0.9, 0.95)
+_WALKS = np.concatenate([[0.0], 0.3 * 2.5 ** np.arange(12)])  # strength over the first guess
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """What the readings say of a sensor's noise.
+
+    ``noise``: standard deviation of the AR(1) part, in the signal's unit; ``ar``: its coefficient
+    per sample; ``covariance`` (2, 2) of (log noise, artanh ar); ``step`` of the bus, 0 where the
+    readings lie on no lattice; ``residuals`` (W, WINDOW): ``windows`` samples less straight line
+    and walk, NaN where missing.
+    """
+
+    noise: float
+    ar: float
+    covariance: Floats
+    step: float
+    windows: Floats
+    residuals: Floats
+
+    @property
+    def rounding(self) -> float:
+        """Standard deviation of what rounding to the step adds, step/√12."""
+        return self.step / np.sqrt(12)
+
+    @property
+    def total(self) -> float:
+        """Standard deviation of noise and rounding together."""
+        return float(np.hypot(self.noise, self.rounding))
+
+
+def bus_step(values: Sequence[Floats]) -> float:
+    """The step of the lattice on which all readings lie; 0 where there is none."""
+    distinct = np.unique(np.concatenate([*values, np.empty(0)]))
+    scale = max(1.0, float(np.abs(distinct).max(initial=0.0)))
+    gaps = np.diff(distinct)
+    gaps = gaps[gaps > 1e-9 * scale]
+    if not len(gaps):
+        return 0.0
+    step = float(gaps.min())
+    multiples = gaps / step
+    return step if np.all(np.abs(multiples - np.rint(multiples)) < 1e-2) else 0.0
+
+
+def windows_of(signals: Sequence[Signal]) -> Floats:
+    """Readings (W, WINDOW) of all drives, NaN where a sample is missing, invalid or far off.
+
+    Windows with more than MISSING of those are left out, and so are those that touch a zero which
+    is the bus's lower end: there half of the noise is cut off.
+    """
+    rows = [_regular(signal) for signal in signals]
+    least = min((float(np.nanmin(row)) for row in rows if np.isfinite(row).any()), default=1.0)
+    parts = []
+    for row in rows:
+        ends = row == least if least == 0.0 else np.zeros(len(row), bool)
+        row = np.where(_far_off(row), np.nan, row)
+        count = len(row) // WINDOW
+        window = row[: count * WINDOW].reshape(count, WINDOW)
+        cut = ends[: count * WINDOW].reshape(count, WINDOW).any(axis=1)
+        parts.append(window[~cut & (np.isnan(window).sum(axis=1) <= MISSING)])
+    found = np.concatenate([*parts, np.empty((0, WINDOW))])
+    if len(found) > MOST:
+        found = found[np.linspace(0, len(found) - 1, MOST).astype(int)]
+    return found
+
+
+def _regular(signal: Signal) -> Floats:
+    """The readings by sample number, NaN where one is missing; a long gap spans one window."""
+    if len(signal) < 2:
+        return signal.value.copy()
+    steps = np.diff(signal.time)
+    period = np.median(steps)
+    steps = np.clip(np.rint(steps / max(period, 1e-9)), 1, WINDOW).astype(np.intp)
+    place = np.concatenate([[0], np.cumsum(steps)])
+    row = np.full(place[-1] + 1, np.nan)
+    row[place] = signal.value
+    return row
+
+
+def _far_off(row: Floats) -> NDArray[np.bool_]:
+    """Samples that stand apart from their neighbours on both sides."""
+    if len(row) < 5:
+        return np.zeros(len(row), bool)
+    padded = np.pad(row, 2, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 5)[:, [0, 1, 3, 4]]
+    with np.errstate(invalid="ignore"):
+        apart = np.abs(row - np.median(around, axis=1))
+        spread = 1.4826 * np.nanmedian(apart) if np.isfinite(apart).any() else 0.0
+        spread = max(spread, bus_step([row[np.isfinite(row)]]))
+        # on a steep course the neighbours lie apart from each other as well
+        return apart > OUTLIER * spread + np.ptp(around, axis=1)
+
+
+def estimate(windows: Floats, step: float) -> SensorNoise | None:
+    """Fit noise and AR(1) coefficient to ``windows`` (W, WINDOW).
+
+    None where there is no window, or no reading in them ever differs from a straight line.
+    """
+    if not len(windows):
+        return None
+    likelihood = _Likelihood(windows, step)
+    if likelihood.guess == 0.0:
+        return None
+    theta = _maximise(likelihood)
+    quiet = likelihood.quiet(theta)
+    if quiet.sum() >= CLUSTERED:  # where little else moves, little else can be mistaken for noise
+        walks = likelihood.walks[likelihood.walks <= 2 * QUIET * np.exp(theta[0])]
+        likelihood = _Likelihood(windows[quiet], step, walks)
+        theta = _maximise(likelihood)
+    return SensorNoise(
+        noise=float(np.exp(theta[0])),
+        ar=float(np.tanh(theta[1])),
+        covariance=likelihood.covariance(theta),
+        step=step,
+        windows=likelihood.windows,
+        residuals=likelihood.residuals(theta),
+    )
+
+
+def _maximise(likelihood: _Likelihood) -> Floats:
+    """(log noise, artanh AR coefficient) of the greatest likelihood."""
+    from scipy.optimize import minimize
+
+    first = [np.array([np.log(likelihood.noise_for(ar)), np.arctanh(ar)]) for ar in _STARTS]
+    start = min(first, key=likelihood.total)
+    simplex = start + np.array([[0, 0], [0.1, 0.02], [-0.02, 0.1]])
+    options = {"xatol": 2e-3, "fatol": 0.02, "initial_simplex": simplex}
+    best: Floats = minimize(likelihood.total, start, method="Nelder-Mead", options=options).x
+    return best
+
+
+@cache
+def _bases() -> tuple[Floats, Floats]:
+    """Contrasts (WINDOW, WINDOW−2) free of any straight line, and the walk's covariance in them,
+    scaled to a mean variance of 1."""
+    n = WINDOW
+    line = np.column_stack([np.ones(n), np.arange(n) - (n - 1) / 2])
+    contrasts = np.linalg.svd(line, full_matrices=True)[0][:, 2:]
+    twice = np.cumsum(np.cumsum(np.eye(n), axis=0), axis=0)
+    walk = contrasts.T @ twice @ twice.T @ contrasts
+    return contrasts, walk * n / np.trace(walk)
+
+
+class _Likelihood:
+    """Restricted likelihood of windows, for (log noise, artanh AR coefficient)."""
+
+    def __init__(self, windows: Floats, step: float, walks: Floats | None = None) -> None:
+        self.windows = windows
+        self.contrasts, self.walk = _bases()
+        missing = np.isnan(windows)
+        self.centre = np.nanmean(windows, axis=1, keepdims=True)
+        self.filled = np.where(missing, 0.0, windows - self.centre)
+        self.reduced = self.contrasts.T @ self.filled.T  # (WINDOW-2, W)
+        self.step = step
+        self.lag = np.abs(np.subtract.outer(np.arange(WINDOW), np.arange(WINDOW)))
+        # windows with holes, their places padded to a common count
+        self.holed = np.flatnonzero(missing.any(axis=1))
+        most = int(missing.sum(axis=1).max(initial=0))
+        self.places = np.argsort(~missing[self.holed], axis=1, kind="stable")[:, :most]
+        self.there = np.take_along_axis(missing[self.holed], self.places, axis=1)
+        second = np.diff(windows, 2, axis=1)
+        second = second[np.isfinite(second)]
+        self.second = 1.4826 * float(np.median(np.abs(second))) if len(second) else 0.0
+        if self.second == 0.0 and len(second):
+            self.second = float(np.sqrt(np.mean(second**2)))
+        self.guess = self.noise_for(0.0)
+        self.walks = self.guess * _WALKS if walks is None else walks
+        self.weights = np.full(len(self.walks), 1 / len(self.walks))
+
+    def noise_for(self, ar: float) -> float:
+        """The noise whose second differences scatter as those of the windows do."""
+        return self.second / np.sqrt(6 - 8 * ar + 2 * ar**2)
+
+    def total(self, theta: Floats) -> float:
+        """−2 log likelihood."""
+        return float(self.each(theta).sum())
+
+    def each(self, theta: Floats, refit: bool = True) -> Floats:
+        """−2 log likelihood of every window; ``refit`` the distribution of walks first."""
+        if abs(theta[1]) > 3.0 or abs(theta[0] - np.log(self.guess)) > 8.0:
+            return np.full(self.reduced.shape[1], 1e9)  # AR beyond ±0.995: no noise any more
+        table = self.table(theta)
+        top = table.min(axis=1, keepdims=True)
+        ratio = np.exp(-(table - top) / 2)
+        if refit:
+            self.weights = np.full(len(self.walks), 1 / len(self.walks))
+            for _ in range(60):  # expectation maximisation, each time afresh
+                shares = ratio * self.weights
+                self.weights = np.mean(shares / shares.sum(axis=1, keepdims=True), axis=0)
+        return top[:, 0] - 2 * np.log(ratio @ self.weights)
+
+    def table(self, theta: Floats) -> Floats:
+        """−2 log likelihood of every window (rows) under every strength of the walk."""
+        return np.column_stack([self._under(theta, walk) for walk in self.walks])
+
+    def covariance_of(self, theta: Floats, walk: float) -> tuple[Floats, Floats]:
+        """Covariance (WINDOW−2)² of contrasts, and of the readings without walk and line."""
+        noise, ar = np.exp(theta[0]), np.tanh(theta[1])
+        lag = np.arange(WINDOW)
+        row = noise**2 * ar**lag
+        if self.step:
+            # Rounding errors of neighbours agree as long as neighbours fall into one step; over
+            # all places of the course between steps (Fourier series of the sawtooth)
+            moved = 2 * noise**2 * (1 - ar**lag) + (walk * lag / WINDOW) ** 2
+            k = np.arange(1, 6)[:, None]
+            agree = np.exp(-2 * np.pi**2 * k**2 * moved / self.step**2) / k**2
+            row += self.step**2 / (2 * np.pi**2) * agree.sum(axis=0)
+        own = row[self.lag]
+        return self.contrasts.T @ own @ self.contrasts + walk**2 * self.walk, own
+
+    def _under(self, theta: Floats, walk: float) -> Floats:
+        from scipy.linalg import cholesky, solve_triangular
+
+        matrix, _ = self.covariance_of(theta, walk)
+        matrix.flat[:: len(matrix) + 1] += 1e-9 * np.trace(matrix) / len(matrix)
+        factor = cholesky(matrix, lower=True, check_finite=False)
+        white = solve_triangular(factor, self.reduced, lower=True, check_finite=False)
+        value = (white**2).sum(axis=0) + 2 * np.log(np.diag(factor)).sum()
+        if len(self.holed):
+            half = solve_triangular(factor, self.contrasts.T, lower=True, check_finite=False)
+            precision = half.T @ half
+            pull = half.T @ white[:, self.holed]  # (WINDOW, holed)
+            value[self.holed] += self._of_holes(precision, pull)
+        return value
+
+    def _of_holes(self, precision: Floats, pull: Floats) -> Floats:
+        """What integrating over the missing samples adds to −2 log likelihood."""
+        both = self.there[:, :, None] & self.there[:, None, :]
+        block = precision[self.places[:, :, None], self.places[:, None, :]]
+        block = np.where(both, block, np.eye(self.places.shape[1]))
+        side = np.where(self.there, np.take_along_axis(pull.T, self.places, axis=1), 0.0)
+        solved = np.linalg.solve(block, side[:, :, None])[:, :, 0]
+        return np.linalg.slogdet(block)[1] - (side * solved).sum(axis=1)
+
+    def covariance(self, theta: Floats) -> Floats:
+        """Covariance (2, 2) of the estimate: from the curvature, or the scatter of the windows'
+        scores where that is wider (the model is never quite true)."""
+        h = np.array([0.02, 0.02])
+        centre = self.each(theta, refit=True)
+        moves = [(i, s) for i in (0, 1) for s in (1, -1)]
+        at = {(i, s): self.each(theta + s * h * np.eye(2)[i], False) for i, s in moves}
+        scores = np.stack([(at[i, 1] - at[i, -1]) / (2 * h[i]) / 2 for i in (0, 1)])
+        hessian = np.empty((2, 2))
+        for i in (0, 1):
+            hessian[i, i] = (at[i, 1] + at[i, -1] - 2 * centre).sum() / h[i] ** 2 / 2
+        corner = [self.each(theta + h * np.array(s), False).sum()
+                  for s in ((1, 1), (1, -1), (-1, 1), (-1, -1))]  # fmt: skip
+        hessian[0, 1] = hessian[1, 0] = (
+            (corner[0] - corner[1] - corner[2] + corner[3]) / (4 * h[0] * h[1]) / 2
+        )
+        values, vectors = np.linalg.eigh(hessian)
+        inverse = (vectors / np.maximum(values, 1e-2)) @ vectors.T
+        if scores.shape[1] < CLUSTERED:
+            return inverse
+        robust = inverse @ (scores @ scores.T) @ inverse
+        wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse), 1.0))
+        return inverse * np.outer(wider, wider)
+
+    def shares(self, theta: Floats) -> Floats:
+        """Probability (W, walks) of every walk in every window."""
+        table = self.table(theta)
+        shares = np.exp(-(table - table.min(axis=1, keepdims=True)) / 2) * self.weights
+        return shares / shares.sum(axis=1, keepdims=True)
+
+    def quiet(self, theta: Floats) -> NDArray[np.bool_]:
+        """Windows (W,) in which the quantity itself moves less than the noise."""
+        calm = self.walks <= QUIET * np.exp(theta[0])
+        return self.shares(theta)[:, calm].sum(axis=1) > 0.5
+
+    def residuals(self, theta: Floats) -> Floats:
+        """Readings less the expected line and walk, each window under its likeliest walk."""
+        likeliest = np.argmax(self.shares(theta), axis=1)
+        left = np.full(self.filled.shape, np.nan)
+        for j in np.unique(likeliest):
+            rows = np.flatnonzero(likeliest == j)
+            matrix, own = self.covariance_of(theta, self.walks[j])
+            gain = own @ self.contrasts @ np.linalg.inv(matrix)
+            left[rows] = (gain @ self.reduced[:, rows]).T
+        left[self.holed] = np.nan
+        return left
