@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.identify import window_likelihood
+from clutchest.identify.window_likelihood import factor, toeplitz_row, whiten
 from clutchest.signals import Floats, Signal
 
 WINDOW = 128  # samples
@@ -26,6 +27,8 @@ OUTLIER = 6.0  # robust standard deviations between a sample and its neighbours'
 QUIET = 0.5  # of the noise: a walk up to here leaves a window quiet
 CLUSTERED = 20  # windows from which on their scatter is trusted to widen the interval
 BELOW_STEP = 0.3  # of the bus step: smaller noise is hidden by rounding
+WANDER = np.sqrt(WINDOW**3 / 420)  # of a window less its line, over the steps of its slope
+APART = 5.0  # standard deviations from what all other samples of the window foretell
 _STARTS = (-0.3, 0.0, 0.3, 0.6, 0.8, 0.9, 0.95)
 _WALKS = np.concatenate([[0.0], 0.3 * 2.5 ** np.arange(12)])  # strength over the first guess
 
@@ -131,11 +134,15 @@ def estimate(windows: Floats, step: float) -> SensorNoise | None:
     if likelihood.guess == 0.0:
         return None
     theta = _maximise(likelihood)
-    quiet = likelihood.quiet(theta)
+    windows = np.where(likelihood.apart(theta), np.nan, windows)
+    usable = np.isnan(windows).sum(axis=1) <= MISSING
+    quiet = usable & likelihood.quiet(theta)
     if quiet.sum() >= CLUSTERED:  # where little else moves, little else can be mistaken for noise
-        walks = likelihood.walks[likelihood.walks <= 2 * QUIET * np.exp(theta[0])]
+        walks = likelihood.walks[likelihood.walks <= 2 * QUIET * np.exp(theta[0]) / WANDER]
         likelihood = _Likelihood(windows[quiet], step, walks)
-        theta = _maximise(likelihood)
+    elif usable.any():
+        likelihood = _Likelihood(windows[usable], step)
+    theta = _maximise(likelihood)
     return SensorNoise(
         noise=float(np.exp(theta[0])),
         ar=float(np.tanh(theta[1])),
@@ -158,47 +165,27 @@ def _maximise(likelihood: _Likelihood) -> Floats:
     return best
 
 
-@cache
-def _bases() -> tuple[Floats, Floats]:
-    """Contrasts (WINDOW, WINDOW−2) free of any straight line, and the walk's covariance in them,
-    scaled to a mean variance of 1."""
-    n = WINDOW
-    line = np.column_stack([np.ones(n), np.arange(n) - (n - 1) / 2])
-    contrasts = np.linalg.svd(line, full_matrices=True)[0][:, 2:]
-    twice = np.cumsum(np.cumsum(np.eye(n), axis=0), axis=0)
-    walk = contrasts.T @ twice @ twice.T @ contrasts
-    return contrasts, walk * n / np.trace(walk)
-
-
 class _Likelihood:
     """Restricted likelihood of windows, for (log noise, artanh AR coefficient)."""
 
     def __init__(self, windows: Floats, step: float, walks: Floats | None = None) -> None:
-        self.windows = windows
-        self.contrasts, self.walk = _bases()
-        missing = np.isnan(windows)
-        self.centre = np.nanmean(windows, axis=1, keepdims=True)
-        self.filled = np.where(missing, 0.0, windows - self.centre)
-        self.reduced = self.contrasts.T @ self.filled.T  # (WINDOW-2, W)
-        self.step = step
-        self.lag = np.abs(np.subtract.outer(np.arange(WINDOW), np.arange(WINDOW)))
-        # windows with holes, their places padded to a common count
-        self.holed = np.flatnonzero(missing.any(axis=1))
-        most = int(missing.sum(axis=1).max(initial=0))
-        self.places = np.argsort(~missing[self.holed], axis=1, kind="stable")[:, :most]
-        self.there = np.take_along_axis(missing[self.holed], self.places, axis=1)
-        second = np.diff(windows, 2, axis=1)
-        second = second[np.isfinite(second)]
-        self.second = 1.4826 * float(np.median(np.abs(second))) if len(second) else 0.0
-        if self.second == 0.0 and len(second):
-            self.second = float(np.sqrt(np.mean(second**2)))
+        self.windows, self.step = windows, step
+        self.holes = np.isnan(windows)
+        filled = np.where(self.holes, 0.0, windows - np.nanmean(windows, axis=1, keepdims=True))
+        self.filled = filled
+        self.second = np.ascontiguousarray(np.diff(filled, 2, axis=1).T)
+        whole = np.diff(windows, 2, axis=1)
+        whole = whole[np.isfinite(whole)]
+        self.rough = 1.4826 * float(np.median(np.abs(whole))) if len(whole) else 0.0
+        if self.rough == 0.0 and len(whole):
+            self.rough = float(np.sqrt(np.mean(whole**2)))
         self.guess = self.noise_for(0.0)
-        self.walks = self.guess * _WALKS if walks is None else walks
+        self.walks = self.guess / WANDER * _WALKS if walks is None else walks
         self.weights = np.full(len(self.walks), 1 / len(self.walks))
 
     def noise_for(self, ar: float) -> float:
         """The noise whose second differences scatter as those of the windows do."""
-        return self.second / np.sqrt(6 - 8 * ar + 2 * ar**2)
+        return self.rough / np.sqrt(6 - 8 * ar + 2 * ar**2)
 
     def total(self, theta: Floats) -> float:
         """−2 log likelihood."""
@@ -207,7 +194,7 @@ class _Likelihood:
     def each(self, theta: Floats, refit: bool = True) -> Floats:
         """−2 log likelihood of every window; ``refit`` the distribution of walks first."""
         if abs(theta[1]) > 3.0 or abs(theta[0] - np.log(self.guess)) > 8.0:
-            return np.full(self.reduced.shape[1], 1e9)  # AR beyond ±0.995: no noise any more
+            return np.full(len(self.windows), 1e9)  # AR beyond ±0.995: no noise any more
         table = self.table(theta)
         top = table.min(axis=1, keepdims=True)
         ratio = np.exp(-(table - top) / 2)
@@ -219,47 +206,24 @@ class _Likelihood:
         return top[:, 0] - 2 * np.log(ratio @ self.weights)
 
     def table(self, theta: Floats) -> Floats:
-        """−2 log likelihood of every window (rows) under every strength of the walk."""
-        return np.column_stack([self._under(theta, walk) for walk in self.walks])
+        """−2 log likelihood (W, walks) of every window under every strength of the walk."""
+        row = toeplitz_row(self.autocovariance(theta))
+        table: Floats = window_likelihood.table(row, self.walks, self.second, self.holes)
+        return table
 
-    def covariance_of(self, theta: Floats, walk: float) -> tuple[Floats, Floats]:
-        """Covariance (WINDOW−2)² of contrasts, and of the readings without walk and line."""
+    def autocovariance(self, theta: Floats) -> Floats:
+        """Of noise and rounding at lags 0 … WINDOW−1."""
         noise, ar = np.exp(theta[0]), np.tanh(theta[1])
         lag = np.arange(WINDOW)
         row = noise**2 * ar**lag
         if self.step:
-            # Rounding errors of neighbours agree as long as neighbours fall into one step; over
-            # all places of the course between steps (Fourier series of the sawtooth)
-            moved = 2 * noise**2 * (1 - ar**lag) + (walk * lag / WINDOW) ** 2
+            # Rounding errors of neighbours agree while both fall into one step: an average over
+            # all places of the course between steps (Fourier series of the sawtooth).
+            moved = 2 * noise**2 * (1 - ar**lag)
             k = np.arange(1, 6)[:, None]
             agree = np.exp(-2 * np.pi**2 * k**2 * moved / self.step**2) / k**2
             row += self.step**2 / (2 * np.pi**2) * agree.sum(axis=0)
-        own = row[self.lag]
-        return self.contrasts.T @ own @ self.contrasts + walk**2 * self.walk, own
-
-    def _under(self, theta: Floats, walk: float) -> Floats:
-        from scipy.linalg import cholesky, solve_triangular
-
-        matrix, _ = self.covariance_of(theta, walk)
-        matrix.flat[:: len(matrix) + 1] += 1e-9 * np.trace(matrix) / len(matrix)
-        factor = cholesky(matrix, lower=True, check_finite=False)
-        white = solve_triangular(factor, self.reduced, lower=True, check_finite=False)
-        value = (white**2).sum(axis=0) + 2 * np.log(np.diag(factor)).sum()
-        if len(self.holed):
-            half = solve_triangular(factor, self.contrasts.T, lower=True, check_finite=False)
-            precision = half.T @ half
-            pull = half.T @ white[:, self.holed]  # (WINDOW, holed)
-            value[self.holed] += self._of_holes(precision, pull)
-        return value
-
-    def _of_holes(self, precision: Floats, pull: Floats) -> Floats:
-        """What integrating over the missing samples adds to −2 log likelihood."""
-        both = self.there[:, :, None] & self.there[:, None, :]
-        block = precision[self.places[:, :, None], self.places[:, None, :]]
-        block = np.where(both, block, np.eye(self.places.shape[1]))
-        side = np.where(self.there, np.take_along_axis(pull.T, self.places, axis=1), 0.0)
-        solved = np.linalg.solve(block, side[:, :, None])[:, :, 0]
-        return np.linalg.slogdet(block)[1] - (side * solved).sum(axis=1)
+        return row
 
     def covariance(self, theta: Floats) -> Floats:
         """Covariance (2, 2) of the estimate: from the curvature, or the scatter of the windows'
@@ -293,17 +257,39 @@ class _Likelihood:
 
     def quiet(self, theta: Floats) -> NDArray[np.bool_]:
         """Windows (W,) in which the quantity itself moves less than the noise."""
-        calm = self.walks <= QUIET * np.exp(theta[0])
+        calm = self.walks <= QUIET * np.exp(theta[0]) / WANDER
         return self.shares(theta)[:, calm].sum(axis=1) > 0.5
+
+    def apart(self, theta: Floats) -> NDArray[np.bool_]:
+        """Samples (W, WINDOW) far from what the others of their window foretell."""
+        likeliest = np.argmax(self.shares(theta), axis=1)
+        row = toeplitz_row(self.autocovariance(theta))
+        found = np.zeros(self.windows.shape, bool)
+        differences = np.diff(np.eye(WINDOW), 2, axis=0)
+        for j in np.unique(likeliest):
+            half = whiten(factor(row, self.walks[j]), differences)
+            precision = half.T @ half
+            for w in np.flatnonzero(likeliest == j):
+                holes = self.holes[w]
+                pull = half.T @ (half @ self.filled[w])
+                if holes.any():  # as if they had been read where the others foretell them
+                    solved = np.linalg.solve(precision[np.ix_(holes, holes)], pull[holes])
+                    pull = pull - precision[:, holes] @ solved
+                found[w] = np.abs(pull) > APART * np.sqrt(np.diag(precision))
+        return found & ~self.holes
 
     def residuals(self, theta: Floats) -> Floats:
         """Readings less the expected line and walk, each window under its likeliest walk."""
+        from scipy.linalg import toeplitz
+
         likeliest = np.argmax(self.shares(theta), axis=1)
-        left = np.full(self.filled.shape, np.nan)
+        own = toeplitz(self.autocovariance(theta))
+        row = toeplitz_row(own[0])
+        left = np.empty(self.windows.shape)
         for j in np.unique(likeliest):
             rows = np.flatnonzero(likeliest == j)
-            matrix, own = self.covariance_of(theta, self.walks[j])
-            gain = own @ self.contrasts @ np.linalg.inv(matrix)
-            left[rows] = (gain @ self.reduced[:, rows]).T
-        left[self.holed] = np.nan
+            lower = factor(row, self.walks[j])
+            white = whiten(lower, np.diff(own, 2, axis=0))
+            left[rows] = whiten(lower, self.second[:, rows]).T @ white
+        left[self.holes.any(axis=1)] = np.nan
         return left

@@ -1,0 +1,118 @@
+"""Restricted likelihood of windows: a straight line, a walk of its slope, coloured noise.
+
+Second differences of a window are free of any straight line.  In them the walk is white, and
+whatever is stationary stays so: their covariance is the fourth difference of the noise's
+autocovariance (a Toeplitz matrix) plus the walk's variance on the diagonal.  A sample that is
+missing is integrated over, by its row of the precision matrix.  Compiled, because the many small
+matrices are too small for a threaded library.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from clutchest.signals import Floats
+
+SECOND = np.array([1.0, -2.0, 1.0])  # weights of a second difference
+
+
+def toeplitz_row(autocovariance: Floats) -> Floats:
+    """Autocovariance of second differences at lags 0 … n−3, from that of the n readings."""
+    c = np.concatenate([autocovariance[2:0:-1], autocovariance])  # from lag −2 on
+    n = len(autocovariance)
+    row: Floats = sum(w * c[j : j + n - 2] for j, w in enumerate((1.0, -4.0, 6.0, -4.0, 1.0)))
+    return row
+
+
+@njit(cache=True, error_model="numpy")
+def factor(row: Floats, walk: float) -> Floats:
+    """Lower Cholesky factor of the covariance of second differences, shape (n−2, n−2)."""
+    n = len(row)
+    lower = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            value = row[i - j]
+            if i == j:
+                value += walk * walk
+            for k in range(j):
+                value -= lower[i, k] * lower[j, k]
+            lower[i, j] = np.sqrt(max(value, 1e-300)) if i == j else value / lower[j, j]
+    return lower
+
+
+@njit(cache=True, error_model="numpy")
+def whiten(lower: Floats, columns: Floats) -> Floats:
+    """lower⁻¹ · columns."""
+    white = columns.copy()
+    for i in range(len(lower)):
+        for j in range(i):
+            weight = lower[i, j]
+            for w in range(white.shape[1]):
+                white[i, w] -= weight * white[j, w]
+        scale = 1.0 / lower[i, i]
+        for w in range(white.shape[1]):
+            white[i, w] *= scale
+    return white
+
+
+@njit(cache=True, error_model="numpy")
+def _differences(n: int) -> Floats:
+    """The matrix (n−2, n) of second differences."""
+    matrix = np.zeros((n - 2, n))
+    for i in range(n - 2):
+        matrix[i, i : i + 3] = SECOND
+    return matrix
+
+
+@njit(cache=True, error_model="numpy")
+def _of_holes(half: Floats, white: Floats, holes: NDArray[np.bool_]) -> float:
+    """What integrating over the missing samples of one window adds to −2 log likelihood."""
+    places = np.flatnonzero(holes)
+    m, n = len(places), len(half)
+    block, side = np.zeros((m, m)), np.zeros(m)
+    for a in range(m):
+        for k in range(n):
+            side[a] += half[k, places[a]] * white[k]
+        for b in range(a + 1):
+            for k in range(n):
+                block[a, b] += half[k, places[a]] * half[k, places[b]]
+    added = 0.0
+    for i in range(m):  # Cholesky of the block, and the side whitened by it, in place
+        for j in range(i + 1):
+            for k in range(j):
+                block[i, j] -= block[i, k] * block[j, k]
+            block[i, j] = np.sqrt(max(block[i, i], 1e-300)) if i == j else block[i, j] / block[j, j]
+        for k in range(i):
+            side[i] -= block[i, k] * side[k]
+        side[i] /= block[i, i]
+        added += 2.0 * np.log(block[i, i]) - side[i] * side[i]
+    return added
+
+
+@njit(cache=True, error_model="numpy")
+def table(row: Floats, walks: Floats, second: Floats, holes: NDArray[np.bool_]) -> Floats:
+    """−2 log likelihood (W, walks) of windows, a constant left out.
+
+    ``row`` as of :func:`toeplitz_row`; ``walks`` strengths, standard deviation of the slope's
+    steps; ``second`` (n−2, W) second differences of the readings, any number in place of missing
+    ones; ``holes`` (W, n) True where a sample is missing.
+    """
+    count = second.shape[1]
+    result = np.empty((count, len(walks)))
+    any_hole = np.array([holes[w].any() for w in range(count)])
+    differences = _differences(holes.shape[1])
+    for d in range(len(walks)):
+        lower = factor(row, walks[d])
+        white = whiten(lower, second)
+        constant = 2.0 * np.log(np.diag(lower)).sum()
+        half = whiten(lower, differences) if any_hole.any() else differences
+        for w in range(count):
+            value = constant
+            for k in range(len(white)):
+                value += white[k, w] * white[k, w]
+            if any_hole[w]:
+                value += _of_holes(half, white[:, w], holes[w])
+            result[w, d] = value
+    return result
