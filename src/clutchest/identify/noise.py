@@ -11,6 +11,7 @@ import numpy as np
 
 from clutchest.identify import Progress
 from clutchest.identify.fit import Fit, Fitted
+from clutchest.identify.lateness import delays
 from clutchest.identify.sensor_noise import (
     BELOW_STEP,
     WINDOW,
@@ -27,6 +28,7 @@ LOOSEST = 0.35  # standard deviation of log noise: within a factor of two at 95 
 LOOSEST_AR = 0.35  # standard deviation of artanh of the AR(1) coefficient
 SLOWEST = 0.99  # AR(1) coefficient beyond which noise cannot be told from a drift
 Z = 1.96
+LEAVES = ("noise", "noise_ar", "delay")
 
 
 def identify(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fit:
@@ -46,6 +48,12 @@ def identify(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fit:
         parameters[f"signals.{name}.noise_ar"] = ar
         if sensor is not None:
             found[name] = sensor
+    progress("delays", None)
+    for name, late in delays(signals, vehicle).items():
+        parameters[f"signals.{name}.delay"] = late
+    # one signal's numbers together, in the order of the file
+    keys = [f"signals.{n}.{leaf}" for n in vehicle.signals for leaf in LEAVES]
+    parameters = {key: parameters[key] for key in keys}
     return Fit(
         procedure="noise",
         vehicle=_with(vehicle, parameters),

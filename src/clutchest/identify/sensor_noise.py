@@ -85,7 +85,7 @@ def windows_of(signals: Sequence[Signal]) -> Floats:
     parts = []
     for row in rows:
         ends = row == least if least == 0.0 else np.zeros(len(row), bool)
-        row = np.where(_far_off(row), np.nan, row)
+        row = np.where(far_off(row), np.nan, row)
         count = len(row) // WINDOW
         window = row[: count * WINDOW].reshape(count, WINDOW)
         cut = ends[: count * WINDOW].reshape(count, WINDOW).any(axis=1)
@@ -109,7 +109,7 @@ def _regular(signal: Signal) -> Floats:
     return row
 
 
-def _far_off(row: Floats) -> NDArray[np.bool_]:
+def far_off(row: Floats) -> NDArray[np.bool_]:
     """Samples that stand apart from their neighbours on both sides."""
     if len(row) < 5:
         return np.zeros(len(row), bool)
