@@ -135,6 +135,10 @@ def replay(
         float,
         typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
     ] = 10.0,
+    smooth: Annotated[
+        bool,
+        typer.Option("--smooth", help="Also the estimates that each whole drive supports."),
+    ] = False,
     innovations: Annotated[
         bool, typer.Option("--innovations", help="Also write innovations.parquet: every misfit.")
     ] = False,
@@ -161,7 +165,7 @@ def replay(
         before = None if state is None else read_state(state)
         progress("reading", None)
         signals = read_log(logs, car)
-        run = estimate(signals, car, rate=rate, state=before, progress=progress)
+        run = estimate(signals, car, rate=rate, state=before, smooth=smooth, progress=progress)
         progress("writing", None)
         written = write_run(run, out, innovations=innovations)
     if as_json:

@@ -46,16 +46,20 @@ def product(F, Phi, T):
 
 @njit(cache=True, error_model="numpy")
 def remember(
-    x, P, S, t, sensor, z, R, u, row, W, Qs, longest, noise, p, g, emit, Phi, H, K, used, told,
-    out_X, out_P,
+    x, d, P, S, t, sensor, z, R, u, row, W, Qs, longest, noise, p, g, known, centre, emit,
+    Phi, H, K, used, told, out_X, out_P,
 ):  # fmt: skip
     """Filter one window with θ at its nominal value and keep what ``look_back`` needs.
 
     ``x`` (n), ``P`` (n, n) and ``S`` (n, m) as the kernel's ``run`` takes and advances them, and
-    so the events; ``R`` is taken as it is: an outlier's has been raised already.  Filled per
-    event: ``Phi`` (n, n) the transition from the event before, ``H`` (n), the gain ``K`` (n), the
-    innovation's variance ``used`` and ``told`` (1 + m), innovation and its response to each θ; per
-    emitted row ``out_X`` (n, 1 + m), state and its response, and ``out_P`` (n, n).
+    so the events; ``R`` is taken as it is: an outlier's has been raised already.  With θ wrong
+    this filter may stray far, so that the equations are linearised elsewhere: ``x`` is moved to
+    the row ``centre`` (K; −1: none) of the states ``known`` (r, n), and the estimate is x + ``d``
+    (n), where ``d`` follows the linear equations.
+
+    Filled per event: ``Phi`` (n, n) the transition from the event before, ``H`` (n), the gain
+    ``K`` (n), the innovation's variance ``used`` and ``told`` (1 + m), innovation and its response
+    to each θ; per emitted row ``out_X`` (n, 1 + m), state and its response, and ``out_P`` (n, n).
     """
     n, m = STATES, THETAS
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
@@ -83,8 +87,16 @@ def remember(
                 product(F, Phi[k], T)
                 for j in range(n):
                     x[j] = xn[j]
+                for i in range(n):
+                    xn[i] = 0.0
+                    for j in range(n):
+                        xn[i] += F[i, j] * d[j]
+                for j in range(n):
+                    d[j] = xn[j]
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H[k])
+            for i in range(n):
+                h += H[k, i] * d[i]
             reading_signature(sensor[k], x, u[k], w, p, g, Hm)
             for c in range(m):
                 for i in range(n):
@@ -96,10 +108,14 @@ def remember(
                 told[k, 1 + c] = -Hm[c]
                 for i in range(n):
                     S[i, c] -= K[k, i] * Hm[c]
+        if centre[k] >= 0:
+            for i in range(n):
+                d[i] += x[i] - known[centre[k], i]
+                x[i] = known[centre[k], i]
         o = emit[k]
         if o >= 0:
             for i in range(n):
-                out_X[o, i, 0] = x[i]
+                out_X[o, i, 0] = x[i] + d[i]
                 for c in range(m):
                     out_X[o, i, 1 + c] = S[i, c]
                 for j in range(n):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.modes import MODE_NAMES, Mode, runs
 from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
+from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.start import History, carried_on, fresh, leave
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import Timeline, build
@@ -42,14 +44,16 @@ def replay(
     *,
     rate: float = 10.0,
     state: Mapping[str, Any] | None = None,
+    smooth: bool = False,
     progress: Progress | None = None,
 ) -> Run:
     """Estimate temperatures, wear, friction and torque over every drive in ``signals``.
 
     ``vehicle`` as loaded, or what ``load_vehicle`` takes.
     ``rate`` Hz of the output grid; ``state`` as an earlier run's ``Run.final``, carried over the
-    time in between; ``progress`` is called with a text and the share done.  Raises ClutchestError
-    where a signal that the model needs is not there.
+    time in between; with ``smooth`` also what each whole drive tells of the states at every time;
+    ``progress`` is called with a text and the share done.  Raises ClutchestError where a signal
+    that the model needs is not there.
     """
     vehicle = load_vehicle(vehicle)
     if not 0.0 < rate <= FASTEST:
@@ -72,6 +76,9 @@ def replay(
             warnings += [warning] if warning else []
         filtered = run(compiled, timeline, start, consider=True, progress=progress)
         track = _track(vehicle, compiled, timeline, filtered)
+        if smooth:
+            over = smoothed(compiled, timeline, start, filtered, progress)
+            track = replace(track, smoothed=_states(vehicle, compiled, over.x, over.variance))
         history = History.of(state).after(
             float(timeline.t[-1] - timeline.t[0]),
             len(track.engagements),
@@ -105,21 +112,12 @@ def _track(vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: F
         mode[apart] = np.where(idle[apart], Mode.open, Mode.slipping)
     information = Information.of(compiled, time, mode, filtered.gained)
     grid = timeline.grid
-    states = {}
-    for i, state in enumerate(model.states):
-        std = np.sqrt(filtered.total[grid, i])
-        useful = vehicle.estimation.get(state.name, state).useful_std
-        if state.name in model.unobservable:  # a prior is no estimate
-            nothing = np.full(len(std), np.nan)
-            states[state.name] = Estimate(nothing, nothing, np.zeros(len(std), bool))
-        else:
-            states[state.name] = Estimate(filtered.x[grid, i], std, std <= useful)
     sensed = timeline.sensor >= 0
     return Track(
         time=time[grid],
         mode=mode[grid],
         mode_names=MODE_NAMES,
-        states=states,
+        states=_states(vehicle, compiled, filtered.x[grid], filtered.total[grid]),
         clutch_torque=_estimate(torque[grid, 0], torque[grid, 1]),
         slip_energy=_estimate(
             filtered.energy[grid, 0],
@@ -137,6 +135,22 @@ def _track(vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: F
         log_likelihood=filtered.log_likelihood,
         information=information,
     )
+
+
+def _states(
+    vehicle: Vehicle, compiled: Compiled, x: Floats, variance: Floats
+) -> dict[str, Estimate]:
+    """Columns of ``x`` and ``variance`` (r, n) by name, and whether they are narrow enough."""
+    states = {}
+    for i, state in enumerate(compiled.model.states):
+        std = np.sqrt(variance[:, i])
+        useful = vehicle.estimation.get(state.name, state).useful_std
+        if state.name in compiled.model.unobservable:  # a prior is no estimate
+            nothing = np.full(len(std), np.nan)
+            states[state.name] = Estimate(nothing, nothing, np.zeros(len(std), bool))
+        else:
+            states[state.name] = Estimate(x[:, i], std, std <= useful)
+    return states
 
 
 def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:

@@ -64,7 +64,8 @@ class Track:
     """The estimates of one drive on the output grid.
 
     ``mode`` uint8 (m,), index into ``mode_names``; ``states`` by state name; ``information``
-    is denser than the grid while the clutch slips.
+    is denser than the grid while the clutch slips.  ``smoothed``: the states from what was
+    measured over the whole drive; empty unless asked for.
     """
 
     time: Floats
@@ -77,6 +78,7 @@ class Track:
     engagements: tuple[Engagement, ...]
     log_likelihood: float
     information: Information
+    smoothed: Mapping[str, Estimate] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +111,9 @@ class Run:
                 columns[name] = estimate.value
                 columns[f"{name}_std"] = estimate.std
                 columns[f"{name}_valid"] = estimate.valid
+                if name in track.smoothed:
+                    columns[f"{name}_smoothed"] = track.smoothed[name].value
+                    columns[f"{name}_smoothed_std"] = track.smoothed[name].std
             columns["clutch_torque"] = track.clutch_torque.value
             columns["clutch_torque_std"] = track.clutch_torque.std
             columns["slip_energy"] = track.slip_energy.value

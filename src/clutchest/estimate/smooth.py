@@ -3,14 +3,16 @@
 Kept from the way forward is one belief per window of events.  The way back filters each window
 again from there and smooths it, so that memory holds one window, whatever the length of the log.
 
-The parameters are unknown too.  With θ at its nominal value the filter leaves innovations ν whose
-response to θ is its signature; they are linear in θ, and white at the true one.  So the whole log
-has told of θ (Friedland's separate-bias estimation, IEEE Trans. AC-14, 1969)
+The parameters are unknown too.  With θ at its nominal value a filter leaves innovations ν that
+are linear in θ, and white at the true one.  So the whole log has told of θ (B. Friedland,
+"Treatment of bias in recursive filtering", IEEE Trans. Automatic Control AC-14, 1969)
 
     C = (Θ⁻¹ + Σ σσᵀ/s)⁻¹,  θ̂ = −C Σ σν/s        σ = ∂ν/∂θ, s variance of ν, Θ the squared spreads
 
-and with the smoothed state's own response S to θ the state is x + S θ̂, its covariance P + S C Sᵀ:
-the optimum over state and parameters together, at the price of the state alone.
+and with S, the response of the smoothed state x to θ, the state is x + S θ̂, its covariance
+P + S C Sᵀ: the optimum over state and parameters together at the price of the state alone.
+Without θ̂, with all of Θ in the covariance, the smoother is five times worse than the filter on
+simulated launches (body temperature 18 against 3.4 K): its filter trusts wrong parameters fully.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, Filtered, Progress
@@ -33,8 +36,13 @@ class Smoothed:
     x: Floats
     P: Floats
 
+    @property
+    def variance(self) -> Floats:
+        """Of every state, (r, n)."""
+        return np.einsum("rii->ri", self.P)
 
-def smooth(
+
+def smoothed(
     compiled: Compiled,
     timeline: Timeline,
     start: Belief,
@@ -43,72 +51,111 @@ def smooth(
 ) -> Smoothed:
     """Smooth one timeline from ``start``, over the regular grid.
 
-    ``filtered`` is what the filter made of it: a measurement that it took for an outlier counts
-    here for as little.
+    ``filtered`` is what the filter made of it: the equations are linearised there, and a
+    measurement that it took for an outlier counts here for as little.
     """
-    K, n, m = len(timeline.t), len(start.x), len(compiled.thetas)
-    begins = range(0, K, WINDOW)
-    size = min(WINDOW, K) + 1
-    on_grid = np.zeros(K, bool)
-    on_grid[timeline.emit >= 0] = timeline.grid
-    buffer = (np.zeros((size, n, n)), np.zeros((size, n)), np.zeros((size, n)), np.ones(size),
-              np.zeros((size, 1 + m)))  # fmt: skip
-    of_rows = np.zeros((size, n, 1 + m)), np.zeros((size, n, n))
-
-    def window(begin: int) -> tuple[slice, np.ndarray, np.ndarray]:
-        # a window starts with the event before it, which has been taken already
-        piece = slice(max(begin - 1, 0), min(begin + WINDOW, K))
-        sensor, out = timeline.sensor[piece].copy(), on_grid[piece].copy()
-        if begin:
-            sensor[0], out[0] = -1, False
-        return piece, sensor, np.where(out, np.cumsum(out) - 1, -1)
-
-    def remember(begin: int, belief: Belief) -> None:
-        piece, sensor, emit = window(begin)
-        raised = filtered.innovation[piece, 2] - filtered.innovation[piece, 1]
-        compiled.functions.remember(
-            belief.x, belief.P, belief.S, timeline.t[piece], sensor, timeline.z[piece],
-            timeline.R[piece] + raised, timeline.u[piece], timeline.row[piece], timeline.W,
-            timeline.Q, timeline.longest, timeline.noise, compiled.p, compiled.g, emit,
-            *buffer, *of_rows,
-        )  # fmt: skip
+    windows = _Windows.of(compiled, timeline, filtered)
+    n, m, count = len(start.x), len(compiled.thetas), len(timeline.t)
 
     def tell(share: float) -> None:
         if progress:
             progress("smoothing", share)
 
-    belief, checkpoints = start.copy(), []
-    squares = np.zeros((1 + m, 1 + m))
-    for begin in begins:
-        tell(0.5 * begin / K)
-        checkpoints.append(belief.copy())
-        remember(begin, belief)
-        _, sensor, _ = window(begin)
-        seen = np.flatnonzero(sensor >= 0)
-        told = buffer[4][seen]
-        squares += told.T @ (told / buffer[3][seen, None])
-    theta, C = _parameters(squares, compiled.spread)
+    belief, apart, checkpoints = start.copy(), np.zeros(n), []
+    products = np.zeros((1 + m, 1 + m))
+    for begin in range(0, count, WINDOW):
+        tell(0.5 * begin / count)
+        checkpoints.append((belief.copy(), apart.copy()))
+        products += windows.filter(begin, belief, apart)
+    theta, C = parameters(products, compiled.spread)
 
-    L, A = np.zeros((n, 1 + m)), np.zeros((n, n))
-    rows = int(on_grid.sum())
-    x, P = np.empty((rows, n)), np.empty((rows, n, n))
-    for begin in reversed(begins):
-        tell(1.0 - 0.5 * begin / K)
-        remember(begin, checkpoints.pop())
-        piece, sensor, emit = window(begin)
-        compiled.functions.look_back(L, A, timeline.t[piece], sensor, emit, *buffer, *of_rows)
-        count = int(emit.max(initial=-1)) + 1
-        X, own = of_rows[0][:count], of_rows[1][:count]
+    rows = int(np.sum(timeline.grid))
+    result = Smoothed(np.empty((rows, n)), np.empty((rows, n, n)))
+    adjoint = np.zeros((n, 1 + m)), np.zeros((n, n))
+    for begin in reversed(range(0, count, WINDOW)):
+        tell(1.0 - 0.5 * begin / count)
+        windows.filter(begin, *checkpoints.pop())
+        X, P = windows.look_back(begin, *adjoint)
         S = X[:, :, 1:]
-        x[rows - count : rows] = X[:, :, 0] + S @ theta
-        P[rows - count : rows] = own + S @ C @ S.transpose(0, 2, 1)
-        rows -= count
-    return Smoothed(x, P)
+        here = slice(rows - len(X), rows)
+        result.x[here] = X[:, :, 0] + S @ theta
+        result.P[here] = P + S @ C @ S.transpose(0, 2, 1)
+        rows -= len(X)
+    tell(1.0)
+    return result
 
 
-def _parameters(squares: Floats, spread: Floats) -> tuple[Floats, Floats]:
-    """θ̂ (m) and its covariance (m, m) from ``squares`` (1 + m, 1 + m): Σ of the products of
-    innovation and signature over the variance.  In units of the spread, which may be 0."""
-    information = np.eye(len(spread)) + spread[:, None] * squares[1:, 1:] * spread
+def parameters(products: Floats, spread: Floats) -> tuple[Floats, Floats]:
+    """θ̂ (m) and its covariance (m, m), where ``spread`` (m) may be 0.
+
+    ``products`` (1 + m, 1 + m): (ν, σ)(ν, σ)ᵀ/s, summed up.
+    """
+    information = np.eye(len(spread)) + spread[:, None] * products[1:, 1:] * spread
     C = spread[:, None] * np.linalg.inv(information) * spread
-    return -C @ squares[1:, 0], C
+    return -C @ products[1:, 0], C
+
+
+@dataclass(frozen=True, slots=True)
+class _Windows:
+    """One window's memory, used again for every window.
+
+    ``events`` and ``rows`` as the kernel's ``remember`` fills them; ``on_grid`` (K) marks events
+    after which there is a row.
+    """
+
+    compiled: Compiled
+    timeline: Timeline
+    filtered: Filtered
+    on_grid: NDArray[np.bool_]
+    events: tuple[Floats, ...]
+    rows: tuple[Floats, Floats]
+
+    @classmethod
+    def of(cls, compiled: Compiled, timeline: Timeline, filtered: Filtered) -> _Windows:
+        n, m = len(compiled.model.states), len(compiled.thetas)
+        on_grid = np.zeros(len(timeline.t), bool)
+        on_grid[timeline.emit >= 0] = timeline.grid
+        size = min(WINDOW, len(on_grid)) + 1
+        most = max((int(np.sum(on_grid[begin : begin + WINDOW]))
+                    for begin in range(0, len(on_grid), WINDOW)), default=0)  # fmt: skip
+        events = (np.zeros((size, n, n)), np.zeros((size, n)), np.zeros((size, n)), np.ones(size),
+                  np.zeros((size, 1 + m)))  # fmt: skip
+        return cls(compiled, timeline, filtered, on_grid, events,
+                   (np.zeros((most, n, 1 + m)), np.zeros((most, n, n))))  # fmt: skip
+
+    def _piece(self, begin: int) -> tuple[slice, NDArray[np.int8], NDArray[np.int64]]:
+        """The window's events, their sensors and rows.  It starts with the event before it,
+        which has been taken already."""
+        piece = slice(max(begin - 1, 0), begin + WINDOW)
+        sensor, out = self.timeline.sensor[piece].copy(), self.on_grid[piece].copy()
+        if begin:
+            sensor[0], out[0] = -1, False
+        return piece, sensor, np.where(out, np.cumsum(out) - 1, -1)
+
+    def filter(self, begin: int, belief: Belief, apart: Floats) -> Floats:
+        """Advance ``belief`` and, from there to the estimate, ``apart`` (n) over one window;
+        returns what it adds to the products that :func:`parameters` takes."""
+        piece, sensor, emit = self._piece(begin)
+        line, compiled, (_, predicted, used) = (
+            self.timeline, self.compiled, self.filtered.innovation[piece].T,
+        )  # fmt: skip
+        compiled.functions.remember(
+            belief.x, apart, belief.P, belief.S, line.t[piece], sensor, line.z[piece],
+            line.R[piece] + (used - predicted), line.u[piece], line.row[piece], line.W, line.Q,
+            line.longest, line.noise, compiled.p, compiled.g, self.filtered.x, line.emit[piece],
+            emit, *self.events, *self.rows,
+        )  # fmt: skip
+        seen = np.flatnonzero(sensor >= 0)
+        variance, told = self.events[3][seen], self.events[4][seen]
+        return told.T @ (told / variance[:, None])
+
+    def look_back(self, begin: int, L: Floats, A: Floats) -> tuple[Floats, Floats]:
+        """Smooth the window that was filtered last: states with their responses (r, n, 1 + m) and
+        own covariance (r, n, n) on the grid, at θ's nominal value.  ``L`` and ``A`` as the
+        kernel's ``look_back`` has them."""
+        piece, sensor, emit = self._piece(begin)
+        self.compiled.functions.look_back(
+            L, A, self.timeline.t[piece], sensor, emit, *self.events, *self.rows
+        )
+        count = int(emit.max(initial=-1)) + 1
+        return self.rows[0][:count], self.rows[1][:count]

@@ -44,6 +44,7 @@ def write_recording(run: Run, path: Path) -> None:
     """Write ``run`` and the blueprint that shows it to ``path`` (``.rrd``).
 
     Entities: ``can/<signal>``, ``state/<name>`` (value and variance, grey while not valid),
+    ``state/<name>/smoothed`` where the run was smoothed,
     ``residual/<sensor>`` (innovation, +3σ, −3σ), ``mode``, ``drive`` where there are several, and
     ``report``.  Values are in the units that people read (rpm, km/h, °C, mm, Nm, kJ).
     """
@@ -235,8 +236,38 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             if len(group) == 1:
                 title += f": {group[0].what}"
             entities = [f"state/{quantity.name}" for quantity in group]
+            entities += _send_smoothed(stream, run, starts, group)
             panels.append(panel(title, group[0].shown, entities, low, high))
     return panels
+
+
+def _send_smoothed(
+    stream: rr.RecordingStream, run: Run, starts: Sequence[float], group: Sequence[Quantity]
+) -> list[str]:
+    """Thin lines beside the filtered ones, where the run was smoothed."""
+    entities = []
+    for k, quantity in enumerate(group):
+        columns = _strung(
+            (start, (track.time, quantity.read(track.smoothed[quantity.name].value)))
+            for start, track in zip(starts, run.tracks, strict=True)
+            if quantity.name in track.smoothed
+        )
+        if not columns:
+            continue
+        time, value = columns
+        entity = f"state/{quantity.name}/smoothed"
+        stream.log(
+            entity,
+            rr.SeriesLines(
+                names=f"{_series(quantity, group)}, smoothed",
+                colors=np.uint32(COLOURS[k % len(COLOURS)]),
+                widths=1.0,
+            ),
+            static=True,
+        )
+        stream.send_columns(entity, _index(time), rr.Scalars.columns(scalars=value))
+        entities.append(entity)
+    return entities
 
 
 def _worth_a_look(run: Run, states: Sequence[Panel]) -> list[Panel]:
