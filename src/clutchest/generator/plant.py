@@ -14,7 +14,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.generator.scenarios import DRIVE, GRAVITY, PER_METRE, POSITION, REST, ROLLING
+from clutchest.generator.scenarios import (
+    DRIVE,
+    GRAVITY,
+    PER_METRE,
+    POSITION,
+    REST,
+    ROLLING,
+    TORQUE_RATE,
+)
 from clutchest.generator.surroundings import GEARBOX_TEMP, GRID
 from clutchest.signals import Floats
 
@@ -387,7 +395,7 @@ def _hold(time: float, leg: Record, end: float, y: Floats, s: Record, p: Record)
     if leg.kind == POSITION:
         s.command = leg.start + (leg.end - leg.start) * (time - leg.time) / (end - leg.time)
     elif leg.torque > 0.0:
-        s.target += min(max(leg.torque - s.target, -700.0 * STEP), 700.0 * STEP)
+        s.target += min(max(leg.torque - s.target, -TORQUE_RATE * STEP), TORQUE_RATE * STEP)
         s.command = _position_for(s.target, y, s, p)
     else:
         s.target = 0.0
