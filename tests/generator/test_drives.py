@@ -108,6 +108,48 @@ def test_heating_raises_the_zero_position(drive):
     assert c["slip_energy"][-1] > 5e6
 
 
+def _heatings(columns):
+    """(first, last) row of slip of every heating."""
+    slips = np.flatnonzero(np.diff(columns["slip_energy"]) > 10.0)  # J: more than a spin-up
+    apart = np.flatnonzero(np.diff(slips) > 10_000)
+    return list(zip(slips[np.r_[0, apart + 1]], slips[np.r_[apart, -1]], strict=True))
+
+
+def test_heating_keeps_to_the_axes_of_the_paper(drive):
+    """D4: ticks 38.4–39.2 mm over 2500 s, several heatings; x0 read four τ_d after each."""
+    d = drive("heating")
+    c = d.truth.columns
+    heatings = _heatings(c)
+    assert len(heatings) == 4
+    after = [np.searchsorted(d.truth.time, d.truth.time[last] + 4 * 2270 / 126)
+             for _, last in heatings]  # fmt: skip
+    read = [c["slave_position"][row] for row in after if row < len(c["mode"])]
+    assert len(read) >= 3 and all(np.diff(read) > 0)
+    assert 38.35 < c["slave_position"][0] < 38.45 and 39.0 < read[-1] < 39.25
+    energy = c["slip_energy"]
+    taken = [energy[last + 1] - energy[first] for first, last in heatings]
+    assert taken[0] == pytest.approx(1.5e6, rel=0.05)
+    assert taken[1:3] == pytest.approx([1.3e6, 1.3e6], rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_heating_shows_the_shift_of_the_torque_curve(drive, seed):
+    """Near one position the hot clutch passes some 900 Nm more than the cold one."""
+    c = drive("heating", seed).truth.columns
+    first, last = _heatings(c)[0]
+    rows = np.arange(first, last)
+    x = c["slave_position"][rows] - 38.4
+    there = (np.abs(x - 4.2) < 0.05) & (c["mode"][rows] == "slipping")
+    over = (c["temp_disc"] - c["temp_body"])[rows]
+    cold = c["clutch_torque"][rows][there & (over < 35)]
+    hot = c["clutch_torque"][rows][there & (over > 100)]
+    assert len(cold) > 20 and len(hot) > 20
+    assert 700 < np.median(hot) - np.median(cold) < 1100
+    assert c["clutch_torque"].max() < 1700 and c["temp_disc"].max() < 280
+    slipping = (c["mode"] == "slipping") & (c["clutch_torque"] > 300)
+    assert 5 < np.median(c["slip_speed"][slipping]) < 60
+
+
 def test_slip_steps_hold_the_position(drive):
     d = drive("slip-steps")
     c = d.truth.columns
