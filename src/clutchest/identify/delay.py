@@ -1,10 +1,10 @@
 """How late one signal is behind others that an equation ties it to.
 
-Over stretches of a drive the late signal y obeys y(t) = Σ c_i x_i(t − τ): with coefficients that
-all stretches share and others that each has for itself.  All columns are smoothed alike (which
-commutes with the equation), the coefficients are eliminated, and τ minimises what is left.  Its
-standard deviation is clustered by stretch: whatever the noise is like within one, stretches are
-taken to be independent.
+Over stretches of a drive the late signal y obeys y(t) = x_0(t − τ) + Σ c_i x_i(t − τ), with
+coefficients c_i that each stretch has for itself.  All columns are smoothed alike (which commutes
+with the equation), the coefficients are eliminated, and τ minimises what is left.  Its standard
+deviation is clustered by stretch: whatever the noise is like within one, stretches are taken to
+be independent.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ EARLIEST, LATEST = -0.15, 0.45  # s, searched
 COARSE, DIFFERENCE = 0.01, 0.004  # s
 FEWEST = 6  # stretches
 
-Columns = Callable[[float], tuple[Floats, Floats, Floats]]
+Columns = Callable[[float], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """``columns(delay)`` gives y (n,), shared (n, p) and own (n, q) columns of the equation."""
+    """``columns(delay)`` gives y − x_0 (n,) and the columns x_i (n, q) of the equation."""
 
     columns: Columns
 
@@ -65,12 +65,10 @@ def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
     found = minimize_scalar(lambda tau: float((_left(stretches, tau)[0] ** 2).sum()), bounds=near,
                             method="bounded", options={"xatol": 1e-5})  # fmt: skip
     tau = float(found.x)
-    left, part, shared = _left(stretches, tau)
+    left, part = _left(stretches, tau)
     slope = (_left(stretches, tau + DIFFERENCE)[0] - _left(stretches, tau - DIFFERENCE)[0]) / (
         2 * DIFFERENCE
     )
-    if shared.shape[1]:  # along what the shared coefficients cannot undo
-        slope = slope - shared @ np.linalg.lstsq(shared, slope, rcond=None)[0]
     information = float(slope @ slope)
     count = len(stretches)
     if information <= 0.0:
@@ -82,18 +80,12 @@ def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
     return Delay(tau, std, count, inside)
 
 
-def _left(stretches: Sequence[Stretch], tau: float) -> tuple[Floats, NDArray[np.intp], Floats]:
-    """What is left of y, of which stretch each row is, and the shared columns less the own."""
-    lefts, parts, shares = [], [], []
+def _left(stretches: Sequence[Stretch], tau: float) -> tuple[Floats, NDArray[np.intp]]:
+    """What no coefficient can explain, and of which stretch each row is; (n,) each."""
+    lefts, parts = [], []
     for i, stretch in enumerate(stretches):
-        y, shared, own = stretch.columns(tau)
-        both = np.column_stack([y, shared])
+        y, own = stretch.columns(tau)
         basis = np.linalg.qr(own / np.maximum(np.abs(own).max(axis=0), 1e-12))[0]
-        both = both - basis @ (basis.T @ both)
-        lefts.append(both[:, 0])
-        shares.append(both[:, 1:])
+        lefts.append(y - basis @ (basis.T @ y))
         parts.append(np.full(len(y), i))
-    left, shared = np.concatenate(lefts), np.concatenate(shares)
-    if shared.shape[1]:
-        left = left - shared @ np.linalg.lstsq(shared, left, rcond=None)[0]
-    return left, np.concatenate(parts), shared
+    return np.concatenate(lefts), np.concatenate(parts)

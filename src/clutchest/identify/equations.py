@@ -122,34 +122,36 @@ def _slope(value: Floats) -> Floats:
     return slope
 
 
-def _stretch(drive: Drive, rows: NDArray[np.intp], y: Floats, shared: list[Floats],
+def _stretch(drive: Drive, rows: NDArray[np.intp], y: Floats, known: Floats | None,
              own: list[Floats], level: bool = True) -> Stretch:  # fmt: skip
-    """y at the rows, the columns ``delay`` s earlier; ``level`` gives the stretch a constant."""
-    first = max(int(rows[0] - 1 / STEP), 0)
-    last = int(rows[-1] + 1 / STEP)
-    time, at = drive.time[first:last], drive.time[rows]
-    y, shared, own = y[rows], [c[first:last] for c in shared], [c[first:last] for c in own]
+    """y less ``known`` at the rows, to be made of ``own`` columns, both ``delay`` s earlier;
+    ``level`` gives the stretch a constant."""
+    part = slice(max(int(rows[0] - 1 / STEP), 0), int(rows[-1] + 1 / STEP))
+    time, at = drive.time[part], drive.time[rows]
+    read, own = y[rows], [column[part] for column in own]
+    cause = None if known is None else known[part]
 
-    def columns(delay: float) -> tuple[Floats, Floats, Floats]:
-        def earlier(given: list[Floats]) -> list[Floats]:
-            return [np.interp(at - delay, time, column) for column in given]
-
+    def columns(delay: float) -> tuple[Floats, Floats]:
+        left = read if cause is None else read - np.interp(at - delay, time, cause)
         constant = [np.ones(len(at))] if level else []
-        return (y, np.array(earlier(shared)).T.reshape(len(at), len(shared)),
-                np.column_stack([*constant, *earlier(own)]))  # fmt: skip
+        return left, np.column_stack([*constant, *(np.interp(at - delay, time, c) for c in own)])
 
     return Stretch(columns)
 
 
-def engine_torque(drive: Drive) -> list[Stretch]:
-    """Clutch open: the torque speeds the engine up."""
+def engine_torque(drive: Drive, inertia: float) -> list[Stretch]:
+    """Clutch open: the torque speeds the engine up, of ``inertia`` kg m².
+
+    The inertia is given: one that is fitted reads too low under noise, and the delay then goes to
+    where the engine happens to be more lively.
+    """
     if not drive.has("engine_torque", "slave_position"):
         return []
     width = drive.width("engine_torque", "engine_speed")
     torque = _smooth(drive.raw("engine_torque"), width)
-    acceleration = _slope(_smooth(drive.raw("engine_speed"), width))
+    needed = inertia * _slope(_smooth(drive.raw("engine_speed"), width))
     flag = (drive.mode == Mode.open) & drive.whole("engine_torque", "engine_speed")
-    return [_stretch(drive, rows, torque, [acceleration], [])
+    return [_stretch(drive, rows, torque, needed, [])
             for rows in drive.rows(flag, 0.3, width)]  # fmt: skip
 
 
@@ -161,7 +163,7 @@ def input_shaft_speed(drive: Drive) -> list[Stretch]:
     shaft = _smooth(drive.raw("input_shaft_speed"), width)
     engine = _smooth(drive.raw("engine_speed"), width)
     flag = _locked(drive) & drive.whole("input_shaft_speed", "engine_speed")
-    return [_stretch(drive, rows, shaft, [engine], []) for rows in drive.rows(flag, 1.0, width)]
+    return [_stretch(drive, rows, shaft, engine, []) for rows in drive.rows(flag, 1.0, width)]
 
 
 def vehicle_speed(drive: Drive) -> list[Stretch]:
@@ -176,11 +178,11 @@ def vehicle_speed(drive: Drive) -> list[Stretch]:
     for rows in drive.rows(flag, 2.0, width):
         ratio = speed[rows] / np.maximum(engine[rows], 1.0)
         if np.ptp(ratio) < 0.1 * ratio.mean():  # one gear, and not out of it
-            found.append(_stretch(drive, rows, speed, [], [engine], level=False))
+            found.append(_stretch(drive, rows, speed, None, [engine], level=False))
     return found
 
 
-def slave_position(drive: Drive, torque_delay: float) -> list[Stretch]:
+def slave_position(drive: Drive, torque_delay: float, inertia: float) -> list[Stretch]:
     """Slipping: clutch torque is a cubic of the position; the columns are *later* here, so the
     delay comes out negative."""
     if not drive.has("engine_torque", "slave_position"):
@@ -190,9 +192,10 @@ def slave_position(drive: Drive, torque_delay: float) -> list[Stretch]:
     reported = _smooth(drive.raw("engine_torque"), width)
     torque = np.interp(drive.time + torque_delay, drive.time, reported)
     p = {key: value.value for key, value in drive.vehicle.parameters.items()}
+    carried = torque - inertia * acceleration
     depth = p["kiss_point"] + p["position_origin"] - drive.raw("slave_position")
     slip = drive.raw("engine_speed") - drive.raw("input_shaft_speed")
-    power = np.abs(torque - p["engine_inertia"] * acceleration) * np.abs(slip)
+    power = np.abs(carried * slip)
     flag = (drive.mode == Mode.slipping) & (depth > 0.5)
     flag &= drive.whole("engine_torque", "engine_speed", "slave_position")
     growth = p["expansion_disc"] / p["heat_capacity_disc"]  # (15), mm/J of a short slip
@@ -207,18 +210,8 @@ def slave_position(drive: Drive, torque_delay: float) -> list[Stretch]:
             elapsed = drive.time - drive.time[rows[0]]
             curve = [inside, inside**2, inside**3, grown * slope, elapsed * slope]
             own = [_smooth(column, width) for column in curve]
-            found.append(_with_constant(_stretch(drive, rows, torque, [], own), acceleration[rows]))
+            found.append(_stretch(drive, rows, carried, None, own))
     return found
-
-
-def _with_constant(stretch: Stretch, column: Floats) -> Stretch:
-    """The stretch with one more shared column, which the delay does not move."""
-
-    def columns(delay: float) -> tuple[Floats, Floats, Floats]:
-        y, shared, own = stretch.columns(delay)
-        return y, np.column_stack([shared, column]), own
-
-    return Stretch(columns)
 
 
 def motor_position(drive: Drive) -> list[Stretch]:
@@ -229,7 +222,7 @@ def motor_position(drive: Drive) -> list[Stretch]:
     motor = _smooth(drive.raw("motor_position"), width)
     slave = _smooth(drive.raw("slave_position"), width)
     flag = (motor > 1.0) & drive.whole("motor_position", "slave_position")
-    return [_stretch(drive, rows, motor, [slave], []) for rows in drive.rows(flag, 0.5, width)]
+    return [_stretch(drive, rows, motor, None, [slave]) for rows in drive.rows(flag, 0.5, width)]
 
 
 def _locked(drive: Drive) -> Mask:

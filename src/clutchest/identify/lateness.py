@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from clutchest.identify.delay import FEWEST, Delay, Stretch, estimate
 from clutchest.identify.equations import Drive
 from clutchest.identify.fit import Fitted
 from clutchest.signals import Signals
-from clutchest.vehicle import Vehicle
+from clutchest.vehicle import ParameterValue, Vehicle
 
 LOOSEST = 0.02  # s, standard deviation beyond which a delay is not told
 SLAVE_SHIFT = -0.3  # s: the position's is looked for with the opposite sign
@@ -29,41 +30,49 @@ NEEDS = {
 
 def delays(signals: Signals, vehicle: Vehicle) -> dict[str, Fitted]:
     """Of every mapped signal.  A delay that is not determined says why."""
-    found = _found([d for part in signals.drives if (d := Drive.of(part, vehicle))])
+    drives = [d for part in signals.drives if (d := Drive.of(part, vehicle))]
+    found = _found(drives, vehicle.parameters["engine_inertia"])
     return {name: _fitted(name, found, mapped.delay) for name, mapped in vehicle.signals.items()}
 
 
-def _found(drives: list[Drive]) -> Mapping[str, Delay | None]:
+def _found(drives: list[Drive], inertia: ParameterValue) -> Mapping[str, Delay | None]:
     def of(stretches: Callable[[Drive], list[Stretch]], shift: float = 0.0) -> Delay | None:
         return estimate([stretch for drive in drives for stretch in stretches(drive)], shift)
 
-    found: dict[str, Delay | None] = {
-        "engine_torque": of(equations.engine_torque),
+    def torque(by: float = 0.0) -> Delay | None:
+        return of(lambda drive: equations.engine_torque(drive, inertia.value + by))
+
+    def slave(late: float, by: float = 0.0) -> Delay | None:
+        # its columns come later, not earlier: the delay has the opposite sign
+        found = of(lambda d: equations.slave_position(d, late, inertia.value + by), SLAVE_SHIFT)
+        return found and replace(found, value=-found.value)
+
+    found = {
+        "engine_torque": _with_doubt(torque(), torque(inertia.spread)),
         "input_shaft_speed": of(equations.input_shaft_speed),
         "vehicle_speed": of(equations.vehicle_speed),
     }
-    if torque := _sure(found["engine_torque"]):
-
-        def slave(by: float) -> Delay | None:
-            late = of(lambda drive: equations.slave_position(drive, torque.value + by), SLAVE_SHIFT)
-            # there the columns come later, not earlier
-            return late and Delay(-late.value, late.std, late.stretches, late.inside)
-
-        position, moved = slave(0.0), slave(torque.std)
-        if position and moved:  # the torque's own doubt is the position's as well
-            std = float(np.hypot(position.std, moved.value - position.value))
-            found["slave_position"] = Delay(position.value, std, position.stretches,
-                                            position.inside)  # fmt: skip
-    if slave_late := _sure(found.get("slave_position")):
+    if late := _sure(found["engine_torque"]):
+        found["slave_position"] = _with_doubt(
+            slave(late.value), slave(late.value + late.std), slave(late.value, inertia.spread)
+        )
+    if late := _sure(found.get("slave_position")):
         behind = of(equations.motor_position)
-        if behind:
-            found["motor_position"] = Delay(
-                slave_late.value + behind.value,
-                float(np.hypot(slave_late.std, behind.std)),
-                min(slave_late.stretches, behind.stretches),
-                behind.inside,
-            )
+        found["motor_position"] = behind and Delay(
+            late.value + behind.value,
+            float(np.hypot(late.std, behind.std)),
+            min(late.stretches, behind.stretches),
+            behind.inside,
+        )
     return found
+
+
+def _with_doubt(delay: Delay | None, *moved: Delay | None) -> Delay | None:
+    """``delay`` with what becomes of it when each given number is one standard deviation off."""
+    if delay is None:
+        return None
+    shifts = [other.value - delay.value for other in moved if other]
+    return replace(delay, std=float(np.linalg.norm([delay.std, *shifts])))
 
 
 def _sure(delay: Delay | None) -> Delay | None:

@@ -26,6 +26,7 @@ from clutchest.vehicle import SignalMap, Vehicle
 
 LOOSEST = 0.35  # standard deviation of log noise: within a factor of two at 95 %
 LOOSEST_AR = 0.35  # standard deviation of artanh of the AR(1) coefficient
+SLOW = 0.5  # AR(1) coefficient that only quiet readings can show
 SLOWEST = 0.99  # AR(1) coefficient beyond which noise cannot be told from a drift
 Z = 1.96
 LEAVES = ("noise", "noise_ar", "delay")
@@ -103,10 +104,10 @@ def _noise(
         return unknown(f"no stretch of {WINDOW} samples on end that is neither broken by gaps nor "
                        f"cut off at zero ({count} samples)")  # fmt: skip
     sensor = estimate(windows, bus_step(values))
-    if sensor is None:
+    if sensor is None or sensor.total == 0.0:
         return unknown("moves in straight lines only: no noise can be seen")
     loose, loose_ar = np.sqrt(np.diag(sensor.covariance))
-    if sensor.noise < BELOW_STEP * sensor.step:
+    if sensor.noise <= BELOW_STEP * sensor.step:
         step, top = f"{sensor.step:.3g} {unit}", BELOW_STEP * sensor.step
         high = float(np.hypot(top, sensor.rounding))
         noise = Fitted(
@@ -123,6 +124,10 @@ def _noise(
     if sensor.ar > SLOWEST or loose > LOOSEST:
         _, noise, ar = unknown(f"{len(windows)} stretches of {WINDOW} samples do not tell noise "
                                "from the signal's own wander")  # fmt: skip
+        return sensor, noise, ar
+    if not sensor.quiet and np.tanh(np.arctanh(sensor.ar) - Z * loose_ar) > SLOW:
+        _, noise, ar = unknown("too little of the log is quiet to tell slow noise from the "
+                               "signal's own wander")  # fmt: skip
         return sensor, noise, ar
     low, high = sensor.noise * np.exp(np.array([-Z, Z]) * loose)  # of what is not rounding
     share = sensor.rounding**2 / sensor.total**2

@@ -40,7 +40,8 @@ class SensorNoise:
     ``noise``: standard deviation of the AR(1) part, in the signal's unit; ``ar``: its coefficient
     per sample; ``covariance`` (2, 2) of (log noise, artanh ar); ``step`` of the bus, 0 where the
     readings lie on no lattice; ``residuals`` (W, WINDOW): ``windows`` samples less straight line
-    and walk, NaN where missing.
+    and walk, NaN where missing; ``quiet``: enough of them are quiet to tell slow noise from what
+    the quantity itself does.
     """
 
     noise: float
@@ -49,6 +50,7 @@ class SensorNoise:
     step: float
     windows: Floats
     residuals: Floats
+    quiet: bool
 
     @property
     def rounding(self) -> float:
@@ -126,13 +128,14 @@ def far_off(row: Floats) -> NDArray[np.bool_]:
 def estimate(windows: Floats, step: float) -> SensorNoise | None:
     """Fit noise and AR(1) coefficient to ``windows`` (W, WINDOW).
 
-    None where there is no window, or no reading in them ever differs from a straight line.
+    ``noise`` 0 where most readings equal their neighbours; None where there is no window.
     """
     if not len(windows):
         return None
     likelihood = _Likelihood(windows, step)
-    if likelihood.guess == 0.0:
-        return None
+    if likelihood.guess == 0.0:  # most samples read what their neighbours do: rounding hides all
+        level = windows - np.nanmean(windows, axis=1, keepdims=True)
+        return SensorNoise(0.0, 0.0, np.zeros((2, 2)), step, windows, level, False)
     theta = _maximise(likelihood)
     windows = np.where(likelihood.apart(theta), np.nan, windows)
     usable = np.isnan(windows).sum(axis=1) <= MISSING
@@ -150,6 +153,7 @@ def estimate(windows: Floats, step: float) -> SensorNoise | None:
         step=step,
         windows=likelihood.windows,
         residuals=likelihood.residuals(theta),
+        quiet=bool(quiet.sum() >= min(CLUSTERED, usable.sum() / 2)),
     )
 
 
@@ -177,8 +181,6 @@ class _Likelihood:
         whole = np.diff(windows, 2, axis=1)
         whole = whole[np.isfinite(whole)]
         self.rough = 1.4826 * float(np.median(np.abs(whole))) if len(whole) else 0.0
-        if self.rough == 0.0 and len(whole):
-            self.rough = float(np.sqrt(np.mean(whole**2)))
         self.guess = self.noise_for(0.0)
         self.walks = self.guess / WANDER * _WALKS if walks is None else walks
         self.weights = np.full(len(self.walks), 1 / len(self.walks))
@@ -228,19 +230,19 @@ class _Likelihood:
     def covariance(self, theta: Floats) -> Floats:
         """Covariance (2, 2) of the estimate: from the curvature, or the scatter of the windows'
         scores where that is wider (the model is never quite true)."""
-        h = np.array([0.02, 0.02])
-        centre = self.each(theta, refit=True)
-        moves = [(i, s) for i in (0, 1) for s in (1, -1)]
-        at = {(i, s): self.each(theta + s * h * np.eye(2)[i], False) for i, s in moves}
-        scores = np.stack([(at[i, 1] - at[i, -1]) / (2 * h[i]) / 2 for i in (0, 1)])
+        h = 0.02
+        unit = h * np.eye(2)
+        # the distribution of walks moves along: its own doubt is in the curvature as well
+        at = {(i, j): self.total(theta + i * unit[0] + j * unit[1])
+              for i in (-1, 0, 1) for j in (-1, 0, 1)}  # fmt: skip
         hessian = np.empty((2, 2))
-        for i in (0, 1):
-            hessian[i, i] = (at[i, 1] + at[i, -1] - 2 * centre).sum() / h[i] ** 2 / 2
-        corner = [self.each(theta + h * np.array(s), False).sum()
-                  for s in ((1, 1), (1, -1), (-1, 1), (-1, -1))]  # fmt: skip
-        hessian[0, 1] = hessian[1, 0] = (
-            (corner[0] - corner[1] - corner[2] + corner[3]) / (4 * h[0] * h[1]) / 2
-        )
+        hessian[0, 0] = at[1, 0] - 2 * at[0, 0] + at[-1, 0]
+        hessian[1, 1] = at[0, 1] - 2 * at[0, 0] + at[0, -1]
+        hessian[0, 1] = hessian[1, 0] = (at[1, 1] - at[1, -1] - at[-1, 1] + at[-1, -1]) / 4
+        hessian /= 2 * h**2
+        self.total(theta)
+        scores = np.stack([self.each(theta + s, False) - self.each(theta - s, False) for s in unit])
+        scores /= 4 * h
         values, vectors = np.linalg.eigh(hessian)
         inverse = (vectors / np.maximum(values, 1e-2)) @ vectors.T
         if scores.shape[1] < CLUSTERED:

@@ -22,8 +22,7 @@ def toeplitz_row(autocovariance: Floats) -> Floats:
     """Autocovariance of second differences at lags 0 … n−3, from that of the n readings."""
     c = np.concatenate([autocovariance[2:0:-1], autocovariance])  # from lag −2 on
     n = len(autocovariance)
-    row: Floats = sum(w * c[j : j + n - 2] for j, w in enumerate((1.0, -4.0, 6.0, -4.0, 1.0)))
-    return row
+    return np.convolve(c, [1.0, -4.0, 6.0, -4.0, 1.0], mode="valid")[: n - 2]
 
 
 @njit(cache=True, error_model="numpy")
