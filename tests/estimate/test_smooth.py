@@ -258,11 +258,11 @@ def test_without_smoothing_nothing_is_said_of_it() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", ["launches", "city"])
 def test_it_is_better_than_the_filter(scenario: str) -> None:
-    """Not judged by its error: the housing, which both leave near its start.  The generator starts
-    it far closer to rest than the prior says, so that whoever moves it least is best."""
+    """Launches hardly inform the housing, and the generator starts it far closer to rest than the
+    prior says: there who moves it least is best, and its error says nothing."""
     found = judged(scenario, range(20), None)
     for name in STATES:
         rows = found[name]
-        if name != "temp_housing":
+        if (scenario, name) != ("launches", "temp_housing"):
             assert np.mean(rows[:, 1] ** 2) <= np.mean(rows[:, 0] ** 2), name
         assert np.mean(rows[:, 2]) >= 0.9, name

@@ -11,8 +11,15 @@ are linear in θ, and white at the true one.  So the whole log has told of θ (B
 
 and with S, the response of the smoothed state x to θ, the state is x + S θ̂, its covariance
 P + S C Sᵀ: the optimum over state and parameters together at the price of the state alone.
-Without θ̂, with all of Θ in the covariance, the smoother is five times worse than the filter on
-simulated launches (body temperature 18 against 3.4 K): its filter trusts wrong parameters fully.
+
+Measured on simulated launches, root mean square error of the body temperature:
+
+- 12 drives of ten minutes: filter 3.4 K; smoother without θ̂, all of Θ in the covariance, 18 K,
+  since its filter trusts wrong parameters fully; with θ̂ 3.5 K;
+- 20 drives of half an hour: filter 3.0 K; with θ̂, linearised along its own stray filter, 3.6 K;
+  linearised along the consider filter's estimate, as it is here, 2.4 K.
+
+Learning θ from window to window, the next one linearised at it, made the smoother too sure.
 """
 
 from __future__ import annotations
