@@ -13,12 +13,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchest.signals import Floats
 
 EARLIEST, LATEST = -0.15, 0.45  # s, searched
-COARSE, DIFFERENCE = 0.01, 0.004  # s
+COARSE, DIFFERENCE = 0.01, 0.015  # s
 FEWEST = 6  # stretches
 
 Columns = Callable[[float], tuple[Floats, Floats]]
@@ -58,34 +57,30 @@ def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
     if len(stretches) < FEWEST:
         return None
     grid = np.arange(EARLIEST, LATEST + COARSE / 2, COARSE) + shift
-    misfit = [float((_left(stretches, tau)[0] ** 2).sum()) for tau in grid]
+    misfit = [float(_misfit(stretches, tau).sum()) for tau in grid]
     best = int(np.argmin(misfit))
     inside = 0 < best < len(grid) - 1
     near = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    found = minimize_scalar(lambda tau: float((_left(stretches, tau)[0] ** 2).sum()), bounds=near,
-                            method="bounded", options={"xatol": 1e-5})  # fmt: skip
-    tau = float(found.x)
-    left, part = _left(stretches, tau)
-    slope = (_left(stretches, tau + DIFFERENCE)[0] - _left(stretches, tau - DIFFERENCE)[0]) / (
-        2 * DIFFERENCE
-    )
-    information = float(slope @ slope)
-    count = len(stretches)
+    tau = float(minimize_scalar(lambda tau: _misfit(stretches, tau).sum(), bounds=near,
+                                method="bounded", options={"xatol": 1e-5}).x)  # fmt: skip
+    # Slope and curvature of each stretch's misfit: not from the squared slope of the columns,
+    # whose noise would pass for information.
+    early, here, late = (_misfit(stretches, tau + h) for h in (-DIFFERENCE, 0.0, DIFFERENCE))
+    score, curvature = (late - early) / (2 * DIFFERENCE), (late - 2 * here + early) / DIFFERENCE**2
+    information = float(curvature.sum())
     if information <= 0.0:
         return None
     # as if each stretch had been left out in turn: one that decides alone says little of its error
-    share = np.bincount(part, slope * slope, count) / information
-    scores = np.bincount(part, slope * left, count) / np.maximum(1 - share, 1e-3)
-    std = float(np.sqrt((scores**2).sum())) / information
-    return Delay(tau, std, count, inside)
+    alone = np.clip(curvature / information, 0.0, 0.999)
+    std = float(np.linalg.norm(score / (1 - alone))) / information
+    return Delay(tau, std, len(stretches), inside)
 
 
-def _left(stretches: Sequence[Stretch], tau: float) -> tuple[Floats, NDArray[np.intp]]:
-    """What no coefficient can explain, and of which stretch each row is; (n,) each."""
-    lefts, parts = [], []
+def _misfit(stretches: Sequence[Stretch], tau: float) -> Floats:
+    """Sum of squares per stretch of what no coefficient can explain."""
+    misfit = np.empty(len(stretches))
     for i, stretch in enumerate(stretches):
         y, own = stretch.columns(tau)
         basis = np.linalg.qr(own / np.maximum(np.abs(own).max(axis=0), 1e-12))[0]
-        lefts.append(y - basis @ (basis.T @ y))
-        parts.append(np.full(len(y), i))
-    return np.concatenate(lefts), np.concatenate(parts)
+        misfit[i] = y @ y - ((basis.T @ y) ** 2).sum()
+    return misfit

@@ -94,14 +94,15 @@ class Drive:
         return good
 
     def rows(self, flag: Mask, least: float, width: float) -> list[NDArray[np.intp]]:
-        """Grid rows, a smoothing width apart, of every stretch of ``flag`` of ``least`` s."""
+        """Grid rows of every stretch of ``flag`` of ``least`` s: closer than the smoothing, so that
+        noise weighs alike whatever the delay."""
         edge, most = int((EDGE + 3 * width) / STEP), int(LONGEST / STEP)
         found = []
         for start, end in zip(*runs(flag), strict=True):
             for begin in range(start + edge, end - edge, most):
                 stop = min(begin + most, end - edge)
                 if (stop - begin) * STEP >= least:
-                    found.append(np.arange(begin, stop, max(int(2 * width / STEP), 1)))
+                    found.append(np.arange(begin, stop, max(int(width / STEP / 2), 1)))
         return found
 
 

@@ -128,12 +128,12 @@ def far_off(row: Floats) -> NDArray[np.bool_]:
 def estimate(windows: Floats, step: float) -> SensorNoise | None:
     """Fit noise and AR(1) coefficient to ``windows`` (W, WINDOW).
 
-    ``noise`` 0 where most readings equal their neighbours; None where there is no window.
+    ``noise`` 0 where every window is one straight line; None where there is no window.
     """
     if not len(windows):
         return None
     likelihood = _Likelihood(windows, step)
-    if likelihood.guess == 0.0:  # most samples read what their neighbours do: rounding hides all
+    if likelihood.guess == 0.0:
         level = windows - np.nanmean(windows, axis=1, keepdims=True)
         return SensorNoise(0.0, 0.0, np.zeros((2, 2)), step, windows, level, False)
     theta = _maximise(likelihood)
@@ -142,9 +142,9 @@ def estimate(windows: Floats, step: float) -> SensorNoise | None:
     quiet = usable & likelihood.quiet(theta)
     if quiet.sum() >= CLUSTERED:  # where little else moves, little else can be mistaken for noise
         walks = likelihood.walks[likelihood.walks <= 2 * QUIET * np.exp(theta[0]) / WANDER]
-        likelihood = _Likelihood(windows[quiet], step, walks)
+        likelihood = _Likelihood(windows[quiet], step, walks, likelihood.rough)
     elif usable.any():
-        likelihood = _Likelihood(windows[usable], step)
+        likelihood = _Likelihood(windows[usable], step, likelihood.walks, likelihood.rough)
     theta = _maximise(likelihood)
     return SensorNoise(
         noise=float(np.exp(theta[0])),
@@ -169,18 +169,27 @@ def _maximise(likelihood: _Likelihood) -> Floats:
     return best
 
 
+def _scatter(values: Floats) -> float:
+    """A robust standard deviation, of all that are finite."""
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return 0.0
+    robust = 1.4826 * float(np.median(np.abs(finite)))
+    return robust or float(np.sqrt(np.mean(finite**2)))  # rounding makes most of them nought
+
+
 class _Likelihood:
     """Restricted likelihood of windows, for (log noise, artanh AR coefficient)."""
 
-    def __init__(self, windows: Floats, step: float, walks: Floats | None = None) -> None:
+    def __init__(
+        self, windows: Floats, step: float, walks: Floats | None = None, rough: float = 0.0
+    ) -> None:
         self.windows, self.step = windows, step
         self.holes = np.isnan(windows)
         filled = np.where(self.holes, 0.0, windows - np.nanmean(windows, axis=1, keepdims=True))
         self.filled = filled
         self.second = np.ascontiguousarray(np.diff(filled, 2, axis=1).T)
-        whole = np.diff(windows, 2, axis=1)
-        whole = whole[np.isfinite(whole)]
-        self.rough = 1.4826 * float(np.median(np.abs(whole))) if len(whole) else 0.0
+        self.rough = rough or _scatter(np.diff(windows, 2, axis=1))
         self.guess = self.noise_for(0.0)
         self.walks = self.guess / WANDER * _WALKS if walks is None else walks
         self.weights = np.full(len(self.walks), 1 / len(self.walks))
