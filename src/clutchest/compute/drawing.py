@@ -27,7 +27,8 @@ from clutchest.compute.lowered import (
 def wander(x, ua, ub, dt, w, p, g, q, noise, random, k, A, B, y, Y, Yu):
     """x ← x after ``dt`` s of the stochastic differential equation; inputs go ``ua`` → ``ub``.
 
-    ``random`` is numpy's generator; ``k`` (4, n) takes the slopes, ``A``, ``B``, ``y``, ``Y``, ``Yu`` what is not needed of them.
+    ``random`` is numpy's generator; ``k`` (4, n) takes the slopes, ``A``, ``B``, ``y``, ``Y`` and
+    ``Yu`` what is not needed of them.
     """
     n = STATES
     middle = (ua + ub) / 2

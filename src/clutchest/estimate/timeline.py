@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify
+from clutchest.estimate.spikes import without_spikes
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -98,7 +99,7 @@ def build(
     that the model cannot do without has no valid sample.
     """
     thresholds = Thresholds.of(vehicle.modes)
-    present = _usable(signals, vehicle, model, delays)
+    present, spikes = _usable(signals, vehicle, model, delays)
     noise_of = {name: mapped.noise for name, mapped in vehicle.signals.items()}
     colour_of = {name: mapped.noise_ar for name, mapped in vehicle.signals.items()}
     speed = present["engine_speed"]
@@ -160,21 +161,25 @@ def build(
         grid=on_grid,
         noise=noise,
         variance=variance,
-        warnings=_gaps(present, fast, thresholds.gap),
+        warnings=spikes + _gaps(present, fast, thresholds.gap),
     )
 
 
 def _usable(
     signals: Signals, vehicle: Vehicle, model: Model, delays: Mapping[str, float]
-) -> dict[str, Signal]:
-    """The valid samples of every signal, each at the time at which it was true."""
+) -> tuple[dict[str, Signal], tuple[str, ...]]:
+    """The valid samples of every signal, each at the time at which it was true; and warnings."""
     needed = {i.name for i in model.inputs if i.default is None} - {"engine_acceleration"}
-    present = {}
+    present, warnings = {}, []
     for name in signals:
         signal, mapped = signals[name].only_valid(), vehicle.signals.get(name)
         late = (mapped.delay if mapped else 0.0) + delays.get(name, 0.0)
         if len(signal):
+            signal, spikes = without_spikes(signal, mapped.noise if mapped else 0.0)
             present[name] = replace(signal, time=signal.time - late) if late else signal
+            if spikes:
+                warnings.append(f"{name}: {spikes} single sample(s) far off both neighbours left "
+                                f"out, {100 * spikes / (spikes + len(signal)):.2g} %")  # fmt: skip
     missing = sorted((needed | {"engine_speed"}) - set(present))
     if missing:
         hints = "".join(f"; {warning}" for warning in signals.warnings[:4])
@@ -188,7 +193,7 @@ def _usable(
             f"engine_speed has a sample every {period:g} s, expected at least one every "
             f"{COARSEST:g} s; are the times in seconds?"
         )
-    return present
+    return present, tuple(warnings)
 
 
 def _regimes(

@@ -28,11 +28,11 @@ from clutchest.models.symbols import Input, Parameter, Sensor, State
 # fmt: off
 STATES = (
     State("temp_body", "°C", "T_b", "flywheel and pressure plate", 0.02, 15.0, 25.0,
-          "a standstill with the actuator retracted", 0.02),
+          "a standstill with the actuator retracted", 0.15),
     State("temp_housing", "°C", "T_h", "clutch housing", 0.02, 12.0, 25.0,
-          "a long cool-down with the actuator retracted", 0.02),
+          "a long cool-down with the actuator retracted", 0.15),
     State("temp_disc", "°C", "T_d", "friction disc", 0.1, 15.0, 40.0,
-          "a slip, or the actuator retracted right after one", 0.1),
+          "a slip, or the actuator retracted right after one", 0.3),
     State("zero_position", "mm", "x0_ref", "closed slave position at T_ref; wear lowers it",
           1e-5, 0.2, 0.12, "the actuator fully retracted at a known temperature",
           slip_noise=1e-5),

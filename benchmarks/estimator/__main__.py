@@ -1,0 +1,89 @@
+"""How good the estimator is: against the Cramér–Rao bound on drives from its own model, on the
+generator's drives, in clutch torque, and after a wrong start.
+
+    python benchmarks/estimator --out estimator-out
+
+prints the tables, writes them to ``estimator.json`` and draws ``accuracy.png`` and
+``recovery.png``.  With the defaults it takes about half an hour on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from multiprocessing import Pool, cpu_count
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent.parent))  # the torque's benchmark is a file beside
+
+import own_model
+import pictures
+import recovery
+
+import generator
+
+PARTS = ("own-model", "generator", "recovery")
+Task = tuple[Any, ...]
+
+
+def ran(
+    what: str, of: Callable[[Any], dict[str, Any]], tasks: Sequence[Task], jobs: int
+) -> list[dict[str, Any]]:
+    """``of`` every task in parallel, in the order of the tasks, with progress on stderr."""
+    results = []
+    with Pool(jobs) as pool:
+        for result in pool.imap(of, tasks):
+            results.append(result)
+            print(f"\r{what}: {len(results)} of {len(tasks)}", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    return results
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="how good the estimator is")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--plans", type=int, default=12, help="schedules of launches")
+    parser.add_argument("--drives", type=int, default=50, help="drives drawn of each schedule")
+    parser.add_argument("--duration", type=float, default=900.0, help="s of each schedule")
+    parser.add_argument("--seeds", type=int, default=20, help="drives of the generator a scenario")
+    parser.add_argument("--scenarios", nargs="+", default=["city", "launches", "heating"])
+    parser.add_argument("--first", type=int, default=2000, help="first seed")
+    parser.add_argument("--vehicle", default="truck")
+    parser.add_argument("--jobs", type=int, default=cpu_count())
+    parser.add_argument("--out", type=Path, default=Path("estimator-out"))
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    found: dict[str, Any] = {"arguments": {k: str(v) for k, v in vars(given).items()}}
+    seeds = range(given.first, given.first + given.plans)
+
+    if "own-model" in given.parts:
+        tasks = [(given.vehicle, seed, given.drives, given.duration) for seed in seeds]
+        results = ran("own model", own_model.drives, tasks, given.jobs)
+        found["own_model"] = own_model.table(results)
+        print(own_model.show(found["own_model"]) + "\n", flush=True)
+    if "recovery" in given.parts:
+        few = max(given.drives // 5, 1)
+        tasks = [(given.vehicle, seed, few, given.duration) for seed in seeds]
+        results = ran("recovery", recovery.starts, tasks, given.jobs)
+        found["recovery"] = recovery.table(results)
+        print(recovery.show(found["recovery"]) + "\n", flush=True)
+        pictures.recovery(results, recovery.WRONG, given.out / "recovery.png")
+    if "generator" in given.parts:
+        tasks = [
+            (given.vehicle, case, scenario, given.first + 100 * number + k)
+            for case in generator.CASES
+            for number, scenario in enumerate(given.scenarios)
+            for k in range(given.seeds)
+        ]
+        results = ran("generator", generator.drive, tasks, given.jobs)
+        found["generator"] = generator.table(results)
+        print(generator.show(found["generator"]), flush=True)
+    pictures.accuracy(found, given.out / "accuracy.png")
+    (given.out / "estimator.json").write_text(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""The filter on drives drawn from its own model: against the Cramér–Rao bound, and consistent?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+from statistic import interval
+
+import clutchest
+from clutchest.estimate.drawn import draw
+from clutchest.estimate.modes import MODE_NAMES, Mode, runs
+from clutchest.estimate.start import fresh
+from clutchest.estimate.timeline import Timeline, build
+from clutchest.estimate.whole_log import Belief, Compiled, compile_model, run
+from clutchest.models import model_for
+from clutchest.vehicle import Vehicle
+
+RETRACTED, SLIPPING = MODE_NAMES[Mode.retracted], MODE_NAMES[Mode.slipping]
+# What is judged: each state in the modes that excite it, and how far above the bound it may lie.
+JUDGED = {
+    "temp_body": ((SLIPPING, RETRACTED), 1.10), "temp_housing": ((SLIPPING, RETRACTED), 1.10),
+    "temp_disc": ((SLIPPING, RETRACTED), 1.10), "zero_position": ((SLIPPING, RETRACTED), 1.10),
+    "friction": ((SLIPPING,), 1.15),
+}  # fmt: skip
+WARM_UP = 3  # launches before anything is scored
+
+
+def certain(vehicle: Vehicle) -> Vehicle:
+    """The vehicle with parameters known exactly; the prior of x0_ref stays."""
+    known = {
+        key: value if key == "zero_position_ref" else replace(value, spread=0.0)
+        for key, value in vehicle.parameters.items()
+    }
+    return replace(vehicle, parameters=known)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A schedule of launches, from which drives are drawn; ``rows`` of its outputs' grid."""
+
+    compiled: Compiled
+    line: Timeline
+    prior: Belief
+    time: NDArray[np.float64]
+    mode: NDArray[np.uint8]
+    launches: NDArray[np.float64]  # s, ends of the slips
+
+    @classmethod
+    def of(cls, name: str, seed: int, duration: float) -> Plan:
+        """The plan of one simulated drive of launches."""
+        vehicle = certain(clutchest.load_vehicle(name))
+        signals = clutchest.simulate(vehicle, "launches", seed, duration=duration, nominal=True)
+        compiled = compile_model(vehicle, model_for(vehicle.model, set(signals)))
+        line = build(signals, vehicle, compiled.model, 10.0, {})
+        rows = np.flatnonzero(line.emit >= 0)[line.grid]
+        time, mode = line.t[rows], line.mode[rows]
+        starts, ends = runs(mode == Mode.slipping)
+        lasting = time[ends - 1] - time[starts] > 0.8  # s; releases are shorter
+        return cls(compiled, line, fresh(vehicle, compiled, line), time, mode,
+                   time[ends - 1][lasting])  # fmt: skip
+
+
+def drives(task: tuple[str, int, int, float]) -> dict[str, Any]:
+    """``count`` drives of one plan, reduced to what the tables need.
+
+    Per mode: ``error`` and ``bound`` (drives, n), mean squares after the warm-up; ``inside``
+    [rows in the band, rows] of the average NEES; per sensor ``nis`` (drives) and ``lag`` (drives)
+    of normalised innovations.
+    """
+    name, seed, count, duration = task
+    plan = Plan.of(name, seed, duration)
+    model, grid = plan.compiled.model, plan.line.grid
+    scored = plan.time > plan.launches[WARM_UP - 1]
+    found: dict[str, Any] = {"launches": len(plan.launches), "modes": {}, "sensors": {}}
+    squares, bounds, nees = [], [], []
+    nis: dict[str, list[list[float]]] = {s.name: [] for s in model.sensors}
+    for number in range(count):
+        drawn = draw(plan.compiled, plan.line, plan.prior, 10_000 * seed + number)
+        filtered = run(plan.compiled, drawn.timeline, plan.prior)
+        error = filtered.x[grid] - drawn.x[grid]
+        squares.append(error**2)
+        bounds.append(drawn.bound[grid])
+        solved = np.linalg.solve(filtered.P[grid], error[..., None])[..., 0]
+        nees.append(np.einsum("ki,ki->k", error, solved))
+        for i, sensor in enumerate(model.sensors):
+            of = drawn.timeline.sensor == i
+            normal = filtered.innovation[of, 0] / np.sqrt(filtered.innovation[of, 1])
+            nis[sensor.name].append([np.mean(normal**2), np.mean(normal[1:] * normal[:-1])])
+    error, bound, n = np.array(squares), np.array(bounds), len(model.states)
+    low, high = chi2.ppf([0.025, 0.975], n * count) / (n * count)
+    average = np.mean(nees, axis=0) / n
+    for mode, label in enumerate(MODE_NAMES):
+        rows = scored & (plan.mode == mode)
+        if rows.any():
+            inside = (average[rows] > low) & (average[rows] < high)
+            found["modes"][label] = {
+                "error": error[:, rows].mean(axis=1), "bound": bound[:, rows].mean(axis=1),
+                "anees": float(average[rows].mean()), "inside": [int(inside.sum()), inside.size],
+            }  # fmt: skip
+    found["sensors"] = {key: np.array(values) for key, values in nis.items()}
+    found["states"] = [state.name for state in model.states]
+    return found
+
+
+def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Ratios RMSE / √(mean bound) per mode and state with their intervals, NEES and NIS."""
+    names = results[0]["states"]
+    out: dict[str, Any] = {"drives": 0, "ratio": {}, "anees": {}, "sensors": {}, "judged": {}}
+    out["drives"] = sum(len(r["sensors"]["engine_speed"]) for r in results)
+    for mode in MODE_NAMES:
+        parts = [r["modes"][mode] for r in results if mode in r["modes"]]
+        if not parts:
+            continue
+        pairs = np.stack([np.concatenate([p[key] for p in parts]) for key in ("error", "bound")], 1)
+        out["ratio"][mode] = {
+            name: interval(pairs[:, :, i], lambda s: np.sqrt(s[..., 0] / s[..., 1]))
+            for i, name in enumerate(names)
+        }
+        inside, rows = np.sum([p["inside"] for p in parts], axis=0)
+        out["anees"][mode] = {"mean": float(np.mean([p["anees"] for p in parts])),
+                              "share_in_band": float(inside / rows)}  # fmt: skip
+    for sensor in results[0]["sensors"]:
+        values = np.concatenate([r["sensors"][sensor] for r in results])
+        out["sensors"][sensor] = {
+            key: interval(values[:, k : k + 1], lambda s: s[..., 0])
+            for k, key in enumerate(("nis", "lag_1"))
+        }
+    for name, (modes, allowed) in JUDGED.items():
+        lowest = max(out["ratio"][mode][name]["low"] for mode in modes)
+        out["judged"][name] = {"low": lowest, "allowed": allowed, "passed": lowest <= allowed}
+    return out
+
+
+def show(found: dict[str, Any]) -> str:
+    """The table as text."""
+    lines = [
+        f"drawn from the filter's own model: {found['drives']} drives, scored after launch "
+        f"{WARM_UP}",
+        "RMSE / √(mean of the trajectories' Cramér–Rao bounds), 95 % interval",
+    ]
+    modes = list(found["ratio"])
+    lines.append(f"{'':15}" + "".join(f"{mode:>21}" for mode in modes))
+    for name in next(iter(found["ratio"].values())):
+        line = f"{name:15}"
+        for mode in modes:
+            c = found["ratio"][mode][name]
+            line += f"{c['value']:.3f} [{c['low']:.3f}, {c['high']:.3f}]".rjust(21)
+        lines.append(line)
+    for key, words in (("mean", "average NEES / n"), ("share_in_band", "  in its 95 % band")):
+        cells = (f"{found['anees'][mode][key]:.3f}" for mode in modes)
+        lines.append(f"{words:18}"[:18] + "".join(f"{c:>21}" for c in cells)[3:])
+    for sensor, c in found["sensors"].items():
+        lines.append(f"{sensor}: NIS {c['nis']['value']:.4f} [{c['nis']['low']:.4f}, "
+                     f"{c['nis']['high']:.4f}], correlation from sample to sample "
+                     f"{c['lag_1']['value']:+.4f} [{c['lag_1']['low']:+.4f}, "
+                     f"{c['lag_1']['high']:+.4f}]")  # fmt: skip
+    for name, c in found["judged"].items():
+        word = "met" if c["passed"] else "NOT MET"
+        lines.append(f"{name}: lower end {c['low']:.3f}, at most {c['allowed']:.2f}: {word}")
+    return "\n".join(lines)

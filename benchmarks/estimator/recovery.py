@@ -1,0 +1,104 @@
+"""Wrong starts: what is left of them once the observability analysis calls excitation enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from own_model import Plan
+
+from clutchest.estimate.drawn import draw
+from clutchest.estimate.whole_log import run
+
+WRONG = {"temp_body": 40.0, "zero_position": 0.3, "friction": 0.15}  # K, mm, 1
+LEFT = 0.05  # share of a start's error that may be left
+
+
+def starts(task: tuple[str, int, int, float]) -> dict[str, Any]:
+    """``count`` drives of one plan whose truth starts ``WRONG`` beside the prior, signs drawn.
+
+    Per state: ``enough`` (drives) s, from when on the filter's own gains leave less than ``LEFT``
+    of a start's error (NaN: never); ``launches`` (drives) by then; ``error`` and ``std`` and
+    ``bound`` (drives) there, root mean squares over the rest of the drive; ``inside`` (drives),
+    share of that rest within 3 σ.  ``course``: times and |error| of the first drives.
+    """
+    name, seed, count, duration = task
+    plan = Plan.of(name, seed, duration)
+    model, grid = plan.compiled.model, plan.line.grid
+    found: dict[str, Any] = {s: {k: [] for k in ("enough", "launches", "error", "std", "bound",
+                                                 "inside", "course")} for s in WRONG}  # fmt: skip
+    found["time"] = plan.time
+    for number in range(count):
+        random = np.random.default_rng([seed, number])
+        truth = plan.prior.x + np.sqrt(np.diag(plan.prior.P)) * random.standard_normal(
+            len(plan.prior.x))  # fmt: skip
+        for state, size in WRONG.items():
+            i = model.state(state)
+            truth[i] = plan.prior.x[i] + size * random.choice([-1.0, 1.0])
+        drawn = draw(plan.compiled, plan.line, plan.prior, 10_000 * seed + number, truth)
+        filtered = run(plan.compiled, drawn.timeline, plan.prior, keep_gains=True)
+        for state, size in WRONG.items():
+            i = model.state(state)
+            moved = plan.prior.copy()
+            moved.x[i] += size / 100  # the response of the estimate to its start, gains held
+            other = run(plan.compiled, drawn.timeline, moved, frozen=filtered.gains)
+            left = np.abs(other.x[grid, i] - filtered.x[grid, i]) / (size / 100)
+            over = np.flatnonzero(left > LEFT)
+            first = over[-1] + 1 if len(over) else 0
+            rest = slice(min(first, len(left) - 1), None)
+            error = (filtered.x[grid, i] - drawn.x[grid, i])[rest]
+            std = np.sqrt(filtered.P[grid, i, i])[rest]
+            row = found[state]
+            row["enough"].append(plan.time[first] if first < len(left) else np.nan)
+            row["launches"].append(float(np.sum(plan.launches < plan.time[rest][0])))
+            row["error"].append(np.mean(error**2))
+            row["std"].append(np.mean(std**2))
+            row["bound"].append(np.mean(drawn.bound[grid, i][rest]))
+            row["inside"].append(np.mean(np.abs(error) < 3 * std))
+            if number < 3:
+                row["course"].append(np.abs(filtered.x[grid, i] - drawn.x[grid, i]))
+    return found
+
+
+def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Per state: when excitation is enough, and what is left of the error from then on."""
+    out = {}
+    for state, size in WRONG.items():
+        rows = {k: np.concatenate([r[state][k] for r in results])
+                for k in ("enough", "launches", "error", "std", "bound", "inside")}  # fmt: skip
+        ever = np.isfinite(rows["enough"])
+        if not ever.any():
+            out[state] = {"wrong_by": size, "drives": len(ever), "recovered": 0, "passed": False}
+            continue
+        kept = {k: v[ever] for k, v in rows.items()}
+        error, bound = np.sqrt(kept["error"].mean()), np.sqrt(kept["bound"].mean())
+        allowed = max(LEFT * size, 2 * bound)
+        out[state] = {
+            "wrong_by": size, "drives": len(ever), "recovered": int(ever.sum()),
+            "enough_s": [float(q) for q in np.percentile(kept["enough"], [5, 50, 95])],
+            "launches": [float(q) for q in np.percentile(kept["launches"], [5, 50, 95])],
+            "error": float(error), "bound": float(bound), "allowed": float(allowed),
+            "inside_3_std": float(kept["inside"].mean()), "passed": bool(error <= allowed),
+        }  # fmt: skip
+    return out
+
+
+def show(found: dict[str, Any]) -> str:
+    """The table as text."""
+    lines = ["wrong starts, all three at once: error from when on the gains leave less than 5 % of "
+             "the start",
+             f"{'':15}{'wrong by':>10}{'enough after':>26}{'launches':>12}{'error':>10}"
+             f"{'bound':>10}{'allowed':>10}{'in 3 σ':>10}"]  # fmt: skip
+    for state, c in found.items():
+        if not c["recovered"]:
+            lines.append(f"{state:15}{c['wrong_by']:10.3g}   never enough in these drives")
+            continue
+        low, middle, high = c["enough_s"]
+        lines.append(
+            f"{state:15}{c['wrong_by']:10.3g}{f'{middle:.0f} s [{low:.0f}, {high:.0f}]':>26}"
+            f"{c['launches'][1]:12.0f}{c['error']:10.3g}{c['bound']:10.3g}{c['allowed']:10.3g}"
+            f"{c['inside_3_std']:10.4f}"
+            f"  {c['recovered']} of {c['drives']}{'' if c['passed'] else '  NOT MET'}"
+        )
+    return "\n".join(lines)
