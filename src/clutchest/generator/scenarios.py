@@ -137,7 +137,7 @@ def _heating(rng: Random, duration: float, mass: float, kiss_point: float) -> Le
     Cold it is closed to a position, which gives some 500 Nm and costs little heat; hot a torque
     of about 1450 Nm is asked for, which it then reaches near that very position.  The first
     heating takes 1.5 MJ, probes included; later ones, which begin warmer, 1.3 MJ, so that the
-    disc stays below some 270 °C.
+    disc stays below some 280 °C.
     """
     cold, pulses, hot = 9, 6, 3
     each = 60e3  # J of a probe while hot; one while cold takes some 20 kJ
