@@ -29,6 +29,7 @@ CLUSTERED = 20  # windows from which on their scatter is trusted to widen the in
 BELOW_STEP = 0.3  # of the bus step: smaller noise is hidden by rounding
 WANDER = np.sqrt(WINDOW**3 / 420)  # of a window less its line, over the steps of its slope
 APART = 5.0  # standard deviations from what all other samples of the window foretell
+LEAST = 0.05  # of the bus step: smaller noise is as good as none
 _STARTS = (-0.3, 0.0, 0.3, 0.6, 0.8, 0.9, 0.95)
 _WALKS = np.concatenate([[0.0], 0.3 * 2.5 ** np.arange(12)])  # strength over the first guess
 
@@ -133,7 +134,7 @@ def estimate(windows: Floats, step: float) -> SensorNoise | None:
     if not len(windows):
         return None
     likelihood = _Likelihood(windows, step)
-    if likelihood.guess == 0.0:
+    if likelihood.rough == 0.0:
         level = windows - np.nanmean(windows, axis=1, keepdims=True)
         return SensorNoise(0.0, 0.0, np.zeros((2, 2)), step, windows, level, False)
     theta = _maximise(likelihood)
@@ -196,7 +197,7 @@ class _Likelihood:
 
     def noise_for(self, ar: float) -> float:
         """The noise whose second differences scatter as those of the windows do."""
-        return self.rough / np.sqrt(6 - 8 * ar + 2 * ar**2)
+        return max(self.rough / np.sqrt(6 - 8 * ar + 2 * ar**2), 2 * LEAST * self.step)
 
     def total(self, theta: Floats) -> float:
         """−2 log likelihood."""
@@ -206,6 +207,8 @@ class _Likelihood:
         """−2 log likelihood of every window; ``refit`` the distribution of walks first."""
         if abs(theta[1]) > 3.0 or abs(theta[0] - np.log(self.guess)) > 8.0:
             return np.full(len(self.windows), 1e9)  # AR beyond ±0.995: no noise any more
+        if np.exp(theta[0]) < LEAST * self.step:
+            return np.full(len(self.windows), 1e9)
         table = self.table(theta)
         top = table.min(axis=1, keepdims=True)
         ratio = np.exp(-(table - top) / 2)
