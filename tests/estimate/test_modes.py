@@ -77,3 +77,12 @@ def test_without_slip_nothing_is_known():
     regimes = modes(None, None)
     assert (regimes.mode == Mode.unknown).all()
     assert not (regimes.free_running | regimes.sliding | regimes.engaged).any()
+
+
+def test_through_a_long_hole_nothing_is_known():
+    lost = (T > 2.5) & (T < 4.0)
+    slip, position, motor = launch()
+    regimes = classify(T, slip, position, motor, lost, KISS, Thresholds(), lost)
+    assert np.all(regimes.mode[lost] == Mode.unknown)
+    assert not (regimes.sliding | regimes.engaged | regimes.free_running)[lost].any()
+    assert regimes.mode[450] == Mode.slipping

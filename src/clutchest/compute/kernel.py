@@ -86,6 +86,18 @@ def propagate_energy(E, cE, P, F, e, work):
 
 
 @njit(cache=True, error_model="numpy")
+def times(P, H, PH):
+    """PH ← P H; a sensor sees few states, and the others cost nothing."""
+    for i in range(STATES):
+        PH[i] = 0.0
+    for j in range(STATES):
+        h = H[j]
+        if h != 0.0:
+            for i in range(STATES):
+                PH[i] += P[i, j] * h
+
+
+@njit(cache=True, error_model="numpy")
 def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     """One scalar measurement, Joseph's form; P stays exactly symmetric.
 
@@ -98,11 +110,7 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     as predicted, and the variance used.
     """
     predicted = R
-    for i in range(STATES):
-        total = 0.0
-        for j in range(STATES):
-            total += P[i, j] * H[j]
-        PH[i] = total
+    times(P, H, PH)
     for i in range(STATES):
         predicted += H[i] * PH[i]
         K[i] = PH[i]
@@ -123,11 +131,7 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     for i in range(STATES):
         for j in range(STATES):
             P[i, j] -= K[i] * PH[j]
-    for i in range(STATES):
-        total = 0.0
-        for j in range(STATES):
-            total += P[i, j] * H[j]
-        PH[i] = total
+    times(P, H, PH)
     for i in range(STATES):
         for j in range(i + 1):
             value = P[i, j] - PH[i] * K[j] + R_used * K[i] * K[j]
@@ -204,9 +208,10 @@ def run(
             h = reading(sensor[k], x, u[k], w, p, g, H)
             if with_signature:
                 reading_signature(sensor[k], x, u[k], w, p, g, Hm)
-                for c in range(m):
-                    for i in range(n):
-                        Hm[c] += H[i] * S[i, c]
+                for i in range(n):
+                    if H[i] != 0.0:
+                        for c in range(m):
+                            Hm[c] += H[i] * S[i, c]
             if frozen:
                 innovation = z[k] - h
                 for i in range(n):

@@ -70,12 +70,16 @@ def classify(
     blind: NDArray[np.bool_],
     kiss_point: float,
     thresholds: Thresholds,
+    lost: NDArray[np.bool_] | None = None,
 ) -> Regimes:
     """Regimes over ``time`` (s, shape (n,)).
 
     ``slip`` rad/s, ``position`` x and ``motor`` mm, None where there is no such signal; ``blind``
-    marks times at which a needed signal is missing.
+    marks times at which a needed signal is missing, ``lost`` those at which it has been for so
+    long that nothing is known of the clutch.
     """
+    if lost is None:
+        lost = np.zeros(len(time), bool)
     if slip is None:
         no = np.zeros(len(time), bool)
         return Regimes(np.full(len(time), Mode.unknown, np.uint8), no, no, no)
@@ -93,7 +97,10 @@ def classify(
     # near lock-up and break-away, and where slip passes zero, the sign of the torque is open
     near = _around(time, locked | still, thresholds.guard)
     return Regimes(
-        mode.astype(np.uint8), ~(near & ~apart) & ~locked & ~blind, ~locked, ~locked & ~apart
+        np.where(lost, Mode.unknown, mode).astype(np.uint8),
+        free_running=~(near & ~apart) & ~locked & ~blind,
+        sliding=~locked & ~lost,
+        engaged=~locked & ~apart & ~lost,
     )
 
 

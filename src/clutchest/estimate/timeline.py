@@ -16,6 +16,7 @@ from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
 COARSEST = 0.5  # s between samples of the engine speed; a slip lasts little longer
+LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
 FAST = 0.02  # s, longest step while the surfaces slide
 SLOW = 0.5  # s, longest step while nothing but heat flows
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
@@ -145,6 +146,8 @@ def build(
     free[1:] &= regimes.free_running[of[:-1]]  # an interval is free if both its ends are
     flags = np.array([[r >> 2 & 1, r >> 1 & 1, r & 1] for r in range(8)], float)
     u, noise, variance = _inputs(t, model, present, noise_of, colour_of)
+    if "engine_acceleration" in present:  # a slope that no sample bears out is none
+        u[_blind(t, speed, LOST), model.input("engine_acceleration")] = 0.0
     emit, on_grid = _outputs(t, sliding, grid)
     return Timeline(
         t=t,
@@ -213,9 +216,10 @@ def _regimes(
     nominal = {key: value.value for key, value in vehicle.parameters.items()}
     speed, shaft, position = at("engine_speed"), at("input_shaft_speed"), at("slave_position")
     assert speed is not None
-    blind = np.zeros(len(stamps), bool)
+    blind, lost = np.zeros((2, len(stamps)), bool)
     for name in fast:
         blind |= _blind(stamps, present[name], thresholds.gap)
+        lost |= _blind(stamps, present[name], LOST)
     return classify(
         stamps,
         None if shaft is None else speed - shaft,
@@ -224,6 +228,7 @@ def _regimes(
         blind,
         nominal["kiss_point"],
         thresholds,
+        lost,
     )
 
 
