@@ -88,7 +88,8 @@ def test_demo_shows_what_the_estimator_does(demo):
     assert demo.summary["warnings"] == []
     assert max(event.peak_temp_disc for event in demo.tracks[0].engagements) > 120.0
     assert demo.summary["modes_s"]["retracted"] > 60.0
-    assert all(state["valid"] for state in demo.summary["states"].values())
+    known = {name for name, state in demo.summary["states"].items() if state["valid"]}
+    assert set(demo.summary["states"]) - known == {"wear_rate"}, "four launches tell no trend"
     assert locate("demo", "logs").stat().st_size < 3e6
 
 

@@ -255,7 +255,7 @@ def test_without_smoothing_nothing_is_said_of_it() -> None:
     assert np.all(table.temp_body_smoothed_std <= plain.temp_body_std)
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 @pytest.mark.parametrize(("scenario", "drives"), [("launches", 40), ("city", 20)])
 def test_it_is_better_than_the_filter(scenario: str, drives: int) -> None:
     """But where the manual says that it is not.  Launches hardly inform the housing, which the

@@ -180,7 +180,7 @@ class TestStandingStill:
             assert np.diff(states[name].std).min() > -1e-9
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_the_trend_of_many_drives_holds_what_it_says():
     """Eight trucks, 25 drives each, days apart: true wear and rate within their 95 % intervals."""
     rate, inside = 0.02, []

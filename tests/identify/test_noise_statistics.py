@@ -54,7 +54,7 @@ def cases(seed: int) -> Iterator[Case]:
             yield Case(key, float(value), fit.parameters[key])
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_intervals_hold_what_is_true():
     """40 trucks with other noise, colour and delays: coverage and bias of every number."""
     inside: dict[str, list[bool]] = {}
