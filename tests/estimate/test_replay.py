@@ -74,9 +74,10 @@ def test_modes_agree_with_the_truth(drives):
         assert np.mean(mine == truth.columns["mode"][row]) > 0.95
 
 
-def test_innovations_of_the_zero_position_are_as_large_as_predicted(drives):
-    ratios = [run.summary["sensors"]["zero_position"]["nis_mean"] for _, run in drives]
-    assert 0.8 < np.mean(ratios) < 1.4
+def test_innovations_of_the_zero_position_are_as_large_as_its_noise(drives):
+    noise = TRUCK.signals["slave_position"].noise
+    sizes = [run.summary["sensors"]["zero_position"]["innovation_rms"] for _, run in drives]
+    assert 0.9 < np.mean(sizes) / noise < 1.2
 
 
 @pytest.mark.parametrize(
