@@ -20,9 +20,10 @@ LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
 FAST = 0.02  # s, longest step while the surfaces slide
 SLOW = 0.5  # s, longest step while nothing but heat flows
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
-# s, for how long a position at rest is taken to repeat its own error.  Taken for white, 100
-# readings a second would pin its slope to micrometres, and body temperature with it: on simulated
-# heating that made the estimate three standard deviations wrong.
+# s, for how long a position at rest is taken to repeat its own error.  A reading tells of the
+# body's temperature by a coefficient that is itself uncertain, and the product of both errors is
+# beyond a filter of first order: white readings, 100 a second, would be finer than that product and make
+# body temperature three standard deviations wrong after a heating.
 RESTING = 0.08
 READ_FROM = {"zero_position": "slave_position"}  # sensor → the signal it is read from
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
