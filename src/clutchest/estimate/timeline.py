@@ -22,8 +22,8 @@ SLOW = 0.5  # s, longest step while nothing but heat flows
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
 # s, for how long a position at rest is taken to repeat its own error.  A reading tells of the
 # body's temperature by a coefficient that is itself uncertain, and the product of both errors is
-# beyond a filter of first order: white readings, 100 a second, would be finer than that product and make
-# body temperature three standard deviations wrong after a heating.
+# beyond a filter of first order.  White readings, 100 a second, would be finer than that product
+# and make body temperature three standard deviations wrong after a heating.
 RESTING = 0.08
 READ_FROM = {"zero_position": "slave_position"}  # sensor → the signal it is read from
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
