@@ -20,12 +20,6 @@ LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
 FAST = 0.02  # s, longest step while the surfaces slide
 SLOW = 0.5  # s, longest step while nothing but heat flows
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
-# s, for how long a position at rest is taken to repeat its own error.  A reading tells of the
-# body's temperature by a coefficient that is itself uncertain, and the product of both errors is
-# beyond a filter of first order.  White readings, 100 a second, would be finer than that product
-# and make body temperature three standard deviations wrong after a heating.
-RESTING = 0.08
-READ_FROM = {"zero_position": "slave_position"}  # sensor → the signal it is read from
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
 
 
@@ -129,22 +123,17 @@ def build(
     times, sensors = [bare], [np.full(len(bare), -1, np.int8)]
     values, variances = [np.zeros(len(bare))], [np.zeros(len(bare))]
     for i, sensor in enumerate(model.sensors):
-        name = READ_FROM.get(sensor.name, sensor.name)
+        name = sensor.column or sensor.name
         if name not in present:
             continue
         reading = present[name]
-        if sensor.name == "zero_position":
-            reading = _where(reading, stamps, regimes.mode == Mode.retracted)
-        ar = colour_of[name]
-        repeated = 1.0
-        if sensor.name in READ_FROM and len(reading) > 1:
-            repeated = max(1.0, 2.0 * RESTING / max(float(np.median(np.diff(reading.time))), 1e-3))
+        if sensor.mode:
+            reading = _where(reading, stamps, regimes.mode == Mode[sensor.mode])
         times.append(reading.time)
         sensors.append(np.full(len(reading), i, np.int8))
         values.append(reading.value)
-        # coloured noise tells less per sample than white noise of the same size
-        variances.append(np.full(len(reading), noise_of[name] ** 2
-                                 * max(repeated, (1 + ar) / (1 - ar))))  # fmt: skip
+        repeated = _repeated(reading, colour_of[name], sensor.repeats)
+        variances.append(np.full(len(reading), noise_of[name] ** 2 * repeated))
     t, sensor_of = np.concatenate(times), np.concatenate(sensors)
     order = np.lexsort((sensor_of, t))
     order = order[(t[order] >= first) & (t[order] <= end)]
@@ -255,6 +244,14 @@ def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
     rows = np.clip(np.searchsorted(stamps, signal.time), 0, len(stamps) - 1)
     keep = flag[rows] & (signal.time <= stamps[-1])
     return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
+
+
+def _repeated(signal: Signal, ar: float, repeats: float) -> float:
+    """How many readings tell as much as one with white noise: coloured ones repeat themselves."""
+    if len(signal) < 2:
+        return 1.0
+    period = max(float(np.median(np.diff(signal.time))), 1e-3)
+    return max(1.0, 2.0 * repeats / period, (1 + ar) / (1 - ar))
 
 
 def _inputs(

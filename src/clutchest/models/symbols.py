@@ -59,9 +59,18 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A signal that the model predicts, compared with what was measured."""
+    """A quantity that the model predicts, compared with what was measured.
+
+    It is read from the signal ``column`` (its own name unless given), only while the clutch is in
+    ``mode`` (any unless given).  ``repeats``: s, for how long the estimator takes a reading to
+    repeat its own error: what the equations lack of second order is no noise that hundreds of
+    readings a second average away.
+    """
 
     name: str
     unit: str
     symbol: str
     what: str
+    column: str = ""
+    mode: str = ""
+    repeats: float = 0.0
