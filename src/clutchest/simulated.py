@@ -18,7 +18,7 @@ from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, Disturbances, Sampled, generate
+from clutchest.generator import Channel, Disturbances, Outsider, Sampled, generate
 from clutchest.models import card
 from clutchest.reading import load_database
 from clutchest.reading.mapping import mapped_messages, signals_of
@@ -38,7 +38,8 @@ class Options(TypedDict, total=False):
     the vehicle file, not drawn from their spreads; ``truck_seed``: draws them, while the seed
     draws the drive (the same unless said); ``disturbances``: name → size of what wanders during
     the drive, see :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of
-    all noise in place of the file's; ``outliers``: share of samples that are far off."""
+    all noise in place of the file's; ``outliers``: share of samples that are far off;
+    ``outsider``: a cause beyond ``effects``, see :class:`clutchest.generator.Outsider`."""
 
     duration: float | None
     nominal: bool
@@ -46,6 +47,7 @@ class Options(TypedDict, total=False):
     disturbances: Mapping[str, float]
     noise_ar: float | None
     outliers: float
+    outsider: Outsider | None
 
 
 def simulate(
@@ -145,6 +147,7 @@ def _drive(
         disturbances=Disturbances.of(options.get("disturbances", {})),
         outliers=options.get("outliers", 0.0),
         truck_seed=options.get("truck_seed"),
+        outsider=options.get("outsider"),
     )
     start = _start(vehicle, scenario, seed, effects, options)
     frames = _frames(vehicle, database, sampled, start)
@@ -257,6 +260,7 @@ def _write_truth(truth: Truth, path: Path, about: Mapping[str, object]) -> None:
 
     table = pa.table({"time": truth.time, **truth.columns})
     about = {
-        key: value if isinstance(value, str) else json.dumps(value) for key, value in about.items()
+        key: value if isinstance(value, str) else json.dumps(value, default=repr)
+        for key, value in about.items()
     }
     pq.write_table(table.replace_schema_metadata(about), path)

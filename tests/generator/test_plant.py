@@ -61,7 +61,7 @@ def test_halving_the_step_changes_nothing_that_matters(drive, monkeypatch):
 
     whole = drive("launches", 1, 60.0).truth.columns
     run = plant.run
-    monkeypatch.setattr(plant, "run", lambda steps, _, *rest: run(steps, 2, *rest))
+    monkeypatch.setattr(plant, "run", lambda begin, end, _, *rest: run(begin, end, 2, *rest))
     half = generate(TRUCK, {}, "launches", 1, (), nominal=True, duration=60.0).truth.columns
     assert whole["slip_energy"][-1] > 30e3
     for name, worst in (("temp_disc", 1e-4), ("temp_body", 1e-5), ("engine_speed", 1e-2),

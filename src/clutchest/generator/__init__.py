@@ -5,9 +5,10 @@ Nothing here knows the filter's model; plain numbers go in, arrays come out.
 
 from clutchest.generator.effects import EFFECTS, Effect
 from clutchest.generator.generate import generate
+from clutchest.generator.outsider import Outsider
 from clutchest.generator.sampling import Channel, Sampled
 from clutchest.generator.scenarios import SCENARIOS, Scenario
 from clutchest.generator.surroundings import Disturbances
 
-__all__ = ["EFFECTS", "SCENARIOS", "Channel", "Disturbances", "Effect", "Sampled", "Scenario",
-           "generate"]  # fmt: skip
+__all__ = ["EFFECTS", "SCENARIOS", "Channel", "Disturbances", "Effect", "Outsider", "Sampled",
+           "Scenario", "generate"]  # fmt: skip

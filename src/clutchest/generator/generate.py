@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.generator.effects import RANGES, Values, complete, numbers
+from clutchest.generator.outsider import Law, Outsider, Reading, run_under
 from clutchest.generator.sampling import Channel, Sampled, sample
 from clutchest.generator.scenarios import PER_METRE, SCENARIOS, Scenario
 from clutchest.generator.surroundings import (
@@ -27,7 +28,7 @@ def generate(
     parameters: Values, spreads: Values, scenario: str, seed: int, channels: Sequence[Channel], *,
     nominal: bool = False, duration: float | None = None,
     effects: Mapping[str, Values] | None = None, disturbances: Disturbances | None = None,
-    outliers: float = 0.0, truck_seed: int | None = None,
+    outliers: float = 0.0, truck_seed: int | None = None, outsider: Outsider | None = None,
 ) -> Sampled:  # fmt: skip
     """Drive ``scenario`` with a truck drawn around ``parameters`` (keys and units of a dry
     clutch's vehicle file) with standard deviations ``spreads``; undrawn if ``nominal``.
@@ -35,8 +36,8 @@ def generate(
     ``zero_position_ref`` itself is never drawn: its spread is that of the truth's x0_ref.
     ``outliers`` is the share of samples that are far off.  ``truck_seed`` draws the truck's
     parameters and its x0_ref, ``seed`` all that a drive brings: load, road, weather, noise and
-    ``disturbances``; the same unless said.  Raises ClutchestError for an unknown scenario,
-    effect, channel or missing parameter.
+    ``disturbances``; the same unless said.  ``outsider`` is something wrong beyond ``effects``.
+    Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
     """
     if scenario not in SCENARIOS:
         raise ClutchestError(f"unknown scenario '{scenario}'" + nearest(scenario, SCENARIOS))
@@ -64,8 +65,11 @@ def generate(
     mass = road.uniform(*plan.mass)
     truck = numbers(drawn, parameters, active, zero_position, mass)
     legs = plan.timetable(road, duration, mass, parameters["kiss_point"])
-    fast, truth = _simulate(plan, duration, legs, truck, around, seed)
+    law = outsider.law() if outsider else None
+    fast, truth = _simulate(plan, duration, legs, truck, around, seed, law)
     quantities = _quantities(fast, around, drawn, active)
+    if outsider:
+        quantities = outsider.readings(quantities)
     return Sampled(sample(channels, quantities, seed, duration, outliers), truth, drawn, seed,
                    scenario)  # fmt: skip
 
@@ -94,8 +98,10 @@ def at_rest(p: NDArray, coolant: float, ambient: float) -> tuple[float, float]:
     return body, ambient + (body - ambient) * share
 
 
-def _simulate(plan: Scenario, duration: float, legs: NDArray, truck: NDArray,
-              around: Surroundings, seed: int) -> tuple[Floats, Truth]:  # fmt: skip
+def _simulate(
+    plan: Scenario, duration: float, legs: NDArray, truck: NDArray, around: Surroundings,
+    seed: int, law: Law | None,
+) -> tuple[Floats, Truth]:  # fmt: skip
     """The fast record (n, 6) of ``plant.run``, every FAST·STEP s, and the truth."""
     from clutchest.generator import plant
 
@@ -105,7 +111,10 @@ def _simulate(plan: Scenario, duration: float, legs: NDArray, truck: NDArray,
     fast = np.empty((steps // plant.FAST + 1, 6))
     slow = np.empty((steps // every + 1, 8))
     grid = np.column_stack((around.friction, around.coolant, around.ambient))
-    plant.run(steps, 1, legs, grid, truck, situation, state, every, fast, slow)
+    if law:
+        run_under(law, steps, legs, grid, truck, situation, state, every, fast, slow)
+    else:
+        plant.run(0, steps + 1, 1, legs, grid, truck, situation, state, every, fast, slow)
     if not (np.isfinite(fast).all() and np.isfinite(slow).all()):
         raise ClutchestError(f"scenario '{plan.name}', seed {seed}: these parameters and effects "
                              "let the simulation diverge")  # fmt: skip
@@ -148,20 +157,20 @@ def _start(plan: Scenario, truck: NDArray, around: Surroundings,
     s["setpoint"] = s["engine_before"] = state[plant.ENGINE]
     s["friction"] = around.friction[0]
     growth = plant.expansion(state[plant.BODY], state[plant.DISC], p)
-    s["slave"] = s["port"] = plant.zero_reference(0.0, p) - p["position_origin"] + growth
+    s["slave"] = s["port"] = plant.zero_reference(0.0, s, p) - p["position_origin"] + growth
     s["plate"] = s["plate_before"] = s["slave"] + p["play"]  # it came to rest while closing
     return state, situation
 
 
 def _quantities(
     fast: Floats, around: Surroundings, drawn: Values, effects: Mapping[str, Values]
-) -> dict[str, Callable[[Floats], Floats]]:
+) -> Mapping[str, Reading]:
     """What each sensor reads, without noise, as a function of time."""
     from clutchest.generator.plant import FAST, STEP
 
     time = np.arange(len(fast)) * (FAST * STEP)
 
-    def column(index: int, delay: float = 0.0) -> Callable[[Floats], Floats]:
+    def column(index: int, delay: float = 0.0) -> Reading:
         return lambda t: np.interp(t - delay, time, fast[:, index])
 
     slave = column(2, effects["position_delay"]["delay"])

@@ -37,6 +37,12 @@ BODY, HOUSING, DISC, ENGINE, SHAFT, SPEED, ENERGY, TORQUE = range(8)
 # What the control unit is busy with.
 _RESTING, _OPENING, _NEUTRAL, _LAUNCHING, _CLOSING, DRIVING, _UNLOADING, _HOLDING = range(8)
 
+# What acts on the truck from outside these equations (see ``outsider``), 0 unless something does:
+# share of the friction torque and torque (Nm) added to it, load on the engine (Nm) that no report
+# contains, heat into the three masses (W), shift of the zero position and with it the curve (mm).
+FOREIGN = ("torque_share", "torque", "engine_load", "body_heat", "housing_heat", "disc_heat",
+           "zero_position")  # fmt: skip
+
 # All that changes during a drive beside the integrated state.
 SITUATION = np.dtype([
     (name, np.int64) for name in ("phase", "leg", "gear", "next_gear", "bench", "held", "locked")
@@ -44,7 +50,8 @@ SITUATION = np.dtype([
     "since", "lock_time", "setpoint", "target", "trim", "sensed", "engine_before",
     "request", "brake", "command", "ratio", "sync_rate", "sync_speed", "sign", "carried",
     "motor", "port", "slave", "plate_before", "plate",
-    "friction", "coolant", "ambient", "grade")])  # fmt: skip
+    "friction", "coolant", "ambient", "grade",
+    *(f"foreign_{name}" for name in FOREIGN))])  # fmt: skip
 
 IDLE = 62.8  # rad/s
 _OPEN, _RETRACT = 11.5, -inf  # mm
@@ -62,15 +69,15 @@ def expansion(body: float, disc: float, p: Record) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def zero_reference(energy: float, p: Record) -> float:
+def zero_reference(energy: float, s: Record, p: Record) -> float:
     """x0_ref after ``energy`` J of slip, mm."""
-    return p.zero_position - p.wear_rate * 1e-6 * energy
+    return p.zero_position - p.wear_rate * 1e-6 * energy + s.foreign_zero_position
 
 
 @njit(cache=True, error_model="numpy")
 def capacity(y: Floats, plate: float, s: Record, p: Record) -> float:
     """The friction torque that the clutch can carry (16), Nm ≥ 0, at plate position mm."""
-    worn = zero_reference(y[ENERGY], p) - p.zero_position_ref
+    worn = zero_reference(y[ENERGY], s, p) - p.zero_position_ref
     depth = p.kiss_point - (plate - expansion(y[BODY], y[DISC], p) - worn)
     if depth <= 0.0:
         return 0.0
@@ -81,7 +88,9 @@ def capacity(y: Floats, plate: float, s: Record, p: Record) -> float:
     factor *= 1.0 + p.temperature_slope * (y[DISC] - 100.0) / 100.0
     factor *= 1.0 - p.fade_slope * max(y[DISC] - p.fade_onset, 0.0) / 100.0
     factor *= 1.0 + p.centrifugal_slope * y[ENGINE] * y[ENGINE] / 1e4
-    return depth * depth * (p.torque_quadratic - p.torque_cubic * depth) * max(factor, 0.0)
+    factor *= 1.0 + s.foreign_torque_share
+    torque = depth * depth * (p.torque_quadratic - p.torque_cubic * depth) * max(factor, 0.0)
+    return max(torque + s.foreign_torque, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,7 +114,8 @@ def shaft_side(y: Floats, s: Record, p: Record) -> tuple[float, float]:
 def sticking(y: Floats, s: Record, p: Record) -> float:
     """The torque that keeps both sides of the clutch at one speed, Nm."""
     inverse, load = shaft_side(y, s, p)
-    return (y[TORQUE] / p.engine_inertia + load * inverse) / (1.0 / p.engine_inertia + inverse)
+    driving = (y[TORQUE] - s.foreign_engine_load) / p.engine_inertia
+    return (driving + load * inverse) / (1.0 / p.engine_inertia + inverse)
 
 
 @njit(cache=True, error_model="numpy")
@@ -127,12 +137,13 @@ def rates(y: Floats, plate: float, s: Record, p: Record, out: Floats) -> None:
     airflow = 1.0 + p.airflow_slope * y[SPEED] / 20.0
     out[BODY] = (p.conductance_engine_body * (s.coolant - y[BODY]) - to_housing + from_disc
                  + power - to_disc - p.gearbox_conductance * (y[BODY] - GEARBOX_TEMP)
-                 ) / p.heat_capacity_body  # fmt: skip
+                 + s.foreign_body_heat) / p.heat_capacity_body  # fmt: skip
     out[HOUSING] = (to_housing - p.conductance_housing_ambient * airflow
-                    * (y[HOUSING] - s.ambient)) / p.heat_capacity_housing  # fmt: skip
-    out[DISC] = (to_disc - from_disc) / p.heat_capacity_disc
+                    * (y[HOUSING] - s.ambient)
+                    + s.foreign_housing_heat) / p.heat_capacity_housing  # fmt: skip
+    out[DISC] = (to_disc - from_disc + s.foreign_disc_heat) / p.heat_capacity_disc
     inverse, load = shaft_side(y, s, p)
-    out[ENGINE] = (y[TORQUE] - torque) / p.engine_inertia
+    out[ENGINE] = (y[TORQUE] - s.foreign_engine_load - torque) / p.engine_inertia
     out[SHAFT] = (torque - load) * inverse
     if s.held:
         out[SPEED] = 0.0
@@ -413,7 +424,7 @@ def actuate(y: Floats, s: Record, p: Record) -> None:
     goal = -1.0 if s.command == _RETRACT else s.command
     rate = min(max((goal - s.motor) / _SERVO_LAG, -_SERVO_RATE), _SERVO_RATE)
     s.motor = max(s.motor + rate * STEP, 0.0)
-    contact = (zero_reference(y[ENERGY], p) + expansion(y[BODY], y[DISC], p)
+    contact = (zero_reference(y[ENERGY], s, p) + expansion(y[BODY], y[DISC], p)
                - p.position_origin)  # fmt: skip
     if s.motor == 0.0:
         s.port = contact
@@ -425,19 +436,19 @@ def actuate(y: Floats, s: Record, p: Record) -> None:
 
 @njit(cache=True, error_model="numpy")
 def run(
-    steps: int, substeps: int, legs: NDArray, slow: Floats, numbers: NDArray, situation: NDArray,
-    y: Floats, truth_every: int, fast: Floats, truth: Floats,
+    begin: int, end: int, substeps: int, legs: NDArray, slow: Floats, numbers: NDArray,
+    situation: NDArray, y: Floats, truth_every: int, fast: Floats, truth: Floats,
 ) -> None:  # fmt: skip
-    """A whole drive of ``steps`` STEPs.
+    """The STEPs ``begin`` … ``end`` − 1 of a drive; in pieces it is the same drive.
 
     ``slow`` (n, 3): friction, coolant, ambient every GRID s; ``situation``, ``numbers`` (1,)
-    records.  Writes ``fast`` (steps // FAST + 1, 6): engine speed, shaft speed, slave, motor,
-    engine torque, truck's speed; ``truth`` (steps // truth_every + 1, 8): body, housing, disc,
-    x0_ref, friction, clutch torque, slip energy, mode (index into MODES).
+    records.  Writes rows of ``fast`` (n, 6), every FAST STEPs: engine speed, shaft speed, slave,
+    motor, engine torque, truck's speed; and of ``truth`` (n, 8), every ``truth_every`` STEPs: body,
+    housing, disc, x0_ref, friction, clutch torque, slip energy, mode (index into MODES).
     """
     s, p = situation[0], numbers[0]
     work = np.empty((5, len(y)))
-    for k in range(steps + 1):
+    for k in range(begin, end):
         time = k * STEP
         place = time / GRID
         row = int(place)
@@ -453,7 +464,7 @@ def run(
         if k % truth_every == 0:
             row_out = truth[k // truth_every]
             row_out[0], row_out[1], row_out[2] = y[BODY], y[HOUSING], y[DISC]
-            row_out[3] = zero_reference(y[ENERGY], p)
+            row_out[3] = zero_reference(y[ENERGY], s, p)
             row_out[4], row_out[5], row_out[6] = s.friction, s.carried, y[ENERGY]
             if s.locked:
                 row_out[7] = 3.0 if s.motor == 0.0 else 2.0

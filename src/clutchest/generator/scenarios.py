@@ -236,6 +236,19 @@ def _closed(rng: Random, duration: float, mass: float, kiss_point: float) -> Leg
     return legs
 
 
+def _mixed(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
+    """A stretch of this, a stretch of that; one that is cut short ends with the truck at rest."""
+    legs: Legs = []
+    time = 0.0
+    while time < duration:
+        lasts = rng.uniform(150.0, 300.0)
+        kind = (_city, _launches, _slip_steps, _pulses)[rng.integers(4)]
+        stretch = kind(rng, lasts, mass, kiss_point)
+        legs += [{**leg, "time": time + leg["time"]} for leg in stretch if leg["time"] < lasts]
+        time += lasts
+    return legs
+
+
 SCENARIOS: Mapping[str, Scenario] = MappingProxyType({s.name: s for s in (
     Scenario("city", "launches, gearshifts, cruising, coasting and stops", 1500.0, _city),
     Scenario("launches", "some 24 launches, light and heavy, retracted in between", 1500.0,
@@ -249,6 +262,7 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType({s.name: s for s in (
     Scenario("cooldown", "hot, one heavy heating, then closed for 40 min", 2480.0, _cooldown,
              start_temp=110.0, start_spread=8.0),
     Scenario("pulses", "torque pulses up to 600 Nm at moderate slip (D7, D9)", 1400.0, _pulses),
+    Scenario("mixed", "stretches of city, launches, slip-steps and pulses", 1200.0, _mixed),
     Scenario("closed", "cruising for half an hour without any slip", 1800.0, _closed,
              cruising=22.0),
 )})  # fmt: skip

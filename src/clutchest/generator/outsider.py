@@ -1,0 +1,74 @@
+"""Where causes that the generator itself does not know act upon the truck and its sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from numpy.typing import NDArray
+
+from clutchest.errors import ClutchestError, nearest
+from clutchest.signals import Floats
+
+SLICE = 0.01  # s: a law looks, then what it says holds for so long
+
+Reading = Callable[[Floats], Floats]
+Law = Callable[[Mapping[str, float]], Mapping[str, float]]
+
+
+class Outsider(Protocol):
+    """Something wrong that is none of ``EFFECTS``; any object with these two methods.
+
+    A law sees the true ``time`` s, ``temp_body``, ``temp_housing``, ``temp_disc`` °C,
+    ``engine_speed``, ``input_shaft_speed``, ``slip_speed`` rad/s, ``vehicle_speed`` m/s,
+    ``engine_torque``, ``clutch_torque`` Nm, ``energy`` J of slip, ``slave_position``,
+    ``motor_position`` mm, ``position_rate`` mm/s, ``coolant_temp``, ``ambient_temp`` °C.  It gives
+    any of ``torque_share`` (added to the friction torque, relative), ``torque`` Nm (added to it
+    while the surfaces touch), ``engine_load`` Nm (taken from the engine, in no report),
+    ``body_heat``, ``housing_heat``, ``disc_heat`` W and ``zero_position`` mm (shifts x0_ref).
+    """
+
+    def law(self) -> Law | None:
+        """What acts, as a function of what is seen, asked once per SLICE in order of time; anew
+        for every drive, so that it may remember.  None: the truck itself is as it should be."""
+        ...
+
+    def readings(self, true: Mapping[str, Reading]) -> Mapping[str, Reading]:
+        """What each sensor shows, noise apart, as functions of time in s; ``true`` without it."""
+        ...
+
+
+def run_under(
+    law: Law, steps: int, legs: NDArray, slow: Floats, truck: NDArray, situation: NDArray,
+    state: Floats, every: int, fast: Floats, truth: Floats,
+) -> None:  # fmt: skip
+    """``plant.run`` from 0 to ``steps`` in slices, between which ``law`` may act.
+
+    Raises ClutchestError where it names something that cannot be acted on.
+    """
+    from clutchest.generator import plant
+
+    each = round(SLICE / plant.STEP)
+    s, slave = situation[0], float(situation[0]["slave"])
+    for begin in range(0, steps + 1, each):
+        row = min(begin // round(plant.GRID / plant.STEP), len(slow) - 1)
+        seen = {
+            "time": begin * plant.STEP,
+            "temp_body": state[plant.BODY], "temp_housing": state[plant.HOUSING],
+            "temp_disc": state[plant.DISC], "energy": state[plant.ENERGY],
+            "engine_speed": state[plant.ENGINE], "input_shaft_speed": state[plant.SHAFT],
+            "slip_speed": state[plant.ENGINE] - state[plant.SHAFT],
+            "vehicle_speed": state[plant.SPEED], "engine_torque": state[plant.TORQUE],
+            "clutch_torque": s["carried"], "motor_position": s["motor"],
+            "slave_position": s["slave"] + truck[0]["position_origin"],
+            "position_rate": (s["slave"] - slave) / SLICE,
+            "coolant_temp": slow[row, 1], "ambient_temp": slow[row, 2],
+        }  # fmt: skip
+        slave = float(s["slave"])
+        for name, value in law(seen).items():
+            if name not in plant.FOREIGN:
+                raise ClutchestError(f"an outsider acts on '{name}', which the truck does not have"
+                                     + nearest(name, plant.FOREIGN))  # fmt: skip
+            s[f"foreign_{name}"] = value
+        plant.run(begin, min(begin + each, steps + 1), 1, legs, slow, truck, situation, state,
+                  every, fast, truth)  # fmt: skip
