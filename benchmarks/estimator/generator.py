@@ -11,7 +11,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from statistic import interval
+from numpy.typing import NDArray
+from statistic import interval, line, shown
 
 import clutchest
 from clutchest.simulated import Options
@@ -61,17 +62,20 @@ def drive(task: tuple[str, str, str, int]) -> dict[str, Any]:
 
 
 def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Per case and state, over all drives: coverage with its interval, RMSE, stated σ; NIS."""
+    """Per case and state: coverage with its interval, RMSE and stated σ over all drives, and
+    coverage by scenario; per case NIS."""
     out: dict[str, Any] = {}
     for case in dict.fromkeys(r["case"] for r in results):
         of = [r for r in results if r["case"] == case]
+        scenario = np.array([r["scenario"] for r in of])
         states = {}
         for name in of[0]["states"]:
             values = np.array([r["states"][name] for r in of])
             states[name] = {
-                "coverage": interval(values[:, :1], lambda s: s[..., 0]),
+                "coverage": _share(values),
                 "rmse": float(np.sqrt(values[:, 1].mean())),
                 "stated": float(np.sqrt(values[:, 2].mean())),
+                "scenarios": {s: _share(values[scenario == s]) for s in dict.fromkeys(scenario)},
             }
         out[case] = {
             "drives": len(of), "states": states,
@@ -80,17 +84,23 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
+def _share(values: NDArray[np.float64]) -> dict[str, float]:
+    """Coverage over drives, ``values`` (drives, 3) as :func:`drive` gives them."""
+    return interval(values[:, :1], lambda s: s[..., 0])
+
+
 def show(found: dict[str, Any]) -> str:
     """The table as text."""
-    lines = ["the generator's drives: share of the time that the truth lies in the 95 % interval "
-             "[95 % interval of that share], RMSE, stated standard deviation"]  # fmt: skip
+    lines = ["the generator's drives: RMSE, stated standard deviation, and the share of the time "
+             "that the truth lies in the 95 % interval [95 % interval of that share]"]  # fmt: skip
     for case, c in found.items():
         nis = ", ".join(f"{key} {value:.2f}" for key, value in c["nis"].items())
         lines.append(f"{case}, {c['drives']} drives; NIS {nis}")
+        scenarios = list(next(iter(c["states"].values()))["scenarios"])
+        lines.append(line("", ("RMSE", "stated", "all", *scenarios), 22))
         for name, s in c["states"].items():
-            k = s["coverage"]
-            lines.append(
-                f"  {name:15}{k['value']:.3f} [{k['low']:.3f}, {k['high']:.3f}]"
-                f"{s['rmse']:12.4g}{s['stated']:12.4g}{'' if k['value'] >= LEAST else '  LOW'}"
-            )
+            shares = [s["coverage"], *s["scenarios"].values()]
+            cells = (f"{s['rmse']:.4g}", f"{s['stated']:.4g}", *map(shown, shares))
+            low = any(share["value"] < LEAST for share in shares)
+            lines.append(line(name, cells, 22) + ("  LOW" if low else ""))
     return "\n".join(lines)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
-from statistic import interval
+from statistic import interval, line, shown
 
 import clutchest
 from clutchest.estimate.drawn import draw
@@ -144,21 +144,14 @@ def show(found: dict[str, Any]) -> str:
         "RMSE / √(mean of the trajectories' Cramér–Rao bounds), 95 % interval",
     ]
     modes = list(found["ratio"])
-    lines.append(f"{'':15}" + "".join(f"{mode:>21}" for mode in modes))
+    lines.append(line("", modes, 21))
     for name in next(iter(found["ratio"].values())):
-        line = f"{name:15}"
-        for mode in modes:
-            c = found["ratio"][mode][name]
-            line += f"{c['value']:.3f} [{c['low']:.3f}, {c['high']:.3f}]".rjust(21)
-        lines.append(line)
-    for key, words in (("mean", "average NEES / n"), ("share_in_band", "  in its 95 % band")):
-        cells = (f"{found['anees'][mode][key]:.3f}" for mode in modes)
-        lines.append(f"{words:18}"[:18] + "".join(f"{c:>21}" for c in cells)[3:])
+        lines.append(line(name, (shown(found["ratio"][mode][name]) for mode in modes), 21))
+    for key, words in (("mean", "average NEES / n"), ("share_in_band", "in its 95 % band")):
+        lines.append(line(words, (f"{found['anees'][mode][key]:.3f}" for mode in modes), 21))
     for sensor, c in found["sensors"].items():
-        lines.append(f"{sensor}: NIS {c['nis']['value']:.4f} [{c['nis']['low']:.4f}, "
-                     f"{c['nis']['high']:.4f}], correlation from sample to sample "
-                     f"{c['lag_1']['value']:+.4f} [{c['lag_1']['low']:+.4f}, "
-                     f"{c['lag_1']['high']:+.4f}]")  # fmt: skip
+        lines.append(f"{sensor}: NIS {shown(c['nis'], '.4f')}, correlation from sample to sample "
+                     f"{shown(c['lag_1'], '+.4f')}")  # fmt: skip
     for name, c in found["judged"].items():
         word = "met" if c["passed"] else "NOT MET"
         lines.append(f"{name}: lower end {c['low']:.3f}, at most {c['allowed']:.2f}: {word}")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from own_model import Plan
+from statistic import line, percentiles, shown
 
 from clutchest.estimate.drawn import draw
 from clutchest.estimate.whole_log import run
@@ -76,8 +77,7 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
         allowed = max(LEFT * size, 2 * bound)
         out[state] = {
             "wrong_by": size, "drives": len(ever), "recovered": int(ever.sum()),
-            "enough_s": [float(q) for q in np.percentile(kept["enough"], [5, 50, 95])],
-            "launches": [float(q) for q in np.percentile(kept["launches"], [5, 50, 95])],
+            "enough_s": percentiles(kept["enough"]), "launches": percentiles(kept["launches"]),
             "error": float(error), "bound": float(bound), "allowed": float(allowed),
             "inside_3_std": float(kept["inside"].mean()), "passed": bool(error <= allowed),
         }  # fmt: skip
@@ -88,17 +88,15 @@ def show(found: dict[str, Any]) -> str:
     """The table as text."""
     lines = ["wrong starts, all three at once: error from when on the gains leave less than 5 % of "
              "the start",
-             f"{'':15}{'wrong by':>10}{'enough after':>26}{'launches':>12}{'error':>10}"
-             f"{'bound':>10}{'allowed':>10}{'in 3 σ':>10}"]  # fmt: skip
+             line("", ("wrong by", "enough after [s]", "launches", "error", "bound", "allowed",
+                       "in 3 σ"), 18)]  # fmt: skip
     for state, c in found.items():
         if not c["recovered"]:
-            lines.append(f"{state:15}{c['wrong_by']:10.3g}   never enough in these drives")
+            lines.append(line(state, [f"{c['wrong_by']:.3g}"], 18) + "   never in these drives")
             continue
-        low, middle, high = c["enough_s"]
-        lines.append(
-            f"{state:15}{c['wrong_by']:10.3g}{f'{middle:.0f} s [{low:.0f}, {high:.0f}]':>26}"
-            f"{c['launches'][1]:12.0f}{c['error']:10.3g}{c['bound']:10.3g}{c['allowed']:10.3g}"
-            f"{c['inside_3_std']:10.4f}"
-            f"  {c['recovered']} of {c['drives']}{'' if c['passed'] else '  NOT MET'}"
-        )
+        numbers = (f"{c[key]:.3g}" for key in ("error", "bound", "allowed"))
+        cells = (f"{c['wrong_by']:.3g}", shown(c["enough_s"], ".0f"), shown(c["launches"], ".0f"),
+                 *numbers, f"{c['inside_3_std']:.4f}")  # fmt: skip
+        verdict = f"  {c['recovered']} of {c['drives']}{'' if c['passed'] else '  NOT MET'}"
+        lines.append(line(state, cells, 18) + verdict)
     return "\n".join(lines)

@@ -70,6 +70,22 @@ def test_an_update_never_adds_uncertainty(bench: BenchOf) -> None:
         assert np.linalg.eigvalsh(before - P).min() > -1e-9 * np.abs(before).max()
 
 
+def test_what_fades_becomes_nought(bench: BenchOf) -> None:
+    """Covariances with a state that is measured without end: numbers below the normal ones would
+    make the filter twice as slow."""
+    functions = bench("dry_clutch").bare.functions
+    n = functions.STATES
+    P, F, Q = np.full((n, n), 0.5) + 0.5 * np.eye(n), np.eye(n), np.diag(np.eye(n)[0])
+    T, x, (S, Hm, considered) = np.zeros((n, n)), np.zeros(n), nothing_unknown(n)
+    for _ in range(5000):
+        functions.propagate(P, F, Q, T)
+        functions.update(
+            x, P, S, 0.0, np.eye(n)[0], Hm, 0.0, 1.0, considered, np.zeros(n), np.zeros(n), 5.0
+        )
+    assert np.all(P[0, 1:] == 0.0)
+    assert np.all(np.diag(P) > 0.1)
+
+
 def test_an_outlier_counts_for_less(bench: BenchOf) -> None:
     """Beyond 5 standard deviations its variance is raised until it is at 5."""
     functions = bench("dry_clutch").bare.functions

@@ -26,6 +26,22 @@ from clutchest.compute.lowered import (
 
 # --- the generated module goes on from here ---
 
+# A covariance with a state that is measured again and again, and fed by nothing, fades by a factor
+# at each reading.  Far below 1e-280 a processor takes a hundred times as long over every number;
+# what is added and taken away again makes it nought before.
+TINY = 1e-280
+
+
+@njit(cache=True, error_model="numpy")
+def add_product(F, X, T, columns):
+    """T ← T + F X, the first ``columns`` of them; the zeros of F cost nothing."""
+    for i in range(STATES):
+        for k in range(STATES):
+            a = F[i, k]
+            if a != 0.0:
+                for j in range(columns):
+                    T[i, j] += a * X[k, j]
+
 
 @njit(cache=True, error_model="numpy")
 def propagate(P, F, Q, T):
@@ -33,11 +49,7 @@ def propagate(P, F, Q, T):
     for i in range(STATES):
         for j in range(STATES):
             T[i, j] = 0.0
-        for k in range(STATES):
-            a = F[i, k]
-            if a != 0.0:
-                for j in range(STATES):
-                    T[i, j] += a * P[k, j]
+    add_product(F, P, T, STATES)
     for i in range(STATES):
         for j in range(i + 1):
             P[i, j] = Q[i, j]
@@ -58,11 +70,7 @@ def propagate_signature(S, F, G, T):
     for i in range(STATES):
         for c in range(THETAS):
             T[i, c] = G[i, c]
-        for k in range(STATES):
-            a = F[i, k]
-            if a != 0.0:
-                for c in range(THETAS):
-                    T[i, c] += a * S[k, c]
+    add_product(F, S, T, THETAS)
     for i in range(STATES):
         for c in range(THETAS):
             S[i, c] = T[i, c]
@@ -83,6 +91,34 @@ def propagate_energy(E, cE, P, F, e, work):
         for j in range(STATES):
             total += F[i, j] * work[j]
         cE[i] = total
+
+
+@njit(cache=True, error_model="numpy")
+def inputs_between(u, k, i, steps, ua, ub):
+    """Inputs at both ends of the i-th of ``steps`` equal steps from event k − 1 to event k."""
+    share = 1.0 / steps
+    for j in range(INPUTS):
+        slope = (u[k, j] - u[k - 1, j]) * share
+        ua[j] = u[k - 1, j] + i * slope
+        ub[j] = u[k - 1, j] + (i + 1) * slope
+
+
+@njit(cache=True, error_model="numpy")
+def answer(sensor, x, u, w, p, g, H, S, Hm):
+    """Hm (m) ← how a sensor's reading answers to every θ, by itself and through the state."""
+    reading_signature(sensor, x, u, w, p, g, Hm)
+    for i in range(STATES):
+        if H[i] != 0.0:
+            for c in range(THETAS):
+                Hm[c] += H[i] * S[i, c]
+
+
+@njit(cache=True, error_model="numpy")
+def correct_signature(S, K, Hm):
+    """S ← S − K Hmᵀ: what a measurement leaves of the state's answer to every θ."""
+    for i in range(STATES):
+        for c in range(THETAS):
+            S[i, c] = S[i, c] - K[i] * Hm[c] + TINY - TINY
 
 
 @njit(cache=True, error_model="numpy")
@@ -134,7 +170,7 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     times(P, H, PH)
     for i in range(STATES):
         for j in range(i + 1):
-            value = P[i, j] - PH[i] * K[j] + R_used * K[i] * K[j]
+            value = P[i, j] - PH[i] * K[j] + R_used * K[i] * K[j] + TINY - TINY
             P[i, j] = value
             P[j, i] = value
     return innovation, predicted, used
@@ -187,10 +223,7 @@ def run(
             steps = ceil(span / longest[row[k]])
             dt = span / steps
             for i in range(steps):
-                for j in range(INPUTS):
-                    slope = (u[k, j] - u[k - 1, j]) / steps
-                    ua[j] = u[k - 1, j] + i * slope
-                    ub[j] = u[k - 1, j] + (i + 1) * slope
+                inputs_between(u, k, i, steps, ua, ub)
                 E[0] += step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 if with_signature:
                     step_signature(x, ua, ub, dt, w, p, g, G, eG)
@@ -207,11 +240,7 @@ def run(
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H)
             if with_signature:
-                reading_signature(sensor[k], x, u[k], w, p, g, Hm)
-                for i in range(n):
-                    if H[i] != 0.0:
-                        for c in range(m):
-                            Hm[c] += H[i] * S[i, c]
+                answer(sensor[k], x, u[k], w, p, g, H, S, Hm)
             if frozen:
                 innovation = z[k] - h
                 for i in range(n):
@@ -226,16 +255,14 @@ def run(
                 for i in range(n):
                     correlated += H[i] * cE[i]
                 for i in range(n):
-                    cE[i] -= K[i] * correlated
+                    cE[i] = cE[i] - K[i] * correlated + TINY - TINY
                     gained[1, i] += K[i] * K[i] * used
                 log_likelihood -= 0.5 * (log(2.0 * pi * used) + innovation * innovation / used)
                 if len(gains) > 0:
                     for i in range(n):
                         gains[k, i] = K[i]
             if with_signature:
-                for i in range(n):
-                    for c in range(m):
-                        S[i, c] -= K[i] * Hm[c]
+                correct_signature(S, K, Hm)
                 if len(out_signature) > 0:
                     for c in range(m):
                         out_signature[k, c] = -Hm[c]
@@ -261,15 +288,15 @@ def run(
                 out_gained[o, i] = gained[0, i]
             for i in range(OUTPUTS):
                 total = 0.0
-                for a_ in range(n):
-                    for b_ in range(n):
-                        total += Y[i, a_] * P[a_, b_] * Y[i, b_]
+                times(P, Y[i], PH)
+                for j in range(n):
+                    total += Y[i, j] * PH[j]
                 for j in range(INPUTS):
                     total += Yu[i, j] * Yu[i, j] * variance[j]
                 for c in range(followed):
                     response = Ym[i, c]
-                    for a_ in range(n):
-                        response += Y[i, a_] * S[a_, c]
+                    for j in range(n):
+                        response += Y[i, j] * S[j, c]
                     total += (response * spread[c]) ** 2
                 out_y[o, i, 0] = y[i]
                 out_y[o, i, 1] = total

@@ -14,13 +14,20 @@ from math import ceil
 import numpy as np
 from numba import njit
 
-from clutchest.compute.kernel import propagate, propagate_signature, update
+from clutchest.compute.kernel import (
+    add_product,
+    answer,
+    correct_signature,
+    inputs_between,
+    propagate,
+    propagate_signature,
+    update,
+)
 from clutchest.compute.lowered import (
     INPUTS,
     STATES,
     THETAS,
     reading,
-    reading_signature,
     step,
     step_signature,
 )
@@ -30,15 +37,11 @@ from clutchest.compute.lowered import (
 
 @njit(cache=True, error_model="numpy")
 def product(F, Phi, T):
-    """Φ ← F Φ; the zeros of F cost nothing."""
+    """Φ ← F Φ."""
     for i in range(STATES):
         for j in range(STATES):
             T[i, j] = 0.0
-        for k in range(STATES):
-            a = F[i, k]
-            if a != 0.0:
-                for j in range(STATES):
-                    T[i, j] += a * Phi[k, j]
+    add_product(F, Phi, T, STATES)
     for i in range(STATES):
         for j in range(STATES):
             Phi[i, j] = T[i, j]
@@ -76,10 +79,7 @@ def remember(
             steps = ceil(span / longest[row[k]])
             dt = span / steps
             for i in range(steps):
-                for j in range(INPUTS):
-                    slope = (u[k, j] - u[k - 1, j]) / steps
-                    ua[j] = u[k - 1, j] + i * slope
-                    ub[j] = u[k - 1, j] + (i + 1) * slope
+                inputs_between(u, k, i, steps, ua, ub)
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 step_signature(x, ua, ub, dt, w, p, g, G, eG)
                 propagate_signature(S, F, G, Tm)
@@ -97,17 +97,13 @@ def remember(
             h = reading(sensor[k], x, u[k], w, p, g, H[k])
             for i in range(n):
                 h += H[k, i] * d[i]
-            reading_signature(sensor[k], x, u[k], w, p, g, Hm)
-            for c in range(m):
-                for i in range(n):
-                    Hm[c] += H[k, i] * S[i, c]
+            answer(sensor[k], x, u[k], w, p, g, H[k], S, Hm)
             told[k, 0], _, used[k] = update(
                 x, P, S, h, H[k], Hm, z[k], R[k], nothing, K[k], PH, np.inf
             )
+            correct_signature(S, K[k], Hm)
             for c in range(m):
                 told[k, 1 + c] = -Hm[c]
-                for i in range(n):
-                    S[i, c] -= K[k, i] * Hm[c]
         if centre[k] >= 0:
             for i in range(n):
                 d[i] += x[i] - known[centre[k], i]
@@ -136,19 +132,15 @@ def look_back(L, A, t, sensor, emit, Phi, H, K, used, told, X, P):
         o = emit[k]
         if o >= 0:
             for i in range(n):
+                for j in range(n):
+                    T[i, j], PA[i, j] = P[o, i, j], 0.0
                 for c in range(columns):
-                    total = 0.0
-                    for j in range(n):
-                        total += P[o, i, j] * L[j, c]
-                    X[o, i, c] -= total
-                for j in range(n):
-                    total = 0.0
-                    for q in range(n):
-                        total += P[o, i, q] * A[q, j]
-                    PA[i, j] = total
+                    LT[i, c] = 0.0
+            add_product(T, A, PA, STATES)
+            add_product(T, L, LT, THETAS + 1)
             for i in range(n):
-                for j in range(n):
-                    T[i, j] = P[o, i, j]
+                for c in range(columns):
+                    X[o, i, c] -= LT[i, c]
             for i in range(n):
                 for j in range(i + 1):
                     total = 0.0

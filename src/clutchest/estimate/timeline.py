@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,14 +70,14 @@ def white_density(signal: Signal, noise: float, ar: float) -> float:
     return noise**2 * period * (1 + ar) / (1 - ar)
 
 
-def slope(signal: Signal, noise: float) -> tuple[Signal, float]:
-    """Slope of a signal by straight lines through ``SLOPE_WINDOW`` s, and its standard deviation.
+def slope(signal: Signal, noise: float, window: float = SLOPE_WINDOW) -> tuple[Signal, float]:
+    """Slope of a signal by straight lines through ``window`` s, and its standard deviation.
 
     Outside the reach of a full window the nearest full one stands.
     """
     time, value = signal.time, signal.value
     period = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    count = int(np.clip(round(SLOPE_WINDOW / max(period, 1e-6)) | 1, 3, 101))
+    count = int(np.clip(round(window / max(period, 1e-6)) | 1, 3, 101))
     if len(time) < count:
         return Signal.of("slope", "", time, np.zeros(len(time))), 0.0
     t = np.lib.stride_tricks.sliding_window_view(time, count)
@@ -116,10 +116,10 @@ def build(
         grid = np.array([end])
     stamps = np.unique(np.concatenate([speed.time, grid, *(present[n].time for n in fast)]))
     stamps = stamps[(stamps >= first) & (stamps <= end)]
-    regimes = _regimes(stamps, present, vehicle, fast, thresholds)
+    regime = regimes(stamps, present, vehicle, fast)
 
     # events: sensor samples, kinks of the inputs while they matter, outputs
-    bare = stamps[(regimes.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, speed.time)]
+    bare = stamps[(regime.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, speed.time)]
     times, sensors = [bare], [np.full(len(bare), -1, np.int8)]
     values, variances = [np.zeros(len(bare))], [np.zeros(len(bare))]
     for i, sensor in enumerate(model.sensors):
@@ -128,7 +128,7 @@ def build(
             continue
         reading = present[name]
         if sensor.mode:
-            reading = _where(reading, stamps, regimes.mode == Mode[sensor.mode])
+            reading = _where(reading, stamps, regime.mode == Mode[sensor.mode])
         times.append(reading.time)
         sensors.append(np.full(len(reading), i, np.int8))
         values.append(reading.value)
@@ -140,8 +140,8 @@ def build(
     t, sensor_of = t[order], sensor_of[order]
 
     of = np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)
-    sliding, free = regimes.sliding[of], regimes.free_running[of].copy()
-    free[1:] &= regimes.free_running[of[:-1]]  # an interval is free if both its ends are
+    sliding, free = regime.sliding[of], regime.free_running[of].copy()
+    free[1:] &= regime.free_running[of[:-1]]  # an interval is free if both its ends are
     flags = np.array([[r >> 2 & 1, r >> 1 & 1, r & 1] for r in range(8)], float)
     u, noise, variance = _inputs(t, model, present, noise_of, colour_of)
     if "engine_acceleration" in present:  # a slope that no sample bears out is none
@@ -153,11 +153,11 @@ def build(
         z=np.concatenate(values)[order],
         R=np.concatenate(variances)[order],
         u=u,
-        row=free * 4 + sliding * 2 + regimes.engaged[of],
+        row=free * 4 + sliding * 2 + regime.engaged[of],
         W=flags,
         Q=_noise_table(vehicle, model, flags),
         longest=np.where(flags[:, 1] > 0, FAST, SLOW),
-        mode=regimes.mode[of],
+        mode=regime.mode[of],
         emit=emit,
         grid=on_grid,
         noise=noise,
@@ -197,14 +197,12 @@ def _usable(
     return present, tuple(warnings)
 
 
-def _regimes(
-    stamps: Floats,
-    present: Mapping[str, Signal],
-    vehicle: Vehicle,
-    fast: list[str],
-    thresholds: Thresholds,
+def regimes(
+    stamps: Floats, present: Mapping[str, Signal], vehicle: Vehicle, fast: Sequence[str] = ()
 ) -> Regimes:
-    """Which equations hold at every stamp."""
+    """Which equations hold at every stamp, by signals that are ``present``, engine speed among
+    them.  In a gap of a ``fast`` one nothing is taken for sure."""
+    thresholds = Thresholds.of(vehicle.modes)
 
     def at(name: str) -> Floats | None:
         if name not in present:

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.modes import Mode, Thresholds, classify, runs
+from clutchest.estimate.modes import Mode, runs
+from clutchest.estimate.timeline import regimes
 from clutchest.identify.delay import Stretch
 from clutchest.identify.sensor_noise import far_off
 from clutchest.signals import Floats, Signal, Signals
@@ -50,24 +51,7 @@ class Drive:
             return None
         speed = present["engine_speed"]
         time = np.arange(speed.time[0], speed.time[-1], STEP)
-
-        def at(name: str) -> Floats | None:
-            if name not in present:
-                return None
-            return np.interp(time, present[name].time, present[name].value)
-
-        nominal = {key: p.value for key, p in vehicle.parameters.items()}
-        shaft, position = at("input_shaft_speed"), at("slave_position")
-        regimes = classify(
-            time,
-            None if shaft is None else np.interp(time, speed.time, speed.value) - shaft,
-            None if position is None else position - nominal["position_origin"],
-            at("motor_position"),
-            np.zeros(len(time), bool),
-            nominal["kiss_point"],
-            Thresholds.of(vehicle.modes),
-        )
-        return cls(vehicle, present, time, regimes.mode)
+        return cls(vehicle, present, time, regimes(time, present, vehicle).mode)
 
     def has(self, *names: str) -> bool:
         """Whether all these signals are there."""
@@ -160,10 +144,7 @@ def input_shaft_speed(drive: Drive) -> list[Stretch]:
     """Locked: both sides turn alike."""
     if not drive.has("input_shaft_speed"):
         return []
-    width = drive.width("input_shaft_speed", "engine_speed")
-    shaft = _smooth(drive.raw("input_shaft_speed"), width)
-    engine = _smooth(drive.raw("engine_speed"), width)
-    flag = _locked(drive) & drive.whole("input_shaft_speed", "engine_speed")
+    shaft, engine, flag, width = _turning_together(drive, "input_shaft_speed")
     return [_stretch(drive, rows, shaft, engine, []) for rows in drive.rows(flag, 1.0, width)]
 
 
@@ -171,12 +152,9 @@ def vehicle_speed(drive: Drive) -> list[Stretch]:
     """Locked and in gear: the vehicle goes as fast as the engine turns."""
     if not drive.has("vehicle_speed"):
         return []
-    width = drive.width("vehicle_speed", "engine_speed")
-    speed = _smooth(drive.raw("vehicle_speed"), width)
-    engine = _smooth(drive.raw("engine_speed"), width)
-    flag = _locked(drive) & drive.whole("vehicle_speed", "engine_speed") & (speed > 1.0)
+    speed, engine, flag, width = _turning_together(drive, "vehicle_speed")
     found = []
-    for rows in drive.rows(flag, 2.0, width):
+    for rows in drive.rows(flag & (speed > 1.0), 2.0, width):
         ratio = speed[rows] / np.maximum(engine[rows], 1.0)
         if np.ptp(ratio) < 0.1 * ratio.mean():  # one gear, and not out of it
             found.append(_stretch(drive, rows, speed, None, [engine], level=False))
@@ -224,6 +202,15 @@ def motor_position(drive: Drive) -> list[Stretch]:
     slave = _smooth(drive.raw("slave_position"), width)
     flag = (motor > 1.0) & drive.whole("motor_position", "slave_position")
     return [_stretch(drive, rows, motor, None, [slave]) for rows in drive.rows(flag, 0.5, width)]
+
+
+def _turning_together(drive: Drive, name: str) -> tuple[Floats, Floats, Mask, float]:
+    """Signal ``name`` and engine speed, smoothed alike; where both are whole and the clutch is
+    locked; the smoothing in s."""
+    names = (name, "engine_speed")
+    width = drive.width(*names)
+    signal, engine = (_smooth(drive.raw(which), width) for which in names)
+    return signal, engine, _locked(drive) & drive.whole(*names), width
 
 
 def _locked(drive: Drive) -> Mask:

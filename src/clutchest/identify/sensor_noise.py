@@ -113,7 +113,12 @@ def _regular(signal: Signal) -> Floats:
 
 
 def far_off(row: Floats) -> NDArray[np.bool_]:
-    """Samples that stand apart from their neighbours on both sides."""
+    """Samples that stand apart from their neighbours on both sides.
+
+    Not ``estimate.spikes``: that one goes by the stated noise, which is what is sought here, and
+    leaves a peak of two samples in, since it must never cut off what the clutch did.  Here a
+    healthy sample too many costs nothing, an outlier that stays is taken for noise.
+    """
     if len(row) < 5:
         return np.zeros(len(row), bool)
     padded = np.pad(row, 2, mode="edge")
