@@ -10,6 +10,7 @@ import casadi as ca
 from clutchest.compute.step import heun
 from clutchest.models.model import Expressions, Model
 
+START = "start"  # owner of a theta that is a state's first value
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
@@ -110,7 +111,8 @@ def _values(
 def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     """Source of all functions that kernel and online filter call, for one model.
 
-    ``thetas`` are what signatures are taken of: (``"parameter"``, key) or (effect name, number).
+    ``thetas`` are what signatures are taken of: (``"parameter"``, key), (effect name, number) or
+    (``"start"``, state), the value with which a state begins.
     """
     e = model.expressions()
     taken = heun(model, e)
@@ -130,6 +132,11 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     def by_theta(of: ca.SX) -> ca.SX:
         by_inputs = ca.jacobian(of, e.u) + ca.jacobian(of, taken.u1)
         return ca.jacobian(of, theta) + ca.mtimes(by_inputs, late)
+
+    started = ca.SX(e.initial.numel(), len(thetas))
+    for k, (owner, name) in enumerate(thetas):
+        if owner == START:
+            started[:, k] = ca.jacobian(e.initial, e.x[model.state(name)])
 
     parts = [
         f"STATES, INPUTS, OUTPUTS, SENSORS, THETAS = {len(model.states)}, {len(model.inputs)}, "
@@ -151,7 +158,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
                               "Yu": ca.jacobian(e.outputs, e.u)}),
         lower("outputs_signature", at, {"Ym": ca.jacobian(e.outputs, theta)}),
         lower("initial", {"x": e.x, "p": e.p, "g": e.g},
-              {"xi": e.initial, "Si": ca.jacobian(e.initial, theta)}),
+              {"xi": e.initial, "Si": ca.jacobian(e.initial, theta) + started}),
     ]  # fmt: skip
     for i, _ in enumerate(model.sensors):
         h = e.readings[i]
@@ -174,6 +181,8 @@ def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
 
 
 def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
+    if owner == START:
+        return ca.SX.sym(key)  # the equations know a start by what it leads to only
     if owner == "parameter":
         return e.p[[p.key for p in model.parameters].index(key)]
     return e.g[[(effect.name, number) for effect, number in model.numbers].index((owner, key))]

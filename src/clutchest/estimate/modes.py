@@ -88,7 +88,10 @@ def classify(
     locked = _lasting(time, still, thresholds.lock_time)
     home = np.zeros(len(time), bool)
     if motor is not None:
-        home = _since(time, locked & (motor < thresholds.retracted_position)) >= thresholds.settle
+        retracted = locked & (motor < thresholds.retracted_position)
+        # a motor about to leave moves the piston before it is seen to be away
+        leaving = _around(time, ~retracted, thresholds.guard)
+        home = (_since(time, retracted) >= thresholds.settle) & ~leaving
     apart = np.zeros(len(time), bool)
     if position is not None:
         apart = position > kiss_point + thresholds.open_margin

@@ -13,6 +13,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.timeline import Timeline, process_noise
 from clutchest.estimate.whole_log import Belief, Compiled, run
 from clutchest.models import resting
+from clutchest.models.model import Model
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
@@ -46,10 +47,10 @@ class History:
         )
 
 
-def prior_std(vehicle: Vehicle, compiled: Compiled) -> Floats:
+def prior_std(vehicle: Vehicle, model: Model) -> Floats:
     """Standard deviation of every state before any data, shape (n,)."""
     stds = []
-    for state in compiled.model.states:
+    for state in model.states:
         setting = vehicle.estimation.get(state.name)
         std = setting.initial_std if setting else state.initial_std
         nominal = vehicle.parameters.get(f"{state.name}_ref")
@@ -59,8 +60,9 @@ def prior_std(vehicle: Vehicle, compiled: Compiled) -> Floats:
     return np.array(stds)
 
 
-def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
-    """The prior at the first event: a clutch at rest, as warm as coolant and air make it."""
+def nominal(compiled: Compiled, timeline: Timeline) -> Floats:
+    """The state (n) at the first event of a clutch at rest, as warm as coolant and air make it,
+    before any effect."""
     model = compiled.model
     inputs = {i.name: timeline.u[0, j] for j, i in enumerate(model.inputs)}
     parameters = {q.key: compiled.p[j] for j, q in enumerate(model.parameters)}
@@ -68,10 +70,15 @@ def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
     readings = np.flatnonzero(timeline.sensor == model.sensor("engine_speed"))
     if len(readings):
         values["engine_speed"] = timeline.z[readings[0]]
-    x = np.array([values.get(state.name, 0.0) for state in model.states])
+    return np.array([values.get(state.name, 0.0) for state in model.states])
+
+
+def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
+    """The prior at the first event."""
+    x = nominal(compiled, timeline)
     xi, Si = np.zeros(len(x)), np.zeros((len(x), len(compiled.thetas)))
     compiled.functions.initial(x, compiled.p, compiled.g, xi, Si)
-    return Belief.of(xi, np.diag(prior_std(vehicle, compiled) ** 2), Si)
+    return Belief.of(xi, np.diag(prior_std(vehicle, compiled.model) ** 2), Si)
 
 
 def carried_on(

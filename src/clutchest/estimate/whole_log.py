@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 
 from clutchest.compute import build
+from clutchest.compute.lower import START
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.effects import Effect, effects_of_file, library
@@ -116,12 +117,14 @@ def compile_model(
     vehicle: Vehicle,
     model: Model,
     effects: tuple[Effect, ...] | None = None,
+    starts: Mapping[str, float] = {},
     progress: Progress | None = None,
 ) -> Compiled:
     """The model lowered and loaded, with the vehicle's numbers.
 
     ``effects`` stand in the equations, unless given those of the vehicle file that the model can
-    take; what the file says of an effect holds, others are at gain 0.
+    take; what the file says of an effect holds, others are at gain 0.  ``starts`` names states whose
+    first values are thetas too, with their standard deviations.
     """
     if effects is None:
         effects = tuple(e for e in present_effects(vehicle) if model.takes(e))
@@ -142,6 +145,8 @@ def compile_model(
     for effect in effects:
         thetas += [(effect.name, n.key) for n in effect.gains]
         spread += [0.0] * len(effect.gains)
+    thetas += [(START, name) for name in starts]
+    spread += list(starts.values())
     digest, text = build.generate(model, tuple(thetas))
     if progress and not build.is_compiled(digest):
         progress("compiling the model, once on this machine", None)

@@ -37,13 +37,14 @@ STATES = (
           1e-5, 0.2, 0.12, "the actuator fully retracted at a known temperature",
           slip_noise=1e-5),
     State("friction", "1", "μ/μ_0", "torque relative to the curve", 5e-4, 0.1, 0.05,
-          "a launch: torque through a slipping clutch"),
+          "a launch: torque through a slipping clutch", healthy_std=0.02),
     State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0,
           "any sample of the engine speed", carried=False),
     State("torque_bias", "Nm", "M_bias", "reported engine torque less the true one",
-          1.0, 30.0, 25.0, "an open clutch with changing engine speed", carried=False),
+          1.0, 30.0, 25.0, "an open clutch with changing engine speed", carried=False, healthy_std=5.0),
     State("wear_rate", "mm/MJ", "w", "wear per slip energy", 0.0, 0.05, 0.01,
-          "some ten megajoules of slip, and the actuator retracted before and after"),
+          "some ten megajoules of slip, and the actuator retracted before and after",
+          healthy_std=0.0),
 )
 
 # Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.

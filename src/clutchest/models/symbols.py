@@ -15,7 +15,8 @@ class State:
     ``informed_by`` is the manoeuvre that lowers it.  ``parked_noise`` (unit/√s) is what a parked
     vehicle adds: wear and friction stay as they were; ``slip_noise`` (unit/√J) is what slip adds,
     by the energy it turns to heat.  What is not ``carried`` starts every drive
-    from its prior.
+    from its prior.  ``healthy_std`` (unit) is how far from nominal it starts in a healthy vehicle,
+    where ``initial_std`` is wider because it allows for ageing.
     """
 
     name: str
@@ -29,6 +30,7 @@ class State:
     parked_noise: float = 0.0
     slip_noise: float = 0.0
     carried: bool = True
+    healthy_std: float | None = None
     role: str = "adaptive"  # adaptive | constant | nuisance
 
 

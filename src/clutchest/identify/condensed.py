@@ -1,0 +1,63 @@
+"""A timeline with the events that tell nothing new left out.
+
+A closed clutch says little a hundred times a second: its position at rest moves with temperatures
+that take seconds, and while it is locked the engine's speed tells only where the next slip starts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.estimate.timeline import Timeline
+from clutchest.models.model import Model
+
+RESTED = 1.0  # s; readings of a clutch at rest are averaged over this
+NEAR = 1.0  # s before and after a regime in which they tell more, all readings stay
+
+
+def condensed(line: Timeline, model: Model) -> Timeline:
+    """The same drive with fewer events; means of readings at rest carry their smaller variance."""
+    free = line.W[line.row].any(axis=1)  # some equation beyond heat flow acts
+    busy = np.flatnonzero(free)
+    close = np.zeros(len(line.t), bool)
+    if len(busy):
+        after = np.clip(np.searchsorted(busy, np.arange(len(line.t))), 0, len(busy) - 1)
+        before = np.maximum(after - 1, 0)
+        gap = np.minimum(np.abs(line.t[busy[after]] - line.t),
+                         np.abs(line.t - line.t[busy[before]]))  # fmt: skip
+        close = gap <= NEAR
+    keep, z, R = close.copy(), line.z.copy(), line.R.copy()
+    keep[[0, -1]] = True
+    keep |= line.emit >= 0
+    for i, sensor in enumerate(model.sensors):
+        if sensor.mode:  # read in one mode only, where nothing else happens
+            of = np.flatnonzero(line.sensor == i)
+            keep[of] = False
+            middle, mean, variance = _means(line, of)
+            keep[middle], z[middle], R[middle] = True, mean, variance
+    return replace(line, t=line.t[keep], sensor=line.sensor[keep], z=z[keep], R=R[keep],
+                   u=line.u[keep], row=line.row[keep], mode=line.mode[keep],
+                   emit=line.emit[keep])  # fmt: skip
+
+
+def _means(
+    line: Timeline, of: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """For each stretch of at most ``RESTED`` s among the events ``of``: the middle event, the mean
+    reading and its variance."""
+    if not len(of):
+        return of, np.zeros(0), np.zeros(0)
+    t = line.t[of]
+    rests = np.concatenate([[0], np.cumsum(np.diff(t) > RESTED)])
+    begins = np.concatenate([[True], np.diff(rests) > 0])
+    since = t - t[np.flatnonzero(begins)][rests]
+    stretch = np.concatenate([[0], np.cumsum((np.diff(np.floor(since / RESTED)) != 0)
+                                             | (np.diff(rests) > 0))])  # fmt: skip
+    count = np.bincount(stretch)
+    first = np.searchsorted(stretch, np.arange(len(count)))
+    mean = np.bincount(stretch, line.z[of]) / count
+    # R is the variance of one reading, the same for all of a sensor
+    return of[first + count // 2], mean, np.bincount(stretch, line.R[of]) / count**2

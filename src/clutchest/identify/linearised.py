@@ -1,0 +1,252 @@
+"""A drive as its equations see it at given numbers: innovations, and how they answer to each.
+
+Everything unknown is a number θ: the parameters that the vehicle file gives a spread, the gains of
+effects, and what each state starts from.  States that the model renews at every slip (the engine
+speed) are tracked by the filter; all others follow from θ alone, without process noise and without
+being corrected.  The innovations are then a smooth function of θ, which Gauss–Newton steps follow
+as far as they like, and no adapting state swallows what a cause leaves in the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clutchest.compute.lower import START
+from clutchest.estimate.start import fresh, nominal, prior_std
+from clutchest.estimate.timeline import build, slope
+from clutchest.estimate.whole_log import (
+    Compiled,
+    Filtered,
+    Progress,
+    compile_model,
+    delays,
+    present_effects,
+    run,
+)
+from clutchest.identify.condensed import condensed
+from clutchest.models import model_for
+from clutchest.models.effects import Effect
+from clutchest.models.model import Model
+from clutchest.signals import Floats, Signal, Signals
+from clutchest.vehicle import Vehicle
+
+WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
+TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
+LEAST = 0.01  # standard deviations per unit; readings that answer less to every θ are left out
+
+Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
+
+
+@dataclass(frozen=True, slots=True)
+class Theta:
+    """One unknown number: ``owner`` is ``parameter``, ``start`` or an effect's name.
+
+    ``unit`` is what 1 means: the prior's standard deviation of a nuisance, the largest plausible
+    size of a gain (``gain`` True).  ``drive``: whose start it is, −1 for a number of all drives.
+    A delay is both: ``timing`` is the small one that any signal may have.
+    """
+
+    owner: str
+    key: str
+    unit: float
+    gain: bool = False
+    drive: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """The readings of one drive that tell of any θ, sensor after sensor, each in order of time.
+
+    ``r`` (K) innovations over their predicted standard deviation; ``psi`` (K, m) their derivatives
+    by every θ in its unit; ``log_variance``: Σ ln of the predicted variances.
+    """
+
+    r: Floats
+    psi: Floats
+    log_variance: float
+
+
+class LinearDrive:
+    """One drive, to be linearised anywhere; ``units`` (m) of the compiled model's thetas.
+
+    Of its readings that tell of θ: ``t`` s, ``sensor`` index, ``row`` the regime's, ``mode``;
+    shape (K,) each.
+    """
+
+    def __init__(
+        self, signals: Signals, vehicle: Vehicle, compiled: Compiled, units: Floats
+    ) -> None:
+        model = compiled.model
+        line = build(signals, vehicle, model, 1.0, delays(vehicle))
+        self.tracked = np.array([state.name in model.renewed for state in model.states])
+        line = replace(line, Q=np.where(np.tile(self.tracked, 2), line.Q, 0.0))
+        self.compiled, self.whole, self.line = compiled, line, condensed(line, model)
+        self.line = replace(self.line, emit=np.arange(len(self.line.t)))
+        self.slope = self._slope()
+        self.acts = np.zeros(len(self.line.t), bool)
+        for flag, _ in model.renewed.values():
+            self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
+        self.nominal = nominal(compiled, line)
+        self.start = fresh(vehicle, compiled, line)
+        self.start.P[~self.tracked] = 0.0
+        self.start.P[:, ~self.tracked] = 0.0
+        _, first = self.filtered(compiled.p, compiled.g, self.nominal)
+        std = np.sqrt(np.maximum(first.innovation[:, 2], 1e-300))
+        tells = np.abs(first.signature * units).max(axis=1) > LEAST * std
+        rows = np.flatnonzero((self.line.sensor >= 0) & tells)
+        self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
+        self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
+        self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
+
+    def filtered(
+        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float] = {}
+    ) -> tuple[Filtered, Filtered]:
+        """One run with parameters ``p``, numbers of effects ``g`` and first states ``x``, and one
+        for its derivatives; ``late`` s by signal come on top of the delays known before.
+
+        The derivatives are taken at inputs that the first run implies.  At the measured ones their
+        noise would stand in derivative and innovation alike, and every number that multiplies an
+        input would seem to be smaller than it is.
+        """
+        c, u = replace(self.compiled, p=p, g=g), self.line.u.copy()
+        for name, delay in late.items():
+            j = c.model.input(name)
+            u[:, j] = np.interp(self.line.t + delay, self.whole.t, self.whole.u[:, j])
+        start, started = self.start.copy(), np.zeros(len(x))
+        start.S[:] = 0.0
+        c.functions.initial(x, p, g, started, start.S)
+        start.x = np.where(self.tracked, start.x, started)
+        line = replace(self.line, u=u)
+        first = run(c, line, start, limit=np.inf, with_signature=False)
+        expected = u.copy()
+        c.functions.imply(first.x, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
+                          line.W, line.noise, p, g, expected)  # fmt: skip
+        line = replace(line, u=expected, emit=np.full(len(u), -1))
+        return first, run(c, line, start, limit=np.inf, keep_signature=True)
+
+    def _slope(self) -> Floats:
+        """Measured rates of the tracked states at every event, zero for others; shape (K, n)."""
+        model, line = self.compiled.model, self.whole
+        found = np.zeros((len(self.line.t), len(model.states)))
+        for i in np.flatnonzero(self.tracked):
+            read = line.sensor == model.sensor(model.states[i].name)
+            signal = Signal.of(model.states[i].name, "", line.t[read], line.z[read])
+            rate, _ = slope(signal, 0.0, WINDOW)
+            found[:, i] = np.interp(self.line.t, rate.time, rate.value)
+        return found
+
+
+class Problem:
+    """Drives of one vehicle and every number that is unknown about them.
+
+    ``thetas`` (m) in the order of all vectors θ here, each in its own unit and 0 where the vehicle
+    file has it.  ``nuisances`` are indices of those with a prior, of variance 1; ``gains`` of the
+    rest, the gains of ``effects``, which are absent at 0.
+    """
+
+    def __init__(
+        self,
+        signals: Signals,
+        vehicle: Vehicle,
+        effects: Sequence[Effect],
+        progress: Progress | None = None,
+    ) -> None:
+        drives = signals.drives
+        usable = set.intersection(*({n for n in d if d[n].valid.any()} for d in drives))
+        model = model_for(vehicle.model, usable)
+        # readings count in full: Gauss–Newton steps take care of what a first order lacks
+        model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
+        present = tuple(e for e in present_effects(vehicle) if model.takes(e))
+        sought = tuple(e for e in effects if e not in present and model.takes(e))
+        self.vehicle, self.effects = vehicle, {e.name: e for e in sought}
+        self.compiled = compile_model(
+            vehicle, model, present + sought, healthy_stds(vehicle, model), progress
+        )
+        shared, own = [], []
+        for (owner, key), spread in zip(self.compiled.thetas, self.compiled.spread, strict=True):
+            if owner in self.effects:
+                gain = next(n for n in self.effects[owner].gains if n.key == key)
+                shared.append(Theta(owner, key, gain.upper, gain=True))
+            elif owner == START:
+                own.append(Theta(owner, key, spread))
+            else:
+                shared.append(Theta(owner, key, spread or 1.0))
+        self.shared = len(shared)
+        starts = [replace(t, drive=i) for i in range(len(drives)) for t in own]
+        # a delay too small to be a finding answers as the delay that effects know
+        self.timing = {
+            k: signal for k, t in enumerate(shared) if t.gain
+            for signal, key in self.effects[t.owner].delays.items() if key == t.key
+        }  # fmt: skip
+        late = [Theta("timing", signal, TIMING) for signal in self.timing.values()]
+        self.thetas = tuple(shared + starts + late)
+        self.units = np.array([t.unit for t in self.thetas])
+        first = np.array([t.unit for t in shared + own])
+        self.drives = [LinearDrive(drive, vehicle, self.compiled, first) for drive in drives]
+        self.gains = np.flatnonzero([t.gain for t in self.thetas])
+        self.nuisances = np.flatnonzero(
+            [not t.gain and t.owner not in vehicle.effects for t in self.thetas]
+        )
+
+    def index(self, effect: str, key: str) -> int:
+        """Where a gain stands in θ."""
+        wanted = (effect, key)
+        return next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == wanted)
+
+    def numbers(self, theta: Floats, shapes: Shapes) -> tuple[Floats, Floats, dict[str, float]]:
+        """Parameters and numbers of effects at ``theta`` (m), and by how much signals are late."""
+        c = self.compiled
+        p, g, late = c.p.copy(), c.g.copy(), dict[str, float]()
+        keys = [q.key for q in c.model.parameters]
+        numbers = [(effect.name, key) for effect, key in c.model.numbers]
+        for t, value in zip(self.thetas[: self.shared], theta * self.units, strict=False):
+            if t.owner == "parameter":
+                p[keys.index(t.key)] += value
+                continue
+            g[numbers.index((t.owner, t.key))] += value
+            delayed = self.effects[t.owner].delays if t.gain and value else {}
+            for signal in (s for s, key in delayed.items() if key == t.key):
+                late[signal] = late.get(signal, 0.0) + value
+        for k, t in enumerate(self.thetas):
+            if t.owner == "timing":
+                late[t.key] = late.get(t.key, 0.0) + theta[k] * t.unit
+        for name, value in shapes.items():
+            g[numbers.index(name)] = value
+        return p, g, late
+
+    def linearise(self, theta: Floats, shapes: Shapes = {}) -> list[Rows]:
+        """Every drive at ``theta`` (m); shapes of effects at their defaults unless given."""
+        p, g, late = self.numbers(theta, shapes)
+        late_rows = range(len(self.thetas) - len(self.timing), len(self.thetas))
+        found = []
+        for i, drive in enumerate(self.drives):
+            own = [k for k, t in enumerate(self.thetas) if t.drive == i]
+            x = drive.nominal.copy()
+            for k in own:
+                x[self.compiled.model.state(self.thetas[k].key)] += theta[k] * self.units[k]
+            filtered, derived = drive.filtered(p, g, x, late)
+            std = np.sqrt(filtered.innovation[drive.rows, 2])
+            columns = [*range(self.shared), *own]
+            psi = np.zeros((len(std), len(self.thetas)))
+            psi[:, columns] = derived.signature[drive.rows] / std[:, None] * self.units[columns]
+            for k, of in zip(late_rows, self.timing, strict=True):
+                psi[:, k] = psi[:, of] / self.units[of] * self.units[k]
+            found.append(Rows(filtered.innovation[drive.rows, 0] / std, psi,
+                              float(2.0 * np.sum(np.log(std)))))  # fmt: skip
+        return found
+
+
+def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
+    """State → how far its first value may lie from nominal in a healthy vehicle, where it may."""
+    stds = {}
+    for state, std in zip(model.states, prior_std(vehicle, model), strict=True):
+        if state.name in model.renewed or state.name in model.unobservable:
+            continue
+        if state.healthy_std is not None:
+            std = min(std, state.healthy_std)
+        if std > 0.0:
+            stds[state.name] = float(std)
+    return stds
