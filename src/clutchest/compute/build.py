@@ -46,7 +46,7 @@ def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]
 
     # numba compiles a function when it is first called: who does not draw or smooth does not wait
     parts = [_HEADER, _text_of("choices.py"), module_text(model, thetas)]
-    parts += [_text_of(file) for file in ("kernel.py", "drawing.py", "smoother.py", "implied.py")]
+    parts += [_text_of(file) for file in ("kernel.py", "drawing.py", "smoother.py", "answers.py")]
     text = "\n\n".join(parts)
     platform = [version(name) for name in ("numba", "casadi")]
     platform += [__version__, llvmlite.binding.get_host_cpu_name(), sys.version]

@@ -19,12 +19,10 @@ from clutchest.estimate.start import fresh, nominal, prior_std
 from clutchest.estimate.timeline import build, slope
 from clutchest.estimate.whole_log import (
     Compiled,
-    Filtered,
     Progress,
     compile_model,
     delays,
     present_effects,
-    run,
 )
 from clutchest.identify.condensed import condensed
 from clutchest.models import model_for
@@ -84,48 +82,52 @@ class LinearDrive:
         self.tracked = np.array([state.name in model.renewed for state in model.states])
         line = replace(line, Q=np.where(np.tile(self.tracked, 2), line.Q, 0.0))
         self.compiled, self.whole, self.line = compiled, line, condensed(line, model)
-        self.line = replace(self.line, emit=np.arange(len(self.line.t)))
-        self.slope = self._slope()
-        self.acts = np.zeros(len(self.line.t), bool)
-        for flag, _ in model.renewed.values():
-            self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
         self.nominal = nominal(compiled, line)
         self.start = fresh(vehicle, compiled, line)
         self.start.P[~self.tracked] = 0.0
         self.start.P[:, ~self.tracked] = 0.0
-        _, first = self.filtered(compiled.p, compiled.g, self.nominal)
-        std = np.sqrt(np.maximum(first.innovation[:, 2], 1e-300))
-        tells = np.abs(first.signature * units).max(axis=1) > LEAST * std
+        self.slope = self._slope()
+        self.acts = np.zeros(len(self.line.t), bool)
+        for flag, _ in model.renewed.values():
+            self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
+        self.implied = np.zeros_like(self.line.u)
+        first, answers = self.answer(compiled.p, compiled.g, self.nominal, {})
+        std = np.sqrt(first[:, 1])
+        tells = np.abs(answers * units).max(axis=1) > LEAST * std
         rows = np.flatnonzero((self.line.sensor >= 0) & tells)
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
 
-    def filtered(
-        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float] = {}
-    ) -> tuple[Filtered, Filtered]:
-        """One run with parameters ``p``, numbers of effects ``g`` and first states ``x``, and one
-        for its derivatives; ``late`` s by signal come on top of the delays known before.
+    def answer(
+        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float]
+    ) -> tuple[Floats, Floats]:
+        """Innovations with their variances (K, 2), and their derivatives (K, m), per event.
 
-        The derivatives are taken at inputs that the first run implies.  At the measured ones their
-        noise would stand in derivative and innovation alike, and every number that multiplies an
-        input would seem to be smaller than it is.
+        ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
+        on top of the delays known before.  Derivatives are taken at the inputs that the run before
+        implied (see ``compute.answers``).
         """
-        c, u = replace(self.compiled, p=p, g=g), self.line.u.copy()
+        line, functions = self.line, self.compiled.functions
+        u, n, m = line.u.copy(), len(x), len(self.compiled.thetas)
         for name, delay in late.items():
-            j = c.model.input(name)
-            u[:, j] = np.interp(self.line.t + delay, self.whole.t, self.whole.u[:, j])
-        start, started = self.start.copy(), np.zeros(len(x))
-        start.S[:] = 0.0
-        c.functions.initial(x, p, g, started, start.S)
-        start.x = np.where(self.tracked, start.x, started)
-        line = replace(self.line, u=u)
-        first = run(c, line, start, limit=np.inf, with_signature=False)
+            j = self.compiled.model.input(name)
+            u[:, j] = np.interp(line.t + delay, self.whole.t, self.whole.u[:, j])
+        started, S = np.zeros(n), np.zeros((n, m))
+        functions.initial(x, p, g, started, S)
+        started = np.where(self.tracked, self.start.x, started)
+        states, innovations = np.zeros((len(line.t), n)), np.ones((len(line.t), 2))
+        answers = np.zeros((len(line.t), m))
+        functions.answer(
+            started, self.start.P.copy(), S, line.t, line.sensor, line.z, line.R, u,
+            u + self.implied, line.row, line.W, line.Q, line.longest, line.noise, p, g,
+            states, innovations, answers,
+        )  # fmt: skip
         expected = u.copy()
-        c.functions.imply(first.x, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
-                          line.W, line.noise, p, g, expected)  # fmt: skip
-        line = replace(line, u=expected, emit=np.full(len(u), -1))
-        return first, run(c, line, start, limit=np.inf, keep_signature=True)
+        functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
+                        line.W, line.noise, p, g, expected)  # fmt: skip
+        self.implied = expected - u
+        return innovations, answers
 
     def _slope(self) -> Floats:
         """Measured rates of the tracked states at every event, zero for others; shape (K, n)."""
@@ -217,7 +219,7 @@ class Problem:
             g[numbers.index(name)] = value
         return p, g, late
 
-    def linearise(self, theta: Floats, shapes: Shapes = {}) -> list[Rows]:
+    def linearise(self, theta: Floats, shapes: Shapes) -> list[Rows]:
         """Every drive at ``theta`` (m); shapes of effects at their defaults unless given."""
         p, g, late = self.numbers(theta, shapes)
         late_rows = range(len(self.thetas) - len(self.timing), len(self.thetas))
@@ -227,14 +229,14 @@ class Problem:
             x = drive.nominal.copy()
             for k in own:
                 x[self.compiled.model.state(self.thetas[k].key)] += theta[k] * self.units[k]
-            filtered, derived = drive.filtered(p, g, x, late)
-            std = np.sqrt(filtered.innovation[drive.rows, 2])
+            innovations, answers = drive.answer(p, g, x, late)
+            std = np.sqrt(innovations[drive.rows, 1])
             columns = [*range(self.shared), *own]
             psi = np.zeros((len(std), len(self.thetas)))
-            psi[:, columns] = derived.signature[drive.rows] / std[:, None] * self.units[columns]
+            psi[:, columns] = answers[drive.rows] / std[:, None] * self.units[columns]
             for k, of in zip(late_rows, self.timing, strict=True):
                 psi[:, k] = psi[:, of] / self.units[of] * self.units[k]
-            found.append(Rows(filtered.innovation[drive.rows, 0] / std, psi,
+            found.append(Rows(innovations[drive.rows, 0] / std, psi,
                               float(2.0 * np.sum(np.log(std)))))  # fmt: skip
         return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,11 @@ from clutchest.identify.colour import Colour, Stretches
 from clutchest.identify.linearised import Problem, Rows, Shapes
 from clutchest.signals import Floats
 
+NO_SHAPES: Shapes = MappingProxyType({})
 FAR = 5.0  # standard deviations; a reading further off counts as if it were here
-STEPS = 12  # at most
+STEPS = 20  # at most
 SETTLED = 0.02  # of −2 ln(probability): a step that promises less is not taken
-TURNS = 6  # at most
+NEARLY = 3.0  # the same, while the colour of the noise is still being learned
 BOUND = 3.0  # units that one step may go
 
 
@@ -49,27 +51,30 @@ class Fitter:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.stretches = [Stretches.of(d.t, d.sensor, d.row) for d in problem.drives]
-        self.colour: Colour | None = None
+        self.colour, self.learned = Colour.white(self.stretches), False
         self.prior = np.zeros(len(problem.thetas))
         self.prior[problem.nuisances] = 1.0
 
     def settle(self, theta: Floats) -> Look:
         """The most probable nuisances with gains as in ``theta``, and the colour of what is left:
-        in turns, until the colour stays."""
-        look = self.most_probable(self.problem.nuisances, theta)
-        for _ in range(TURNS):
-            before = look.cost
-            self.learn(look.raw, look.theta)
-            look = self.most_probable(self.problem.nuisances, look.theta)
-            if abs(before - look.cost) < 0.001 * len(look.r):
-                break
+        a step for the one, a lesson for the other, in turns."""
+        free = self.problem.nuisances
+        look = self.look(theta)
+        for _ in range(STEPS):
+            step = self.step(look, free)
+            promised = self._promised(look, step)
+            look = self.look(look.theta + step)
+            if promised < NEARLY:
+                before = look.cost
+                self.learn(look.raw, look.theta)
+                look = self.again(look)
+                if abs(before - look.cost) < NEARLY:
+                    break
         return look
 
-    def look(self, theta: Floats, shapes: Shapes = {}) -> Look:
+    def look(self, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
         """All drives at ``theta`` (m)."""
         raw = self.problem.linearise(theta, shapes)
-        if self.colour is None:
-            self.colour = Colour.white(self.stretches)
         return self._white(raw, theta, shapes)
 
     def again(self, look: Look) -> Look:
@@ -77,11 +82,11 @@ class Fitter:
         return self._white(look.raw, look.theta, look.shapes)
 
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
-        assert self.colour is not None
         cost, parts = float(np.sum(self.prior * theta**2)), []
         for stretches, rows in zip(self.stretches, raw, strict=True):
             joined = self.colour.whiten(stretches, np.column_stack([rows.r, rows.psi]))
-            joined[:, 0] = np.clip(joined[:, 0], -FAR, FAR)
+            if self.learned:  # before, the model itself may be far off
+                joined[:, 0] = np.clip(joined[:, 0], -FAR, FAR)
             parts.append(joined)
             cost += float(np.sum(joined[:, 0] ** 2))
             cost += rows.log_variance + self.colour.log_level(stretches)
@@ -95,9 +100,11 @@ class Fitter:
         prior = np.ones(len(theta))  # a cause is taken to be of a plausible size
         step = np.linalg.solve(look.information + np.diag(prior), -look.slope)
         rest = [rows.r + rows.psi @ step for rows in raw]
-        self.colour = Colour.fit(self.stretches, rest)
+        self.colour, self.learned = Colour.fit(self.stretches, rest), True
 
-    def most_probable(self, free: NDArray[np.int64], theta: Floats, shapes: Shapes = {}) -> Look:
+    def most_probable(
+        self, free: NDArray[np.int64], theta: Floats, shapes: Shapes = NO_SHAPES
+    ) -> Look:
         """From ``theta`` on to the most probable values of the ``free`` ones (indices), nuisances
         among them; gains stay within their plausible sizes."""
         low, high = self._bounds()
