@@ -41,6 +41,7 @@ def answer(
     G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
     xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
                            np.zeros(m))  # fmt: skip
+    xe = np.zeros(n)
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     nothing = np.zeros(0)
     for k in range(len(t)):
@@ -59,9 +60,10 @@ def answer(
                     va[j] = expected[k - 1, j] + begin * slope
                     vb[j] = expected[k - 1, j] + end * slope
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
+                propagate(P, F, Q, T)
+                step(x, va, vb, dt, w, p, g, Qs[row[k]], noise, xe, F, Q, e)
                 step_signature(x, va, vb, dt, w, p, g, G, eG)
                 propagate_signature(S, F, G, Tm)
-                propagate(P, F, Q, T)
                 for j in range(n):
                     x[j] = xn[j]
         if sensor[k] >= 0:

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from clutchest.compute.lower import START
 from clutchest.estimate.start import fresh, nominal, prior_std
@@ -31,7 +32,8 @@ from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
-WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
+WINDOW = 0.1  # s, over which inputs are smoothed
+RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 LEAST = 0.01  # standard deviations per unit; readings that answer less to every θ are left out
 
@@ -90,7 +92,7 @@ class LinearDrive:
         self.acts = np.zeros(len(self.line.t), bool)
         for flag, _ in model.renewed.values():
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
-        self.implied = np.zeros_like(self.line.u)
+        self.expected = self._smooth(signals)
         first, answers = self.answer(compiled.p, compiled.g, self.nominal, {})
         std = np.sqrt(first[:, 1])
         tells = np.abs(answers * units).max(axis=1) > LEAST * std
@@ -110,9 +112,12 @@ class LinearDrive:
         """
         line, functions = self.line, self.compiled.functions
         u, n, m = line.u.copy(), len(x), len(self.compiled.thetas)
+        true = self.expected.copy()
         for name, delay in late.items():
             j = self.compiled.model.input(name)
-            u[:, j] = np.interp(line.t + delay, self.whole.t, self.whole.u[:, j])
+            # only what is expected is shifted: between its samples noise would seem smaller
+            true[:, j] = np.interp(line.t + delay, line.t, self.expected[:, j])
+        u += true - self.expected
         started, S = np.zeros(n), np.zeros((n, m))
         functions.initial(x, p, g, started, S)
         started = np.where(self.tracked, self.start.x, started)
@@ -120,14 +125,31 @@ class LinearDrive:
         answers = np.zeros((len(line.t), m))
         functions.answer(
             started, self.start.P.copy(), S, line.t, line.sensor, line.z, line.R, u,
-            u + self.implied, line.row, line.W, line.Q, line.longest, line.noise, p, g,
+            true, line.row, line.W, line.Q, line.longest, line.noise, p, g,
             states, innovations, answers,
         )  # fmt: skip
-        expected = u.copy()
+        implied, acts = true.copy(), np.flatnonzero(self.acts)
         functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
-                        line.W, line.noise, p, g, expected)  # fmt: skip
-        self.implied = expected - u
+                        line.W, line.noise, p, g, implied)  # fmt: skip
+        for j in np.flatnonzero(np.any(implied != true, axis=0)):
+            # no jump where the equations begin to act
+            moved = np.interp(line.t, line.t[acts], (implied - true)[acts, j])
+            late_by = late.get(self.compiled.model.inputs[j].name, 0.0)
+            self.expected[:, j] = np.interp(line.t - late_by, line.t, true[:, j] + moved)
         return innovations, answers
+
+    def _smooth(self, signals: Signals) -> Floats:
+        """Inputs (K, nu) without their fastest noise: parabolas through ``WINDOW`` s."""
+        found = self.line.u.copy()
+        for j, item in enumerate(self.compiled.model.inputs):
+            if item.name not in signals or not self.line.noise[j]:
+                continue
+            time = signals[item.name].time
+            value = np.interp(time, self.whole.t, self.whole.u[:, j])
+            count = round(WINDOW / max(float(np.median(np.diff(time))), 1e-3)) // 2 * 2 + 1
+            if 5 <= count <= len(time):
+                found[:, j] = np.interp(self.line.t, time, savgol_filter(value, count, 2))
+        return found
 
     def _slope(self) -> Floats:
         """Measured rates of the tracked states at every event, zero for others; shape (K, n)."""
@@ -136,7 +158,7 @@ class LinearDrive:
         for i in np.flatnonzero(self.tracked):
             read = line.sensor == model.sensor(model.states[i].name)
             signal = Signal.of(model.states[i].name, "", line.t[read], line.z[read])
-            rate, _ = slope(signal, 0.0, WINDOW)
+            rate, _ = slope(signal, 0.0, RATE_WINDOW)
             found[:, i] = np.interp(self.line.t, rate.time, rate.value)
         return found
 

@@ -15,9 +15,9 @@ from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
 FAR = 5.0  # standard deviations; a reading further off counts as if it were here
-STEPS = 20  # at most
-SETTLED = 0.02  # of −2 ln(probability): a step that promises less is not taken
-NEARLY = 3.0  # the same, while the colour of the noise is still being learned
+STEPS, HALVINGS, TURNS = 12, 4, 6  # at most
+SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
+NEARLY = 3.0  # of the same: the colour of the noise is learned when it changes this by less
 BOUND = 3.0  # units that one step may go
 
 
@@ -58,18 +58,14 @@ class Fitter:
     def settle(self, theta: Floats) -> Look:
         """The most probable nuisances with gains as in ``theta``, and the colour of what is left:
         a step for the one, a lesson for the other, in turns."""
-        free = self.problem.nuisances
         look = self.look(theta)
-        for _ in range(STEPS):
-            step = self.step(look, free)
-            promised = self._promised(look, step)
-            look = self.look(look.theta + step)
-            if promised < NEARLY:
-                before = look.cost
-                self.learn(look.raw, look.theta)
-                look = self.again(look)
-                if abs(before - look.cost) < NEARLY:
-                    break
+        for _ in range(TURNS):
+            look = self.most_probable(self.problem.nuisances, look.theta)
+            before = look.cost
+            self.learn(look.raw, look.theta)
+            look = self.again(look)
+            if abs(before - look.cost) < NEARLY:
+                break
         return look
 
     def look(self, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
@@ -110,21 +106,18 @@ class Fitter:
         low, high = self._bounds()
         look = self.look(theta, shapes)
         for _ in range(STEPS):
-            step = self.step(look, free)
-            aim = np.clip(look.theta + step, low, high)
-            promised = self._promised(look, aim - look.theta)
-            if promised < SETTLED:
+            move = np.clip(look.theta + self.step(look, free), low, high) - look.theta
+            if self._promised(look, move) < SETTLED:
                 break
-            for _ in range(6):
-                tried = self.look(aim, shapes)
+            tried = self.look(look.theta + move, shapes)
+            for _ in range(HALVINGS):
                 if tried.cost < look.cost:
                     break
-                aim = look.theta + (aim - look.theta) / 2
-            else:
+                move /= 2.0
+                tried = self.look(look.theta + move, shapes)
+            if tried.cost > look.cost - SETTLED:
                 break
-            look, gained = tried, look.cost - tried.cost
-            if gained < SETTLED:
-                break
+            look = tried
         return look
 
     def step(self, look: Look, free: NDArray[np.int64]) -> Floats:
