@@ -1,1 +1,1 @@
-"""The blind suite: causes hidden in simulated drives, and whether `clutchest discover` finds them."""
+"""Causes hidden in simulated drives, and whether `clutchest discover` finds them."""

@@ -80,6 +80,17 @@ def simulate_frames(
     return frames, truth
 
 
+def simulate_sampled(
+    vehicle: Vehicle,
+    scenario: str,
+    seed: int = 0,
+    effects: Effects | None = None,
+    **options: Unpack[Options],
+) -> Sampled:
+    """The same drive as its sensors give it, before the bus rounds it to its steps."""
+    return _sampled(vehicle, load_database(vehicle), scenario, seed, effects, options)
+
+
 def write_simulation(
     path: str | Path,
     vehicle: Vehicle,
@@ -119,13 +130,29 @@ def write_simulation(
 def _drive(
     vehicle: Vehicle, scenario: str, seed: int, effects: Effects | None, options: Options
 ) -> tuple[Frames, Truth, Sampled]:
+    database = load_database(vehicle)
+    sampled = _sampled(vehicle, database, scenario, seed, effects, options)
+    start = _start(vehicle, scenario, seed, _all_effects(vehicle, effects), options)
+    frames = _frames(vehicle, database, sampled, start)
+    late = (frames.t_ns[0] - start) / 1e9
+    seen = sampled.truth.time >= late
+    columns = {name: column[seen] for name, column in sampled.truth.columns.items()}
+    return frames, Truth(sampled.truth.time[seen] - late, columns), sampled
+
+
+def _sampled(
+    vehicle: Vehicle,
+    database: Database,
+    scenario: str,
+    seed: int,
+    effects: Effects | None,
+    options: Options,
+) -> Sampled:
     if vehicle.model != "dry_clutch":
         raise ClutchestError(f"vehicle '{vehicle.name}': no generator for '{vehicle.model}'")
-    database = load_database(vehicle)
     mapped_messages(vehicle, database)
-    effects = _all_effects(vehicle, effects)
     noise_ar = options.get("noise_ar")
-    sampled = generate(
+    return generate(
         {key: p.value for key, p in vehicle.parameters.items()},
         {key: p.spread for key, p in vehicle.parameters.items()},
         scenario,
@@ -143,18 +170,12 @@ def _drive(
         ],
         nominal=options.get("nominal", False),
         duration=options.get("duration"),
-        effects=effects,
+        effects=_all_effects(vehicle, effects),
         disturbances=Disturbances.of(options.get("disturbances", {})),
         outliers=options.get("outliers", 0.0),
         truck_seed=options.get("truck_seed"),
         outsider=options.get("outsider"),
     )
-    start = _start(vehicle, scenario, seed, effects, options)
-    frames = _frames(vehicle, database, sampled, start)
-    late = (frames.t_ns[0] - start) / 1e9
-    seen = sampled.truth.time >= late
-    columns = {name: column[seen] for name, column in sampled.truth.columns.items()}
-    return frames, Truth(sampled.truth.time[seen] - late, columns), sampled
 
 
 def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:

@@ -1,0 +1,185 @@
+"""From a case to its files: what is hidden and how large, the logs, the sealed answer."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blind.drives import Drive
+from blind.oracle import Oracle
+from blind.outsiders import OUTSIDERS, Outsider
+from blind.plan import Case, gains
+from blind.sealed import seal
+from clutchest.models.effects import Number, library
+from clutchest.reading.tables import write_signals
+from clutchest.signals import Signals
+from clutchest.vehicle import dump_vehicle
+
+LOG, HELD_OUT, VEHICLE, ANSWER = "log.parquet", "held-out.parquet", "vehicle.toml", "answer.sealed"
+NAMED = 12.0  # d′ from which on causes are to be named, and rivals matter
+TRIES = 6  # drives, or pairs of effects, until one suits
+SHARE = 0.25  # of the largest size: where the search for an outsider's size begins
+
+Answer = dict[str, Any]
+
+
+def answer(case: Case) -> Answer:
+    """What is hidden in the case and what may be expected of whoever looks for it.
+
+    ``effects``, ``outsider`` (name, size, phase or null), ``attempt`` (which of the case's drives),
+    ``d_prime`` as it came out, ``one_sided``, ``rivals`` (effect → d′ from what is hidden; of two,
+    each → that of the nearest that could stand for it; none where nothing is to be named),
+    ``excited`` (gain → d′ at its largest plausible size); ``where`` of an outsider.
+    """
+    common: Answer = {"case": asdict(case), "attempt": 0, "effects": {}, "outsider": None}
+    if case.part == "null":
+        return common
+    made = {"effect": _effect, "two": _two, "outsider": _outsider}[case.part](case)
+    return {**common, **made}
+
+
+def drive_of(case: Case, known: Answer) -> Drive:
+    return case.drive(known["attempt"])
+
+
+def outsider_of(known: Answer) -> Outsider | None:
+    given = known["outsider"]
+    return OUTSIDERS[given["name"]](given["size"], given["phase"]) if given else None
+
+
+def hidden(case: Case, known: Answer, *, held_out: bool = False) -> Signals:
+    """The log with the cause in it, or the one held out."""
+    drive = drive_of(case, known)
+    return drive.signals(known["effects"], outsider_of(known), held_out=held_out)
+
+
+def write(case: Case, folder: Path, known: Answer | None = None) -> Answer:
+    """The case's files under ``folder``: log, log held out, vehicle file, sealed answer.
+
+    ``known``: its answer, where the oracle has been asked before.
+    """
+    known = answer(case) if known is None else known
+    folder.mkdir(parents=True, exist_ok=True)
+    write_signals(hidden(case, known), folder / LOG)
+    write_signals(hidden(case, known, held_out=True), folder / HELD_OUT)
+    dump_vehicle(drive_of(case, known).vehicle, folder / VEHICLE)
+    seal(known, folder / ANSWER)
+    return known
+
+
+# --- sizes ---------------------------------------------------------------------------------------
+
+
+def _effect(case: Case) -> Answer:
+    """One effect; as large as plausible where its d′ cannot be reached."""
+    oracle, random = Oracle(case.drive()), _random(case)
+    name, key = case.cause.split(".")
+    number, shape = _number(case, name, key), _shape(case, name, random)
+    sign = 1.0 if number.one_sided else float(random.choice((-1.0, 1.0)))
+    bound = number.upper if sign > 0 else -number.lower
+
+    def effects(size: float) -> dict[str, dict[str, float]]:
+        return {name: {key: sign * size, **shape}}
+
+    size = min(case.d_prime * number.upper / max(oracle.per_largest(case.cause), 1e-9), bound)
+    reached = oracle.distance(oracle.twin(effects(size)))
+    size = min(size * float(np.clip(case.d_prime / max(reached, 1e-9), 0.5, 2.0)), bound)
+    twin = oracle.twin(effects(size))
+    near = oracle.nearest(twin) if case.d_prime >= NAMED else {}
+    near.pop(name, None)
+    return {
+        "effects": effects(size), "d_prime": oracle.distance(twin), "rivals": near,
+        "one_sided": number.one_sided, "excited": _excited(oracle),
+    }  # fmt: skip
+
+
+def _two(case: Case) -> Answer:
+    """Two effects, neither of which takes the other's place, nor does any third."""
+    random, choice = _random(case), gains()
+    for attempt in range(TRIES):
+        oracle = Oracle(case.drive(attempt))
+        for _ in range(10 * TRIES):
+            pair = [choice[i] for i in random.choice(len(choice), 2, replace=False)]
+            found = _pair(case, oracle, pair, random)
+            if found:
+                return {"attempt": attempt, **found}
+    raise RuntimeError(f"{case.name}: no pair of effects suits its drives")
+
+
+def _pair(case: Case, oracle: Oracle, pair: list[str], random: np.random.Generator) -> Answer:
+    """The two effects at their sizes; empty where one would have to be implausibly large."""
+    effects: dict[str, dict[str, float]] = {}
+    names = [gain.split(".")[0] for gain in pair]
+    if names[0] == names[1]:
+        return {}
+    for gain, other in zip(pair, reversed(names), strict=True):
+        name, key = gain.split(".")
+        number = _number(case, name, key)
+        sign = 1.0 if number.one_sided else float(random.choice((-1.0, 1.0)))
+        share = case.d_prime / max(oracle.per_largest(gain, other), 1e-9)
+        if share * number.upper > (number.upper if sign > 0 else -number.lower):
+            return {}
+        effects[name] = {key: sign * share * number.upper, **_shape(case, name, random)}
+    twin = oracle.twin(effects)
+    each = {name: oracle.distance(twin, [other])
+            for name, other in zip(names, reversed(names), strict=True)}  # fmt: skip
+    near = {name: min(d for key, d in oracle.nearest(twin, [other]).items() if key != name)
+            for name, other in zip(names, reversed(names), strict=True)}  # fmt: skip
+    return {
+        "effects": effects, "d_prime": min(each.values()), "rivals": near,
+        "excited": _excited(oracle),
+    }  # fmt: skip
+
+
+def _outsider(case: Case) -> Answer:
+    """An outsider of which so much is left when every single effect has been tried."""
+    random, kind = _random(case), OUTSIDERS[case.cause]
+    phase, best = float(random.uniform()), None
+    for attempt in range(TRIES):
+        oracle, size = Oracle(case.drive(attempt)), SHARE * kind.largest
+        for _ in range(3):
+            twin = oracle.twin(outsider=kind(size, phase))
+            near = oracle.nearest(twin)
+            left = min(near.values())
+            found = {
+                "attempt": attempt, "d_prime": left, "rivals": near,
+                "outsider": {"name": kind.name, "size": size, "phase": phase},
+                "where": {"equation": kind.equation, "drivers": list(kind.drivers)},
+                "alone": oracle.distance(twin), "excited": _excited(oracle),
+            }  # fmt: skip
+            if 0.9 * case.d_prime <= left <= 1.2 * case.d_prime:
+                return found
+            if best is None or abs(np.log(left / case.d_prime)) < abs(
+                np.log(best["d_prime"] / case.d_prime)
+            ):
+                best = found
+            size = min(size * float(np.clip(case.d_prime / max(left, 1e-9), 0.1, 10.0)),
+                       kind.largest)  # fmt: skip
+    assert best is not None
+    return best
+
+
+def _random(case: Case) -> np.random.Generator:
+    return np.random.default_rng([case.seed, 2])
+
+
+def _number(case: Case, name: str, key: str) -> Number:
+    effect = library(case.drive().vehicle.model)[name]
+    return next(number for number in effect.gains if number.key == key)
+
+
+def _shape(case: Case, name: str, random: np.random.Generator) -> dict[str, float]:
+    """Shapes drawn within what a search tries, hardly ever on it."""
+    effect = library(case.drive().vehicle.model)[name]
+    return {
+        number.key: float(random.uniform(min(number.grid), max(number.grid)))
+        for number in effect.parameters
+        if number.shape and number.grid
+    }
+
+
+def _excited(oracle: Oracle) -> dict[str, float]:
+    return {gain: oracle.per_largest(gain) for gain in gains()}

@@ -1,0 +1,124 @@
+"""One truck's drive under one kind of noise, everything about it drawn from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+import clutchest
+from blind.outsiders import Outsider
+from clutchest.generator import Sampled
+from clutchest.models import card
+from clutchest.signals import Signal, Signals
+from clutchest.simulated import Effects, Options, simulate, simulate_sampled
+from clutchest.vehicle import Vehicle
+
+VEHICLE = "truck"
+SCENARIOS = ("city", "launches", "mixed", "pulses", "heating", "slip-steps")
+SHORTEST, LONGEST = 600.0, 1200.0  # s
+OTHER_ROAD = 1_000_000  # from a drive's seed to that of the one held out
+STEP = 2.4  # of the stated noise: the coarse bus's step where readings are quantised ...
+OWN = 0.72  # ... and the sensor's own noise, 0.3 steps: together they have the stated variance
+
+
+@dataclass(frozen=True)
+class Noise:
+    """``ar``: AR(1) coefficient per sample, which the vehicle file states; share of ``outliers``;
+    ``coarse``: readings come in steps of ``STEP`` noises."""
+
+    ar: float = 0.0
+    outliers: float = 0.0
+    coarse: bool = False
+
+
+NOISES: Mapping[str, Noise] = {
+    "white": Noise(),
+    "ar05": Noise(ar=0.5),
+    "ar09": Noise(ar=0.9),
+    "quantised": Noise(coarse=True),
+    "outliers": Noise(outliers=0.02),
+}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What ``seed`` draws: scenario, length, truck, road, weather; ``noise`` of NOISES."""
+
+    seed: int
+    noise: str
+
+    @cached_property
+    def _draw(self) -> tuple[str, float]:
+        random = np.random.default_rng([self.seed, 1])
+        return str(random.choice(SCENARIOS)), float(random.uniform(SHORTEST, LONGEST))
+
+    @property
+    def scenario(self) -> str:
+        return self._draw[0]
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return self._draw[1]
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """The file handed over: it states the noise as it is."""
+        stated = clutchest.load_vehicle(VEHICLE)
+        ar = NOISES[self.noise].ar
+        signals = {name: replace(s, noise_ar=ar) for name, s in stated.signals.items()}
+        return replace(stated, signals=signals)
+
+    def signals(
+        self,
+        effects: Effects | None = None,
+        outsider: Outsider | None = None,
+        *,
+        held_out: bool = False,
+        noiseless: bool = False,
+        scenario: str | None = None,
+    ) -> Signals:
+        """What the bus shows of the drive, or of another one by the same truck (``held_out``, or
+        another ``scenario`` of its own length); ``noiseless``: what exact sensors would show."""
+        noise = NOISES[self.noise]
+        share = 0.0 if noiseless else OWN if noise.coarse else 1.0
+        sensors = {
+            name: replace(s, noise=share * s.noise) for name, s in self.vehicle.signals.items()
+        }
+        options: Options = {
+            "truck_seed": self.seed,
+            "disturbances": healthy(self.vehicle.model),
+            "outliers": 0.0 if noiseless else noise.outliers,
+            "duration": self.duration if scenario is None else None,
+            "outsider": outsider,
+        }
+        road = self.seed + OTHER_ROAD * (held_out or scenario is not None)
+        drive = replace(self.vehicle, signals=sensors), scenario or self.scenario, road, effects
+        if noiseless:
+            return _exact(simulate_sampled(*drive, **options), self.vehicle.model)
+        made = simulate(*drive, **options)
+        return self._coarse(made) if noise.coarse else made
+
+    def _coarse(self, signals: Signals) -> Signals:
+        rounded = {}
+        for name, signal in signals.items():
+            step = STEP * self.vehicle.signals[name].noise
+            rounded[name] = replace(signal, value=np.rint(signal.value / step) * step)
+        return replace(signals, signals=rounded)
+
+
+def _exact(sampled: Sampled, model: str) -> Signals:
+    """Readings as the sensors give them, not rounded by a bus."""
+    units = dict(card(model).columns)
+    signals = {n: Signal.of(n, units[n], *columns) for n, columns in sampled.signals.items()}
+    return Signals(signals, end=max(signal.time[-1] for signal in signals.values()))
+
+
+def healthy(model: str) -> dict[str, float]:
+    """What a healthy truck's friction and torque report are off by from drive to drive, as the
+    model supposes; disturbances of the generator."""
+    states = {state.name: state for state in card(model).states}
+    return {f"{name}_std": states[name].healthy_std or 0.0 for name in ("friction", "torque_bias")}

@@ -1,0 +1,230 @@
+"""What the data of one drive could tell at best: distances in standard deviations.
+
+The drive is linearised at the truck's own numbers (parameters and first states, fitted within
+their priors).  What a cause does is read off a drive without noise, so that no luck is in it; then
+everything that is not known is allowed to explain it away: nuisances at the price of their priors,
+and other effects of the library free of charge within their plausible sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from blind.drives import Drive
+from blind.outsiders import Outsider
+from clutchest.errors import ClutchestError
+from clutchest.identify.colour import Colour, Stretches
+from clutchest.identify.linearised import LinearDrive, Problem, Shapes
+from clutchest.models.effects import Effect, library
+from clutchest.signals import Floats, Signals
+from clutchest.simulated import Effects
+
+FAR = 5.0  # standard deviations; what is further off is no noise
+NOMINAL: Shapes = MappingProxyType({})
+STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is promised
+KINK = 0.1  # s
+CLOSE = 6.0  # d′; rivals nearer than this are fitted in full
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A drive, and the numbers (m) from which to look for the most probable ones."""
+
+    problem: Problem
+    begin: Floats
+
+
+@dataclass(frozen=True)
+class Look:
+    """A drive at the numbers ``theta`` (m), made white: residuals ``r`` (K), their derivatives
+    ``psi`` (K, m); ``pull`` (m): nuisances less the truck's own, in standard deviations."""
+
+    theta: Floats
+    r: Floats
+    psi: Floats
+    pull: Floats
+
+    @property
+    def cost(self) -> float:
+        """−2 ln(probability) up to a constant."""
+        return float(self.r @ self.r + self.pull @ self.pull)
+
+
+class Oracle:
+    """Of one drive; ``scenario``: of another one by the same truck."""
+
+    def __init__(self, drive: Drive, scenario: str | None = None) -> None:
+        self.drive, self.scenario = drive, scenario
+        self.effects = library(drive.vehicle.model)
+        noisy = self._problem(drive.signals(scenario=scenario))
+        self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
+        self.centre, self.colour = np.zeros(len(self.thetas)), None
+        near = self._fit(Twin(noisy, self.centre)).theta
+        self.colour = self._colour_of(noisy, near)
+        self.centre = self._fit(Twin(noisy, near)).theta  # from here on the truck's own numbers
+        self.clean = self._fit(Twin(self._problem(self._exact()), self.centre))
+
+    def _problem(self, signals: Signals) -> Problem:
+        return Problem(signals, self.drive.vehicle, tuple(self.effects.values()))
+
+    def _exact(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Signals:
+        return self.drive.signals(effects, outsider, noiseless=True, scenario=self.scenario)
+
+    def twin(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Twin:
+        """The drive with a cause in it and no noise."""
+        gains = np.zeros(len(self.thetas))
+        for i, theta in enumerate(self.thetas):
+            if theta.gain:
+                gains[i] = (effects or {}).get(theta.owner, {}).get(theta.key, 0.0) / theta.unit
+        own = self.clean.psi[:, self.nuisances]
+        mimics = np.linalg.solve(own.T @ own + np.eye(own.shape[1]), own.T @ self.clean.psi @ gains)
+        begin = self.centre.copy()
+        begin[self.nuisances] += mimics
+        return Twin(self._problem(self._exact(effects, outsider)), begin)
+
+    def _look(self, problem: Problem, theta: Floats, shapes: Shapes) -> Look:
+        [rows], [drive] = problem.linearise(theta, shapes), problem.drives
+        white = np.column_stack([rows.r, rows.psi])
+        if self.colour is not None:
+            white = self.colour.whiten(Stretches.of(drive.t, drive.sensor, drive.row), white)
+            white = white[_telling(drive)]
+        pull = np.zeros(len(theta))
+        pull[self.nuisances] = (theta - self.centre)[self.nuisances]
+        return Look(theta, white[:, 0], white[:, 1:], pull)
+
+    def _colour_of(self, problem: Problem, theta: Floats) -> Colour:
+        """That of the noise: of what no nuisance explains of a drive without a cause."""
+        [drive], [rows] = problem.drives, problem.linearise(theta, NOMINAL)
+        stretches = Stretches.of(drive.t, drive.sensor, drive.row)
+        return Colour.fit([stretches], [np.clip(rows.r, -FAR, FAR)])
+
+    # --- distances ---------------------------------------------------------------------------
+
+    def distance(self, twin: Twin, causes: Sequence[str] = ()) -> float:
+        """d′ of a twin from the nearest sizes of the effects ``causes`` acting together; from the
+        model without a cause where there are none."""
+        return self._beyond(self._fit(twin, causes).cost)
+
+    def nearest(self, twin: Twin, beside: Sequence[str] = ()) -> dict[str, float]:
+        """d′ of a twin from every effect of the library acting with ``beside``, in the shape that
+        comes closest: name → distance.  Far ones to first order."""
+        found, base = {}, self._fit(twin, beside)
+        for name in self.effects:
+            if name not in beside:
+                found[name] = min(
+                    self._near(twin, base, (name, *beside), shapes)
+                    for shapes in (NOMINAL, *grid(self.effects[name]))
+                )
+        return found
+
+    def _near(self, twin: Twin, base: Look, causes: Sequence[str], shapes: Shapes) -> float:
+        look = self._look(twin.problem, base.theta, shapes) if shapes else base
+        first = self._beyond(self._step(look, self._columns(causes))[1])
+        if first > CLOSE:
+            return first
+        return self._beyond(self._fit(Twin(twin.problem, base.theta), causes, shapes).cost)
+
+    def _beyond(self, cost: float) -> float:
+        return float(np.sqrt(max(cost - self.clean.cost, 0.0)))
+
+    def _fit(self, twin: Twin, causes: Sequence[str] = (), shapes: Shapes = NOMINAL) -> Look:
+        """The most probable numbers, with the gains of ``causes`` free: Gauss–Newton."""
+        columns = self._columns(causes)
+        look = self._look(twin.problem, twin.begin, shapes)
+        for _ in range(STEPS):
+            step, promised = self._step(look, columns)
+            if look.cost - promised < SETTLED:
+                break
+            for share in (1.0, 0.5, 0.25, 0.1):
+                try:
+                    tried = self._look(twin.problem, look.theta + share * step, shapes)
+                except ClutchestError:  # so far off that the equations leave the finite numbers
+                    continue
+                if tried.cost < look.cost:
+                    break
+            else:
+                break
+            look = tried
+        return look
+
+    def _step(self, look: Look, columns: NDArray[np.int64]) -> tuple[Floats, float]:
+        """The step (m) to where the linearised cost is least, and that cost; gains within their
+        plausible sizes."""
+        own, pull = look.psi[:, self.nuisances], look.pull[self.nuisances]
+        whole = np.column_stack([look.psi[:, columns], look.r])
+        curvature, across = own.T @ own + np.eye(own.shape[1]), own.T @ whole
+        across[:, -1] += pull
+        answer = np.linalg.solve(curvature, across)
+        inner = whole.T @ whole - across.T @ answer
+        a, b, c = inner[:-1, :-1], inner[:-1, -1], inner[-1, -1] + pull @ pull
+        gains = self._within(a, b, columns, look.theta[columns])
+        step = np.zeros(len(look.theta))
+        step[columns] = gains
+        step[self.nuisances] = -answer[:, -1] - answer[:, :-1] @ gains
+        return step, float(c + gains @ a @ gains + 2.0 * gains @ b)
+
+    def _within(self, a: Floats, b: Floats, columns: NDArray[np.int64], at: Floats) -> Floats:
+        """Steps of gains ``at`` that minimise gᵀ a g + 2 gᵀ b and leave them plausible."""
+        if not len(columns):
+            return np.zeros(0)
+        low, high = np.array([self._range(i) for i in columns]).T
+        values, vectors = np.linalg.eigh(a)
+        root = np.sqrt(np.maximum(values, 1e-9 * max(values[-1], 1e-9)))
+        target = -(vectors.T @ b) / root
+        bounds = (low - at, high - at)
+        return np.asarray(lsq_linear(root[:, None] * vectors.T, target, bounds).x)
+
+    def per_largest(self, gain: str, beside: str | None = None) -> float:
+        """d′ of the gain ``effect.key`` at its largest plausible size, to first order; with every
+        gain of the effect ``beside`` free."""
+        name, key = gain.split(".")
+        index = next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == (name, key))
+        others = self._columns([beside] if beside else [])
+        free = np.concatenate([self.nuisances, others])
+        own, column = self.clean.psi[:, free], self.clean.psi[:, index]
+        prior = np.r_[np.ones(len(self.nuisances)), np.full(len(others), 1e-9)]
+        curvature = own.T @ own + np.diag(prior)
+        across = own.T @ column
+        left = column @ column - across @ np.linalg.solve(curvature, across)
+        return float(np.sqrt(max(left, 0.0)))
+
+    def _range(self, index: int) -> tuple[float, float]:
+        """The plausible range of a gain in its own unit."""
+        theta = self.thetas[index]
+        number = next(n for n in self.effects[theta.owner].gains if n.key == theta.key)
+        return number.lower / theta.unit, number.upper / theta.unit
+
+    def _columns(self, causes: Sequence[str]) -> NDArray[np.int64]:
+        """The gains of these effects."""
+        owners = [i for i, theta in enumerate(self.thetas) if theta.owner in causes and theta.gain]
+        return np.array(owners, np.int64)
+
+
+def _telling(drive: LinearDrive) -> NDArray[np.bool_]:
+    """Which readings tell of the clutch, shape (K,): all but speeds while it is locked, and those
+    just after, when the straight lines between samples have yet to catch up with the kink."""
+    free = drive.compiled.model.regime.index("free_running")
+    flags = drive.line.W[drive.line.row, free] > 0
+    begins = drive.line.t[1:][flags[1:] & ~flags[:-1]]
+    last = np.searchsorted(begins, drive.t, side="right") - 1
+    since = drive.t - np.where(last >= 0, begins[np.maximum(last, 0)], -np.inf)
+    slow = drive.line.W[drive.row, free] == 0
+    renewed = np.isin(drive.sensor, [drive.compiled.model.sensor(n)
+                                     for n in drive.compiled.model.renewed])  # fmt: skip
+    return ~renewed | (~slow & (since > KINK))
+
+
+def grid(effect: Effect) -> list[dict[tuple[str, str], float]]:
+    """The shapes that a search would try, one at a time."""
+    return [
+        {(effect.name, number.key): value}
+        for number in effect.parameters
+        if number.shape
+        for value in number.grid
+    ]

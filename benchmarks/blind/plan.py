@@ -1,0 +1,91 @@
+"""The cases of the blind suite: enumerated, always the same, in an order drawn once for all."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from blind.drives import NOISES, VEHICLE, Drive
+from blind.outsiders import OUTSIDERS
+from clutchest import load_vehicle
+from clutchest.models.effects import library
+
+PARTS = ("null", "effect", "two", "outsider")
+SIZES = (2.0, 3.0, 4.0, 5.0, 6.0, 12.0, 20.0)  # d′ of single effects
+TWO = 10.0  # d′ of each of two effects, the other projected out
+LEFTOVER = (9.0, 15.0)  # of outsiders, when every single effect has been tried
+NULLS, SEEDS, PAIRS = 1000, 20, 400  # per noise kind; per effect and size; in all
+QUICK = {"null": 30, "effect": 66, "two": 9, "outsider": 30}  # cases of the fixed short run
+
+
+@dataclass(frozen=True)
+class Case:
+    """``cause``: ``effect.gain``, an outsider, or empty where the seed draws it; ``d_prime`` aimed
+    at; ``number`` tells cases alike apart."""
+
+    part: str
+    cause: str
+    d_prime: float
+    noise: str
+    number: int
+
+    @property
+    def name(self) -> str:
+        return "-".join(
+            (self.part, self.cause or "any", f"{self.d_prime:g}", self.noise, str(self.number))
+        )
+
+    @property
+    def blind_name(self) -> str:
+        """A name that tells nothing."""
+        return hashlib.sha256(self.name.encode()).hexdigest()[:12]
+
+    @property
+    def seed(self) -> int:
+        """Of everything drawn; cases share none."""
+        return int(self.blind_name[:8], 16)
+
+    def drive(self, attempt: int = 0) -> Drive:
+        """The drive; another one where the first does not suit."""
+        return Drive(self.seed + attempt * 2**32, self.noise)
+
+
+def gains() -> list[str]:
+    """``effect.gain`` of every effect in the library."""
+    effects = library(load_vehicle(VEHICLE).model)
+    return [f"{name}.{number.key}" for name, effect in effects.items() for number in effect.gains]
+
+
+def full() -> list[Case]:
+    """Every case, part by part; noise kinds take turns within each cause and size."""
+    noises = list(NOISES)
+    cases = [Case("null", "", 0.0, noise, i) for noise in noises for i in range(NULLS)]
+    for part, causes, sizes in (("effect", gains(), SIZES),
+                                ("outsider", list(OUTSIDERS), LEFTOVER)):  # fmt: skip
+        for cause, (k, size), i in product(causes, enumerate(sizes), range(SEEDS)):
+            cases.append(Case(part, cause, size, noises[(i + k) % len(noises)], i))
+    cases += [Case("two", "", TWO, noises[i % len(noises)], i) for i in range(PAIRS)]
+    return cases
+
+
+def drawn(parts: Sequence[str], limit: int | None = None) -> list[Case]:
+    """The cases of these parts in an order drawn once for all, the first ``limit`` of them."""
+    cases = [case for case in full() if case.part in parts]
+    order = np.random.default_rng(0).permutation(len(cases))
+    return [cases[i] for i in order[:limit]]
+
+
+def quick() -> list[Case]:
+    """The fixed short run: as many of every part as QUICK says, causes and noises in turn."""
+    chosen = []
+    for part, count in QUICK.items():
+        by_cause: dict[str, list[Case]] = {}
+        for case in drawn([part]):
+            by_cause.setdefault(case.cause or case.noise, []).append(case)
+        turns = [case for cases in zip(*by_cause.values(), strict=False) for case in cases]
+        chosen += turns[:count]
+    return chosen
