@@ -16,6 +16,7 @@ from rerun.chunk import RrdReader
 import clutchest
 from clutchest import cli
 from clutchest.can.files import read_frames
+from clutchest.cli import terminal
 from clutchest.generator import SCENARIOS
 from clutchest.shipped import shipped
 
@@ -323,13 +324,13 @@ def test_replay_and_carry_on(run, log, tmp_path):
 
 
 def test_progress_on_a_terminal_only(monkeypatch, capsys):
-    with cli._progress() as progress:
-        progress("counting sheep", 0.5)
+    with terminal.progress() as show:
+        show("counting sheep", 0.5)
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with cli._progress() as progress:
-        progress("counting sheep", None)
-        progress("counting sheep", 0.5)
+    with terminal.progress() as show:
+        show("counting sheep", None)
+        show("counting sheep", 0.5)
     out, err = capsys.readouterr()
     assert out == "" and "counting sheep" in err
 

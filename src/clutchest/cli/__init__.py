@@ -1,0 +1,57 @@
+"""The command line: each verb reads, calls the library, and says in a few lines what came out.
+
+Whatever is heavy is imported by the verb that needs it, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from clutchest import __version__
+from clutchest.cli.convert import convert
+from clutchest.cli.identify import identify
+from clutchest.cli.inspect import inspect
+from clutchest.cli.replay import replay
+from clutchest.cli.simulate import simulate
+from clutchest.cli.terminal import fail
+from clutchest.errors import ClutchestError
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Clutch temperatures, wear and friction from production CAN signals.",
+)
+for _verb in (replay, inspect, convert, simulate, identify):
+    app.command()(_verb)
+
+
+def main() -> None:
+    """Run the command line.  Bad input ends in one line on stderr and exit code 1."""
+    try:
+        app()
+    except ClutchestError as problem:
+        fail(str(problem))
+    except MemoryError as problem:
+        fail(f"not enough memory: {problem or 'the log or the duration is too long'}")
+    except OSError as problem:
+        where = f"{problem.filename}: " if problem.filename else ""
+        fail(f"{where}{problem.strerror or problem}")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"clutchest {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,74 @@
+"""``convert``: one format into another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from clutchest.cli.options import AsJson
+from clutchest.cli.terminal import note, print_json, progress
+
+
+def convert(
+    logs: Annotated[
+        list[str],
+        typer.Argument(metavar="IN", show_default=False, help="Logs of any known format."),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            show_default=False,
+            help="The log to write; its suffix says the format.",
+        ),
+    ],
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="V",
+            show_default=False,
+            help="Decode CAN logs by this vehicle; OUT is then .csv or .parquet.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write logs in another format.
+
+    CAN logs become CAN logs, several of them one, in order of time; decoded tables become tables.
+    With a vehicle CAN logs become decoded tables.
+
+    \b
+    Example:
+      clutchest convert drive.mf4 -o drive.log.gz
+      clutchest convert drive.mf4 --vehicle truck -o drive.parquet
+    """
+    with progress() as show:
+        show("reading", None)
+        from clutchest.reading.conversion import Conversion
+        from clutchest.record.files import finished_into
+        from clutchest.vehicle import load_vehicle
+
+        read = Conversion.of(logs, out, None if vehicle is None else load_vehicle(vehicle))
+        show("writing", None)
+        with finished_into(out.parent) as folder:
+            losses = read.write(folder / out.name)
+    what = "samples" if read.decoded else "frames"
+    if as_json:
+        print_json(
+            {
+                "written": str(out),
+                what: read.count,
+                "frames_rejected": read.rejected,
+                "lost": list(losses),
+            }
+        )
+        return
+    print(f"Written: {out}, {read.count} {what}")
+    for reason, count in read.rejected.items():
+        note(f"not read: {count} × {reason}")
+    for loss in losses:
+        note(f"not kept: {loss}")

@@ -1,0 +1,56 @@
+"""``identify``: numbers of a vehicle file fitted to logs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName
+from clutchest.cli.terminal import answer, progress
+
+
+def identify(
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="PROCEDURE",
+            show_default=False,
+            help="noise: noise, its AR(1) coefficient and the delay of every signal.",
+        ),
+    ],
+    logs: Logs,
+    vehicle: VehicleName,
+    out: Out = DEFAULT_OUT,
+    as_json: AsJson = False,
+) -> None:
+    """Fit numbers of a vehicle file to your own logs.
+
+    Writes vehicle.toml (the vehicle with the numbers that the logs determine), fit.json (each
+    with its interval, or why it cannot be told) and pictures.
+
+    \b
+    Example:
+      clutchest identify noise monday.log --vehicle truck --out tuned
+      clutchest replay tuesday.log --vehicle tuned/vehicle.toml
+    """
+    with progress() as show:
+        show("loading", None)
+        from clutchest.identify import procedure
+        from clutchest.identify.fit import print_fit
+        from clutchest.reading import read_log
+        from clutchest.record.files import finished_into, json_text
+        from clutchest.vehicle import load_vehicle
+
+        run = procedure(name)
+        car = load_vehicle(vehicle)
+        show("reading", None)
+        fit = run(read_log(logs, car), car, show)
+        show("writing", None)
+        with finished_into(out) as folder:
+            (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")
+            found = fit.vehicle_toml(out / "vehicle.toml")
+            (folder / "vehicle.toml").write_text(found, encoding="utf-8")
+            fit.draw(folder)
+            names = sorted(path.name for path in folder.iterdir())
+    answer(fit.as_dict(), as_json, lambda console: print_fit(fit, car, console), out, names)

@@ -1,0 +1,35 @@
+"""What the verbs ask for alike: logs, a vehicle, a folder, JSON instead of words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Logs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="LOG",
+        show_default=False,
+        help="CAN logs (.log .asc .blf .trc .csv .mf4, also .gz), decoded .csv or .parquet, or the "
+        "name of a shipped log: demo.",
+    ),
+]
+VehicleName = Annotated[
+    str,
+    typer.Option(
+        "--vehicle",
+        metavar="V",
+        show_default=False,
+        help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270.",
+    ),
+]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
+AsJson = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Print the machine-readable result on stdout, and nothing else there."
+    ),
+]
+DEFAULT_OUT = Path("clutchest-out")

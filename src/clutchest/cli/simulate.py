@@ -1,0 +1,146 @@
+"""``simulate``: a drive whose truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from clutchest.cli.options import AsJson, VehicleName
+from clutchest.cli.terminal import print_json, progress
+
+
+def simulate(
+    vehicle: VehicleName,
+    scenario: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            show_default=False,
+            help="city, launches, ramps, heating, slip-steps, cooldown, pulses or closed.",
+        ),
+    ],
+    seed: Annotated[
+        int, typer.Option(metavar="N", min=0, show_default=False, help="Same seed, same drive.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="LOG",
+            show_default=False,
+            help="The log to write, format by suffix; .csv and .parquet hold decoded signals.",
+        ),
+    ],
+    nominal: Annotated[
+        bool,
+        typer.Option(
+            "--nominal", help="Parameters as in the vehicle file, not drawn from their spreads."
+        ),
+    ] = False,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", min=0.1, show_default=False, help="Seconds, instead of the scenario's own."
+        ),
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME:P=V,P2=V2",
+            show_default=False,
+            help="Something that is wrong with the truth; repeat for several.",
+        ),
+    ] = None,
+    disturb: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE",
+            show_default=False,
+            help="What wanders during the drive: torque_bias_walk Nm/√s from a start of "
+            "torque_bias_std Nm, friction_walk 1/√s from friction_std; repeat for several.",
+        ),
+    ] = None,
+    truck_seed: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=0,
+            show_default=False,
+            help="Draws the truck's parameters, while --seed draws the drive: another drive of "
+            "the same truck. The same as --seed unless said.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make a log of a drive whose truth is known.
+
+    The truth is written beside it, to LOG.truth.parquet.
+
+    \b
+    Example:
+      clutchest simulate --vehicle truck --scenario city --seed 1 -o city.log
+      clutchest simulate --vehicle truck --scenario launches --seed 2 \\
+          --effect wear:amount=0.5,rate=0.02 --disturb friction_walk=5e-4 -o worn.mf4
+    """
+    effects: dict[str, dict[str, float]] = {}
+    for text in effect or ():
+        name, colon, values = text.partition(":")
+        if not colon:
+            raise typer.BadParameter(
+                f"'{text}' is not NAME:P=V,P2=V2, for example wear:amount=0.5",
+                param_hint="--effect",
+            )
+        _numbers(values.split(","), effects.setdefault(name.strip(), {}), "--effect")
+    disturbances: dict[str, float] = {}
+    _numbers(disturb or (), disturbances, "--disturb")
+    with progress() as show:
+        show("simulating", None)
+        from clutchest.record.files import finished_into
+        from clutchest.simulated import write_simulation
+        from clutchest.vehicle import load_vehicle
+
+        with finished_into(out.parent) as folder:
+            truth = write_simulation(
+                folder / out.name,
+                load_vehicle(vehicle),
+                scenario,
+                seed,
+                effects,
+                nominal=nominal,
+                duration=duration,
+                truck_seed=truck_seed,
+                disturbances=disturbances,
+            )
+    truth = out.parent / truth.name
+    if as_json:
+        print_json(
+            {
+                "log": str(out),
+                "truth": str(truth),
+                "scenario": scenario,
+                "seed": seed,
+                "truck_seed": seed if truck_seed is None else truck_seed,
+                "effects": effects,
+                "disturbances": disturbances,
+            }
+        )
+        return
+    print(f"Written: {out} and {truth.name}")
+
+
+def _numbers(given: Iterable[str], into: dict[str, float], option: str) -> None:
+    """``KEY=VALUE`` texts into ``into``; a key may come once."""
+    for text in given:
+        key, _, value = (part.strip() for part in text.partition("="))
+        if key in into:
+            raise typer.BadParameter(f"'{key}' is given twice", param_hint=option)
+        try:
+            into[key] = float(value)
+        except ValueError:
+            raise typer.BadParameter(
+                f"'{text}' is not KEY=VALUE with a number", param_hint=option
+            ) from None

@@ -1,0 +1,69 @@
+"""What the verbs say alike: how far they are, what came out, what went wrong."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Progress = Callable[[str, float | None], None]
+
+
+@contextmanager
+def progress() -> Iterator[Progress]:
+    """Shows ``(text, share done or None)`` as a bar on stderr; in a pipe it stays quiet."""
+    if not sys.stderr.isatty():
+        yield lambda text, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def show(text: str, share: float | None) -> None:
+            total = None if share is None else 1.0
+            bar.update(task, description=text, total=total, completed=share or 0.0)
+
+        yield show
+
+
+def print_json(value: Any) -> None:
+    """Strict JSON on stdout."""
+    from clutchest.record.files import json_text
+
+    sys.stdout.write(json_text(value))
+
+
+def answer(
+    value: Any, as_json: bool, words: Callable[[Console], None], out: Path, written: Collection[str]
+) -> None:
+    """Say what came out: ``value`` as JSON and nothing else, or in ``words``, and the names of
+    the files ``written`` into ``out``."""
+    if as_json:
+        print_json(value)
+        return
+    from rich.console import Console
+
+    words(Console())
+    print(f"Written to {out}: {', '.join(written)}")
+    if "recording.rrd" in written:
+        print(f"To look at it: rerun {out / 'recording.rrd'}")
+
+
+def note(text: str) -> None:
+    """A remark beside the result, on stderr."""
+    print(text, file=sys.stderr)
+
+
+def fail(problem: str) -> NoReturn:
+    """One line on stderr, and exit code 1."""
+    note(f"clutchest: {' '.join(problem.split())}")
+    sys.exit(1)
