@@ -19,7 +19,7 @@ def simulate(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="city, launches, ramps, heating, slip-steps, cooldown, pulses or closed.",
+            help="city, launches, ramps, heating, slip-steps, cooldown, pulses, mixed or closed.",
         ),
     ],
     seed: Annotated[
