@@ -16,6 +16,7 @@ from clutchest.compute.lowered import (
     OUTPUTS,
     STATES,
     THETAS,
+    implied,
     outputs,
     outputs_signature,
     reading,
@@ -77,6 +78,20 @@ def propagate_signature(S, F, G, T):
 
 
 @njit(cache=True, error_model="numpy")
+def step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, G, eG):
+    """G (n, m) and eG (m): how a step from ``x`` to ``xn`` and its energy answer to every θ.
+
+    For gains that weigh θ, so taken at the inputs that other measurements imply.  Noise of an
+    input that stands in an innovation and in its derivative alike would pass for information: a
+    number that multiplies the input (an inertia) would seem smaller than it is, and the gain
+    would follow.
+    """
+    implied(x, ua, w, p, g, va)
+    implied(xn, ub, w, p, g, vb)
+    step_signature(x, va, vb, dt, w, p, g, G, eG)
+
+
+@njit(cache=True, error_model="numpy")
 def propagate_energy(E, cE, P, F, e, work):
     """The energy as a state that no measurement corrects: its variance and covariance with x."""
     for i in range(STATES):
@@ -104,7 +119,7 @@ def inputs_between(u, k, i, steps, ua, ub):
 
 
 @njit(cache=True, error_model="numpy")
-def answer(sensor, x, u, w, p, g, H, S, Hm):
+def reading_answer(sensor, x, u, w, p, g, H, S, Hm):
     """Hm (m) ← how a sensor's reading answers to every θ, by itself and through the state."""
     reading_signature(sensor, x, u, w, p, g, Hm)
     for i in range(STATES):
@@ -210,7 +225,7 @@ def run(
     G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
     xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
                            np.zeros(m))  # fmt: skip
-    ua, ub = np.zeros(INPUTS), np.zeros(INPUTS)
+    ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
                     np.zeros((OUTPUTS, m)))  # fmt: skip
     log_likelihood = 0.0
@@ -226,7 +241,10 @@ def run(
                 inputs_between(u, k, i, steps, ua, ub)
                 E[0] += step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 if with_signature:
-                    step_signature(x, ua, ub, dt, w, p, g, G, eG)
+                    if len(considered) > 0:
+                        step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, G, eG)
+                    else:
+                        step_signature(x, ua, ub, dt, w, p, g, G, eG)
                     for c in range(m):
                         sE[c] += eG[c]
                         for j in range(n):
@@ -240,7 +258,7 @@ def run(
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H)
             if with_signature:
-                answer(sensor[k], x, u[k], w, p, g, H, S, Hm)
+                reading_answer(sensor[k], x, u[k], w, p, g, H, S, Hm)
             if frozen:
                 innovation = z[k] - h
                 for i in range(n):

@@ -150,6 +150,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
             "energy",
         ),
         lower("step_signature", over, {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
+        lower("implied", at, {"v": e.implied}),
         lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
                                "B": ca.jacobian(e.rate, e.u)}),
         lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "p": e.p, "g": e.g},

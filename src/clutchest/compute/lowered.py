@@ -29,6 +29,11 @@ def step_signature(
     raise NotImplementedError
 
 
+def implied(x: Any, u: Any, w: Any, p: Any, g: Any, v: Any) -> float:
+    """v (nu) the inputs, noisy ones as other measurements imply them."""
+    raise NotImplementedError
+
+
 def dynamics(x: Any, u: Any, w: Any, p: Any, g: Any, f: Any, A: Any, B: Any) -> float:
     """f (n) = dx/dt, A (n, n) = ∂f/∂x, B (n, nu) = ∂f/∂u."""
     raise NotImplementedError

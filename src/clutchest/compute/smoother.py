@@ -16,11 +16,12 @@ from numba import njit
 
 from clutchest.compute.kernel import (
     add_product,
-    answer,
     correct_signature,
     inputs_between,
     propagate,
     propagate_signature,
+    reading_answer,
+    step_answer,
     update,
 )
 from clutchest.compute.lowered import (
@@ -29,7 +30,6 @@ from clutchest.compute.lowered import (
     THETAS,
     reading,
     step,
-    step_signature,
 )
 
 # --- the generated module goes on from here ---
@@ -68,7 +68,7 @@ def remember(
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
     xn, e, PH, Hm, nothing = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m), np.zeros(0)
-    ua, ub = np.zeros(INPUTS), np.zeros(INPUTS)
+    ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     for k in range(len(t)):
         w = W[row[k]]
         for i in range(n):
@@ -81,7 +81,7 @@ def remember(
             for i in range(steps):
                 inputs_between(u, k, i, steps, ua, ub)
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
-                step_signature(x, ua, ub, dt, w, p, g, G, eG)
+                step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, G, eG)
                 propagate_signature(S, F, G, Tm)
                 propagate(P, F, Q, T)
                 product(F, Phi[k], T)
@@ -97,7 +97,7 @@ def remember(
             h = reading(sensor[k], x, u[k], w, p, g, H[k])
             for i in range(n):
                 h += H[k, i] * d[i]
-            answer(sensor[k], x, u[k], w, p, g, H[k], S, Hm)
+            reading_answer(sensor[k], x, u[k], w, p, g, H[k], S, Hm)
             told[k, 0], _, used[k] = update(
                 x, P, S, h, H[k], Hm, z[k], R[k], nothing, K[k], PH, np.inf
             )

@@ -81,18 +81,27 @@ class OnlineFilter(ExtendedKalmanFilter):
         guess, J0 = self.mapped(x + dt * f0, u0, u1)
         f1, A1, B1 = self.rates(guess, u1, row)
         energy = dt / 2 * (self.power(x, u0, row) + self.power(guess, u1, row))
+        xn, J1 = self.mapped(x + dt / 2 * (f0 + f1), u0, u1)
         if self.consider:
-            G, of_energy = np.zeros((n, self.dim_x - n)), np.zeros(self.dim_x - n)
-            w = line.W[row]
-            self.functions.step_signature(x, u0, u1, dt, w, self.p, self.g, G, of_energy)
             self.F = np.eye(self.dim_x)
-            self.F[:n, n:] = G
-        self.x[:n], J1 = self.mapped(x + dt / 2 * (f0 + f1), u0, u1)
+            self.F[:n, n:] = self.by_parameters(x, xn, u)
+        self.x[:n] = xn
         self.F[:n, :n] = J1 @ (one + dt / 2 * (A0 + A1 @ J0 @ (one + dt * A0)))
         of_inputs = (B0 * line.noise) @ B0.T + (B1 * line.noise) @ B1.T
         of_process = dt * line.Q[row, :n] + abs(energy) * line.Q[row, n:]
         self.Q = np.zeros((self.dim_x, self.dim_x))
         self.Q[:n, :n] = np.diag(of_process) + dt / 2 * of_inputs
+
+    def by_parameters(self, x: Floats, xn: Floats, u: tuple[float, Floats, Floats, int]) -> Floats:
+        """Derivative (n, m) of a step from ``x`` to ``xn`` by the uncertain parameters, at the
+        inputs that other measurements imply: see ``compute.kernel.step_answer``."""
+        dt, u0, u1, row = u
+        w, v0, v1 = self.timeline.W[row], np.zeros(len(u0)), np.zeros(len(u1))
+        self.functions.implied(x, u0, w, self.p, self.g, v0)
+        self.functions.implied(xn, u1, w, self.p, self.g, v1)
+        G, of_energy = np.zeros((self.states, self.dim_x - self.states)), np.zeros(self.dim_x)
+        self.functions.step_signature(x, v0, v1, dt, w, self.p, self.g, G, of_energy)
+        return G
 
     def advance(self, span: float, u0: Floats, u1: Floats, row: int) -> None:
         """Predict over ``span`` s, in steps no longer than the regime allows."""

@@ -123,8 +123,8 @@ def compile_model(
     """The model lowered and loaded, with the vehicle's numbers.
 
     ``effects`` stand in the equations, unless given those of the vehicle file that the model can
-    take; what the file says of an effect holds, others are at gain 0.  ``starts`` names states whose
-    first values are thetas too, with their standard deviations.
+    take; what the file says of an effect holds, others are at gain 0.  ``starts`` names states
+    whose first values are thetas too, with their standard deviations.
     """
     if effects is None:
         effects = tuple(e for e in present_effects(vehicle) if model.takes(e))

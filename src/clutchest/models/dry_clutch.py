@@ -41,7 +41,8 @@ STATES = (
     State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0,
           "any sample of the engine speed", carried=False),
     State("torque_bias", "Nm", "M_bias", "reported engine torque less the true one",
-          1.0, 30.0, 25.0, "an open clutch with changing engine speed", carried=False, healthy_std=5.0),
+          1.0, 30.0, 25.0, "an open clutch with changing engine speed", carried=False,
+          healthy_std=5.0),
     State("wear_rate", "mm/MJ", "w", "wear per slip energy", 0.0, 0.05, 0.01,
           "some ten megajoules of slip, and the actuator retracted before and after",
           healthy_std=0.0),
@@ -228,14 +229,20 @@ def wear(q: Quantities) -> None:
 
 
 def engine(q: Quantities) -> None:
-    """J_e dω_e/dt = M_e − M_c while not locked; the measured slope otherwise."""
+    """J_e dω_e/dt = M_e − M_c while not locked; the measured slope otherwise.
+
+    That slope also says what torque the engine must have given, without the noise of the report.
+    """
     unlocked = (q.true_engine_torque - q.clutch_torque) / q.engine_inertia
     q.engine_speed_rate = q.free_running * unlocked + (1 - q.free_running) * q.engine_acceleration
+    lacking = q.engine_inertia * (q.engine_acceleration - unlocked)
+    q.implied_engine_torque = q.engine_torque + q.free_running * lacking
 
 
 def engine_as_measured(q: Quantities) -> None:
     """The speed follows its own measured slope, where the torque is taken from that slope."""
     q.engine_speed_rate = q.engine_acceleration
+    q.implied_engine_torque = q.engine_torque
 
 
 def readings(q: Quantities) -> None:
@@ -254,6 +261,7 @@ DRY_CLUTCH = Model(
     sensors=SENSORS,
     outputs=("transmitted_torque", "power"),
     renewed={"engine_speed": ("free_running", 0.2)},
+    implied={"engine_torque": "implied_engine_torque"},
     pieces=(
         slip,
         position,

@@ -52,7 +52,8 @@ class Expressions:
     ``x`` states (n), ``u`` inputs (nu), ``w`` regime flags, ``p`` parameters, ``g`` numbers of the
     effects; ``rate`` dx/dt (n), ``readings`` one per sensor, ``outputs`` clutch torque and slip
     power, ``initial`` the start state (n) as a function of ``x``, ``mapped`` the state after the
-    step map, of ``x`` at the step's end, ``u0`` and ``u`` at its start and end.
+    step map, of ``x`` at the step's end, ``u0`` and ``u`` at its start and end; ``implied`` (nu)
+    the inputs, noisy ones as other measurements imply them.
     """
 
     x: ca.SX
@@ -66,6 +67,7 @@ class Expressions:
     outputs: ca.SX
     initial: ca.SX
     mapped: ca.SX
+    implied: ca.SX
     quantities: Quantities
 
 
@@ -75,8 +77,9 @@ class Model:
 
     A piece reads quantities and assigns new ones.  ``renewed`` names states that are a plain
     random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
-    ``unobservable`` says of a state why no signal at hand can inform it.  Vary a model
-    with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
+    ``unobservable`` says of a state why no signal at hand can inform it.  ``implied`` names for a
+    noisy input the quantity that says what it is by other measurements: input → quantity.  Vary a
+    model with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
     """
 
     name: str
@@ -89,6 +92,7 @@ class Model:
     pieces: tuple[Piece, ...]
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     unobservable: Mapping[str, str] = field(default_factory=dict)
+    implied: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[Effect, ...] = ()
 
     def swap(self, old: Piece, new: Piece) -> Model:
@@ -186,6 +190,9 @@ class Model:
             outputs=ca.vertcat(*(getattr(q, name) for name in self.outputs)),
             initial=ca.vertcat(*(getattr(q, f"initial_{s.name}") for s in self.states)),
             mapped=mapped,
+            implied=ca.vertcat(
+                *(getattr(q, self.implied.get(i.name, i.name)) for i in self.inputs)
+            ),
             quantities=q,
         )
 
