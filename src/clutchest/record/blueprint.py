@@ -89,19 +89,19 @@ def blueprint(
 
     ``end``: last time on ``timeline``, s.
     """
-    mode = rrb.StateTimelineView(
-        name=" and ".join(lanes),
-        origin="/",
-        contents=[f"/{lane}" for lane in lanes],
-        time_view=rrb.TimeAxis(link="LinkToGlobal"),
-    )
     views: list[tuple[rrb.View, float]] = [
         (p.view(), 2.0 + 0.5 * len(p.entities)) for p in overview
     ]
-    views.insert(1, (mode, 0.6 + 0.9 * len(lanes)))
-    rows, shares = zip(*views, strict=True)
+    if lanes:
+        lane_view = rrb.StateTimelineView(
+            name=" and ".join(lanes),
+            origin="/",
+            contents=[f"/{lane}" for lane in lanes],
+            time_view=rrb.TimeAxis(link="LinkToGlobal"),
+        )
+        views.insert(1, (lane_view, 0.6 + 0.9 * len(lanes)))
     start = rrb.Horizontal(
-        rrb.Vertical(*rows, row_shares=shares),
+        rrb.Vertical(*(view for view, _ in views), row_shares=[share for _, share in views]),
         rrb.TextDocumentView(name="report", origin="/report"),
         column_shares=[3, 1],
         name="overview",

@@ -76,3 +76,14 @@ def sensors_of(run: Run) -> dict[str, Quantity]:
         for k in np.unique(track.innovations.sensor)
     }
     return {name: Quantity(name, units.get(name, "1")) for name in seen}
+
+
+# What misfits are sorted by, beside states and columns.
+_DERIVED = {"time": "s", "slip_speed": "rad/s", "position_rate": "mm/s", "energy": "J"}
+
+
+def quantity_of(model: str, name: str) -> Quantity:
+    """A state, a canonical column or a quantity derived from them, by name."""
+    known = card(model)
+    units = {**_DERIVED, **dict(known.columns), **{s.name: s.unit for s in known.states}}
+    return Quantity(name, units.get(name, "1"))

@@ -23,13 +23,18 @@ BITS = "One bit of information halves a standard deviation."
 
 
 def plus_minus(quantity: Quantity, value: float | None, std: float | None) -> str:
-    """``82.1 ± 3.4 °C``: the value is given to the digits that its uncertainty supports."""
+    """``82.1 ± 3.4 °C`` in the unit people read; a dash where either is missing."""
     if value is None or std is None or not (np.isfinite(value) and np.isfinite(std)):
         return "–"
     shown = float(quantity.read(np.array([value]))[0])
     spread = float(quantity.read_spread(np.array([std]))[0])
-    decimals = _decimals(spread, 2) if spread > 0 else _decimals(shown, 4)
-    return f"{shown:.{decimals}f} ± {spread:.{decimals}f} {quantity.shown}".rstrip()
+    return f"{rounded(shown, spread)} {quantity.shown}".rstrip()
+
+
+def rounded(value: float, std: float) -> str:
+    """``82.1 ± 3.4``: the value is given to the digits that its uncertainty supports."""
+    decimals = _decimals(std, 2) if std > 0 else _decimals(value, 4)
+    return f"{value:.{decimals}f} ± {std:.{decimals}f}"
 
 
 def _decimals(value: float, digits: int) -> int:
@@ -67,7 +72,7 @@ def markdown(run: Run) -> str:
         (what, value if len(value) < 24 else f"{value[:12]}…")
         for what, value in run.provenance.items()
     ]
-    parts += ["## Made by", _table(("what", "version or hash"), made_by)]
+    parts += ["## Made by", table(("what", "version or hash"), made_by)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -87,7 +92,7 @@ def _states(run: Run) -> str:
         shown = plus_minus(quantity, state["value"], state["std"])
         known = "yes" if state["valid"] else "no"
         rows.append((quantity.words, shown, known, informed(state)))
-    return _table(("quantity", "value ± 1σ", "known", "informed by, or why not"), rows)
+    return table(("quantity", "value ± 1σ", "known", "informed by, or why not"), rows)
 
 
 def _engagements(run: Run) -> str:
@@ -108,7 +113,7 @@ def _engagements(run: Run) -> str:
     if not rows:
         return "The clutch never slipped."
     head = ("drive",) if len(run.tracks) > 1 else ()
-    return _table(
+    return table(
         (*head, "start [s]", "lasted [s]", "energy", "peak torque [Nm]", "hottest disc [°C]"), rows
     )
 
@@ -119,14 +124,15 @@ def _sensors(run: Run) -> str:
         for name, s in run.summary["sensors"].items()
     ]
     note = "NIS is the squared misfit over its predicted variance: 1 when the model is honest."
-    return _table(("sensor", "samples", "misfit rms [SI, mm]", "mean NIS"), rows) + "\n\n" + note
+    return table(("sensor", "samples", "misfit rms [SI, mm]", "mean NIS"), rows) + "\n\n" + note
 
 
 def _short(value: float | None) -> str:
     return "–" if value is None else f"{value:.3g}"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
     lines = [" | ".join(head), " | ".join("---" for _ in head)]
     lines += [" | ".join(str(cell) for cell in row) for row in rows]
     return "\n".join(f"| {line} |" for line in lines)

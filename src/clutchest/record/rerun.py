@@ -1,4 +1,4 @@
-"""The run as a Rerun recording; with its blueprint the one module that speaks to Rerun.
+"""The run as a Rerun recording, and what other recordings are made with.
 
 Drives stand one behind another on the timeline ``time``, a little apart: wear and friction over
 several drives are then one line, and days without a drive take no room.  Long series are thinned
@@ -37,7 +37,7 @@ from clutchest.signals import Floats
 
 TIMELINE = "time"
 _MOST_ROWS = 50_000  # per series and drive: 25 times the pixels of a wide screen
-_BETWEEN = "between drives"
+BETWEEN = "between drives"
 
 
 def write_recording(run: Run, path: Path) -> None:
@@ -85,37 +85,44 @@ def outline(values: Floats, most: int) -> NDArray[np.intp]:
 
 def _starts(run: Run) -> tuple[list[float], float]:
     """Where each drive begins on the timeline, and where the last one ends, s."""
-    lengths = [
-        max(drive.end, float(track.time[-1]) if len(track.time) else 0.0)
-        for drive, track in zip(run.signals.drives, run.tracks, strict=True)
-    ]
+    return one_behind_another(
+        [
+            max(drive.end, float(track.time[-1]) if len(track.time) else 0.0)
+            for drive, track in zip(run.signals.drives, run.tracks, strict=True)
+        ]
+    )
+
+
+def one_behind_another(lengths: Sequence[float]) -> tuple[list[float], float]:
+    """Where drives of these ``lengths`` begin on the timeline, and where the last one ends, s."""
     apart = 0.02 * sum(lengths)
     starts = [float(s) for s in np.cumsum([0.0, *(length + apart for length in lengths)])]
     return starts[:-1], starts[-1] - apart
 
 
-def _strung(drives: Iterable[tuple[float, Sequence[NDArray]]]) -> list[NDArray]:
+def strung(drives: Iterable[tuple[float, Sequence[NDArray]]]) -> list[NDArray]:
     """Columns (time first, values next, then others) of all drives, one behind another.
 
     ``drives``: where each begins on the timeline, and its columns.  Each is thinned by its
     values; a row without a value before each later drive breaks the line.
     """
-    strung: list[list[NDArray]] = []
+    joined: list[list[NDArray]] = []
     for start, columns in drives:
         rows = outline(columns[1], _MOST_ROWS)
         if len(rows) == 0:
             continue
         cut = [column[rows] for column in columns]
         cut[0] = cut[0] + start
-        if strung:
+        if joined:
             gap = [column[:1].copy() for column in cut]
             gap[1][:] = np.nan
             cut = [np.concatenate(pair) for pair in zip(gap, cut, strict=True)]
-        strung.append(cut)
-    return [np.concatenate(pieces) for pieces in zip(*strung, strict=True)]
+        joined.append(cut)
+    return [np.concatenate(pieces) for pieces in zip(*joined, strict=True)]
 
 
-def _index(time: Floats) -> list[rr.TimeColumn]:
+def index(time: Floats) -> list[rr.TimeColumn]:
+    """``time`` (s) as the column that places rows on the timeline."""
     nanoseconds = np.round(time * 1e9).astype(np.int64).astype("timedelta64[ns]")
     return [rr.TimeColumn(TIMELINE, duration=nanoseconds)]
 
@@ -159,7 +166,7 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
     for group in _by_unit(seen.values()).values():
         shown = []
         for k, quantity in enumerate(group):
-            columns = _strung(
+            columns = strung(
                 (start, (drive[quantity.name].time, quantity.read(drive[quantity.name].value)))
                 for start, drive in drives
                 if quantity.name in drive
@@ -178,7 +185,7 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
                 ),
                 static=True,
             )
-            stream.send_columns(entity, _index(time), rr.Scalars.columns(scalars=value))
+            stream.send_columns(entity, index(time), rr.Scalars.columns(scalars=value))
             shown.append((entity, value))
         if shown:
             values = np.concatenate([value for _, value in shown])
@@ -197,7 +204,7 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             estimates = [
                 t.states.get(quantity.name) or getattr(t, quantity.name) for t in run.tracks
             ]
-            columns = _strung(
+            columns = strung(
                 (
                     start,
                     (
@@ -224,7 +231,7 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             )
             stream.send_columns(
                 entity,
-                _index(time),
+                index(time),
                 rr.Measurements.columns(values=value, variances=std**2, colors=colour),
             )
             told = told if told.any() else np.isfinite(value)
@@ -247,7 +254,7 @@ def _send_smoothed(
     """Thin lines beside the filtered ones, where the run was smoothed."""
     entities = []
     for k, quantity in enumerate(group):
-        columns = _strung(
+        columns = strung(
             (start, (track.time, quantity.read(track.smoothed[quantity.name].value)))
             for start, track in zip(starts, run.tracks, strict=True)
             if quantity.name in track.smoothed
@@ -265,7 +272,7 @@ def _send_smoothed(
             ),
             static=True,
         )
-        stream.send_columns(entity, _index(time), rr.Scalars.columns(scalars=value))
+        stream.send_columns(entity, index(time), rr.Scalars.columns(scalars=value))
         entities.append(entity)
     return entities
 
@@ -287,7 +294,7 @@ def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float
                 pieces.append(
                     (start, (time, quantity.read_spread(innovation), quantity.read_spread(std)))
                 )
-        time, innovation, std = _strung(pieces)
+        time, innovation, std = strung(pieces)
         entity = f"residual/{quantity.name}"
         colours = np.array([COLOURS[(k + 1) % len(COLOURS)], BOUND, BOUND], np.uint32)
         stream.log(
@@ -302,7 +309,7 @@ def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float
         )
         stream.send_columns(
             entity,
-            _index(time),
+            index(time),
             rr.Scalars.columns(scalars=np.column_stack([innovation, 3 * std, -3 * std])),
         )
         # The start of a drive is uncertain by orders of magnitude more than the rest of it.
@@ -331,28 +338,29 @@ def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -
             continue
         changes = np.flatnonzero(np.diff(track.mode, prepend=255))
         modes += [(start + track.time[k], track.mode_names[track.mode[k]]) for k in changes]
-        modes.append((start + track.time[-1], _BETWEEN))
+        modes.append((start + track.time[-1], BETWEEN))
         begun = drive.start_ns
         when = "" if begun is None else f", {datetime.fromtimestamp(begun / 1e9, UTC):%F %R} UTC"
         drives += [
             (start + track.time[0], f"drive {number}{when}"),
-            (start + track.time[-1], _BETWEEN),
+            (start + track.time[-1], BETWEEN),
         ]
     if not modes:
         return []
-    _send_lane(stream, "mode", modes, MODE_COLOURS)
+    send_lane(stream, "mode", modes, MODE_COLOURS)
     if len(run.tracks) == 1:
         return ["mode"]
-    _send_lane(stream, "drive", drives, {})
+    send_lane(stream, "drive", drives, {})
     return ["mode", "drive"]
 
 
-def _send_lane(
+def send_lane(
     stream: rr.RecordingStream,
     entity: str,
     changes: Sequence[tuple[float, str]],
     fixed: dict[str, int],
 ) -> None:
+    """A lane of words over time: ``changes`` (time, word), colours ``fixed`` for some words."""
     values = list(dict.fromkeys(value for _, value in changes))
     colours = [fixed.get(value, COLOURS[k % len(COLOURS)]) for k, value in enumerate(values)]
     stream.log(
@@ -360,12 +368,12 @@ def _send_lane(
         rr.StateConfiguration(
             values=values,
             colors=np.array(colours, np.uint32),
-            visible=[value != _BETWEEN for value in values],
+            visible=[value != BETWEEN for value in values],
         ),
         static=True,
     )
     stream.send_columns(
         entity,
-        _index(np.array([time for time, _ in changes])),
+        index(np.array([time for time, _ in changes])),
         rr.StateChange.columns(state=[value for _, value in changes]),
     )

@@ -1,14 +1,26 @@
-"""What a run or a first look at a log says in a terminal, in a few lines."""
+"""What a run, a first look at a log or a discovery says in a terminal, in a few lines."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from clutchest.discover.discovery import Discovery
 from clutchest.estimate.run import Run
 from clutchest.reading.inspection import Inspection
+from clutchest.record.discovery import (
+    NOTHING_HELD_OUT,
+    causes_rows,
+    gain_words,
+    next_commands,
+    rivals_rows,
+    unexcited_words,
+    whereabouts,
+)
 from clutchest.record.quantities import Quantity, states_of
 from clutchest.record.report import BITS, informed, plus_minus
 
@@ -37,11 +49,14 @@ def print_run(run: Run, console: Console) -> None:
         console.print(escape(words))
     for reason, count in summary["frames_rejected"].items():
         console.print(f"not used: {count} × {escape(reason)}")
-    warnings = [str(text) for text in summary["warnings"]]
+    _print_warnings([str(text) for text in summary["warnings"]], "summary.json", console)
+
+
+def _print_warnings(warnings: Sequence[str], rest_in: str, console: Console) -> None:
     for text in warnings[:_MOST_WARNINGS]:
         console.print(f"[yellow]warning:[/] {escape(text)}")
     if len(warnings) > _MOST_WARNINGS:
-        console.print(f"… and {len(warnings) - _MOST_WARNINGS} more warnings in summary.json")
+        console.print(f"… and {len(warnings) - _MOST_WARNINGS} more warnings in {rest_in}")
 
 
 def _slip_events(run: Run) -> str:
@@ -109,3 +124,51 @@ def print_inspection(found: Inspection, console: Console) -> None:
         console.print(f"not read: {count} × {reason}")
     for what in found.missing:
         console.print(f"missing: {escape(what)}")
+
+
+def print_discovery(discovery: Discovery, console: Console) -> None:
+    """Print what the log can tell, the verdict and its causes, the rivals, what the extension is
+    worth, and what to do next."""
+    _print_identifiable(discovery, console)
+    console.print(f"[bold]{escape(discovery.sentence)}[/]")
+    if words := whereabouts(discovery):
+        console.print(escape(words))
+    if discovery.causes:
+        heading = (
+            "candidates, not to be told apart" if discovery.verdict == "ambiguous" else "causes"
+        )
+        table = Table("effect", "fitted ± 1σ", "gain in −2 ln p", "chance by noise alone",
+                      title=heading, title_justify="left")  # fmt: skip
+        for row in causes_rows(discovery):
+            table.add_row(*map(escape, row))
+        console.print(table)
+    for name, numbers, why in rivals_rows(discovery.rivals):
+        console.print(escape(f"not {name} ({numbers}): {why}"))
+    if discovery.gain:
+        console.print(escape(gain_words(discovery.gain)))
+    elif discovery.verdict != "none":
+        console.print(escape(f"Gain: {NOTHING_HELD_OUT}"))
+    console.print(escape(unexcited_words(discovery)))
+    if discovery.experiment:
+        console.print(escape(f"Next: {discovery.experiment.words}"))
+    for command in next_commands(discovery):
+        console.print(f"  {escape(command)}", soft_wrap=True)
+    _print_warnings(discovery.warnings, "report.md", console)
+
+
+def _print_identifiable(discovery: Discovery, console: Console) -> None:
+    table = Table(
+        "effect", "shows from", "plausible up to", "", "nearest rival", "apart by d′",
+        title="what this log can tell", title_justify="left",
+    )  # fmt: skip
+    for i in discovery.identifiability:
+        table.add_row(
+            i.effect,
+            "never" if i.detectable_size is None else f"{i.detectable_size:.3g}",
+            f"{i.plausible_size:.3g}",
+            "" if i.unit == "1" else escape(i.unit),
+            i.nearest or "",
+            "" if i.d_prime_nearest is None else f"{i.d_prime_nearest:.1f}",
+            style=None if i.excited else "dim",
+        )
+    console.print(table)

@@ -1,0 +1,119 @@
+"""The picture of a discovery: what the model misses, and what the misfit goes with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchest.discover.discovery import Bins, Discovery, Misfit
+from clutchest.record.quantities import Quantity, quantity_of
+from clutchest.signals import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PICTURE = "misfit.png"
+HOLE = 10.0  # usual steps between samples; a longer one parts two slips
+
+
+def pieces(time: Floats) -> Iterator[slice]:
+    """Stretches of ``time`` (n,) without a hole, in order."""
+    if not len(time):
+        return
+    steps = np.diff(time)
+    usual = np.median(steps) if len(steps) else 0.0
+    cuts = np.flatnonzero(steps > HOLE * usual) + 1
+    edges = [0, *(int(cut) for cut in cuts), len(time)]
+    yield from (slice(a, b) for a, b in pairwise(edges))
+
+
+def worst_stretch(misfit: Misfit) -> tuple[int, slice] | None:
+    """Drive and samples of the slip whose simulated torque misses the measured one most, as the
+    sum of squares; None where the clutch never slipped."""
+    found = [
+        (float(np.nansum((measured[piece] - simulated[piece]) ** 2)), drive, piece)
+        for drive, (time, measured, simulated, _) in enumerate(misfit.torque)
+        for piece in pieces(time)
+    ]
+    if not found:
+        return None
+    _, drive, piece = max(found, key=lambda entry: entry[0])
+    return drive, piece
+
+
+def most_telling(bins: Sequence[Bins], driver: str | None) -> Bins | None:
+    """Of the bins over ``driver`` (over anything if None) those whose means are farthest from what
+    noise alone would give."""
+
+    def excess(b: Bins) -> float:
+        counted = (b.count > 0) & (b.error > 0)
+        n = np.count_nonzero(counted)
+        chi2 = np.sum((b.mean[counted] / b.error[counted]) ** 2)
+        return float((chi2 - n) / np.sqrt(2 * n)) if n else -np.inf
+
+    over = [b for b in bins if driver in (None, b.driver)]
+    return max(over, key=excess, default=None)
+
+
+def draw_misfit(discovery: Discovery, path: Path) -> None:
+    """Write the picture: torque over the worst slip, binned misfit over the first driver."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    _draw_torque(discovery, left)
+    _draw_bins(discovery, right)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_torque(discovery: Discovery, axes: Axes) -> None:
+    worst = worst_stretch(discovery.misfit)
+    if worst is None:
+        _say(axes, "the clutch never slipped")
+        return
+    drive, piece = worst
+    time, measured, simulated, extended = (c[piece] for c in discovery.misfit.torque[drive])
+    axes.plot(time, measured, ".", ms=3, color="0.55", label="measured")
+    axes.plot(time, simulated, lw=1.4, color="C0", label="simulated")
+    if discovery.verdict != "none":
+        axes.plot(time, extended, lw=1.4, color="C1", label="with what was found")
+    drives = f"drive {drive}, " if len(discovery.misfit.torque) > 1 else ""
+    axes.set_title("clutch torque in the slip it misses most", loc="left", fontsize=9)
+    axes.set_xlabel(f"{drives}time [s]")
+    axes.set_ylabel("Nm")
+    axes.legend(fontsize=8)
+
+
+def _draw_bins(discovery: Discovery, axes: Axes) -> None:
+    first = discovery.where.drivers[0] if discovery.where and discovery.where.drivers else None
+    bins = most_telling(discovery.misfit.bins, first)
+    if bins is None:
+        _say(axes, "too few readings to sort the misfit")
+        return
+    quantity = quantity_of(discovery.vehicle.model, bins.driver)
+    axes.axhline(0.0, color="0.6", lw=0.8)
+    edges = quantity.read(bins.edges)
+    shown = bins.count > 0
+    axes.errorbar(
+        (0.5 * (edges[:-1] + edges[1:]))[shown],
+        bins.mean[shown],
+        xerr=(0.5 * np.diff(edges))[shown],
+        yerr=2 * bins.error[shown],
+        fmt="o", ms=4, lw=1.2, color="C3",
+    )  # fmt: skip
+    sensor = Quantity(bins.sensor, "1").words
+    axes.set_title(f"mean misfit of {sensor}, {bins.mode}, ± 2 standard errors",
+                   loc="left", fontsize=9)  # fmt: skip
+    axes.set_xlabel(quantity.label)
+    axes.set_ylabel("standard deviations")
+
+
+def _say(axes: Axes, text: str) -> None:
+    axes.text(0.5, 0.5, text, ha="center", va="center")
+    axes.set_axis_off()

@@ -1,0 +1,297 @@
+"""The files of a discovery, each verdict's words, and its recording read back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pandas as pd
+import pytest
+from rerun.chunk import RrdReader
+from rerun.components import AggregationPolicy
+from rich.console import Console
+
+from clutchest.discover.discovery import VERDICTS, Experiment, Identifiable
+from clutchest.errors import ClutchestError
+from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
+from clutchest.record.discovery_recording import write_discovery_recording
+from clutchest.record.misfit_pictures import draw_misfit, most_telling, pieces, worst_stretch
+from clutchest.record.terminal import print_discovery
+from clutchest.vehicle import load_vehicle
+from discoveries import FADE, GAIN, NO_GAIN, PATCH, discovery, misfit
+
+FILES = ["discovery.json", "extended.toml", "misfit.png", "recording.rrd", "report.md"]
+
+
+def no_constant(name):
+    raise AssertionError(f"{name} is not JSON")
+
+
+def printed(found) -> str:
+    text = StringIO()
+    print_discovery(found, Console(file=text, width=200))
+    return text.getvalue()
+
+
+def recorded(path) -> tuple[dict[str, pd.DataFrame], dict[str, pd.DataFrame], str]:
+    """Entity → rows over time, entity → static row, and what the blueprint's views show."""
+    reader = RrdReader(path)
+    moving: dict[str, list[pd.DataFrame]] = {}
+    static: dict[str, list[pd.DataFrame]] = {}
+    for chunk in reader.stream().to_chunks():
+        group = static if chunk.is_static else moving
+        group.setdefault(chunk.entity_path, []).append(chunk.to_record_batch().to_pandas())
+    (store,) = reader.blueprints()
+    cells = [c.to_record_batch().to_pydict() for c in reader.stream(store=store).to_chunks()]
+    names = ("ViewContents:query", "ViewBlueprint:space_origin")
+    shown = [str(cell[name]) for cell in cells for name in names if name in cell]
+    tables = {n: pd.concat(p).sort_values("time", kind="stable") for n, p in moving.items()}
+    return tables, {n: pd.concat(p) for n, p in static.items()}, "".join(shown)
+
+
+def values(table: pd.DataFrame) -> np.ndarray:
+    return np.array([cell[0] for cell in table["Scalars:scalars"]])
+
+
+def seconds(table: pd.DataFrame) -> np.ndarray:
+    return table["time"].to_numpy().astype("timedelta64[ns]").astype(np.int64) * 1e-9
+
+
+@pytest.mark.parametrize("gain", [GAIN, None], ids=["held out", "nothing held out"])
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_files(tmp_path, verdict, gain):
+    found = discovery(verdict, gain)
+    out = tmp_path / "deep" / "out"
+    written = write_discovery(found, out)
+    expected = sorted([*FILES, *(["patch_effects.py"] if verdict == "unknown" else [])])
+    assert [p.name for p in written] == expected == sorted(p.name for p in out.iterdir())
+    told = json.loads((out / "discovery.json").read_text("utf-8"), parse_constant=no_constant)
+    assert told["verdict"] == verdict and (told["gain"] is None) == (gain is None)
+    again = load_vehicle(out / "extended.toml")
+    assert dict(again.effects) == dict(found.extended.effects)
+    assert replace(again, effects={}, effects_files=()) == found.vehicle
+    assert (out / "misfit.png").read_bytes()[:4] == b"\x89PNG"
+    assert "(misfit.png)" in (out / "report.md").read_text("utf-8")
+
+
+def test_numbers_that_are_not_finite_become_null(tmp_path):
+    found = discovery("named", replace(GAIN, simulation_rmse_after=float("nan")))
+    blind = Identifiable("wear", "mm", float("inf"), 3.0, None, None)
+    write_discovery(replace(found, identifiability=(blind,)), tmp_path)
+    told = json.loads((tmp_path / "discovery.json").read_text("utf-8"), parse_constant=no_constant)
+    assert told["gain"]["simulation_rmse_after"] is None
+    assert told["identifiability"]["wear"]["detectable_size"] is None
+
+
+def test_a_patch_stays_with_the_vehicle_that_needs_it(tmp_path):
+    write_discovery(discovery("unknown"), tmp_path)
+    assert (tmp_path / "patch_effects.py").read_text("utf-8") == PATCH
+    patched = load_vehicle(tmp_path / "extended.toml")
+    assert patched.effects["torque_patch"] == {"scale": 0.2}
+    # found nothing more on top of the patched vehicle: the patch is still needed
+    write_discovery(replace(discovery("none"), vehicle=patched, extended=patched), tmp_path)
+    assert load_vehicle(tmp_path / "extended.toml").effects == patched.effects
+    # found another patch on top of it: the first must not be lost
+    both = (*patched.effects_files, *discovery("unknown").extended.effects_files)
+    second = replace(patched, effects_files=both)
+    with pytest.raises(ClutchestError, match=r"patch_effects\.py: is needed by extended\.toml"):
+        write_discovery(replace(discovery("unknown"), vehicle=patched, extended=second), tmp_path)
+    assert (tmp_path / "patch_effects.py").read_text("utf-8") == PATCH
+    # found by another run without a patch: it would belong to nothing
+    write_discovery(discovery("named"), tmp_path)
+    assert not (tmp_path / "patch_effects.py").exists()
+
+
+def test_a_failed_write_leaves_what_was_there(tmp_path, monkeypatch):
+    write_discovery(discovery("named"), tmp_path)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+
+    def full(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr("clutchest.record.discovery.draw_misfit", full)
+    with pytest.raises(OSError, match="no space"):
+        write_discovery(discovery("unknown"), tmp_path)
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("tell", [report, printed], ids=["report", "terminal"])
+def test_words_of_each_verdict(tell):
+    texts = {verdict: " ".join(tell(discovery(verdict)).split()) for verdict in VERDICTS}
+    for verdict, text in texts.items():
+        assert f"In one sentence: {verdict}." in text
+        assert "parameter 'kiss_point' is a guess" in text
+        assert "Would not show in this log even if large: housing_airflow, viscous_drag." in text
+    assert "slope 0.123 ± 0.011 1/(100 K), onset 160 °C" in texts["named"]
+    assert "81.3" in texts["named"] and "3e-15" in texts["named"]
+    assert (
+        "in the equation torque and goes with disc temperature, then with slip speed"
+        in (texts["named"])
+    )
+    assert "amount 0.410 ± 0.060 mm" in texts["ambiguous"]
+    assert "offset -0.400 ± 0.060 mm" in texts["ambiguous"]
+    assert "Slip in steps at one position." in texts["ambiguous"]
+    assert "in the time stamps of engine_torque and goes with position rate." in (texts["unknown"])
+    for verdict in ("named", "ambiguous", "unknown"):
+        assert "friction_level" in texts[verdict] and "33 times less probable" in texts[verdict]
+        assert "10^13 times less probable" in texts[verdict]
+        assert texts[verdict].index("friction_level") < texts[verdict].index("centrifugal")
+    assert "less probable" not in texts["none"] and "The error" not in texts["none"]
+
+
+def test_the_gain_says_whether_it_pays():
+    assert "rises by 134.2 [95 %: 98.1 to 170.3]" in gain_words(GAIN)
+    assert "nought" not in gain_words(GAIN)
+    assert "[95 %: -1.2 to 2.3]" in gain_words(NO_GAIN) and "nought" in gain_words(NO_GAIN)
+    assert "no data were held out" in report(discovery("named", None))
+    assert "no data were held out" in printed(discovery("named", None))
+
+
+def test_the_report_says_what_the_extended_vehicle_holds():
+    holds = "`extended.toml` has {} in its model: "
+    assert holds.format("friction_fade") in report(discovery("named"))
+    assert holds.format("wear") in report(discovery("ambiguous"))
+    patched = report(discovery("unknown"))
+    assert holds.format("torque_patch") in patched and "it explains nothing" in patched
+    assert "is the vehicle as it was" in report(discovery("none"))
+
+
+def test_what_could_be_told_is_printed():
+    lines = printed(discovery("none")).splitlines()
+    (fade,) = [line for line in lines if "friction_fade" in line]
+    assert fade.replace("│", " ").split() == [
+        "friction_fade", "0.05", "0.4", "1/(100", "K)", "friction_temperature", "7.2",
+    ]  # fmt: skip
+    assert any("viscous_drag" in line and "never" in line for line in lines)
+
+
+def test_the_next_manoeuvre_is_a_command(tmp_path):
+    found = discovery("ambiguous")
+    (command,) = next_commands(found)
+    assert command.startswith("clutchest simulate --vehicle truck --scenario slip-steps --seed ")
+    assert f"```sh\n{command}\n```" in report(found)
+    # in a narrow terminal it can still be copied as one line
+    text = StringIO()
+    print_discovery(found, Console(file=text, width=40))
+    assert command in text.getvalue()
+    own = replace(found, vehicle=replace(found.vehicle, path=tmp_path / "my truck.toml"))
+    assert f"--vehicle '{tmp_path / 'my truck.toml'}' " in next_commands(own)[0]
+    words = replace(found, experiment=Experiment("Measure the pads.", None))
+    assert next_commands(words) == [] and "Measure the pads." in report(words)
+
+
+def test_effects_of_the_users_own_keep_their_units(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(PATCH.replace('"scale", "1"', '"scale", "mm"'), encoding="utf-8")
+    found = discovery("named")
+    cause = replace(FADE, effect="torque_patch", parameters={"scale": FADE.parameters["slope"]})
+    extended = replace(found.vehicle, effects_files=(file,))
+    text = report(replace(found, causes=(cause,), extended=extended))
+    assert "scale 0.123 ± 0.011 mm" in text
+
+
+def test_slips_are_parted_where_time_has_a_hole():
+    time = np.concatenate([np.arange(0.0, 1.0, 0.1), np.arange(5.0, 6.0, 0.1), [9.0]])
+    assert list(pieces(time)) == [slice(0, 10), slice(10, 20), slice(20, 21)]
+    assert list(pieces(np.array([]))) == []
+    assert list(pieces(np.array([2.0]))) == [slice(0, 1)]
+
+
+def test_the_worst_slip_is_the_one_shown():
+    shown = misfit(drives=2)
+    drive, piece = worst_stretch(shown)
+    assert drive == 1 and shown.torque[1][0][piece][0] == 40.0
+    nothing = tuple(np.array([]) for _ in range(4))
+    assert worst_stretch(replace(shown, torque=(nothing, nothing))) is None
+
+
+def test_bins_of_the_first_driver_that_tell_most():
+    shown = misfit()
+    assert most_telling(shown.bins, "temp_disc") is shown.bins[0]
+    assert most_telling(shown.bins, None) is shown.bins[2]
+    assert most_telling(shown.bins, "time") is None
+
+
+def test_a_drive_without_slip_or_bins_has_a_picture_too(tmp_path):
+    found = discovery("unknown")
+    nothing = tuple(np.array([]) for _ in range(4))
+    found = replace(found, misfit=replace(found.misfit, torque=(nothing,), bins=()))
+    draw_misfit(found, tmp_path / "misfit.png")
+    assert (tmp_path / "misfit.png").stat().st_size > 1000
+    write_discovery_recording(found, tmp_path / "recording.rrd")
+    moving, _, _ = recorded(tmp_path / "recording.rrd")
+    assert "/residual/engine_speed" in moving and "/clutch_torque/measured" not in moving
+
+
+def test_recording(tmp_path):
+    found = discovery("named")
+    write_discovery_recording(found, tmp_path / "recording.rrd")
+    moving, static, views = recorded(tmp_path / "recording.rrd")
+    lines = ["measured", "simulated", "extended"]
+    assert set(moving) == {
+        *(f"/clutch_torque/{name}" for name in lines),
+        *(f"/residual/{s}{e}" for s in found.misfit.sensors for e in ("", "/extended")),
+    }
+    time, *columns = found.misfit.torque[0]
+    for name, column in zip(lines, columns, strict=True):
+        table = moving[f"/clutch_torque/{name}"]
+        shown = values(table)
+        gap = np.flatnonzero(np.isnan(shown))
+        assert len(gap) == 1  # the line breaks between the two slips
+        np.testing.assert_array_equal(np.delete(shown, gap), column)
+        np.testing.assert_allclose(np.delete(seconds(table), gap), time, atol=1e-9)
+    own = found.misfit.sensor[0] == 0
+    for entity, column in (("", found.misfit.before), ("/extended", found.misfit.after)):
+        table = moving[f"/residual/engine_speed{entity}"]
+        np.testing.assert_array_equal(values(table), column[0][own])
+        policy = static[f"/residual/engine_speed{entity}"]["SeriesLines:aggregation_policy"]
+        assert [list(cell) for cell in policy] == [[AggregationPolicy.MinMax.value]]
+    text = static["/report"]["TextDocument:text"].iloc[0][0]
+    assert text == report(found) and "misfit.png" not in text
+    for entity in moving:
+        assert f"'{entity}'" in views, entity
+    assert "/report" in views
+
+
+def test_recording_of_a_model_that_is_right_shows_no_extension(tmp_path):
+    write_discovery_recording(discovery("none"), tmp_path / "recording.rrd")
+    moving, _, views = recorded(tmp_path / "recording.rrd")
+    assert "/clutch_torque/simulated" in moving
+    assert not any("extended" in entity for entity in moving) and "extended" not in views
+
+
+def test_recording_of_several_drives(tmp_path):
+    found = discovery("named", drives=2)
+    write_discovery_recording(found, tmp_path / "recording.rrd")
+    moving, _, _ = recorded(tmp_path / "recording.rrd")
+    states = [cell[0] for cell in moving["/drive"]["StateChange:state"]]
+    assert states[:2] == ["drive 0", "drive 1"]
+    second = seconds(moving["/drive"])[1]
+    assert second > found.misfit.time[0][-1]
+    table = moving["/residual/engine_speed"]
+    own = found.misfit.sensor[1] == 0
+    np.testing.assert_array_equal(values(table)[seconds(table) > second][-own.sum():],
+                                  found.misfit.before[1][own])  # fmt: skip
+
+
+def test_a_spike_stays_in_the_recording_and_out_of_its_range(tmp_path):
+    found = discovery("named")
+    write_discovery_recording(found, tmp_path / "recording.rrd")
+    reader = RrdReader(tmp_path / "recording.rrd")
+    (store,) = reader.blueprints()
+    ranges = [
+        cells["ScalarAxis:range"][0][0]
+        for chunk in reader.stream(store=store).to_chunks()
+        if "ScalarAxis:range" in (cells := chunk.to_record_batch().to_pydict())
+    ]
+    moving, _, _ = recorded(tmp_path / "recording.rrd")
+    spike = max(values(moving[f"/residual/{s}"]).max() for s in found.misfit.sensors)
+    assert spike > 38.0
+    assert min(high for _, high in ranges) < 10.0
+
+
+def test_nothing_on_the_terminal(tmp_path, capfd):
+    write_discovery(discovery("named"), tmp_path)
+    assert capfd.readouterr() == ("", "")
