@@ -20,7 +20,7 @@ from clutchest.cli import terminal
 from clutchest.generator import SCENARIOS
 from clutchest.shipped import shipped
 
-VERBS = ("replay", "inspect", "convert", "simulate", "identify")
+VERBS = ("replay", "inspect", "convert", "simulate", "identify", "discover")
 
 
 @pytest.fixture

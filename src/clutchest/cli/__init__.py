@@ -11,6 +11,7 @@ import typer
 
 from clutchest import __version__
 from clutchest.cli.convert import convert
+from clutchest.cli.discover import discover
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
 from clutchest.cli.replay import replay
@@ -25,7 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Clutch temperatures, wear and friction from production CAN signals.",
 )
-for _verb in (replay, inspect, convert, simulate, identify):
+for _verb in (replay, inspect, convert, simulate, identify, discover):
     app.command()(_verb)
 
 

@@ -108,10 +108,9 @@ def _draw_bins(discovery: Discovery, axes: Axes) -> None:
         fmt="o", ms=4, lw=1.2, color="C3",
     )  # fmt: skip
     sensor = Quantity(bins.sensor, "1").words
-    axes.set_title(f"mean misfit of {sensor}, {bins.mode}, ± 2 standard errors",
-                   loc="left", fontsize=9)  # fmt: skip
+    axes.set_title(f"misfit of {sensor}, {bins.mode}", loc="left", fontsize=9)
     axes.set_xlabel(quantity.label)
-    axes.set_ylabel("standard deviations")
+    axes.set_ylabel("standard deviations, mean ± 2 errors")
 
 
 def _say(axes: Axes, text: str) -> None:

@@ -1,0 +1,81 @@
+"""``discover``: what the simulation gets wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName
+from clutchest.cli.terminal import answer, progress
+from clutchest.errors import ClutchestError
+
+
+def discover(
+    logs: Logs,
+    vehicle: VehicleName,
+    holdout: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--holdout",
+            metavar="LOG",
+            show_default=False,
+            help="A log that is not used to find anything, only to measure what the finding is "
+            "worth; repeat for several.",
+        ),
+    ] = None,
+    effects: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--effects",
+            metavar="FILE.py",
+            show_default=False,
+            help="Your own suspicions, effect classes, tried beside the library's; repeat for "
+            "several.",
+        ),
+    ] = None,
+    out: Out = DEFAULT_OUT,
+    as_json: AsJson = False,
+) -> None:
+    """Find what the model gets wrong, name the cause and add it to the vehicle.
+
+    Writes report.md (start there), discovery.json, extended.toml (the vehicle with what was found
+    in its model) and recording.rrd.  Says so where nothing is wrong, where the log cannot tell
+    causes apart, and where the cause is none that is known.
+
+    \b
+    Example:
+      clutchest discover monday.log --vehicle truck --holdout tuesday.log --out found
+      clutchest replay wednesday.log --vehicle found/extended.toml
+    """
+    with progress() as show:
+        show("loading", None)
+        from clutchest.discover import discover as search
+        from clutchest.models.effects import effects_of_file
+        from clutchest.reading import read_log
+        from clutchest.record.discovery import write_discovery
+        from clutchest.record.terminal import print_discovery
+        from clutchest.vehicle import load_vehicle
+
+        car = load_vehicle(vehicle)
+        for path in effects or ():  # a slip of the pen shows now, not when the logs are read
+            effects_of_file(path)
+        _apart(logs, holdout or ())
+        show("reading", None)
+        signals = read_log(logs, car)
+        held_out = read_log(holdout, car).drives if holdout else None
+        found = search(
+            signals, car, holdout=held_out, effects_files=tuple(effects or ()), progress=show
+        )
+        show("writing", None)
+        names = [path.name for path in write_discovery(found, out)]
+    answer(found.summary(), as_json, lambda console: print_discovery(found, console), out, names)
+
+
+def _apart(logs: list[str], holdout: list[str] | tuple[()]) -> None:
+    """No log may both find a cause and measure what it is worth."""
+    used = {Path(log).resolve() for log in logs}
+    for log in holdout:
+        if Path(log).resolve() in used:
+            raise ClutchestError(f"{log}: is given as LOG and as --holdout, expected another log")
