@@ -18,9 +18,10 @@ from clutchest.reading.tables import write_signals
 from clutchest.signals import Signals
 from clutchest.vehicle import dump_vehicle
 
-LOG, HELD_OUT, VEHICLE, ANSWER = "log.parquet", "held-out.parquet", "vehicle.toml", "answer.sealed"
+LOG, HELD_OUT, VEHICLE = "log.parquet", "held-out.parquet", "vehicle.toml"
 NAMED = 12.0  # d′ from which on causes are to be named, and rivals matter
 TRIES = 6  # drives, or pairs of effects, until one suits
+EXACT = 0.1  # of a size: what it need not be nearer to the d′ aimed at
 SHARE = 0.25  # of the largest size: where the search for an outsider's size begins
 
 Answer = dict[str, Any]
@@ -56,18 +57,16 @@ def hidden(case: Case, known: Answer, *, held_out: bool = False) -> Signals:
     return drive.signals(known["effects"], outsider_of(known), held_out=held_out)
 
 
-def write(case: Case, folder: Path, known: Answer | None = None) -> Answer:
-    """The case's files under ``folder``: log, log held out, vehicle file, sealed answer.
-
-    ``known``: its answer, where the oracle has been asked before.
-    """
+def write(case: Case, folder: Path, sealed: Path, known: Answer | None = None) -> None:
+    """The case's files: log, log held out and vehicle file under ``folder``, its answer in
+    ``sealed``.  ``known``: the answer, where the oracle has been asked before."""
     known = answer(case) if known is None else known
     folder.mkdir(parents=True, exist_ok=True)
     write_signals(hidden(case, known), folder / LOG)
     write_signals(hidden(case, known, held_out=True), folder / HELD_OUT)
     dump_vehicle(drive_of(case, known).vehicle, folder / VEHICLE)
-    seal(known, folder / ANSWER)
-    return known
+    sealed.parent.mkdir(parents=True, exist_ok=True)
+    seal(known, sealed)
 
 
 # --- sizes ---------------------------------------------------------------------------------------
@@ -84,15 +83,20 @@ def _effect(case: Case) -> Answer:
     def effects(size: float) -> dict[str, dict[str, float]]:
         return {name: {key: sign * size, **shape}}
 
-    size = min(case.d_prime * number.upper / max(oracle.per_largest(case.cause), 1e-9), bound)
-    reached = oracle.distance(oracle.twin(effects(size)))
-    size = min(size * float(np.clip(case.d_prime / max(reached, 1e-9), 0.5, 2.0)), bound)
-    twin = oracle.twin(effects(size))
+    shapes = {(name, shaped): value for shaped, value in shape.items()}
+    unit = oracle.per_largest(case.cause, shapes=shapes) / number.upper
+    size = min(case.d_prime / max(unit, 1e-9), bound)
+    for _ in range(3):
+        twin = oracle.twin(effects(size))
+        reached = oracle.distance(twin)
+        last, size = size, min(size * case.d_prime / max(reached, 1e-9), bound)
+        if abs(size - last) < EXACT * last:
+            break
     near = oracle.nearest(twin) if case.d_prime >= NAMED else {}
     near.pop(name, None)
     return {
-        "effects": effects(size), "d_prime": oracle.distance(twin), "rivals": near,
-        "one_sided": number.one_sided, "excited": _excited(oracle),
+        "effects": effects(last), "d_prime": reached, "rivals": near,
+        "one_sided": number.one_sided, "excited": oracle.excited(),
     }  # fmt: skip
 
 
@@ -130,36 +134,31 @@ def _pair(case: Case, oracle: Oracle, pair: list[str], random: np.random.Generat
             for name, other in zip(names, reversed(names), strict=True)}  # fmt: skip
     return {
         "effects": effects, "d_prime": min(each.values()), "rivals": near,
-        "excited": _excited(oracle),
+        "excited": oracle.excited(),
     }  # fmt: skip
 
 
 def _outsider(case: Case) -> Answer:
     """An outsider of which so much is left when every single effect has been tried."""
     random, kind = _random(case), OUTSIDERS[case.cause]
-    phase, best = float(random.uniform()), None
+    phase, found = float(random.uniform()), []
     for attempt in range(TRIES):
         oracle, size = Oracle(case.drive(attempt)), SHARE * kind.largest
         for _ in range(3):
             twin = oracle.twin(outsider=kind(size, phase))
             near = oracle.nearest(twin)
             left = min(near.values())
-            found = {
+            found.append({
                 "attempt": attempt, "d_prime": left, "rivals": near,
                 "outsider": {"name": kind.name, "size": size, "phase": phase},
                 "where": {"equation": kind.equation, "drivers": list(kind.drivers)},
-                "alone": oracle.distance(twin), "excited": _excited(oracle),
-            }  # fmt: skip
-            if 0.9 * case.d_prime <= left <= 1.2 * case.d_prime:
-                return found
-            if best is None or abs(np.log(left / case.d_prime)) < abs(
-                np.log(best["d_prime"] / case.d_prime)
-            ):
-                best = found
-            size = min(size * float(np.clip(case.d_prime / max(left, 1e-9), 0.1, 10.0)),
-                       kind.largest)  # fmt: skip
-    assert best is not None
-    return best
+                "alone": oracle.distance(twin), "excited": oracle.excited(),
+            })  # fmt: skip
+            if abs(left - case.d_prime) < 2.0 * EXACT * case.d_prime:
+                return found[-1]
+            grow = float(np.clip(case.d_prime / max(left, 1e-9), 0.1, 10.0))
+            size = min(size * grow, kind.largest)
+    return min(found, key=lambda one: abs(one["d_prime"] - case.d_prime))
 
 
 def _random(case: Case) -> np.random.Generator:
@@ -179,7 +178,3 @@ def _shape(case: Case, name: str, random: np.random.Generator) -> dict[str, floa
         for number in effect.parameters
         if number.shape and number.grid
     }
-
-
-def _excited(oracle: Oracle) -> dict[str, float]:
-    return {gain: oracle.per_largest(gain) for gain in gains()}

@@ -20,8 +20,10 @@ VEHICLE = "truck"
 SCENARIOS = ("city", "launches", "mixed", "pulses", "heating", "slip-steps")
 SHORTEST, LONGEST = 600.0, 1200.0  # s
 OTHER_ROAD = 1_000_000  # from a drive's seed to that of the one held out
-STEP = 2.4  # of the stated noise: the coarse bus's step where readings are quantised ...
-OWN = 0.72  # ... and the sensor's own noise, 0.3 steps: together they have the stated variance
+# Quantised readings: steps of √3 noises over a sensor's own noise of half a step.  Together they
+# have the stated variance, and so much own noise lets no error depend on where between two steps
+# the truth lies.
+STEP, OWN = 3.0**0.5, 0.75**0.5
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ FAR = 5.0  # standard deviations; what is further off is no noise
 NOMINAL: Shapes = MappingProxyType({})
 STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is promised
 KINK = 0.1  # s
-CLOSE = 6.0  # d′; rivals nearer than this are fitted in full
+CLOSE = 5.0  # d′; rivals nearer than this are fitted in full
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,8 @@ class Oracle:
         near = self._fit(Twin(noisy, self.centre)).theta
         self.colour = self._colour_of(noisy, near)
         self.centre = self._fit(Twin(noisy, near)).theta  # from here on the truck's own numbers
-        self.clean = self._fit(Twin(self._problem(self._exact()), self.centre))
+        self.exact = Twin(self._problem(self._exact()), self.centre)
+        self.clean = self._fit(self.exact)
 
     def _problem(self, signals: Signals) -> Problem:
         return Problem(signals, self.drive.vehicle, tuple(self.effects.values()))
@@ -180,19 +181,31 @@ class Oracle:
         bounds = (low - at, high - at)
         return np.asarray(lsq_linear(root[:, None] * vectors.T, target, bounds).x)
 
-    def per_largest(self, gain: str, beside: str | None = None) -> float:
+    def per_largest(self, gain: str, beside: str | None = None, shapes: Shapes = NOMINAL) -> float:
         """d′ of the gain ``effect.key`` at its largest plausible size, to first order; with every
         gain of the effect ``beside`` free."""
-        name, key = gain.split(".")
-        index = next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == (name, key))
+        look = self._look(self.exact.problem, self.centre, shapes) if shapes else self.clean
+        owner, key = gain.split(".")
+        index = next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == (owner, key))
         others = self._columns([beside] if beside else [])
         free = np.concatenate([self.nuisances, others])
-        own, column = self.clean.psi[:, free], self.clean.psi[:, index]
+        own, column = look.psi[:, free], look.psi[:, index]
         prior = np.r_[np.ones(len(self.nuisances)), np.full(len(others), 1e-9)]
         curvature = own.T @ own + np.diag(prior)
         across = own.T @ column
         left = column @ column - across @ np.linalg.solve(curvature, across)
         return float(np.sqrt(max(left, 0.0)))
+
+    def excited(self) -> dict[str, float]:
+        """``effect.gain`` → d′ at its largest plausible size, in the shape that shows most."""
+        return {
+            f"{name}.{number.key}": max(
+                self.per_largest(f"{name}.{number.key}", shapes=shapes)
+                for shapes in (NOMINAL, *grid(effect))
+            )
+            for name, effect in self.effects.items()
+            for number in effect.gains
+        }
 
     def _range(self, index: int) -> tuple[float, float]:
         """The plausible range of a gain in its own unit."""

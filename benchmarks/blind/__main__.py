@@ -1,0 +1,97 @@
+"""The blind suite: causes hidden in simulated drives, looked for by `clutchest discover`.
+
+    python benchmarks/blind --out blind-out [--parts null effect two outsider] [--limit 900]
+                            [--shard 0/2] [--measured]
+    python benchmarks/blind --out blind-out --table
+    python benchmarks/blind --ci --out blind-ci
+
+A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
+under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
+one holding the smaller.  ``--ci`` is the fixed short run, whose sizes are already known.
+``--measured`` adds the gain on the drive held out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a folder, not as a package
+
+from blind import table
+from blind.cases import answer
+from blind.plan import PARTS, Case, drawn, quick
+from blind.score import score
+from blind.sealed import seal, unseal
+
+KNOWN = Path(__file__).parent / "ci.sealed"  # answers of the short run
+
+
+def finished(out: Path) -> dict[str, dict[str, Any]]:
+    """Name → record of every case that any shard has finished."""
+    lines = (line for path in sorted(out.glob("records-*.jsonl")) for line in path.open())
+    return {record["name"]: record for record in map(json.loads, lines)}
+
+
+def run(cases: list[Case], shard: str, out: Path, known: dict[str, Any], measured: bool) -> None:
+    """Score every n-th case that has not been scored yet."""
+    which, of = map(int, shard.split("/"))
+    done = finished(out)
+    mine = [case for case in cases[which::of] if case.name not in done]
+    with (out / f"records-{which}-of-{of}.jsonl").open("a") as records:
+        for i, case in enumerate(mine, 1):
+            began = time.monotonic()
+            record = score(case, out, measured=measured, known=known.get(case.name))
+            records.write(json.dumps(record) + "\n")
+            records.flush()
+            print(f"{i}/{len(mine)} {record['verdict']} {time.monotonic() - began:.0f} s",
+                  file=sys.stderr, flush=True)  # fmt: skip
+
+
+def tell(out: Path) -> None:
+    """Print the table of what is finished, and write it beside the list of its cases."""
+    records = finished(out)
+    found = table.rows(list(records.values()))
+    print(table.show(found))
+    told = {"rows": [asdict(row) for row in found], "cases": sorted(records)}
+    (out / "table.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+
+
+def prepare() -> None:
+    """Ask the oracle for the answers of the short run, once."""
+    known = unseal(KNOWN) if KNOWN.exists() else {}
+    cases = [case for case in quick() if case.name not in known]
+    for i, case in enumerate(cases, 1):
+        known[case.name] = answer(case)
+        seal(known, KNOWN)
+        print(f"{i}/{len(cases)}", file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="causes hidden in simulated drives")
+    parser.add_argument("--out", type=Path, default=Path("blind-out"))
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument("--limit", type=int, help="a random part of so many cases")
+    parser.add_argument("--shard", default="0/1", metavar="i/n")
+    parser.add_argument("--ci", action="store_true", help="the fixed short run")
+    parser.add_argument("--measured", action="store_true", help="gain on the drive held out")
+    parser.add_argument("--table", action="store_true", help="the table of what is finished")
+    parser.add_argument("--prepare", action="store_true", help="sizes of the short run, anew")
+    given = parser.parse_args()
+    if given.prepare:
+        return prepare()
+    given.out.mkdir(parents=True, exist_ok=True)
+    if not given.table:
+        cases = quick() if given.ci else drawn(given.parts, given.limit)
+        known = unseal(KNOWN) if given.ci and KNOWN.exists() else {}
+        run(cases, given.shard, given.out, known, given.measured)
+    tell(given.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+"""One case: `clutchest discover` on its files alone, then the answer opened and both compared."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from threading import Timer
+from typing import Any
+
+from blind.cases import HELD_OUT, LOG, VEHICLE, drive_of, outsider_of, write
+from blind.plan import Case, gains
+from blind.sealed import unseal
+from clutchest import read_log, replay
+from clutchest.reading.tables import write_signals
+from clutchest.signals import Signals
+from clutchest.simulated import Effects
+from clutchest.vehicle import Vehicle, load_vehicle
+
+LONGEST = 1200.0  # s that a discovery may take
+APART = 2.0  # d′; effects nearer to each other than this cannot be told apart
+SEEN = 3.5  # d′; an effect that does not reach it at its largest plausible size is unexcited
+
+Record = dict[str, Any]
+
+
+def score(case: Case, out: Path, *, measured: bool, known: Record | None = None) -> Record:
+    """The case's record.  ``measured``: hold-out gains too, which compiles a model per cause;
+    ``known``: the answer, where the oracle has been asked before."""
+    folder, sealed = out / "work" / case.blind_name, out / "answers" / f"{case.blind_name}.sealed"
+    if known is None and sealed.exists():
+        known = unseal(sealed)
+    write(case, folder, sealed, known)
+    found = discovered([folder / LOG], folder, folder / "found")
+    answer = unseal(sealed)
+    record = {**asdict(case), "name": case.name, **judged(answer, found)}
+    record["followed_up"] = _followed_up(case, answer, found, folder)
+    if measured:
+        record |= held_out_gain(case, answer, found, folder)
+    shutil.rmtree(folder)
+    return record
+
+
+def discovered(logs: Sequence[Path], folder: Path, out: Path) -> Record:
+    """What `clutchest discover` says of ``logs``: discovery.json with ``seconds`` and ``MiB`` it
+    took; verdict ``failed`` with ``why`` where it says nothing."""
+    command = [sys.executable, "-m", "clutchest", "discover", *map(str, logs), "--json",
+               "--vehicle", str(folder / VEHICLE), "--holdout", str(folder / HELD_OUT),
+               "--out", str(out)]  # fmt: skip
+    out.mkdir(parents=True, exist_ok=True)
+    words = out / "stderr.txt"
+    with words.open("w") as errors:
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=errors)
+        timer = Timer(LONGEST, process.kill)
+        timer.start()
+        _, status, usage = os.wait4(process.pid, 0)
+        timer.cancel()
+    cost = {"seconds": usage.ru_utime + usage.ru_stime, "MiB": usage.ru_maxrss / 1024}
+    written = out / "discovery.json"
+    if os.waitstatus_to_exitcode(status) != 0 or not written.exists():
+        lines = words.read_text().splitlines() or ["no word"]
+        return {"verdict": "failed", "why": lines[-1], **cost}
+    return {**json.loads(written.read_text(encoding="utf-8")), **cost}
+
+
+def judged(answer: Record, found: Record) -> Record:
+    """The answer and what was found, side by side."""
+    effects: Effects = answer["effects"]
+    rivals: dict[str, float] = answer.get("rivals", {})
+    causes = [cause["effect"] for cause in found.get("causes") or []]
+    where = found.get("where") or {}
+    return {
+        "truth": list(effects) or ([answer["outsider"]["name"]] if answer["outsider"] else []),
+        "reached": answer.get("d_prime", 0.0),
+        "one_sided": answer.get("one_sided"),
+        "nearest": min(rivals.values(), default=None),
+        "alike": [name for name, distance in rivals.items() if distance < APART],
+        "hidden_unexcited": _unexcited(answer),
+        "verdict": found["verdict"], "why": found.get("why"), "causes": causes,
+        "p_values": [cause.get("p_value") for cause in found.get("causes") or []],
+        "equation": where.get("equation"), "drivers": where.get("drivers"),
+        "expected_where": answer.get("where"),
+        "unexcited": found.get("unexcited"), "gain": found.get("gain"),
+        "covered": covered(effects, found),
+        "seconds": found["seconds"], "MiB": found["MiB"],
+    }  # fmt: skip
+
+
+def covered(effects: Effects, found: Record) -> dict[str, bool]:
+    """``effect.gain`` → whether the truth lies within two standard deviations of what was found,
+    for every gain of a named true effect, shapes left out."""
+    if found["verdict"] != "named":
+        return {}
+    inside, known = {}, gains()
+    for cause in found["causes"]:
+        for key, true in effects.get(cause["effect"], {}).items():
+            told, gain = cause["parameters"].get(key), f"{cause['effect']}.{key}"
+            if gain in known and told and told.get("std") is not None:
+                inside[gain] = abs(told["value"] - true) <= 2.0 * told["std"]
+    return inside
+
+
+def _unexcited(answer: Record) -> bool:
+    """Whether what is hidden could not be seen in this drive, however large."""
+    if len(answer["effects"]) != 1:
+        return False
+    return all(
+        answer["excited"][answer["case"]["cause"]] < limit
+        for limit in (SEEN, answer["case"]["d_prime"])
+    )
+
+
+def _followed_up(case: Case, answer: Record, found: Record, folder: Path) -> Record | None:
+    """What comes out after the manoeuvre that an ambiguous verdict proposes."""
+    experiment = found.get("experiment") or {}
+    scenario = experiment.get("scenario")
+    if found["verdict"] != "ambiguous" or not scenario or case.part != "effect":
+        return None
+    drive = drive_of(case, answer)
+    extra = folder / "more.parquet"
+    write_signals(drive.signals(answer["effects"], outsider_of(answer), scenario=scenario), extra)
+    again = discovered([folder / LOG, extra], folder, folder / "again")
+    named = [cause["effect"] for cause in again.get("causes") or []]
+    right = again["verdict"] == "named" and named == list(answer["effects"])
+    return {"scenario": scenario, "verdict": again["verdict"], "causes": named, "right": right}
+
+
+# --- gain on the drive held out --------------------------------------------------------------
+
+
+def held_out_gain(case: Case, answer: Record, found: Record, folder: Path) -> Record:
+    """Gain in −ln(likelihood) of the drive held out: ``gained`` by the extended vehicle file,
+    ``possible`` when nothing were wrong with the truck, and ``held_out_nll`` before.
+
+    What is possible is measured on the same drive without its cause, reading by reading: the
+    number of readings is not quite the same.
+    """
+    drive = drive_of(case, answer)
+    vehicle = load_vehicle(folder / VEHICLE)
+    held_out = read_log(folder / HELD_OUT, vehicle)
+    before, count = nll(held_out, vehicle)
+    extended = folder / "found" / "extended.toml"
+    changed = found["verdict"] not in ("none", "failed") and extended.exists()
+    after = nll(held_out, load_vehicle(extended))[0] if changed else before
+    healthy, of = nll(drive.signals(held_out=True), vehicle)
+    possible = count * (before / count - healthy / of)
+    return {"gained": before - after, "possible": possible, "held_out_nll": before}
+
+
+def nll(signals: Signals, vehicle: Vehicle) -> tuple[float, int]:
+    """−ln(likelihood) of a replay, and the number of readings."""
+    summary = replay(signals, vehicle).summary
+    count = sum(sensor["count"] for sensor in summary["sensors"].values())
+    return -float(summary["log_likelihood"]), count

@@ -1,0 +1,325 @@
+"""The blind suite itself: what it hides stays hidden, its cases are the same every time, its
+outsiders act as they say, and its table adds up."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+import clutchest
+
+SECONDS = 420.0  # long enough for every outsider to act
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def blind() -> Iterator[None]:
+    """The suite stands beside the benchmarks, not in the package."""
+    sys.path.insert(0, str(BENCHMARKS))
+    yield
+    sys.path.remove(str(BENCHMARKS))
+
+
+def test_a_sealed_answer_comes_back_and_says_nothing_before(tmp_path):
+    from blind.sealed import seal, unseal
+
+    answer = {"effects": {"friction_fade": {"slope": 0.1234567890123}}, "outsider": None}
+    seal(answer, tmp_path / "a")
+    text = (tmp_path / "a").read_text()
+    assert "friction" not in text and "0.123" not in text
+    assert unseal(tmp_path / "a") == answer
+    body, digest = text.split()
+    (tmp_path / "a").write_text(f"{body[:-8]}AAAA{body[-4:]}\n{digest}\n")
+    with pytest.raises(ValueError, match="a: "):
+        unseal(tmp_path / "a")
+    (tmp_path / "a").write_text(f"{body}\n{digest[::-1]}\n")
+    with pytest.raises(ValueError, match="has been changed"):
+        unseal(tmp_path / "a")
+
+
+def test_the_plan_holds_what_it_must():
+    from blind.outsiders import OUTSIDERS
+    from blind.plan import PARTS, SIZES, drawn, full, gains, quick
+
+    cases = full()
+    assert len({case.name for case in cases}) == len({case.seed for case in cases}) == len(cases)
+    assert set(SIZES) >= {2, 3, 4, 5, 6, 12, 20}
+    for gain in gains():
+        of = [case for case in cases if case.cause == gain]
+        assert all(sum(case.d_prime == size for case in of) >= 20 for size in SIZES)
+        assert len({case.noise for case in of}) == 5
+    for noise in ("white", "ar05", "ar09", "quantised", "outliers"):
+        assert sum(case.part == "null" and case.noise == noise for case in cases) >= 1000
+    assert len(OUTSIDERS) >= 8
+    assert len({kind.equation for kind in OUTSIDERS.values()}) >= 7
+    few = quick()
+    assert len(few) >= 120 and few == quick()
+    assert {case.cause for case in few if case.part == "outsider"} == set(OUTSIDERS)
+    assert {case.cause for case in few if case.part == "effect"} == set(gains())
+    assert drawn(PARTS, 50) == drawn(PARTS, 80)[:50]
+    assert 20 <= sum(case.part == "null" for case in drawn(PARTS, 80)) <= 60
+
+
+def test_outsiders_know_nothing_of_the_package():
+    tree = ast.parse((BENCHMARKS / "blind" / "outsiders.py").read_text())
+    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import)
+                for alias in node.names}  # fmt: skip
+    imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert imported == {"__future__", "collections.abc", "dataclasses", "typing", "numpy",
+                        "numpy.typing"}  # fmt: skip
+
+
+def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
+    from blind.outsiders import OUTSIDERS
+
+    from clutchest.models import card
+    from clutchest.models.effects import library
+
+    known = {name for name, _ in card("dry_clutch").columns}
+    known |= {state.name for state in card("dry_clutch").states}
+    known |= {"slip_speed", "position_rate", "energy", "time"}
+    assert not set(OUTSIDERS) & set(library("dry_clutch"))
+    for kind in OUTSIDERS.values():
+        assert set(kind.drivers) <= known and kind.largest > 0 and kind.__doc__
+
+
+@pytest.fixture(scope="module")
+def drives() -> Any:
+    """``drives(outsider)``: exact readings and truth of one drive."""
+    from dataclasses import replace
+
+    truck = clutchest.load_vehicle("truck")
+    quiet = {name: replace(s, noise=0.0) for name, s in truck.signals.items()}
+    vehicle = replace(truck, signals=quiet)
+
+    def made(outsider: Any = None) -> Any:
+        from clutchest.simulated import simulate_sampled
+
+        return simulate_sampled(vehicle, "mixed", 1, outsider=outsider, duration=SECONDS)
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def plain(drives) -> Any:
+    return drives()
+
+
+def _outsiders() -> list[str]:
+    names = ast.parse((BENCHMARKS / "blind" / "outsiders.py").read_text())
+    return [node.name for node in names.body if isinstance(node, ast.ClassDef) and node.bases]
+
+
+@pytest.mark.parametrize("name", _outsiders())
+def test_an_outsider_acts_where_it_says(drives, plain, name):
+    """What falsifies a sensor or its timing leaves the truck alone, and the other sensors; what
+    acts on the truck leaves every sensor right.  At size 0 nothing changes."""
+    from blind import outsiders
+
+    kind = getattr(outsiders, name)
+    wrong = drives(kind(kind.largest / 3))
+    reading = kind.equation.startswith(("sensor:", "timing:"))
+    moved = [c for c, column in plain.truth.columns.items()
+             if c != "mode" and not np.array_equal(column, wrong.truth.columns[c])]  # fmt: skip
+    shown = {s for s, (_, value) in plain.signals.items()
+             if not np.array_equal(value, wrong.signals[s][1])}  # fmt: skip
+    if reading:
+        signal = kind.equation.split(":")[1]
+        assert moved == []
+        assert signal in shown <= {signal, "motor_position"}
+    else:
+        assert moved and shown
+        for signal in ("engine_speed", "slave_position", "engine_torque"):
+            time, value = wrong.signals[signal]
+            true = np.interp(time, wrong.truth.time, wrong.truth.columns[signal])
+            assert np.median(np.abs(value - true)) < 1e-3
+    nothing = drives(kind(0.0))
+    for column, values in plain.truth.columns.items():
+        assert np.array_equal(values, nothing.truth.columns[column]), column
+    for signal, (_, value) in plain.signals.items():
+        assert np.array_equal(value, nothing.signals[signal][1]), signal
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Drives of two minutes."""
+    from blind import drives
+
+    monkeypatch.setattr(drives, "SHORTEST", 120.0)
+    monkeypatch.setattr(drives, "LONGEST", 130.0)
+
+
+def test_a_case_is_the_same_every_time(tmp_path, short):
+    from blind.cases import HELD_OUT, LOG, VEHICLE, write
+    from blind.plan import Case
+    from blind.sealed import unseal
+
+    case = Case("effect", "friction_level.change", 4.0, "ar05", 3)
+    known = {"case": {"part": "effect"}, "attempt": 0, "outsider": None, "d_prime": 4.0,
+             "effects": {"friction_level": {"change": -0.1}}}  # fmt: skip
+    for turn in ("a", "b"):
+        write(case, tmp_path / turn, tmp_path / f"{turn}.sealed", known)
+    for file in (LOG, HELD_OUT, VEHICLE):
+        a, b = ((tmp_path / turn / file).read_bytes() for turn in ("a", "b"))
+        assert a == b and b"friction_level" not in a
+    assert unseal(tmp_path / "a.sealed") == known
+    vehicle = clutchest.load_vehicle(tmp_path / "a" / VEHICLE)
+    assert {s.noise_ar for s in vehicle.signals.values()} == {0.5} and not vehicle.effects
+    logs = [clutchest.read_log(tmp_path / "a" / file, vehicle) for file in (LOG, HELD_OUT)]
+    assert all(119 < log.end < 131 for log in logs)
+    assert not np.array_equal(logs[0]["engine_speed"].value[:1000],
+                              logs[1]["engine_speed"].value[:1000])  # fmt: skip
+
+
+def test_noise_is_as_the_vehicle_file_states(short):
+    """In every kind: standard deviation over readings less the exact ones, and correlation."""
+    from blind.drives import NOISES, Drive
+
+    for kind, noise in NOISES.items():
+        drive = Drive(5, kind)
+        shown, exact = drive.signals(), drive.signals(noiseless=True)
+        for name in ("engine_torque", "engine_speed", "input_shaft_speed"):
+            stated = drive.vehicle.signals[name]
+            error = shown[name].value - exact[name].value
+            kept = error[np.abs(error) < 5 * stated.noise]
+            assert np.std(kept) == pytest.approx(stated.noise, rel=0.05), (kind, name)
+            ar = np.mean(kept[1:] * kept[:-1]) / np.var(kept)
+            assert stated.noise_ar == noise.ar == pytest.approx(ar, abs=0.06), (kind, name)
+            far = 1 - len(kept) / len(error)
+            assert far == pytest.approx(noise.outliers, abs=0.003), (kind, name)
+        steps = np.unique(np.round(shown["engine_torque"].value, 6))
+        assert (np.diff(steps).min() > 20.0) == noise.coarse
+
+
+# --- the table -----------------------------------------------------------------------------------
+
+
+def record(part: str, verdict: str, **more: Any) -> dict[str, Any]:
+    plain = {
+        "part": part, "verdict": verdict, "cause": "wear.rate", "noise": "white", "reached": 12.0,
+        "one_sided": False, "nearest": 9.0, "alike": [], "hidden_unexcited": False,
+        "truth": ["wear"], "causes": ["wear"] if verdict == "named" else [], "equation": "torque",
+        "drivers": ["energy", "time"], "expected_where": None, "unexcited": [],
+        "followed_up": None, "covered": {}, "seconds": 10.0, "MiB": 300.0,
+    }  # fmt: skip
+    return {**plain, **more}
+
+
+def row(records: list[dict[str, Any]], what: str) -> Any:
+    from blind.table import rows
+
+    return next(found for found in rows(records) if found.what.startswith(what))
+
+
+def test_false_findings_have_exact_intervals():
+    some = [record("null", "none")] * 990 + [record("null", "unknown")] * 10
+    found = row(some, "false findings, white")
+    assert (found.count, found.value, found.passed) == (1000, 0.01, True)
+    assert binom.sf(9, 1000, found.low) == pytest.approx(0.005)  # Clopper–Pearson, 99 %
+    assert binom.cdf(10, 1000, found.high) == pytest.approx(0.005)
+    assert not row(some + [record("null", "named")] * 15, "false findings, white").passed
+    assert not row([record("null", "none")] * 1000, "false findings, white").passed
+    assert row(some, "false findings, ar09").passed is None
+
+
+def test_a_size_found_in_half_of_the_runs_is_recovered():
+    """Effects found along known logistic curves: the ratio to 2.576 (2.326 where one-sided)."""
+    random = np.random.default_rng(1)
+    records = []
+    for cause, one_sided, half in (("a.x", False, 3.5), ("b.x", True, 3.0), ("c.x", False, 5.0)):
+        for d in (2.0, 3.0, 4.0, 5.0, 6.0, 12.0) * 200:
+            hit = random.random() < 1 / (1 + np.exp(-6.0 * np.log(d / half)))
+            records.append(record("effect", "named" if hit else "none", cause=cause, reached=d,
+                                  one_sided=one_sided))  # fmt: skip
+    assert row(records, "detection: a.x").value == pytest.approx(3.5 / 2.576, rel=0.05)
+    assert row(records, "detection: b.x").value == pytest.approx(3.0 / 2.326, rel=0.05)
+    assert row(records, "detection: median").value == pytest.approx(3.5 / 2.576, rel=0.05)
+    assert row(records, "detection: median").passed
+    worst = row(records, "detection: worst ratio, c.x")
+    assert worst.low < 5.0 / 2.576 < worst.high and worst.high - worst.low < 0.3
+    assert worst.passed
+
+
+def test_names_sets_and_causes_from_outside_are_counted():
+    named = [record("effect", "named")] * 19 + [record("effect", "ambiguous", causes=["wear"])]
+    assert row(named, "named right").value == 0.95
+    assert row(named, "named right").passed
+    assert not row([*named, record("effect", "named", causes=["play"])], "named right").passed
+    close = [record("effect", "named", nearest=3.0, causes=["play"])] * 50
+    assert row(named + close, "named right").count == 20, "rivals too near to be told apart"
+    small = [record("effect", "none", reached=6.0)] * 50
+    assert row(named + small, "named right").count == 20
+
+    alike = [record("effect", "ambiguous", nearest=1.0, alike=["play"], causes=["play", "wear"],
+                    followed_up={"right": True})] * 3  # fmt: skip
+    alike += [record("effect", "ambiguous", nearest=1.0, alike=["play"], causes=["play", "drag"])]
+    assert row(alike, "ambiguous: truth inside").value == 0.75
+    assert row(alike, "ambiguous: mean size").value == 1.0
+    assert row(alike, "ambiguous: right after").count == 3
+
+    where = {"equation": "torque", "drivers": ["energy"]}
+    outside = [record("outsider", "unknown", expected_where=where)] * 9
+    outside += [record("outsider", "named", expected_where=where, equation="disc_heat",
+                       drivers=["a", "b", "energy"])]  # fmt: skip
+    assert row(outside, "outsiders: unknown").value == 0.9
+    assert row(outside, "outsiders: equation").value == 0.9
+    assert row(outside, "outsiders: driver").value == 0.9
+    assert row([record("outsider", "unknown", reached=5.0, expected_where=where)],
+               "outsiders: unknown").count == 0  # fmt: skip
+    both = [record("two", "named", truth=["wear", "drag"], causes=["drag", "wear"]),
+            record("two", "named", truth=["wear", "drag"], causes=["wear"])]  # fmt: skip
+    assert row(both, "two effects").value == 0.5
+    failed = [record("effect", "failed"), record("null", "failed")]
+    assert row(failed, "discoveries that failed").value == 1.0
+    assert row(failed, "false findings, white").value == 1.0
+    assert row(failed, "named right").value == 0.0
+
+
+def test_gain_and_coverage_are_pooled():
+    records = [
+        record("effect", "named", gained=90.0, possible=100.0, held_out_nll=-1e5,
+               covered={"wear.rate": True}),
+        record("effect", "named", gained=9.0, possible=10.0, held_out_nll=-1e5,
+               covered={"wear.rate": False}),
+        record("outsider", "unknown", gained=50.0, possible=100.0, held_out_nll=-1e5,
+               expected_where={"equation": "torque", "drivers": []}),
+        record("null", "named", gained=-300.0, possible=0.0, held_out_nll=-1e5),
+    ]  # fmt: skip
+    assert row(records, "gain: named").value == pytest.approx(0.9)
+    assert row(records, "gain: named").passed
+    assert row(records, "gain: unknown").passed is False
+    assert row(records, "gain: nulls").value == pytest.approx(-0.003)
+    assert row(records, "gain: nulls").passed is False
+    assert row(records, "±2 σ coverage").value == 0.5
+    assert row(records, "±2 σ: wear.rate").count == 2
+    assert row(records[2:], "gain: named").passed is None
+
+
+def test_an_answer_and_a_finding_are_compared():
+    from blind.score import judged
+
+    answer = {
+        "case": {"cause": "wear.rate", "d_prime": 12.0}, "effects": {"wear": {"rate": 0.1}},
+        "outsider": None, "d_prime": 11.5, "one_sided": True, "excited": {"wear.rate": 40.0},
+        "rivals": {"transmission_heat_path": 1.5, "play": 8.0},
+    }  # fmt: skip
+    found = {
+        "verdict": "named", "seconds": 1.0, "MiB": 2.0, "unexcited": [],
+        "causes": [{"effect": "wear", "parameters": {"rate": {"value": 0.13, "std": 0.014}}}],
+        "where": {"equation": "zero_position", "drivers": ["energy"]},
+    }  # fmt: skip
+    told = judged(answer, found)
+    assert told["truth"] == told["causes"] == ["wear"]
+    assert (told["nearest"], told["alike"]) == (1.5, ["transmission_heat_path"])
+    assert told["covered"] == {"wear.rate": False}, "0.03 off at 0.014"
+    assert not told["hidden_unexcited"]
+    assert judged({**answer, "excited": {"wear.rate": 1.0}}, found)["hidden_unexcited"]
+    nothing = judged(answer, {"verdict": "failed", "why": "no", "seconds": 1.0, "MiB": 2.0})
+    assert nothing["causes"] == [] and nothing["covered"] == {}
