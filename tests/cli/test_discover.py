@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -39,8 +40,9 @@ def search(monkeypatch):
     """Stands in for the search: gives ``search.answer``, keeps what it was asked."""
 
     class Search:
-        answer = discovery("named")
-        asked: list[dict] = []
+        def __init__(self):
+            self.answer = discovery("named")
+            self.asked: list[dict] = []
 
         def __call__(self, signals, vehicle, *, holdout=None, effects_files=(), progress=None):
             progress("trying causes", 0.5)
@@ -50,8 +52,8 @@ def search(monkeypatch):
             return self.answer
 
     made = Search()
-    made.asked = []
-    monkeypatch.setattr("clutchest.discover.discover", made, raising=False)
+    # by sys.modules: the attribute of that name may be the function
+    monkeypatch.setattr(import_module("clutchest.discover"), "discover", made, raising=False)
     return made
 
 

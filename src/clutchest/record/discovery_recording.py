@@ -54,16 +54,19 @@ def write_discovery_recording(discovery: Discovery, path: Path) -> None:
 def _send_torque(
     stream: rr.RecordingStream, discovery: Discovery, starts: Sequence[float]
 ) -> list[Panel]:
-    names = [("measured", _MEASURED), ("simulated", _SIMULATED), ("extended", _EXTENDED)]
+    # Wide, so that it shows on both sides of what was measured where it follows it.
+    names = [
+        ("measured", _MEASURED, 1.0), ("simulated", _SIMULATED, 1.5), ("extended", _EXTENDED, 4.0)
+    ]  # fmt: skip
     if discovery.verdict == "none":
         names.pop()
     shown, values = [], []
-    for k, (name, colour) in enumerate(names, start=1):
+    for k, (name, colour, width) in enumerate(names, start=1):
         drives = [
             (start, _parted(torque[0], torque[k]))
             for start, torque in zip(starts, discovery.misfit.torque, strict=True)
         ]
-        value = _send_line(stream, f"clutch_torque/{name}", name, colour, drives)
+        value = _send_line(stream, f"clutch_torque/{name}", name, colour, width, drives)
         if value is not None:
             shown.append(f"clutch_torque/{name}")
             values.append(value)
@@ -94,7 +97,7 @@ def _send_residuals(
                     starts, misfit.time, rows, residuals, strict=True
                 )
             ]
-            value = _send_line(stream, entity, name, colour, drives)
+            value = _send_line(stream, entity, name, colour, 1.5, drives)
             if value is not None:
                 shown.append(entity)
                 values.append(np.clip(value, -REACH, REACH))
@@ -110,6 +113,7 @@ def _send_line(
     entity: str,
     name: str,
     colour: int,
+    width: float,
     drives: Sequence[tuple[float, Sequence[NDArray]]],
 ) -> Floats | None:
     """Log one series of all ``drives`` and give its values; None where it has no sample."""
@@ -118,7 +122,7 @@ def _send_line(
         return None
     time, value = columns
     lines = rr.SeriesLines(
-        names=name, colors=np.uint32(colour), widths=1.5, aggregation_policy="MinMax"
+        names=name, colors=np.uint32(colour), widths=width, aggregation_policy="MinMax"
     )
     stream.log(entity, lines, static=True)
     stream.send_columns(entity, index(time), rr.Scalars.columns(scalars=value))
