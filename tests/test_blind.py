@@ -198,6 +198,23 @@ def test_noise_is_as_the_vehicle_file_states(short):
         assert (np.diff(steps).min() > 20.0) == noise.coarse
 
 
+@pytest.mark.slow
+def test_the_oracle_agrees_with_itself():
+    """What the equations promise to first order is what a drive with the cause in it shows; the
+    cause itself explains it, and one that is nothing is at no distance."""
+    from blind.drives import Drive
+    from blind.oracle import Oracle
+
+    oracle = Oracle(Drive(2, "ar05"))
+    assert oracle.clean.cost < 4.0, "a drive without noise lies at its own truck's numbers"
+    for gain, largest in (("friction_level.change", 0.5), ("torque_gain.change", 0.3)):
+        name, key = gain.split(".")
+        size = 6.0 / oracle.per_largest(gain) * largest
+        twin = oracle.twin({name: {key: size}})
+        assert oracle.distance(twin) == pytest.approx(6.0, rel=0.15)
+        assert oracle.distance(twin, [name]) < 1.0
+
+
 # --- the table -----------------------------------------------------------------------------------
 
 
@@ -300,6 +317,26 @@ def test_gain_and_coverage_are_pooled():
     assert row(records, "±2 σ coverage").value == 0.5
     assert row(records, "±2 σ: wear.rate").count == 2
     assert row(records[2:], "gain: named").passed is None
+
+
+def test_what_a_discovery_takes_is_its_own(tmp_path, monkeypatch):
+    """Memory and time of the discovery alone; whatever goes wrong is a verdict of its own."""
+    from blind import score
+
+    ballast = np.ones(40_000_000)  # 320 MB
+    found = score.discovered([tmp_path / "none.parquet"], tmp_path, tmp_path / "out")
+    assert found["verdict"] == "failed" and found["why"]
+    assert 0.05 < found["seconds"] < 60 and 20 < found["MiB"] < 250 < ballast.nbytes / 2**20
+    monkeypatch.setattr(score, "LONGEST", 0.01)
+    slow = score.discovered([tmp_path / "none.parquet"], tmp_path, tmp_path / "out")
+    assert (slow["verdict"], slow["why"]) == ("failed", "too slow")
+
+
+def test_an_hour_counts_for_its_cost_alone():
+    records = [{"part": "hour", "verdict": "none", "seconds": 31.0, "MiB": 500.0}]
+    assert row(records, "a log of one hour: s").passed is False
+    assert row(records, "a log of one hour: MiB").passed is True
+    assert row(records, "false findings, white").count == 0
 
 
 def test_an_answer_and_a_finding_are_compared():

@@ -2,13 +2,14 @@
 
     python benchmarks/blind --out blind-out [--parts null effect two outsider] [--limit 900]
                             [--shard 0/2] [--measured]
+    python benchmarks/blind --out blind-out --hour
     python benchmarks/blind --out blind-out --table
     python benchmarks/blind --ci --out blind-ci
 
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
 one holding the smaller.  ``--ci`` is the fixed short run, whose sizes are already known.
-``--measured`` adds the gain on the drive held out.
+``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a folder, no
 from blind import table
 from blind.cases import answer
 from blind.plan import PARTS, Case, drawn, quick
-from blind.score import score
+from blind.score import hour, score
 from blind.sealed import seal, unseal
 
 KNOWN = Path(__file__).parent / "ci.sealed"  # answers of the short run
@@ -80,13 +81,17 @@ def main() -> None:
     parser.add_argument("--shard", default="0/1", metavar="i/n")
     parser.add_argument("--ci", action="store_true", help="the fixed short run")
     parser.add_argument("--measured", action="store_true", help="gain on the drive held out")
+    parser.add_argument("--hour", action="store_true", help="only the cost of a log of one hour")
     parser.add_argument("--table", action="store_true", help="the table of what is finished")
     parser.add_argument("--prepare", action="store_true", help="sizes of the short run, anew")
     given = parser.parse_args()
     if given.prepare:
         return prepare()
     given.out.mkdir(parents=True, exist_ok=True)
-    if not given.table:
+    if given.hour:
+        with (given.out / "records-hour.jsonl").open("w") as records:
+            records.write(json.dumps(hour(given.out)) + "\n")
+    elif not given.table:
         cases = quick() if given.ci else drawn(given.parts, given.limit)
         known = unseal(KNOWN) if given.ci and KNOWN.exists() else {}
         run(cases, given.shard, given.out, known, given.measured)

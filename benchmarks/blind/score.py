@@ -5,23 +5,25 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 from blind.cases import HELD_OUT, LOG, VEHICLE, drive_of, outsider_of, write
+from blind.drives import VEHICLE as TRUCK
 from blind.plan import Case, gains
 from blind.sealed import unseal
 from clutchest import read_log, replay
 from clutchest.reading.tables import write_signals
 from clutchest.signals import Signals
-from clutchest.simulated import Effects
-from clutchest.vehicle import Vehicle, load_vehicle
+from clutchest.simulated import Effects, simulate
+from clutchest.vehicle import Vehicle, dump_vehicle, load_vehicle
 
+MEASURED = Path(__file__).parent / "measured.py"
 LONGEST = 1200.0  # s that a discovery may take
 APART = 2.0  # d′; effects nearer to each other than this cannot be told apart
 SEEN = 3.5  # d′; an effect that does not reach it at its largest plausible size is unexcited
@@ -47,25 +49,42 @@ def score(case: Case, out: Path, *, measured: bool, known: Record | None = None)
 
 
 def discovered(logs: Sequence[Path], folder: Path, out: Path) -> Record:
-    """What `clutchest discover` says of ``logs``: discovery.json with ``seconds`` and ``MiB`` it
-    took; verdict ``failed`` with ``why`` where it says nothing."""
-    command = [sys.executable, "-m", "clutchest", "discover", *map(str, logs), "--json",
-               "--vehicle", str(folder / VEHICLE), "--holdout", str(folder / HELD_OUT),
-               "--out", str(out)]  # fmt: skip
+    """What `clutchest discover` says of ``logs``: discovery.json, with ``seconds`` of the processor
+    and ``MiB`` it took; verdict ``failed`` with ``why`` where it says nothing."""
     out.mkdir(parents=True, exist_ok=True)
-    words = out / "stderr.txt"
+    took, words, written = out / "took.json", out / "stderr.txt", out / "discovery.json"
+    command = [sys.executable, "-m", "clutchest", "discover", *map(str, logs), "--json",
+               "--vehicle", str(folder / VEHICLE), "--out", str(out)]  # fmt: skip
+    if (folder / HELD_OUT).exists():
+        command += ["--holdout", str(folder / HELD_OUT)]
     with words.open("w") as errors:
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=errors)
-        timer = Timer(LONGEST, process.kill)
-        timer.start()
-        _, status, usage = os.wait4(process.pid, 0)
-        timer.cancel()
-    cost = {"seconds": usage.ru_utime + usage.ru_stime, "MiB": usage.ru_maxrss / 1024}
-    written = out / "discovery.json"
-    if os.waitstatus_to_exitcode(status) != 0 or not written.exists():
+        process = subprocess.Popen([sys.executable, str(MEASURED), str(took), *command],
+                                   stdout=subprocess.DEVNULL, stderr=errors,
+                                   start_new_session=True)  # fmt: skip
+        try:
+            process.wait(LONGEST)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)  # the discovery, not only who measures it
+            process.wait()
+            return {"verdict": "failed", "why": "too slow", "seconds": LONGEST, "MiB": 0.0}
+    cost = json.loads(took.read_text(encoding="ascii"))
+    if cost.pop("exit") != 0 or not written.exists():
         lines = words.read_text().splitlines() or ["no word"]
         return {"verdict": "failed", "why": lines[-1], **cost}
     return {**json.loads(written.read_text(encoding="utf-8")), **cost}
+
+
+def hour(out: Path) -> Record:
+    """A log of one hour, all that is measured of it being the cost."""
+    folder, vehicle = out / "work" / "hour", load_vehicle(TRUCK)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_signals(simulate(vehicle, "mixed", 1, duration=3600.0), folder / LOG)
+    dump_vehicle(vehicle, folder / VEHICLE)
+    discovered([folder / LOG], folder, folder / "compiles")
+    found = discovered([folder / LOG], folder, folder / "found")
+    shutil.rmtree(folder)
+    kept = {key: found.get(key) for key in ("verdict", "why", "seconds", "MiB")}
+    return {"name": "hour", "part": "hour", **kept}
 
 
 def judged(answer: Record, found: Record) -> Record:
