@@ -74,10 +74,11 @@ def test_modes_agree_with_the_truth(drives):
         assert np.mean(mine == truth.columns["mode"][row]) > 0.95
 
 
-def test_innovations_of_the_zero_position_are_as_large_as_its_noise(drives):
+def test_innovations_of_the_zero_position_lie_between_average_and_noise(drives):
+    """No average of 17 readings is better than white noise leaves it, or worse than it is held."""
     noise = TRUCK.signals["slave_position"].noise
     sizes = [run.summary["sensors"]["zero_position"]["innovation_rms"] for _, run in drives]
-    assert 0.9 < np.mean(sizes) / noise < 1.2
+    assert 1 / np.sqrt(17) < np.mean(sizes) / noise < 1.0
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.modes import Mode
-from clutchest.estimate.timeline import build, slope
+from clutchest.estimate.timeline import build, slope, told
 from clutchest.models.dry_clutch import DRY_CLUTCH
 from clutchest.signals import Signal, Signals, Why
 from clutchest.vehicle import load_vehicle
@@ -134,8 +134,25 @@ def test_the_zero_position_is_read_only_while_retracted():
     home = Signal.of("", "", time, np.where(time < 5, 30.0, 0.0))
     line = timeline(drive(input_shaft_speed=still, motor_position=home))
     read = line.t[line.sensor == DRY_CLUTCH.sensor("zero_position")]
-    assert read.min() == pytest.approx(5.2, abs=0.02)
+    # home for 0.2 s, then the middle of the first average, twice 0.08 s long
+    assert read.min() == pytest.approx(5.2 + 0.08, abs=0.02)
     assert set(line.mode[line.t < 5]) == {Mode.locked}
+
+
+def test_readings_at_rest_are_averaged():
+    """Averages of 17 readings, each worth one reading; what is left at the end is worth less."""
+    rng = np.random.default_rng(3)
+    time = np.concatenate([np.arange(0, 0.5, 0.01), np.arange(8.0, 8.17, 0.01)])
+    value = rng.normal(38.0, 0.01, len(time))
+    t, z, R = told(Signal.of("", "", time, value), 0.01, 0.0, 0.08)
+    assert t == pytest.approx([0.08, 0.25, 0.42, 8.08])
+    assert z == pytest.approx(
+        [value[a:b].mean() for a, b in ((0, 17), (17, 34), (34, 50), (50, 67))]
+    )
+    assert R == pytest.approx(0.01**2 * np.array([1.0, 1.0, 17 / 16, 1.0]))
+    assert told(Signal.of("", "", time, value), 0.01, 0.95, 0.08)[2][0] == pytest.approx(
+        0.01**2 * 39 / 17
+    )
 
 
 def test_coloured_noise_counts_for_less():

@@ -129,11 +129,11 @@ def build(
         reading = present[name]
         if sensor.mode:
             reading = _where(reading, stamps, regime.mode == Mode[sensor.mode])
-        times.append(reading.time)
-        sensors.append(np.full(len(reading), i, np.int8))
-        values.append(reading.value)
-        repeated = _repeated(reading, colour_of[name], sensor.repeats)
-        variances.append(np.full(len(reading), noise_of[name] ** 2 * repeated))
+        time, value, variance = told(reading, noise_of[name], colour_of[name], sensor.repeats)
+        times.append(time)
+        sensors.append(np.full(len(time), i, np.int8))
+        values.append(value)
+        variances.append(variance)
     t, sensor_of = np.concatenate(times), np.concatenate(sensors)
     order = np.lexsort((sensor_of, t))
     order = order[(t[order] >= first) & (t[order] <= end)]
@@ -244,12 +244,25 @@ def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
     return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
 
 
-def _repeated(signal: Signal, ar: float, repeats: float) -> float:
-    """How many readings tell as much as one with white noise: coloured ones repeat themselves."""
-    if len(signal) < 2:
-        return 1.0
-    period = max(float(np.median(np.diff(signal.time))), 1e-3)
-    return max(1.0, 2.0 * repeats / period, (1 + ar) / (1 - ar))
+def told(signal: Signal, noise: float, ar: float, repeats: float) -> tuple[Floats, Floats, Floats]:
+    """What the readings tell: times, values and variances of readings whose errors are white.
+
+    Coloured noise repeats itself: its readings count for less.  Those that a sensor ``repeats``
+    are averaged, and their average is no better than one of them.
+    """
+    if not len(signal):
+        return signal.time, signal.value, signal.value
+    steps = np.diff(signal.time)
+    period = max(float(np.median(steps)) if len(steps) else 1.0, 1e-3)
+    coloured = (1 + ar) / (1 - ar)
+    most = round(2.0 * repeats / period) | 1  # odd: the middle one is where the average holds
+    starts = np.flatnonzero(np.append(True, steps > 4.0 * period))
+    place = np.arange(len(signal)) - np.repeat(starts, np.diff(np.append(starts, len(signal))))
+    first = np.flatnonzero(place % most == 0)
+    count = np.diff(np.append(first, len(signal)))
+    value = np.add.reduceat(signal.value, first) / count
+    variance = noise**2 * np.maximum(coloured, most) / count
+    return signal.time[first + count // 2], value, variance
 
 
 def _inputs(

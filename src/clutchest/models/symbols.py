@@ -65,8 +65,8 @@ class Sensor:
 
     It is read from the signal ``column`` (its own name unless given), only while the clutch is in
     ``mode`` (any unless given).  ``repeats``: s, for how long the estimator takes a reading to
-    repeat its own error: what the equations lack of second order is no noise that hundreds of
-    readings a second average away.
+    repeat its own error, so that the average over twice as long is worth one reading: what the
+    equations lack of second order is no noise that hundreds of readings a second average away.
     """
 
     name: str
