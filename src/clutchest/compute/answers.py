@@ -9,7 +9,7 @@ from math import ceil
 import numpy as np
 from numba import njit
 
-from clutchest.compute.kernel import propagate, propagate_signature, update
+from clutchest.compute.kernel import add_product, propagate, update
 from clutchest.compute.lowered import (
     INPUTS,
     STATES,
@@ -26,19 +26,21 @@ from clutchest.compute.lowered import (
 
 @njit(cache=True, error_model="numpy")
 def answer(
-    x, P, S, t, sensor, z, R, u, expected, row, W, Qs, longest, noise, p, g,
+    x, P, S, active, t, sensor, z, R, u, expected, row, W, Qs, longest, noise, p, g,
     out_x, out_innovation, out_answer,
 ):  # fmt: skip
-    """Filter a log and follow the signatures ``S``; all as the kernel's ``run`` takes them.
+    """Filter a log and follow the signatures ``S`` (n, a) of the ``active`` (a) thetas; the rest as
+    the kernel's ``run`` takes it.
 
     Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``: noise that
     stands in an innovation and in its derivative alike would make every number that multiplies an
     input seem smaller than it is.  Filled per event: ``out_x`` (n) the state, ``out_innovation``
-    (innovation, predicted variance) and ``out_answer`` (m) its derivative.
+    (innovation, predicted variance) and ``out_answer`` (a) its derivative.
     """
     n, m = STATES, THETAS
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
+    G, eG, a = np.zeros((n, m)), np.zeros(m), len(active)
+    T_a, H_a = np.zeros((n, a)), np.zeros(a)
     xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
                            np.zeros(m))  # fmt: skip
     xe = np.zeros(n)
@@ -63,25 +65,33 @@ def answer(
                 propagate(P, F, Q, T)
                 step(x, va, vb, dt, w, p, g, Qs[row[k]], noise, xe, F, Q, e)
                 step_signature(x, va, vb, dt, w, p, g, G, eG)
-                propagate_signature(S, F, G, Tm)
+                for j in range(n):
+                    for c in range(a):
+                        T_a[j, c] = G[j, active[c]]
+                add_product(F, S, T_a, a)
+                for j in range(n):
+                    for c in range(a):
+                        S[j, c] = T_a[j, c]
                 for j in range(n):
                     x[j] = xn[j]
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H)
             reading_signature(sensor[k], x, expected[k], w, p, g, Hm)
+            for c in range(a):
+                H_a[c] = Hm[active[c]]
             for i in range(n):
                 if H[i] != 0.0:
-                    for c in range(m):
-                        Hm[c] += H[i] * S[i, c]
+                    for c in range(a):
+                        H_a[c] += H[i] * S[i, c]
             innovation, predicted, _ = update(x, P, S, h, H, Hm, z[k], R[k], nothing, K, PH, np.inf)
             for i in range(n):
                 if K[i] != 0.0:
-                    for c in range(m):
-                        S[i, c] -= K[i] * Hm[c]
+                    for c in range(a):
+                        S[i, c] -= K[i] * H_a[c]
             out_innovation[k, 0] = innovation
             out_innovation[k, 1] = predicted
-            for c in range(m):
-                out_answer[k, c] = -Hm[c]
+            for c in range(a):
+                out_answer[k, c] = -H_a[c]
         for i in range(n):
             out_x[k, i] = x[i]
 

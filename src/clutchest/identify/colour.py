@@ -98,11 +98,6 @@ class Colour:
         _whiten(table, of, s.place, self.weights, self.level, out)
         return out.reshape(values.shape)
 
-    def log_level(self, s: Stretches) -> float:
-        """2 Σ ln of the standard deviations: what they add to −2 log-likelihood."""
-        of = np.searchsorted(self.groups, s.group)
-        return float(2.0 * np.sum(np.log(self.level[of, np.minimum(s.place, ORDER)])))
-
 
 def _tamed(e: Floats, inside: NDArray[np.bool_]) -> Floats:
     """``e`` with what lies far off, by the median's measure, brought near: an outlier is no

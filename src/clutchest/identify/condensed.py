@@ -15,7 +15,7 @@ from clutchest.estimate.timeline import Timeline
 from clutchest.models.model import Model
 
 RESTED = 1.0  # s; readings of a clutch at rest are averaged over this
-NEAR = 1.0  # s before and after a regime in which they tell more, all readings stay
+NEAR = 0.3  # s before and after a regime in which they tell more, all readings stay
 
 
 def condensed(line: Timeline, model: Model) -> Timeline:

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from clutchest.compute.lower import START
@@ -61,12 +62,11 @@ class Rows:
     """The readings of one drive that tell of any θ, sensor after sensor, each in order of time.
 
     ``r`` (K) innovations over their predicted standard deviation; ``psi`` (K, m) their derivatives
-    by every θ in its unit; ``log_variance``: Σ ln of the predicted variances.
+    by every θ in its unit.
     """
 
     r: Floats
     psi: Floats
-    log_variance: float
 
 
 class LinearDrive:
@@ -88,23 +88,36 @@ class LinearDrive:
         self.start = fresh(vehicle, compiled, line)
         self.start.P[~self.tracked] = 0.0
         self.start.P[:, ~self.tracked] = 0.0
-        self.slope = self._slope()
         self.acts = np.zeros(len(self.line.t), bool)
         for flag, _ in model.renewed.values():
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
-        self.expected = self._smooth(signals)
-        first, answers = self.answer(compiled.p, compiled.g, self.nominal, {})
+        self.slope = self._slope()
+        self.smooth = self._smooth(signals)
+        self.expected = self.smooth.copy()
+        first, answers = self.answer(
+            compiled.p, compiled.g, self.nominal, {}, np.arange(len(compiled.thetas))
+        )
         std = np.sqrt(first[:, 1])
         tells = np.abs(answers * units).max(axis=1) > LEAST * std
-        rows = np.flatnonzero((self.line.sensor >= 0) & tells)
+        # near lock-up a tracked state tells of the clutch's shudder, not of any θ
+        reads = np.array([sensor.name for sensor in model.sensors])
+        tracks = np.isin(reads, [s.name for s in model.states if s.name in model.renewed])
+        counts = (self.line.sensor >= 0) & (self.acts | ~tracks[self.line.sensor])
+        rows = np.flatnonzero(counts & tells)
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
 
     def answer(
-        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float]
+        self,
+        p: Floats,
+        g: Floats,
+        x: Floats,
+        late: Mapping[str, float],
+        active: NDArray[np.int64],
     ) -> tuple[Floats, Floats]:
-        """Innovations with their variances (K, 2), and their derivatives (K, m), per event.
+        """Innovations with their variances (K, 2), and their derivatives (K, a) by the ``active``
+        thetas (a) of the compiled model, per event.
 
         ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
         on top of the delays known before.  Derivatives are taken at the inputs that the run before
@@ -115,17 +128,17 @@ class LinearDrive:
         true = self.expected.copy()
         for name, delay in late.items():
             j = self.compiled.model.input(name)
-            # only what is expected is shifted: between its samples noise would seem smaller
             true[:, j] = np.interp(line.t + delay, line.t, self.expected[:, j])
-        u += true - self.expected
+            # only the smooth part is shifted: between its samples noise would seem smaller
+            u[:, j] += np.interp(line.t + delay, line.t, self.smooth[:, j]) - self.smooth[:, j]
         started, S = np.zeros(n), np.zeros((n, m))
         functions.initial(x, p, g, started, S)
         started = np.where(self.tracked, self.start.x, started)
         states, innovations = np.zeros((len(line.t), n)), np.ones((len(line.t), 2))
-        answers = np.zeros((len(line.t), m))
+        answers = np.zeros((len(line.t), len(active)))
         functions.answer(
-            started, self.start.P.copy(), S, line.t, line.sensor, line.z, line.R, u,
-            true, line.row, line.W, line.Q, line.longest, line.noise, p, g,
+            started, self.start.P.copy(), S[:, active].copy(), active, line.t, line.sensor, line.z,
+            line.R, u, true, line.row, line.W, line.Q, line.longest, line.noise, p, g,
             states, innovations, answers,
         )  # fmt: skip
         implied, acts = true.copy(), np.flatnonzero(self.acts)
@@ -155,11 +168,15 @@ class LinearDrive:
         """Measured rates of the tracked states at every event, zero for others; shape (K, n)."""
         model, line = self.compiled.model, self.whole
         found = np.zeros((len(self.line.t), len(model.states)))
+        edges = self.line.t[1:][np.diff(self.acts) != 0]
         for i in np.flatnonzero(self.tracked):
             read = line.sensor == model.sensor(model.states[i].name)
-            signal = Signal.of(model.states[i].name, "", line.t[read], line.z[read])
-            rate, _ = slope(signal, 0.0, RATE_WINDOW)
-            found[:, i] = np.interp(self.line.t, rate.time, rate.value)
+            t, z = line.t[read], line.z[read]
+            # no line is drawn across the place where another equation takes over
+            pieces = np.split(np.arange(len(t)), np.searchsorted(t, edges))
+            rates = [slope(Signal.of("", "", t[k], z[k]), 0.0, RATE_WINDOW)[0].value
+                     for k in pieces]  # fmt: skip
+            found[:, i] = np.interp(self.line.t, t, np.concatenate(rates))
         return found
 
 
@@ -241,25 +258,34 @@ class Problem:
             g[numbers.index(name)] = value
         return p, g, late
 
-    def linearise(self, theta: Floats, shapes: Shapes) -> list[Rows]:
-        """Every drive at ``theta`` (m); shapes of effects at their defaults unless given."""
+    def linearise(
+        self, theta: Floats, shapes: Shapes, active: NDArray[np.int64] | None = None
+    ) -> list[Rows]:
+        """Every drive at ``theta`` (m); shapes of effects at their defaults unless given.
+
+        Derivatives by the ``active`` ones only (indices; all unless given) are other than zero.
+        """
         p, g, late = self.numbers(theta, shapes)
+        wanted = np.ones(len(theta), bool) if active is None else np.zeros(len(theta), bool)
+        wanted[slice(None) if active is None else active] = True
         late_rows = range(len(self.thetas) - len(self.timing), len(self.thetas))
+        wanted[list(self.timing)] |= wanted[list(late_rows)]
         found = []
         for i, drive in enumerate(self.drives):
             own = [k for k, t in enumerate(self.thetas) if t.drive == i]
             x = drive.nominal.copy()
             for k in own:
                 x[self.compiled.model.state(self.thetas[k].key)] += theta[k] * self.units[k]
-            innovations, answers = drive.answer(p, g, x, late)
+            columns = np.array([*range(self.shared), *own])
+            compiled_ones = np.flatnonzero(wanted[columns])
+            columns = columns[compiled_ones]
+            innovations, answers = drive.answer(p, g, x, late, compiled_ones)
             std = np.sqrt(innovations[drive.rows, 1])
-            columns = [*range(self.shared), *own]
             psi = np.zeros((len(std), len(self.thetas)))
             psi[:, columns] = answers[drive.rows] / std[:, None] * self.units[columns]
             for k, of in zip(late_rows, self.timing, strict=True):
                 psi[:, k] = psi[:, of] / self.units[of] * self.units[k]
-            found.append(Rows(innovations[drive.rows, 0] / std, psi,
-                              float(2.0 * np.sum(np.log(std)))))  # fmt: skip
+            found.append(Rows(innovations[drive.rows, 0] / std, psi))
         return found
 
 

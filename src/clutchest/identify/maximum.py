@@ -14,18 +14,20 @@ from clutchest.identify.linearised import Problem, Rows, Shapes
 from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
-FAR = 5.0  # standard deviations; a reading further off counts as if it were here
-STEPS, HALVINGS, TURNS = 12, 4, 6  # at most
+FAR = 5.0  # standard deviations; a reading that stays further off is left out
+STEPS, PATIENCE, TURNS = 30, 3, 6  # at most
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
-NEARLY = 3.0  # of the same: the colour of the noise is learned when it changes this by less
-BOUND = 3.0  # units that one step may go
+NEARLY = (
+    10.0  # of the sum of squares: the colour of the noise is learned when it changes it by less
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
     """All drives at one θ, white: ``r`` (K) and ``psi`` (K, m) as in
     :class:`~clutchest.identify.linearised.Rows`, drive after drive; ``cost`` is
-    −2 ln(probability) up to a constant, priors in it."""
+    −2 ln(probability) up to a constant, priors in it, of what lies in the fitter's span.
+    """
 
     theta: Floats
     shapes: Shapes
@@ -46,31 +48,46 @@ class Look:
 
 
 class Fitter:
-    """One problem with the colour of its noise."""
+    """One problem with the colour of its noise.
+
+    What the data say of θ lies in the span of derivatives at inputs that the data imply.  Outside
+    of it there is noise that the measured inputs bring along, and where θ scales an input, as an
+    inertia does, that noise would seem to tell of θ too.  So fits are judged within the span.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.stretches = [Stretches.of(d.t, d.sensor, d.row) for d in problem.drives]
-        self.colour, self.learned = Colour.white(self.stretches), False
+        self.colour = Colour.white(self.stretches)
+        self.weights = [np.ones(len(d.t)) for d in problem.drives]  # 0: not counted
+        self.span: Floats | None = None  # (K, q), orthonormal
         self.prior = np.zeros(len(problem.thetas))
         self.prior[problem.nuisances] = 1.0
+        self.low, self.high = self._bounds()
 
     def settle(self, theta: Floats) -> Look:
         """The most probable nuisances with gains as in ``theta``, and the colour of what is left:
         a step for the one, a lesson for the other, in turns."""
-        look = self.look(theta)
+        look = self.most_probable(self.problem.nuisances, theta)
         for _ in range(TURNS):
-            look = self.most_probable(self.problem.nuisances, look.theta)
-            before = look.cost
+            look = self.look(look.theta)
+            before = look.r @ look.r
             self.learn(look.raw, look.theta)
             look = self.again(look)
-            if abs(before - look.cost) < NEARLY:
+            self.focus([look.psi])
+            look = self.improve(self.again(look), self.problem.nuisances)
+            if abs(before - look.r @ look.r) < NEARLY:
                 break
         return look
 
-    def look(self, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
-        """All drives at ``theta`` (m)."""
-        raw = self.problem.linearise(theta, shapes)
+    def look(
+        self,
+        theta: Floats,
+        shapes: Shapes = NO_SHAPES,
+        active: NDArray[np.int64] | None = None,
+    ) -> Look:
+        """All drives at ``theta`` (m), derivatives by the ``active`` thetas, all unless given."""
+        raw = self.problem.linearise(theta, shapes, active)
         return self._white(raw, theta, shapes)
 
     def again(self, look: Look) -> Look:
@@ -78,16 +95,26 @@ class Fitter:
         return self._white(look.raw, look.theta, look.shapes)
 
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
-        cost, parts = float(np.sum(self.prior * theta**2)), []
-        for stretches, rows in zip(self.stretches, raw, strict=True):
-            joined = self.colour.whiten(stretches, np.column_stack([rows.r, rows.psi]))
-            if self.learned:  # before, the model itself may be far off
-                joined[:, 0] = np.clip(joined[:, 0], -FAR, FAR)
-            parts.append(joined)
-            cost += float(np.sum(joined[:, 0] ** 2))
-            cost += rows.log_variance + self.colour.log_level(stretches)
-        white = np.concatenate(parts)
-        return Look(theta, shapes, white[:, 0], white[:, 1:], cost, raw)
+        white = np.concatenate([
+            self.colour.whiten(s, np.column_stack([rows.r, rows.psi])) * weight[:, None]
+            for s, rows, weight in zip(self.stretches, raw, self.weights, strict=True)
+        ])  # fmt: skip
+        r, psi = white[:, 0], white[:, 1:]
+        cost = np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2)
+        return Look(theta, shapes, r, psi, float(cost), raw)
+
+    def _seen(self, values: Floats) -> Floats:
+        """What of ``values`` (K, …) lies in the span."""
+        return values if self.span is None else self.span.T @ values
+
+    def focus(self, columns: Sequence[Floats]) -> None:
+        """Judge fits by what lies in the span of these derivatives (K, …)."""
+        table = np.column_stack(columns)
+        length = np.linalg.norm(table, axis=0)
+        table = table[:, length > 1e-6] / length[length > 1e-6]
+        directions, strength, _ = np.linalg.svd(table.T @ table)
+        keep = strength > 1e-10
+        self.span = table @ (directions[:, keep] / np.sqrt(strength[keep]))
 
     def learn(self, raw: Sequence[Rows], theta: Floats) -> None:
         """Colour from what the innovations keep when every θ, causes too, has taken its share:
@@ -96,44 +123,64 @@ class Fitter:
         prior = np.ones(len(theta))  # a cause is taken to be of a plausible size
         step = np.linalg.solve(look.information + np.diag(prior), -look.slope)
         rest = [rows.r + rows.psi @ step for rows in raw]
-        self.colour, self.learned = Colour.fit(self.stretches, rest), True
+        self.colour = Colour.fit(self.stretches, rest)
+        self.weights = [
+            (np.abs(self.colour.whiten(s, e)) < FAR).astype(float)
+            for s, e in zip(self.stretches, rest, strict=True)
+        ]
 
     def most_probable(
         self, free: NDArray[np.int64], theta: Floats, shapes: Shapes = NO_SHAPES
     ) -> Look:
         """From ``theta`` on to the most probable values of the ``free`` ones (indices), nuisances
         among them; gains stay within their plausible sizes."""
-        low, high = self._bounds()
-        look = self.look(theta, shapes)
+        return self.improve(self.look(theta, shapes), free)
+
+    def improve(self, look: Look, free: NDArray[np.int64]) -> Look:
+        """The same from a look on.
+
+        Valleys bend: a step along one may climb its wall, and the next one falls back onto its
+        floor further on.  So a few climbs are let pass before steps are damped (Levenberg,
+        Marquardt).
+        """
+        best, damping, climbs = look, 0.0, 0
         for _ in range(STEPS):
-            move = np.clip(look.theta + self.step(look, free), low, high) - look.theta
+            move = self.step(look, free, damping)
             if self._promised(look, move) < SETTLED:
                 break
-            tried = self.look(look.theta + move, shapes)
-            for _ in range(HALVINGS):
-                if tried.cost < look.cost:
+            look = self.look(look.theta + move, look.shapes, free)
+            if look.cost < best.cost:
+                gained, best, climbs, damping = best.cost - look.cost, look, 0, damping / 10.0
+                if gained < SETTLED:
                     break
-                move /= 2.0
-                tried = self.look(look.theta + move, shapes)
-            if tried.cost > look.cost - SETTLED:
-                break
-            look = tried
-        return look
+            elif (climbs := climbs + 1) > PATIENCE:
+                look, climbs, damping = best, 0, max(10.0 * damping, 1.0)
+        return best
 
-    def step(self, look: Look, free: NDArray[np.int64]) -> Floats:
-        """Gauss–Newton's step (m), zero where not ``free``."""
-        both = np.ix_(free, free)
-        curvature = look.information[both] + np.diag(self.prior[free] + 1e-9)
-        slope = look.slope[free] + self.prior[free] * look.theta[free]
+    def step(self, look: Look, free: NDArray[np.int64], damping: float = 0.0) -> Floats:
+        """Gauss–Newton's step (m), zero where not ``free``; a gain that would leave its plausible
+        sizes stops at their end, and the others make the best of that."""
+        curvature = look.information + np.diag(self.prior + damping + 1e-9)
+        slope = look.slope + self.prior * look.theta
         step = np.zeros(len(look.theta))
-        step[free] = np.clip(np.linalg.solve(curvature, -slope), -BOUND, BOUND)
+        while len(free):
+            rest = (
+                -slope[free] - curvature[free] @ step + curvature[np.ix_(free, free)] @ step[free]
+            )
+            step[free] = np.linalg.solve(curvature[np.ix_(free, free)], rest)
+            aim = look.theta + step
+            out = free[(aim[free] < self.low[free]) | (aim[free] > self.high[free])]
+            if not len(out):
+                break
+            step[out] = np.clip(aim[out], self.low[out], self.high[out]) - look.theta[out]
+            free = np.setdiff1d(free, out)
         return step
 
     def _promised(self, look: Look, step: Floats) -> float:
         """By how much a step would lower the cost if all were linear."""
-        after = look.r + look.psi @ step
+        before, after = self._seen(look.r), self._seen(look.r + look.psi @ step)
         prior = np.sum(self.prior * ((look.theta + step) ** 2 - look.theta**2))
-        return float(look.r @ look.r - after @ after - prior)
+        return float(before @ before - after @ after - prior)
 
     def _bounds(self) -> tuple[Floats, Floats]:
         low, high = np.full(len(self.prior), -np.inf), np.full(len(self.prior), np.inf)

@@ -1,0 +1,175 @@
+"""The search: which causes, alone or together, the data ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.discover.candidates import Candidate, candidates, settings
+from clutchest.discover.score import Board, board
+from clutchest.estimate.whole_log import Progress
+from clutchest.identify.linearised import Problem
+from clutchest.identify.maximum import Fitter, Look
+from clutchest.signals import Floats
+
+LEVEL = 0.008  # family-wise chance of a false finding; the rest to 1 % is for what has no name
+LEADERS, PARENTS = 8, 3  # fitted in full: causes alone, and causes to which another may join
+MOST = 3  # causes acting together
+CLOSE = 10.0  # of −2 ln(probability): by how much a cause may lag by first order to be fitted
+TIED = 1.645**2  # the same: nearer to the best, a rival is not excluded at 95 %, one-sided
+PER_SHAPE = 1.0  # the same: what the choice among the values of a shape gains by noise alone
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """Causes acting together, fitted; ``cost`` −2 ln(probability) up to a constant."""
+
+    chosen: tuple[Candidate, ...]
+    look: Look
+
+    @property
+    def cost(self) -> float:
+        """Of the fit, with what the choice of shapes is worth by itself."""
+        return self.look.cost + PER_SHAPE * sum(bool(c.shapes) for c in self.chosen)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the effects."""
+        return frozenset(c.name for c in self.chosen)
+
+
+@dataclass(slots=True)
+class Search:
+    """One search over one problem.
+
+    ``null`` the model as it is, ``first`` the scores of all causes against it, ``p`` the
+    family-wise p-value of the strongest; ``best`` the causes found (none at first), ``rivals``
+    hypotheses of the same size, best first; ``p_of`` by effect the family-wise p-value with which
+    it joined.
+    """
+
+    problem: Problem
+    fitter: Fitter
+    all: tuple[Candidate, ...]
+    null: Hypothesis
+    first: Board
+    best: Hypothesis
+    rivals: list[Hypothesis] = field(default_factory=list)
+    p_of: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def begin(cls, problem: Problem, progress: Progress | None = None) -> Search:
+        """The model as it is, fitted to its priors, and every cause's score."""
+        if progress:
+            progress("fitting the model as it is", None)
+        fitter = Fitter(problem)
+        null = Hypothesis((), fitter.settle(np.zeros(len(problem.thetas))))
+        every = candidates(problem)
+        search = cls(problem, fitter, every, null, None, null)  # type: ignore[arg-type]
+        look = fitter.look(null.look.theta)
+        fitter.focus([look.psi, search.columns(look, every)])
+        search.null = search.best = Hypothesis((), fitter.again(look))
+        search.first = search.scores(search.null, every, seed=1)
+        return search
+
+    def columns(self, look: Look, wanted: Sequence[Candidate]) -> Floats:
+        """Derivatives (K, C) of the innovations by each candidate's gain at ``look``."""
+        found = np.zeros((len(look.r), len(wanted)))
+        plain = [i for i, c in enumerate(wanted) if not c.shapes]
+        found[:, plain] = look.psi[:, [wanted[i].index for i in plain]]
+        rest = [i for i, c in enumerate(wanted) if c.shapes]
+        while rest:  # one look serves one value of every effect's shapes
+            now = {wanted[i].name: i for i in reversed(rest)}
+            shaped = self.fitter.look(
+                look.theta, {**settings(tuple(wanted[i] for i in now.values())), **look.shapes}
+            )
+            for i in [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]:
+                found[:, i] = shaped.psi[:, wanted[i].index]
+                rest.remove(i)
+        return found
+
+    def scores(self, base: Hypothesis, wanted: Sequence[Candidate], seed: int) -> Board:
+        """Scores of ``wanted`` beside the causes in ``base``."""
+        look = self.fitter.look(base.look.theta, base.look.shapes)
+        return board(
+            look, self.free(base.chosen), self.fitter.prior,
+            self.columns(look, wanted), [c.gain.one_sided for c in wanted], seed,
+        )  # fmt: skip
+
+    def free(self, chosen: Iterable[Candidate]) -> NDArray[np.int64]:
+        """Indices of nuisances and of the gains of ``chosen``."""
+        return np.concatenate([self.problem.nuisances, [c.index for c in chosen]]).astype(int)
+
+    def fitted(self, chosen: tuple[Candidate, ...], begin: Look) -> Hypothesis:
+        """These causes, most probable sizes, from ``begin`` on."""
+        free, shapes = self.free(chosen), settings(chosen)
+        kept = {c.index for c in chosen}
+        bent = begin.theta.copy()
+        bent[[i for i in self.problem.gains if i not in kept]] = 0.0
+        best = self.fitter.improve(self.fitter.look(bent, shapes, free), free)
+        return Hypothesis(chosen, best)
+
+    def run(self, progress: Progress | None = None) -> None:
+        """Find what there is to find: ``best``, ``rivals``, ``p_of``."""
+        while len(self.best.chosen) < MOST:
+            size = len(self.best.chosen)
+            if progress:
+                progress(f"trying {size + 1} cause{'s' if size else ''}", size / MOST)
+            grown = self._grown([self.best, *self.rivals][:PARENTS])
+            if grown and not size:
+                grown = self._relearned(grown)
+            if not grown or self.best.cost - min(h.cost for h in grown) < self._least_gain():
+                break
+            grown.sort(key=lambda h: h.cost)
+            self.best, self.rivals = grown[0], grown[1:]
+
+    def _least_gain(self) -> float:
+        """In −2 ln(probability), what one more cause must bring."""
+        return float(np.min(self.first.threshold(LEVEL))) ** 2
+
+    def _grown(self, parents: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Fits of one more cause beside those of each parent, where one is significant."""
+        found: list[Hypothesis] = []
+        for parent in parents:
+            others = [c for c in self.all if c.name not in parent.names]
+            scores = self.scores(parent, others, seed=2) if parent.chosen else self.first
+            p = scores.p_alone(scores.z)
+            if not others or scores.p_among_all(p.min()) > LEVEL:
+                continue
+            squares = np.where(scores.one_sided, np.maximum(scores.z, 0.0), scores.z) ** 2
+            # by first order only: the stronger, the less exact
+            enough = squares.max() - CLOSE - 0.4 * max(squares.max() - 2.0 * CLOSE, 0.0)
+            for i in [i for i in np.argsort(-squares)[:LEADERS] if squares[i] >= enough]:
+                chosen = (*parent.chosen, others[i])
+                if any(set(h.chosen) == set(chosen) for h in found):
+                    continue
+                found.append(self.fitted(chosen, parent.look))
+                self.p_of.setdefault(others[i].name, float(scores.p_among_all(p[i])))
+        return found
+
+    def _relearned(self, grown: list[Hypothesis]) -> list[Hypothesis]:
+        """The same fits with the noise that the best of them leaves over: what a cause explains
+        is none."""
+        best = min(grown, key=lambda h: h.cost)
+        best = Hypothesis(best.chosen, self.fitter.look(best.look.theta, best.look.shapes))
+        self.fitter.learn(best.look.raw, best.look.theta)
+        both = [self.fitter.again(look) for look in (self.null.look, best.look)]
+        self.fitter.focus([
+            *(look.psi for look in both), *(self.columns(look, self.all) for look in both)
+        ])  # fmt: skip
+        null = self.fitter.improve(self.fitter.again(self.null.look), self.free(()))
+        self.null = self.best = Hypothesis((), self.fitter.look(null.theta))
+        return [
+            Hypothesis(
+                h.chosen, self.fitter.improve(self.fitter.again(h.look), self.free(h.chosen))
+            )
+            for h in grown
+        ]
+
+    def tied(self) -> list[Hypothesis]:
+        """Rivals of the same size that the data do not exclude."""
+        return [h for h in self.rivals
+                if h.cost - self.best.cost < TIED and h.names != self.best.names]  # fmt: skip
