@@ -195,6 +195,7 @@ def test_effects_of_the_users_own_keep_their_units(tmp_path):
 def test_slips_are_parted_where_time_has_a_hole():
     time = np.concatenate([np.arange(0.0, 1.0, 0.1), np.arange(5.0, 6.0, 0.1), [9.0]])
     assert list(pieces(time)) == [slice(0, 10), slice(10, 20), slice(20, 21)]
+    assert list(pieces(np.repeat(time[:20], 3))) == [slice(0, 30), slice(30, 60)]
     assert list(pieces(np.array([]))) == []
     assert list(pieces(np.array([2.0]))) == [slice(0, 1)]
 

@@ -25,7 +25,7 @@ def pieces(time: Floats) -> Iterator[slice]:
     if not len(time):
         return
     steps = np.diff(time)
-    usual = np.median(steps) if len(steps) else 0.0
+    usual = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0  # some share a time stamp
     cuts = np.flatnonzero(steps > HOLE * usual) + 1
     edges = [0, *(int(cut) for cut in cuts), len(time)]
     yield from (slice(a, b) for a, b in pairwise(edges))
