@@ -26,11 +26,12 @@ from clutchest.compute.lowered import (
 
 @njit(cache=True, error_model="numpy")
 def answer(
-    x, P, S, active, t, sensor, z, R, u, expected, row, W, Qs, longest, noise, p, g,
+    x, P, S, active, basis, which, t, sensor, z, R, u, expected, row, W, Qs, longest, noise, p, g,
     out_x, out_innovation, out_answer,
 ):  # fmt: skip
     """Filter a log and follow the signatures ``S`` (n, a) of the ``active`` (a) thetas; the rest as
-    the kernel's ``run`` takes it.
+    the kernel's ``run`` takes it.  A theta may come and go: c acts in proportion to the column
+    ``which[c]`` of ``basis`` (K, b), fully where that is −1.
 
     Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``: noise that
     stands in an innovation and in its derivative alike would make every number that multiplies an
@@ -40,7 +41,7 @@ def answer(
     n, m = STATES, THETAS
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     G, eG, a = np.zeros((n, m)), np.zeros(m), len(active)
-    T_a, H_a = np.zeros((n, a)), np.zeros(a)
+    T_a, H_a, acts = np.zeros((n, a)), np.zeros(a), np.ones(a)
     xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
                            np.zeros(m))  # fmt: skip
     xe = np.zeros(n)
@@ -48,6 +49,9 @@ def answer(
     nothing = np.zeros(0)
     for k in range(len(t)):
         w = W[row[k]]
+        for c in range(a):
+            if which[c] >= 0:
+                acts[c] = basis[k, which[c]]
         span = t[k] - t[k - 1] if k > 0 else 0.0
         if span > 0.0:
             steps = ceil(span / longest[row[k]])
@@ -67,7 +71,7 @@ def answer(
                 step_signature(x, va, vb, dt, w, p, g, G, eG)
                 for j in range(n):
                     for c in range(a):
-                        T_a[j, c] = G[j, active[c]]
+                        T_a[j, c] = G[j, active[c]] * acts[c]
                 add_product(F, S, T_a, a)
                 for j in range(n):
                     for c in range(a):
@@ -78,7 +82,7 @@ def answer(
             h = reading(sensor[k], x, u[k], w, p, g, H)
             reading_signature(sensor[k], x, expected[k], w, p, g, Hm)
             for c in range(a):
-                H_a[c] = Hm[active[c]]
+                H_a[c] = Hm[active[c]] * acts[c]
             for i in range(n):
                 if H[i] != 0.0:
                     for c in range(a):

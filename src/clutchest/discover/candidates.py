@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
+from clutchest.discover.probes import PREFIX
 from clutchest.identify.linearised import Problem
 from clutchest.models.effects import Effect, Number
 
@@ -30,6 +31,7 @@ def candidates(problem: Problem) -> tuple[Candidate, ...]:
     return tuple(
         Candidate(effect, gain, problem.index(effect.name, gain.key), shapes)
         for effect in problem.effects.values()
+        if not effect.name.startswith(PREFIX)
         for gain in effect.gains
         for shapes in _grid(effect)
     )

@@ -92,6 +92,7 @@ class LinearDrive:
         for flag, _ in model.renewed.values():
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
         self.slope = self._slope()
+        self.states = np.zeros((len(self.line.t), len(model.states)))
         self.smooth = self._smooth(signals)
         self.expected = self.smooth.copy()
         first, answers = self.answer(
@@ -115,9 +116,12 @@ class LinearDrive:
         x: Floats,
         late: Mapping[str, float],
         active: NDArray[np.int64],
+        basis: Floats | None = None,
+        which: NDArray[np.int64] | None = None,
     ) -> tuple[Floats, Floats]:
         """Innovations with their variances (K, 2), and their derivatives (K, a) by the ``active``
-        thetas (a) of the compiled model, per event.
+        thetas (a) of the compiled model, per event.  With ``basis`` (K, b), theta c acts in
+        proportion to its column ``which[c]``.
 
         ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
         on top of the delays known before.  Derivatives are taken at the inputs that the run before
@@ -137,14 +141,17 @@ class LinearDrive:
         states, innovations = np.zeros((len(line.t), n)), np.ones((len(line.t), 2))
         answers = np.zeros((len(line.t), len(active)))
         functions.answer(
-            started, self.start.P.copy(), S[:, active].copy(), active, line.t, line.sensor, line.z,
-            line.R, u, true, line.row, line.W, line.Q, line.longest, line.noise, p, g,
-            states, innovations, answers,
+            started, self.start.P.copy(), S[:, active].copy(), active,
+            np.zeros((len(u), 0)) if basis is None else basis,
+            np.full(len(active), -1) if which is None else which,
+            line.t, line.sensor, line.z, line.R, u, true, line.row, line.W, line.Q, line.longest,
+            line.noise, p, g, states, innovations, answers,
         )  # fmt: skip
+        self.states = states
         implied, acts = true.copy(), np.flatnonzero(self.acts)
         functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
                         line.W, line.noise, p, g, implied)  # fmt: skip
-        for j in np.flatnonzero(np.any(implied != true, axis=0)):
+        for j in map(int, np.flatnonzero(np.any(implied != true, axis=0))):
             # no jump where the equations begin to act
             moved = np.interp(line.t, line.t[acts], (implied - true)[acts, j])
             late_by = late.get(self.compiled.model.inputs[j].name, 0.0)
@@ -218,10 +225,11 @@ class Problem:
         self.shared = len(shared)
         starts = [replace(t, drive=i) for i in range(len(drives)) for t in own]
         # a delay too small to be a finding answers as the delay that effects know
-        self.timing = {
-            k: signal for k, t in enumerate(shared) if t.gain
+        first_of = {
+            signal: k for k, t in reversed(list(enumerate(shared))) if t.gain
             for signal, key in self.effects[t.owner].delays.items() if key == t.key
         }  # fmt: skip
+        self.timing = {k: signal for signal, k in first_of.items()}
         late = [Theta("timing", signal, TIMING) for signal in self.timing.values()]
         self.thetas = tuple(shared + starts + late)
         self.units = np.array([t.unit for t in self.thetas])
@@ -273,13 +281,10 @@ class Problem:
         found = []
         for i, drive in enumerate(self.drives):
             own = [k for k, t in enumerate(self.thetas) if t.drive == i]
-            x = drive.nominal.copy()
-            for k in own:
-                x[self.compiled.model.state(self.thetas[k].key)] += theta[k] * self.units[k]
             columns = np.array([*range(self.shared), *own])
             compiled_ones = np.flatnonzero(wanted[columns])
             columns = columns[compiled_ones]
-            innovations, answers = drive.answer(p, g, x, late, compiled_ones)
+            innovations, answers = drive.answer(p, g, self._first(i, theta), late, compiled_ones)
             std = np.sqrt(innovations[drive.rows, 1])
             psi = np.zeros((len(std), len(self.thetas)))
             psi[:, columns] = answers[drive.rows] / std[:, None] * self.units[columns]
@@ -287,6 +292,32 @@ class Problem:
                 psi[:, k] = psi[:, of] / self.units[of] * self.units[k]
             found.append(Rows(innovations[drive.rows, 0] / std, psi))
         return found
+
+    def modulated(
+        self, theta: Floats, shapes: Shapes, thetas: Sequence[int], bases: Sequence[Floats]
+    ) -> list[Floats]:
+        """Derivatives (K, len(thetas) · b) of every drive's innovations by shared thetas that act
+        in proportion to the columns of ``bases`` (events, b), theta after theta."""
+        p, g, late = self.numbers(theta, shapes)
+        found = []
+        for i, (drive, basis) in enumerate(zip(self.drives, bases, strict=True)):
+            columns = basis.shape[1]
+            active = np.repeat(np.array(thetas, np.int64), columns)
+            which = np.tile(np.arange(columns), len(thetas))
+            innovations, answers = drive.answer(
+                p, g, self._first(i, theta), late, active, np.ascontiguousarray(basis), which
+            )
+            std = np.sqrt(innovations[drive.rows, 1])
+            found.append(answers[drive.rows] / std[:, None] * self.units[active])
+        return found
+
+    def _first(self, drive: int, theta: Floats) -> Floats:
+        """First states (n) of one drive, before effects."""
+        x = self.drives[drive].nominal.copy()
+        for k, t in enumerate(self.thetas):
+            if t.drive == drive:
+                x[self.compiled.model.state(t.key)] += theta[k] * self.units[k]
+        return x
 
 
 def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:

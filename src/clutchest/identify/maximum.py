@@ -103,6 +103,15 @@ class Fitter:
         cost = np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2)
         return Look(theta, shapes, r, psi, float(cost), raw)
 
+    def modulated(self, look: Look, thetas: Sequence[int], bases: Sequence[Floats]) -> Floats:
+        """Derivatives (K, len(thetas) · b), white, by thetas that act in proportion to each column
+        of ``bases`` (events, b) of every drive; theta after theta."""
+        raw = self.problem.modulated(look.theta, look.shapes, thetas, bases)
+        return np.concatenate([
+            self.colour.whiten(s, psi) * weight[:, None]
+            for s, psi, weight in zip(self.stretches, raw, self.weights, strict=True)
+        ])  # fmt: skip
+
     def _seen(self, values: Floats) -> Floats:
         """What of ``values`` (K, …) lies in the span."""
         return values if self.span is None else self.span.T @ values

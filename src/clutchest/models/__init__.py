@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models.symbols import Input, Parameter, Sensor, State
@@ -56,3 +56,30 @@ def resting(
     from clutchest.models import dry_clutch
 
     return dry_clutch.resting(parameters, inputs)
+
+
+def errors_of(name: str) -> tuple[Mapping[str, Mapping[str, Any]], Mapping[str, float]]:
+    """Equation → quantity → how an error changes it; signal → s, one unit of a delay."""
+    card(name)
+    from clutchest.models import dry_clutch
+
+    return dry_clutch.PROBES, dry_clutch.LATE
+
+
+def drivers_of(name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
+    """Quantities that an error may go with, and rates of inputs: name → input."""
+    card(name)
+    from clutchest.models import dry_clutch
+
+    return dry_clutch.DRIVERS, dry_clutch.RATES
+
+
+def told_apart_by(name: str, equations: Sequence[str]) -> str:
+    """The sensor that would tell errors in these equations apart."""
+    card(name)
+    from clutchest.models import dry_clutch
+
+    for pair, sensor in dry_clutch.TOLD_APART_BY:
+        if set(pair) <= set(equations):
+            return sensor
+    return "a sensor of " + " or ".join(dict.fromkeys(equations))

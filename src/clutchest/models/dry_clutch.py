@@ -18,12 +18,15 @@ Pieces that stand for each other, to be exchanged with ``Model.swap``:
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping
+from typing import Any
 
 import casadi as ca
 
 from clutchest.models.model import Model, Quantities
 from clutchest.models.symbols import Input, Parameter, Sensor, State
+
+Change = Callable[[Any, Any], Any]  # (value, error in units) → changed value
 
 # fmt: off
 STATES = (
@@ -250,6 +253,37 @@ def readings(q: Quantities) -> None:
     q.engine_speed_reading = q.engine_speed
     q.zero_position_reading = q.zero_position + q.expansion
     q.transmitted_torque = q.sliding * q.clutch_torque + (1 - q.sliding) * q.measured_torque
+
+
+# Where the equations may be wrong in a way that no effect knows: equation → the quantities in which
+# an error of it shows, each with what one unit of error does to it.  A reading that the equations
+# take as an input is corrected, so that there the sign turns.
+PROBES: Mapping[str, Mapping[str, Change]] = {
+    "torque": {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)},
+    "engine_speed": {"true_engine_torque": lambda value, g: value - 30.0 * g},  # Nm
+    "disc_heat": {"disc_heat": lambda value, g: value + 500.0 * g},  # W
+    "body_heat": {"body_heat": lambda value, g: value + 500.0 * g},  # W
+    "housing_heat": {"housing_heat": lambda value, g: value + 200.0 * g},  # W
+    "zero_position": {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
+    "sensor:engine_torque": {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
+    "sensor:slave_position": {
+        "slave_position": lambda value, g: value - 0.1 * g,  # mm
+        "zero_position_reading": lambda value, g: value + 0.1 * g,
+    },
+}
+TOLD_APART_BY = (
+    (("zero_position", "sensor:slave_position"),
+     "a second position sensor, or the thickness of the pads measured once,"),
+    (("torque", "sensor:engine_torque"), "a torque sensor on the gearbox input shaft"),
+    (("torque", "disc_heat"), "a temperature sensor near the disc"),
+    (("disc_heat", "body_heat"), "a temperature sensor on the pressure plate"),
+)  # fmt: skip
+LATE = {"engine_torque": 0.02, "slave_position": 0.02}  # s, one unit of a delay
+
+# What an error may go with, beside inputs, states, time and slip energy: quantities by name, and
+# rates of inputs.
+DRIVERS = ("slip_speed",)
+RATES = {"position_rate": "slave_position"}
 
 
 DRY_CLUTCH = Model(

@@ -1,0 +1,61 @@
+"""What an error may go with: inputs, states, rates, time and energy, at every event of a drive."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from clutchest.identify.linearised import LinearDrive
+from clutchest.models import drivers_of
+from clutchest.signals import Floats
+
+KNOTS = 5  # of a curve over a driver
+TIME_KNOTS = 8
+STILL = 1e-9  # of its own size; a driver that moves less is none
+
+
+def drivers(drive: LinearDrive) -> dict[str, Floats]:
+    """Name → value at every event (K) of the drive as it was last linearised."""
+    model, line = drive.compiled.model, drive.line
+    quantities, rates = drivers_of(model.name)
+    found = {item.name: drive.expected[:, j] for j, item in enumerate(model.inputs)
+             if item.name != "engine_acceleration"}  # fmt: skip
+    found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
+    e = model.expressions()
+    wanted = [getattr(e.quantities, name) for name in quantities]
+    power = e.outputs[model.outputs.index("power")]
+    at = ca.Function("drivers", [e.x, e.u, e.w, e.p, e.g], [ca.vertcat(*wanted, power)])
+    p, g = (np.tile(v[:, None], (1, len(line.t))) for v in (drive.compiled.p, drive.compiled.g))
+    values = np.array(at(drive.states.T, drive.expected.T, line.W[line.row].T, p, g))
+    found |= dict(zip(quantities, values, strict=False))
+    for name, of in rates.items():
+        moved = np.gradient(drive.expected[:, model.input(of)], np.maximum.accumulate(line.t)
+                            + 1e-9 * np.arange(len(line.t)))  # fmt: skip
+        found[name] = moved
+    spans = np.diff(line.t, prepend=line.t[0])
+    found["energy"] = np.cumsum(values[-1] * spans)
+    found["time"] = line.t
+    return found
+
+
+def knots(name: str, value: Floats, where: Floats) -> Floats | None:
+    """Where a curve over this driver may bend: at its quantiles, counted with weights ``where``
+    (K); None for a driver that does not move there."""
+    inside = value[where > 0.0]
+    if not len(inside) or not np.isfinite(inside).all():
+        return None
+    low, high = np.quantile(inside, [0.002, 0.998])
+    if high - low <= STILL * max(abs(low), abs(high), 1e-9):
+        return None
+    if name == "time":
+        return np.linspace(low, high, TIME_KNOTS)
+    inner = np.quantile(inside, np.linspace(0.0, 1.0, KNOTS)[1:-1])
+    even = np.linspace(low, high, KNOTS)[1:-1]
+    found = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))
+    return found if np.min(np.diff(found)) > STILL * (high - low) else np.linspace(low, high, KNOTS)
+
+
+def hats(value: Floats, at: Floats) -> Floats:
+    """Piecewise straight curves (K, len(at)), each 1 at its knot and 0 at all others."""
+    inside = np.clip(value, at[0], at[-1])
+    return np.column_stack([np.interp(inside, at, row) for row in np.eye(len(at))])

@@ -1,0 +1,255 @@
+"""From logs to an answer: show, name, extend, measure."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from clutchest import __version__
+from clutchest.discover import patch
+from clutchest.discover.candidates import Candidate
+from clutchest.discover.discovery import (
+    Cause,
+    Discovery,
+    Experiment,
+    Found,
+    Gain,
+    Rival,
+    Where,
+)
+from clutchest.discover.experiment import propose
+from clutchest.discover.gain import in_turns, of_curve, on_another
+from clutchest.discover.identifiable import identifiability
+from clutchest.discover.leftover import Curve, curves
+from clutchest.discover.misfit import misfit
+from clutchest.discover.probes import probes
+from clutchest.discover.search import LEVEL, Hypothesis, Search
+from clutchest.estimate.whole_log import Progress
+from clutchest.identify.linearised import Problem
+from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.signals import Signals
+from clutchest.vehicle import Vehicle, load_vehicle
+
+UNNAMED = 0.002  # family-wise chance that noise is taken for a cause without a name
+MOST_RIVALS = 6
+
+
+def discover(
+    signals: Signals,
+    vehicle: Vehicle | str | Path,
+    *,
+    holdout: Sequence[Signals] | Signals | None = None,
+    effects_files: Sequence[Path] = (),
+    progress: Progress | None = None,
+) -> Discovery:
+    """What the model of ``vehicle`` gets wrong on ``signals``, why, what to add and what it gains.
+
+    ``holdout``: drives of the same vehicle on which the gain is measured; without any, stretches
+    of ``signals`` are held out in turns.  ``effects_files``: the user's own causes, tried beside
+    the library's.  Raises ClutchestError where the model cannot be driven by these signals.
+    """
+    vehicle = load_vehicle(vehicle)
+    own = [effect for path in effects_files for effect in effects_of_file(path).values()]
+    effects = (*library(vehicle.model).values(), *own, *probes(vehicle.model))
+    return _Finding(signals, vehicle, effects, tuple(effects_files), progress).answer(holdout)
+
+
+@dataclass
+class _Finding:
+    signals: Signals
+    vehicle: Vehicle
+    effects: tuple[Effect, ...]
+    files: tuple[Path, ...]
+    progress: Progress | None
+
+    def problem(self, signals: Signals) -> Problem:
+        return Problem(signals, self.vehicle, self.effects, self.progress)
+
+    def answer(self, holdout: Sequence[Signals] | Signals | None) -> Discovery:
+        """The four questions in order."""
+        search = Search.begin(self.problem(self.signals), self.progress)
+        problem, before = search.problem, search.null.look
+        tells = identifiability(search.all, problem.units, search.first, LEVEL)
+        errors = curves(problem, search.fitter, before, search.free(()), seed=3)
+        search.run(self.progress)
+        best, left = search.best, errors
+        if best.chosen:
+            look = search.fitter.look(best.look.theta, best.look.shapes)
+            search.best = best = Hypothesis(best.chosen, look)
+            left = curves(problem, search.fitter, look, search.free(best.chosen), seed=3)
+            before = search.null.look
+        unnamed = bool(left) and _least(left).p_value < UNNAMED
+        if len(best.chosen) > 1 and errors:  # one curve that does as much as several causes
+            explained = search.null.cost - best.cost - 2.0 * len(best.chosen)
+            unnamed |= errors[0].worth > explained + 2.0 * len(best.chosen)
+        tied = search.tied()
+        curve = errors[0] if unnamed and errors else None
+        verdict = ("unknown" if unnamed else "none" if not best.chosen
+                   else "ambiguous" if tied else "named")  # fmt: skip
+        causes = () if curve or not best.chosen else self._causes(search, [best, *tied])
+        where = _where(verdict, best, errors)
+        gained, warnings = self._gain(search, verdict, curve, holdout)
+        extended, text = self._extended(problem, verdict, causes, curve)
+        if gained is not None and gained.ci95[1] < 0.0 and verdict != "none":
+            warnings.append("what was found does not pay on data held out: extended.toml is the "
+                            "vehicle as it was")  # fmt: skip
+            extended, text = self.vehicle, None
+        experiment = None
+        if verdict == "ambiguous":
+            experiment = self._experiment(search, [best, *tied])
+        rivals = [] if verdict in ("none", "unknown") else search.rivals
+        shown = tuple(where.drivers[:2]) if where else ()
+        over = tuple(dict.fromkeys((*shown, "temp_disc", "slip_speed", "slave_position", "time")))
+        after = best.look if verdict in ("named", "ambiguous") else before
+        return Discovery(
+            vehicle=self.vehicle,
+            verdict=verdict,
+            sentence=_sentence(verdict, causes, where, gained),
+            causes=causes,
+            rivals=tuple(
+                Rival(", ".join(sorted(h.names)), h.cost - best.cost,
+                      {f"{c.name}.{c.gain.key}" if len(h.chosen) > 1 else c.gain.key:
+                       float(h.look.theta[c.index] * problem.units[c.index]) for c in h.chosen})
+                for h in rivals[:MOST_RIVALS]
+            ),
+            where=where,
+            identifiability=tells,
+            gain=gained,
+            experiment=experiment,
+            misfit=misfit(problem, search.fitter, before, after, over),
+            extended=extended,
+            patch=text,
+            warnings=tuple(warnings),
+            provenance=self._provenance(problem),
+        )  # fmt: skip
+
+    def _causes(self, search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Cause, ...]:
+        found: dict[str, Cause] = {}
+        for h in hypotheses:
+            look = search.fitter.look(h.look.theta, h.look.shapes)
+            free = search.free(h.chosen)
+            curvature = look.information[np.ix_(free, free)] + np.diag(
+                search.fitter.prior[free] + 1e-9
+            )
+            std = np.sqrt(np.diag(np.linalg.inv(curvature)))
+            for c in h.chosen:
+                unit = search.problem.units[c.index]
+                at = int(np.flatnonzero(free == c.index)[-1])
+                numbers = {c.gain.key: Found(float(look.theta[c.index] * unit),
+                                             float(std[at] * unit))}  # fmt: skip
+                numbers |= {key: Found(value, _grid_std(c, key)) for key, value in c.shapes}
+                found.setdefault(c.name, Cause(
+                    c.name, c.effect.equation, numbers,
+                    search.null.cost - h.cost, search.p_of.get(c.name, 0.0),
+                ))  # fmt: skip
+        return tuple(found.values())
+
+    def _gain(
+        self,
+        search: Search,
+        verdict: str,
+        curve: Curve | None,
+        holdout: Sequence[Signals] | Signals | None,
+    ) -> tuple[Gain | None, list[str]]:
+        warnings = list(self.signals.warnings)
+        if verdict == "none":
+            return None, warnings
+        if self.progress:
+            self.progress("measuring the gain on data held out", None)
+        if holdout is None:
+            if curve is not None:
+                return None, warnings
+            return in_turns(search, search.best.chosen), warnings
+        drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
+        other = self.problem(replace(drives[0], later=tuple(drives[1:])))
+        if curve is not None:
+            return of_curve(search, curve, other), warnings
+        return on_another(search, search.best, other), warnings
+
+    def _extended(
+        self, problem: Problem, verdict: str, causes: Sequence[Cause], curve: Curve | None
+    ) -> tuple[Vehicle, str | None]:
+        effects, files, text = dict(self.vehicle.effects), list(self.vehicle.effects_files), None
+        if curve is not None:
+            text = patch.text(curve, problem.compiled.model)
+            if text is not None:
+                effects[patch.NAME] = {"size": 1.0}
+                files.append(Path("patch_effects.py"))
+        # of an ambiguous set the likeliest one stands in the model
+        for cause in causes[: 1 if verdict == "ambiguous" else None]:
+            effects[cause.effect] = {key: f.value for key, f in cause.parameters.items()}
+        used = {effect for effect in effects if effect not in library(self.vehicle.model)}
+        for path in self.files:
+            if used & set(effects_of_file(path)):
+                files.append(path.resolve())
+        return replace(self.vehicle, effects=effects, effects_files=tuple(files)), text
+
+    def _experiment(self, search: Search, hypotheses: Sequence[Hypothesis]) -> Experiment:
+        from clutchest.generator import SCENARIOS
+        from clutchest.simulated import simulate
+
+        common = frozenset.intersection(*(h.names for h in hypotheses))
+        rivals = [
+            next(((c, float(h.look.theta[c.index])) for c in h.chosen if c.name not in common),
+                 (h.chosen[0], float(h.look.theta[h.chosen[0].index])))
+            for h in hypotheses
+        ]  # fmt: skip
+        return propose(
+            rivals, self.vehicle, tuple(SCENARIOS),
+            lambda name, effects: simulate(self.vehicle, name, 1, effects, nominal=True),
+            self.problem, self.progress,
+        )  # fmt: skip
+
+    def _provenance(self, problem: Problem) -> dict[str, str]:
+        return {
+            "clutchest": __version__,
+            "python": platform.python_version(),
+            "numba": version("numba"),
+            "vehicle": self.vehicle.name,
+            "vehicle_hash": self.vehicle.hash,
+            "model_hash": problem.compiled.digest,
+        }
+
+
+def _least(errors: Sequence[Curve]) -> Curve:
+    return min(errors, key=lambda c: c.p_value)
+
+
+def _grid_std(candidate: Candidate, key: str) -> float:
+    """How coarsely a shape was tried: its standard deviation if any value between neighbours on
+    its grid is as likely."""
+    number = next(n for n in candidate.effect.parameters if n.key == key)
+    steps = np.diff(number.grid) if len(number.grid) > 1 else np.array([0.0])
+    return float(np.max(steps) / np.sqrt(12.0))
+
+
+def _where(verdict: str, best: Hypothesis, errors: Sequence[Curve]) -> Where | None:
+    """The equation, and drivers ranked by what an error of it that goes with them explains."""
+    if verdict == "none":
+        return None
+    equation = errors[0].equation if verdict == "unknown" else best.chosen[0].effect.equation
+    ranked = [c.driver for c in errors if c.equation == equation]
+    return Where(equation, tuple(ranked))
+
+
+def _sentence(verdict: str, causes: Sequence[Cause], where: Where | None, gain: Gain | None) -> str:
+    """The answer in words."""
+    if verdict == "none":
+        return "The model explains these data: nothing is missing that they could show."
+    if verdict == "unknown":
+        assert where is not None
+        with_ = f" and goes with {where.drivers[0]}" if where.drivers else ""
+        return (f"Something is wrong in the equation '{where.equation}'{with_}, "
+                "and no known cause explains it.")  # fmt: skip
+    words = []
+    for c in causes:
+        numbers = [f"{key} = {f.value:.3g} ± {f.std:.2g}" for key, f in c.parameters.items()]
+        words.append(f"{c.effect} ({', '.join(numbers)})")
+    if verdict == "named":
+        return f"The model lacks {' and '.join(words)}."
+    return f"The model lacks one of {', '.join(words)}; these data cannot tell which."

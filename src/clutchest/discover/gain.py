@@ -1,0 +1,152 @@
+"""What an extension gains on data that were not used to find it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest.discover.candidates import Candidate
+from clutchest.discover.discovery import Gain
+from clutchest.discover.drivers import drivers, hats
+from clutchest.discover.leftover import Curve
+from clutchest.discover.probes import PREFIX
+from clutchest.discover.search import Hypothesis, Search
+from clutchest.discover.torque import torques
+from clutchest.identify.linearised import Problem
+from clutchest.identify.maximum import Fitter, Look
+from clutchest.signals import Floats
+
+BLOCK = 20.0  # s; what lies closer together is not independent
+FOLD = 60.0  # s, of stretches held out in turns where there is no log to hold out
+RESAMPLED = 1000
+
+
+def on_another(search: Search, best: Hypothesis, other: Problem) -> Gain:
+    """Of a hypothesis fitted to one problem, on the drives of another.
+
+    Numbers of the vehicle are those found; what a drive starts from is fitted anew to each, with
+    and without the causes.
+    """
+    fitter = Fitter(other)
+    looks: list[Look] = []
+    for hypothesis in (best, search.null):
+        theta = np.zeros(len(other.thetas))
+        theta[: other.shared] = hypothesis.look.theta[: search.problem.shared]
+        late = len(search.problem.timing)
+        if late:
+            theta[-late:] = hypothesis.look.theta[-late:]
+        starts = np.array([k for k, t in enumerate(other.thetas) if t.drive >= 0])
+        if not looks:  # noise as what was found leaves it
+            first = fitter.most_probable(starts, theta, hypothesis.look.shapes)
+            first = fitter.look(first.theta, first.shapes)
+            fitter.learn(first.raw, first.theta)
+            fitter.focus([fitter.again(first).psi])
+        looks.append(fitter.most_probable(starts, theta, hypothesis.look.shapes))
+    after, before = looks
+    assert fitter.span is not None
+    return gain(other, before, after, *_squares(before.r, after.r, fitter.span))
+
+
+def _squares(before: Floats, after: Floats, span: Floats) -> tuple[Floats, Floats]:
+    """Squares (K) of innovations before and after; what lies outside of the span (K, q) is noise
+    of the inputs and the same for both."""
+    inside = [span @ (span.T @ r) for r in (before, after)]
+    noise = (after - inside[1]) ** 2
+    return inside[0] ** 2 + noise, inside[1] ** 2 + noise
+
+
+def in_turns(search: Search, chosen: tuple[Candidate, ...]) -> Gain:
+    """On the drives themselves: every second stretch is foretold by the others, in turns."""
+    problem, fitter = search.problem, search.fitter
+    weights, span = fitter.weights, fitter.span
+    old, new = np.zeros(len(search.null.look.r)), np.zeros(len(search.null.look.r))
+    try:
+        for fold in (0, 1):
+            held = [np.floor(d.t / FOLD) % 2 == fold for d in problem.drives]
+            out = np.concatenate(held)
+            wholes = []
+            for base in (search.best.look, search.null.look):
+                fitter.weights = [w * ~h for w, h in zip(weights, held, strict=True)]
+                fitter.span = None
+                look = fitter.look(base.theta, base.shapes)
+                fitter.focus([look.psi])
+                free = search.free(chosen if base is search.best.look else ())
+                look = fitter.improve(fitter.again(look), free)
+                fitter.weights, fitter.span = weights, None
+                wholes.append(fitter.look(look.theta, look.shapes))
+            after, before = wholes
+            seen = np.where(out[:, None], after.psi, 0.0)
+            fitter.focus([seen])
+            assert fitter.span is not None
+            squares = _squares(before.r * out, after.r * out, fitter.span)
+            old, new = old + squares[0], new + squares[1]
+    finally:
+        fitter.weights, fitter.span = weights, span
+    return gain(problem, search.null.look, search.best.look, old, new)
+
+
+def gain(problem: Problem, before: Look, after: Look, old: Floats, new: Floats) -> Gain:
+    """From squares of white innovations ``old`` and ``new`` (K)."""
+    difference = 0.5 * (old - new)
+    blocks = np.concatenate([
+        i * 10**6 + np.floor(d.t / BLOCK).astype(int) for i, d in enumerate(problem.drives)
+    ])  # fmt: skip
+    _, of = np.unique(blocks, return_inverse=True)
+    sums = np.bincount(of, difference)
+    rng = np.random.default_rng(0)
+    drawn = sums[rng.integers(len(sums), size=(RESAMPLED, len(sums)))].sum(axis=1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    raw_before, raw_after = (np.concatenate([rows.r for rows in look.raw])
+                             for look in (before, after))  # fmt: skip
+    errors = [_torque_error(problem, look) for look in (before, after)]
+    return Gain(
+        rmse_before=float(np.sqrt(np.mean(raw_before**2))),
+        rmse_after=float(np.sqrt(np.mean(raw_after**2))),
+        nll_before=float(0.5 * old.sum()),
+        nll_after=float(0.5 * new.sum()),
+        simulation_rmse_before=errors[0],
+        simulation_rmse_after=errors[1],
+        ci95=(float(low), float(high)),
+    )
+
+
+def _torque_error(problem: Problem, look: Look) -> float:
+    """Root mean square of measured less simulated clutch torque, Nm."""
+    squares: Sequence[Floats] = [
+        (m - s) ** 2 for _, m, s in (torques(problem, look, i) for i in range(len(problem.drives)))
+    ]
+    joined = np.concatenate(list(squares))
+    return float(np.sqrt(np.mean(joined))) if len(joined) else 0.0
+
+
+def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
+    """Of a curve in place of a cause, on the drives of another problem, to first order: the curve
+    as it was found, what each drive starts from fitted anew."""
+    fitter = Fitter(other)
+    theta = np.zeros(len(other.thetas))
+    theta[: other.shared] = search.null.look.theta[: search.problem.shared]
+    starts = np.array([k for k, t in enumerate(other.thetas) if t.drive >= 0])
+    look = fitter.most_probable(starts, theta, search.null.look.shapes)
+    look = fitter.look(look.theta, look.shapes)
+    fitter.learn(look.raw, look.theta)
+    look = fitter.again(look)
+    other.linearise(look.theta, look.shapes)
+    probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.equation)
+    bases = [hats(drivers(drive)[curve.driver], curve.at) for drive in other.drives]
+    # nuisances stood in for the curve: what they give back when it comes
+    free = np.concatenate([search.problem.nuisances]).astype(int)
+    shift = np.zeros(len(theta))
+    mine = [k for k in free if k < search.problem.shared]
+    shift[mine] = -curve.given_back[np.searchsorted(free, mine)]
+    change = fitter.modulated(look, [probe], bases) @ curve.coefficients + look.psi @ shift
+    again = look.psi[:, starts]
+    r = look.r + change
+    r = r - again @ np.linalg.solve(again.T @ again + np.eye(len(starts)),
+                                    again.T @ r + look.theta[starts])  # fmt: skip
+    fitter.focus([look.psi, change])
+    assert fitter.span is not None
+    found = gain(other, look, look, *_squares(look.r, r, fitter.span))
+    scale = float(np.sqrt(np.sum(r**2) / np.sum(look.r**2)))
+    return replace(found, rmse_after=found.rmse_before * scale)

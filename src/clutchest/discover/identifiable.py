@@ -1,0 +1,58 @@
+"""What a log can tell, before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchest.discover.candidates import Candidate
+from clutchest.discover.discovery import Identifiable
+from clutchest.discover.score import Board
+from clutchest.signals import Floats
+
+
+def identifiability(
+    causes: Sequence[Candidate], units: Floats, scores: Board, level: float
+) -> tuple[Identifiable, ...]:
+    """For each effect: the size found in half of such logs at the family-wise ``level``, and the
+    effect that could best pass for it."""
+    sizes = scores.threshold(level) / scores.std  # in units of each gain; 0 where std is inf
+    sizes = np.where(np.isfinite(scores.std), sizes, np.inf)
+    found = []
+    for name in dict.fromkeys(c.name for c in causes):
+        own = [i for i, c in enumerate(causes) if c.name == name]
+        # the size itself is judged by what is plausible: 1 in units of a gain
+        i = min(own, key=lambda k: sizes[k])
+        rivals = (
+            [
+                (distance(scores, i, sizes[i], k), causes[k].name)
+                for k in range(len(causes))
+                if causes[k].name != name
+            ]
+            if sizes[i] < 1e6
+            else []
+        )
+        left, nearest = min(rivals, default=(None, None))
+        found.append(
+            Identifiable(
+                name,
+                causes[i].gain.unit,
+                float(sizes[i] * units[causes[i].index]) if sizes[i] < 1e6 else None,
+                causes[i].gain.upper,
+                nearest,
+                left,
+            )
+        )
+    return tuple(found)
+
+
+def distance(scores: Board, i: int, size: float, k: int) -> float:
+    """How far cause ``i`` of ``size`` lies from the best that cause ``k`` can do for it within its
+    plausible sizes, in standard deviations."""
+    J = scores.information
+    rival = 0.0
+    if J[k, k] > 0.0:
+        rival = float(np.clip(size * J[i, k] / J[k, k], 0.0 if scores.one_sided[k] else -1.0, 1.0))
+    squared = size**2 * J[i, i] - 2.0 * size * rival * J[i, k] + rival**2 * J[k, k]
+    return float(np.sqrt(max(squared, 0.0)))

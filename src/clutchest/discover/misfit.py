@@ -1,0 +1,71 @@
+"""Where and when the model misses: levels, and means over what an error may go with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchest.discover.discovery import Bins, Level, Misfit
+from clutchest.discover.drivers import drivers
+from clutchest.discover.torque import torques
+from clutchest.estimate.modes import MODE_NAMES
+from clutchest.identify.linearised import Problem
+from clutchest.identify.maximum import Fitter, Look
+
+BINS = 8
+FEWEST = 40  # readings in a mode that are worth a picture
+
+
+def misfit(
+    problem: Problem, fitter: Fitter, before: Look, after: Look, over: Sequence[str]
+) -> Misfit:
+    """What the model as it is misses, and what is left with what was found; binned over the
+    drivers ``over``."""
+    sensors = tuple(sensor.name for sensor in problem.compiled.model.sensors)
+    problem.linearise(before.theta, before.shapes)
+    values = [drivers(drive) for drive in problem.drives]
+    bins: list[Bins] = []
+    levels: list[Level] = []
+    white = fitter.again(before).r
+    sensor = np.concatenate([d.sensor for d in problem.drives])
+    mode = np.concatenate([d.mode for d in problem.drives])
+    for s, name in enumerate(sensors):
+        for m in np.unique(mode[sensor == s]):
+            rows = np.flatnonzero((sensor == s) & (mode == m))
+            if len(rows) < FEWEST:
+                continue
+            r = white[rows]
+            level, lag = float(np.mean(r**2)), float(np.mean(r[1:] * r[:-1]))
+            levels.append(Level(name, MODE_NAMES[m], level, lag / level, len(r)))
+            for driver in over:
+                if any(driver not in v for v in values):
+                    continue
+                joined = np.concatenate([
+                    v[driver][d.rows] for v, d in zip(values, problem.drives, strict=True)
+                ])[rows]  # fmt: skip
+                edges = np.unique(np.quantile(joined, np.linspace(0.0, 1.0, BINS + 1)))
+                if len(edges) < 3:
+                    continue
+                of = np.clip(np.searchsorted(edges, joined, side="right") - 1, 0, len(edges) - 2)
+                count = np.bincount(of, minlength=len(edges) - 1)
+                safe = np.maximum(count, 1)
+                mean = np.bincount(of, r, minlength=len(edges) - 1) / safe
+                square = np.bincount(of, r**2, minlength=len(edges) - 1) / safe
+                error = np.sqrt(np.maximum(square - mean**2, 0.0) / safe)
+                bins.append(Bins(name, MODE_NAMES[m], driver, edges, mean, error, count))
+    torque = []
+    for i in range(len(problem.drives)):
+        t, measured, simulated = torques(problem, before, i)
+        _, _, extended = torques(problem, after, i)
+        torque.append((t, measured, simulated, extended))
+    return Misfit(
+        sensors,
+        tuple(d.t for d in problem.drives),
+        tuple(d.sensor for d in problem.drives),
+        tuple(rows.r for rows in before.raw),
+        tuple(rows.r for rows in after.raw),
+        tuple(torque),
+        tuple(bins),
+        tuple(levels),
+    )

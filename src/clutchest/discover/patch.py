@@ -1,0 +1,95 @@
+"""A curve as a file of effects: what has no name still goes into the model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from clutchest.discover.leftover import Curve
+from clutchest.models import errors_of
+from clutchest.models.model import Model
+
+NAME = "patch"
+# What the equations can see of a driver that is no quantity of theirs: a state of the patch's own.
+_OWN_STATES = {
+    "energy": ("patch_energy", "J", "slip energy so far", "q.power"),
+    "time": ("patch_time", "s", "time since the start", "1.0"),
+}
+
+_TEXT = '''"""An error of the equation `{equation}` that goes with `{driver}`.
+
+Written by `clutchest discover`.  Between the knots the curve is straight, beyond them it stays.
+"""
+
+import casadi as ca
+
+from clutchest.models.dry_clutch import PROBES
+from clutchest.models.effects import Effect, Number
+from clutchest.models.symbols import State
+
+KNOTS = {knots}
+VALUES = {values}  # in units of the error, one per knot
+
+
+class Patch(Effect):
+    """The equation `{equation}` is off by a curve over `{driver}`, times `size`."""
+
+    name = "{name}"
+    model = "{model}"
+    equation = "{equation}"
+    parameters = (Number("size", "1", 0.0, 2.0),)
+    states = {states}
+
+    def terms(self, g):
+        """See :meth:`Effect.terms`."""
+
+        def changed(change):
+            return lambda value, q: change(value, g.size * curve(q.{quantity}))
+
+        found = {{quantity: changed(change) for quantity, change in PROBES["{equation}"].items()}}
+        {rate}
+        return found
+
+
+def curve(at):
+    """The error at a value of the driver."""
+    value = VALUES[0] + 0.0 * at
+    for left, right, a, b in zip(KNOTS, KNOTS[1:], VALUES, VALUES[1:]):
+        share = ca.fmin(ca.fmax((at - left) / (right - left), 0.0), 1.0)
+        value += (b - a) * share
+    return value
+'''
+
+
+def text(curve: Curve, model: Model) -> str | None:
+    """Python source of the effect, None where the equations cannot see what it depends on."""
+    changes, _ = errors_of(model.name)
+    if curve.equation not in changes:
+        return None
+    before = _before(model, changes[curve.equation])
+    quantity, states, rate = curve.driver, "()", ""
+    if curve.driver in _OWN_STATES:
+        quantity, unit, what, grows = _OWN_STATES[curve.driver]
+        states = f'(State("{quantity}", "{unit}", "", "{what}", 0.0, 0.0, 1.0),)'
+        rate = f'found["{quantity}_rate"] = lambda rate, q: rate + {grows}'
+    elif curve.driver not in before:
+        return None
+    return _TEXT.format(
+        equation=curve.equation,
+        driver=curve.driver,
+        quantity=quantity,
+        name=NAME,
+        model=model.name,
+        knots=tuple(float(np.round(v, 6)) for v in curve.at),
+        values=tuple(float(np.round(v, 6)) for v in curve.coefficients),
+        states=states,
+        rate=rate,
+    )
+
+
+def _before(model: Model, changes: Mapping[str, object]) -> tuple[str, ...]:
+    """Quantities that stand before the first that an error changes."""
+    names = model.expressions().quantities.names()
+    first = min(names.index(quantity) for quantity in changes if quantity in names)
+    return names[:first]

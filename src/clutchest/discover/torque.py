@@ -1,0 +1,43 @@
+"""Clutch torque open loop: what the equations make of the inputs, beside what was measured."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from clutchest.identify.linearised import LinearDrive, Problem
+from clutchest.identify.maximum import Look
+from clutchest.signals import Floats
+
+NAMES = ("measured_torque", "clutch_torque")
+
+
+def torques(problem: Problem, look: Look, drive: int) -> tuple[Floats, Floats, Floats]:
+    """(time s, measured Nm, simulated Nm) of one drive at ``look`` while the surfaces slide.
+
+    Temperatures, wear and friction follow from the numbers at ``look`` alone; only speeds and
+    positions are as measured.
+    """
+    problem.linearise(look.theta, look.shapes)  # states as they are at these numbers
+    own: LinearDrive = problem.drives[drive]
+    model, line = problem.compiled.model, own.line
+    p, g, _ = problem.numbers(look.theta, look.shapes)
+    e = model.expressions()
+    if not set(NAMES) <= set(e.quantities.names()):
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    wanted = ca.vertcat(*(getattr(e.quantities, name) for name in NAMES))
+    at = ca.Function("torques", [e.x, e.u, e.w, e.p, e.g], [wanted])
+    rows = np.flatnonzero(own.acts & line.W[line.row].all(axis=1))
+    if not len(rows):
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    nominal = problem.compiled.p  # what was measured does not change with what is believed
+    off = np.zeros_like(g)
+    still = [i for i, (effect, n) in enumerate(model.numbers)
+             if any(s.key == n and s.shape for s in effect.parameters)]  # fmt: skip
+    off[still] = problem.compiled.g[still]
+
+    def evaluated(p_: Floats, g_: Floats) -> Floats:
+        many = (np.tile(v[:, None], (1, len(rows))) for v in (p_, g_))
+        return np.array(at(own.states[rows].T, line.u[rows].T, line.W[line.row[rows]].T, *many))
+
+    return line.t[rows], evaluated(nominal, off)[0], evaluated(p, g)[1]
