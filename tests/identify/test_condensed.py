@@ -1,0 +1,139 @@
+"""Timelines with the events that tell nothing new left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchest.estimate.modes import Mode
+from clutchest.estimate.timeline import Timeline
+from clutchest.identify.condensed import NEAR, RESTED, condensed
+from clutchest.models.dry_clutch import DRY_CLUTCH
+
+SPEED, ZERO = DRY_CLUTCH.sensor("engine_speed"), DRY_CLUTCH.sensor("zero_position")
+REST, SLIP = 0, 7  # rows of the table of flags: nothing acts, everything does
+NOISE = 0.01  # mm, of one reading of the zero position
+PERIOD = 0.01  # s
+
+
+def timeline(
+    stretches: list[tuple[float, float]], slips: list[tuple[float, float]], end: float = 60.0
+) -> Timeline:
+    """Engine speed every ``PERIOD``; the zero position half a period later within ``stretches``,
+    with readings that are all 0; everything acts within ``slips``."""
+    speed = np.arange(0.0, end, PERIOD)
+    rest = np.concatenate([np.arange(a, b, PERIOD) + PERIOD / 2 for a, b in stretches])
+    t = np.concatenate([speed, rest])
+    sensor = np.repeat([SPEED, ZERO], [len(speed), len(rest)]).astype(np.int8)
+    order = np.argsort(t, kind="stable")
+    t, sensor = t[order], sensor[order]
+    slipping = np.zeros(len(t), bool)
+    for a, b in slips:
+        slipping |= (t >= a) & (t <= b)
+    zero = sensor == ZERO
+    return Timeline(
+        t=t, sensor=sensor, z=np.zeros(len(t)), R=np.where(zero, NOISE**2, 4e-3),
+        u=np.column_stack([t, np.sin(t)]), row=np.where(slipping, SLIP, REST),
+        W=np.array([[r >> 2 & 1, r >> 1 & 1, r & 1] for r in range(8)], float),
+        Q=np.zeros((8, 2)), longest=np.full(8, 0.5),
+        mode=np.where(zero, Mode.retracted, Mode.locked).astype(np.uint8),
+        emit=np.full(len(t), -1), grid=np.zeros(0, bool), noise=np.zeros(2), variance=np.zeros(2),
+        warnings=(),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def line() -> Timeline:
+    """Rests of odd lengths, one broken by a hole, and two slips."""
+    return timeline([(0.0, 7.3), (9.0, 13.45), (30.0, 41.0), (55.0, 55.02)],
+                    [(20.0, 24.0), (45.0, 50.0)])  # fmt: skip
+
+
+def test_nothing_is_dropped_near_slips(line):
+    short = condensed(line, DRY_CLUTCH)
+    reach = NEAR - PERIOD / 4  # whatever rounding makes of the last one
+    near = ((line.t >= 20.0 - reach) & (line.t <= 24.0 + reach)) | (
+        (line.t >= 45.0 - reach) & (line.t <= 50.0 + reach)
+    )
+    assert np.isin(line.t[near], short.t).all()
+    far = short.sensor[~np.isin(short.t, line.t[near])]
+    assert np.sum(far == SPEED) <= 2 + 4  # the first and the last event, and rounding's
+    assert short.t[0] <= PERIOD and short.t[-1] == line.t[-1]
+
+
+def test_what_stays_is_what_it_was(line):
+    short = condensed(line, DRY_CLUTCH)
+    assert np.all(np.diff(short.t) > 0)
+    of = np.searchsorted(line.t, short.t)
+    np.testing.assert_array_equal(line.t[of], short.t)
+    for name in ("sensor", "u", "row", "mode", "emit"):
+        np.testing.assert_array_equal(getattr(line, name)[of], getattr(short, name), name)
+    plain = short.sensor != ZERO
+    np.testing.assert_array_equal(line.z[of][plain], short.z[plain])
+    np.testing.assert_array_equal(line.R[of][plain], short.R[plain])
+
+
+def test_output_rows_stay(line):
+    emit = np.full(len(line.t), -1)
+    wanted = np.flatnonzero(line.sensor == SPEED)[::500]
+    emit[wanted] = np.arange(len(wanted))
+    short = condensed(replace(line, emit=emit), DRY_CLUTCH)
+    np.testing.assert_array_equal(short.emit[short.emit >= 0], np.arange(len(wanted)))
+
+
+def test_means_lie_within_their_stretch(line):
+    """One mean for every second of rest, none across the hole or the slips."""
+    short = condensed(line, DRY_CLUTCH)
+    time = short.t[short.sensor == ZERO]
+    for begin, end in [(0.0, 7.3), (9.0, 13.45), (30.0, 41.0), (55.0, 55.02)]:
+        inside = (time >= begin) & (time < end)
+        assert inside.sum() == np.ceil((end - begin) / RESTED)
+        np.testing.assert_array_equal(np.floor((time[inside] - begin) / RESTED),
+                                      np.arange(inside.sum()))  # fmt: skip
+    assert len(time) == 8 + 5 + 11 + 1
+
+
+def test_every_reading_counts_once(line):
+    """Means and variances hold the sum, and the information, of all readings."""
+    rng = np.random.default_rng(1)
+    zero = line.sensor == ZERO
+    line = replace(line, z=np.where(zero, rng.normal(size=len(line.t)), line.z))
+    short = condensed(line, DRY_CLUTCH)
+    mean = short.sensor == ZERO
+    assert np.sum(1 / short.R[mean]) == pytest.approx(np.sum(1 / line.R[zero]))
+    assert np.sum(short.z[mean] / short.R[mean]) == pytest.approx(np.sum(line.z[zero]) / NOISE**2)
+
+
+def test_means_scatter_as_their_variance_says(line):
+    rng = np.random.default_rng(2)
+    zero = line.sensor == ZERO
+    squares, count = 0.0, 0
+    for _ in range(100):
+        noisy = np.where(zero, NOISE * rng.standard_normal(len(line.t)), 0.0)
+        short = condensed(replace(line, z=noisy), DRY_CLUTCH)
+        mean = short.sensor == ZERO
+        squares += np.sum(short.z[mean] ** 2 / short.R[mean])
+        count += int(mean.sum())
+    assert abs(squares - count) < 3.3 * np.sqrt(2 * count)  # 99.9 %
+
+
+def test_a_mean_stands_where_it_holds(line):
+    """Of readings that rise evenly: to half a period, the reading at its own time."""
+    short = condensed(replace(line, z=line.t.copy()), DRY_CLUTCH)
+    mean = short.sensor == ZERO
+    np.testing.assert_allclose(short.z[mean], short.t[mean], atol=0.501 * PERIOD)
+
+
+def test_a_drive_without_slip_keeps_its_means():
+    line = timeline([(2.0, 12.0)], [], end=20.0)
+    short = condensed(line, DRY_CLUTCH)
+    assert np.sum(short.sensor == ZERO) == 10
+    assert np.sum(short.sensor == SPEED) == 2
+
+
+def test_a_drive_without_rest_stays_whole():
+    line = timeline([(5.0, 5.0)], [(0.0, 20.0)], end=20.0)
+    short = condensed(line, DRY_CLUTCH)
+    np.testing.assert_array_equal(short.t, line.t)
