@@ -15,6 +15,7 @@ from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
 FAR = 5.0  # standard deviations; a reading that stays further off is left out
+COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own
 STEPS, PATIENCE, TURNS = 30, 3, 6  # at most
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 NEARLY = (
@@ -68,14 +69,17 @@ class Fitter:
     def settle(self, theta: Floats) -> Look:
         """The most probable nuisances with gains as in ``theta``, and the colour of what is left:
         a step for the one, a lesson for the other, in turns."""
-        look = self.most_probable(self.problem.nuisances, theta)
+        look, free = self.look(theta), self.problem.nuisances
+        for heat in COOLING:  # data that lie far off would drag everything along that is not priced
+            look = self.look(look.theta + self.step(look, free, heat=heat))
+        look = self.improve(look, free)
         for _ in range(TURNS):
             look = self.look(look.theta)
             before = look.r @ look.r
             self.learn(look.raw, look.theta)
             look = self.again(look)
             self.focus([look.psi])
-            look = self.improve(self.again(look), self.problem.nuisances)
+            look = self.improve(self.again(look), free)
             if abs(before - look.r @ look.r) < NEARLY:
                 break
         return look
@@ -162,15 +166,18 @@ class Fitter:
                 gained, best, climbs, damping = best.cost - look.cost, look, 0, damping / 10.0
                 if gained < SETTLED:
                     break
-            elif (climbs := climbs + 1) > PATIENCE:
+            elif not np.isfinite(look.cost) or (climbs := climbs + 1) > PATIENCE:
                 look, climbs, damping = best, 0, max(10.0 * damping, 1.0)
         return best
 
-    def step(self, look: Look, free: NDArray[np.int64], damping: float = 0.0) -> Floats:
+    def step(
+        self, look: Look, free: NDArray[np.int64], damping: float = 0.0, heat: float = 1.0
+    ) -> Floats:
         """Gauss–Newton's step (m), zero where not ``free``; a gain that would leave its plausible
-        sizes stops at their end, and the others make the best of that."""
-        curvature = look.information + np.diag(self.prior + damping + 1e-9)
-        slope = look.slope + self.prior * look.theta
+        sizes stops at their end, and the others make the best of that.  With ``heat`` the data
+        count for less."""
+        curvature = look.information / heat + np.diag(self.prior + damping + 1e-9)
+        slope = look.slope / heat + self.prior * look.theta
         step = np.zeros(len(look.theta))
         while len(free):
             rest = (
