@@ -41,7 +41,7 @@ def accuracy(found: Mapping[str, Any], path: Path) -> None:
     for axis in (left, right):
         axis.invert_yaxis()
         if axis.has_data() and axis.get_legend_handles_labels()[0]:
-            axis.legend(fontsize=7)
+            axis.legend(fontsize=7, ncols=4, loc="upper center", bbox_to_anchor=(0.5, -0.15))
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
