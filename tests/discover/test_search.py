@@ -1,0 +1,148 @@
+"""The search on simulated drives: what is hidden is found, what is not there is not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest, chi2
+
+import clutchest
+from clutchest.discover.search import LEVEL, Hypothesis, Search
+from clutchest.identify.linearised import Problem
+from clutchest.models.effects import library
+from clutchest.signals import Floats
+
+DURATION = 200.0  # s, of drives in the default suite
+LONGER = 300.0
+LIBRARY = tuple(library("dry_clutch").values())
+SLOPE = -0.12  # per 100 rad/s
+
+
+def searched(
+    seed: int,
+    effects: Mapping[str, Mapping[str, float]],
+    scenario: str = "city",
+    duration: float = DURATION,
+    nominal: bool = False,
+) -> Search:
+    """A drive of a truck drawn by ``seed`` with ``effects`` hidden in it, searched."""
+    truck = clutchest.load_vehicle("truck")
+    drive = clutchest.simulate(truck, scenario, seed, effects, nominal=nominal, duration=duration)
+    search = Search.begin(Problem(drive, truck, LIBRARY))
+    search.run()
+    return search
+
+
+def sizes(search: Search, found: Hypothesis) -> tuple[Floats, Floats]:
+    """Fitted gains and their standard deviations, in the units of the effects."""
+    look = search.fitter.look(found.look.theta, found.look.shapes)
+    free = search.free(found.chosen)
+    precision = look.information[np.ix_(free, free)] + np.diag(search.fitter.prior[free] + 1e-9)
+    at = [c.index for c in found.chosen]
+    units = search.problem.units[at]
+    std = np.sqrt(np.diag(np.linalg.inv(precision)))[len(free) - len(at) :]
+    return look.theta[at] * units, std * units
+
+
+@pytest.fixture(scope="module")
+def hidden() -> Search:
+    return searched(1, {"friction_speed": {"slope": SLOPE}})
+
+
+def test_a_hidden_cause_is_found_alone(hidden):
+    best = hidden.best
+    assert best.names == {"friction_speed"}
+    assert len(best.chosen) == 1
+    assert hidden.tied() == []
+    (value,), (std,) = sizes(hidden, best)
+    assert abs(value - SLOPE) < 3 * std
+    assert std < 0.03
+    assert hidden.p_of["friction_speed"] < 1e-4
+
+
+def test_rivals_are_fits_that_lost(hidden):
+    best, rivals = hidden.best, hidden.rivals
+    assert rivals
+    assert [h.cost for h in rivals] == sorted(h.cost for h in rivals)
+    assert best.cost <= rivals[0].cost
+    assert best.cost < hidden.null.cost - 10.0
+    for h in [best, *rivals]:
+        others = [i for i in hidden.problem.gains if i not in {c.index for c in h.chosen}]
+        assert not h.look.theta[others].any()
+        number = h.chosen[0].gain
+        unit = hidden.problem.units[h.chosen[0].index]
+        assert number.lower <= h.look.theta[h.chosen[0].index] * unit <= number.upper
+
+
+def test_every_cause_is_scored_at_its_own_shapes(hidden):
+    nothing = np.zeros(len(hidden.problem.thetas))
+    hidden.fitter.look(nothing)  # derivatives are taken at the inputs that this run implies
+    look = hidden.fitter.look(nothing)
+    shaped = [c for c in hidden.all if c.name in ("friction_slip", "friction_fade")]
+    plain = next(c for c in hidden.all if c.name == "viscous_drag")
+    wanted = [*shaped[::-1], plain]
+    columns = hidden.columns(look, wanted)
+    for column, c in zip(columns.T, wanted, strict=True):
+        shapes = {(c.name, key): value for key, value in c.shapes}
+        alone = hidden.fitter.look(look.theta, shapes).psi[:, c.index]
+        np.testing.assert_allclose(column, alone, atol=1e-6 * np.abs(alone).max(initial=1.0))
+    slip = [k for k, c in enumerate(wanted) if c.name == "friction_slip"]
+    assert np.linalg.matrix_rank(columns[:, slip]) == len(slip)
+
+
+def test_a_cause_in_the_model_explains_its_score_away(hidden):
+    """Beside the best, nothing else is significant; beside the next but one, the best still is."""
+    others = [c for c in hidden.all if c.name not in hidden.best.names]
+    scores = hidden.scores(hidden.best, others, seed=4)
+    assert scores.p_among_all(scores.p_alone(scores.z).min()) > LEVEL
+    first = hidden.first
+    place = next(i for i, c in enumerate(hidden.all) if c.name == "friction_speed")
+    assert first.p_among_all(first.p_alone(first.z)[place]) < LEVEL
+
+
+def test_a_clean_drive_has_no_cause():
+    search = searched(1, {})
+    assert search.best is search.null
+    assert search.best.chosen == () and search.rivals == [] and search.tied() == []
+    assert search.p_of == {}
+    white = search.null.look.r
+    assert np.mean(white**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(white)))
+
+
+def test_wear_and_an_offset_of_the_sensor_come_out_tied():
+    """Both lower every reading of the position and the torque curve with it: one drive cannot tell
+    worn pads from a sensor that reads too little."""
+    amount = 0.95  # mm; an offset of 1 mm is the largest plausible one
+    search = searched(1, {"wear": {"amount": amount}}, nominal=True)
+    tied = [search.best, *search.tied()]
+    assert {h.names for h in tied} == {frozenset({"wear"}), frozenset({"position_offset"})}
+    for h in tied:
+        (value,), (std,) = sizes(search, h)
+        assert h.chosen[0].gain.key in ("amount", "offset")
+        assert abs(abs(value) - amount) < 3 * std
+        assert (value > 0) == (h.names == {"wear"})
+        assert abs(h.cost - search.best.cost) < 0.5
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("scenario", ["city", "launches"])
+def test_false_findings_are_as_rare_as_stated(scenario):
+    """40 clean drives of trucks drawn from the file's spreads, at 1 % each."""
+    false = [seed for seed in range(40) if searched(seed, {}, scenario, LONGER).best.chosen]
+    assert binomtest(len(false), 40, 0.01, alternative="greater").pvalue > 0.01, false
+
+
+@pytest.mark.statistics
+def test_values_scatter_as_their_standard_deviations_say():
+    """20 trucks with the same cause: found in nearly all, alone, at its size."""
+    errors = []
+    for seed in range(20):
+        search = searched(seed, {"friction_speed": {"slope": SLOPE}}, duration=LONGER)
+        if search.best.names == {"friction_speed"}:
+            (value,), (std,) = sizes(search, search.best)
+            errors.append((value - SLOPE) / std)
+    assert len(errors) >= 17
+    assert np.sum(np.square(errors)) < chi2.ppf(0.999, len(errors))
+    assert abs(np.mean(errors)) < 3.3 / np.sqrt(len(errors))
