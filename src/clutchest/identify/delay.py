@@ -32,11 +32,14 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """``value`` ± ``std`` s from ``stretches``; ``inside``: not at the end of what is searched."""
+    """``value`` ± ``std`` s; ``inside``: not at the end of what is searched.
+
+    ``stretches``: how many alike would tell as much as these, of which a few decide: 1/Σ share².
+    """
 
     value: float
     std: float
-    stretches: int
+    stretches: float
     inside: bool
 
     @property
@@ -44,7 +47,7 @@ class Delay:
         """Half the 95 % interval, s: Student's, one degree of freedom per stretch."""
         from scipy.stats import t
 
-        return float(t.ppf(0.975, self.stretches - 1)) * self.std
+        return float(t.ppf(0.975, max(self.stretches - 1.0, 1.0))) * self.std
 
 
 def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
@@ -73,7 +76,7 @@ def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
     # as if each stretch had been left out in turn: one that decides alone says little of its error
     alone = np.clip(curvature / information, 0.0, 0.999)
     std = float(np.linalg.norm(score / (1 - alone))) / information
-    return Delay(tau, std, len(stretches), inside)
+    return Delay(tau, std, float(1.0 / np.sum(alone**2)), inside)
 
 
 def _misfit(stretches: Sequence[Stretch], tau: float) -> Floats:
