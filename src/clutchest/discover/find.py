@@ -88,10 +88,10 @@ class _Finding:
             explained = search.null.cost - best.cost - 2.0 * len(best.chosen)
             unnamed |= errors[0].worth > explained + 2.0 * len(best.chosen)
         tied = search.tied()
-        curve = errors[0] if unnamed and errors else None
+        curve = _transferable(errors) if unnamed else None
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
-        causes = () if curve or not best.chosen else self._causes(search, [best, *tied])
+        causes = () if unnamed or not best.chosen else self._causes(search, [best, *tied])
         where = _where(verdict, best, errors)
         gained, warnings = self._gain(search, verdict, curve, holdout)
         extended, text = self._extended(problem, verdict, causes, curve)
@@ -162,13 +162,13 @@ class _Finding:
         if self.progress:
             self.progress("measuring the gain on data held out", None)
         if holdout is None:
-            if curve is not None:
+            if verdict == "unknown":
                 return None, warnings
             return in_turns(search, search.best.chosen), warnings
         drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
         other = self.problem(replace(drives[0], later=tuple(drives[1:])))
-        if curve is not None:
-            return of_curve(search, curve, other), warnings
+        if verdict == "unknown":
+            return None if curve is None else of_curve(search, curve, other), warnings
         return on_another(search, search.best, other), warnings
 
     def _extended(
@@ -218,6 +218,12 @@ class _Finding:
 
 def _least(errors: Sequence[Curve]) -> Curve:
     return min(errors, key=lambda c: c.p_value)
+
+
+def _transferable(errors: Sequence[Curve]) -> Curve | None:
+    """The best curve of the equation in question that means the same in another drive."""
+    same = [c for c in errors if c.equation == errors[0].equation and c.driver != "time"]
+    return same[0] if same else None
 
 
 def _grid_std(candidate: Candidate, key: str) -> float:

@@ -21,6 +21,8 @@ from clutchest.identify.maximum import Fitter, Look
 from clutchest.signals import Floats
 
 DRAWS = 1000
+DOUBTFUL = 0.05  # p-value of a single curve from which its scatter is looked at
+BLOCK_TIME = 2.0  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,9 @@ def curves(
     weight = inverse @ shared
     score = -(left.T @ look.r - weight.T @ pull)
     null = _null(look, left - psi @ weight, (shared - inner @ weight)[prior > 0.0], seed)
+    blocks = np.unique(np.concatenate([
+        i * 10**7 + np.floor(drive.t / BLOCK_TIME) for i, drive in enumerate(problem.drives)
+    ]), return_inverse=True)[1]  # fmt: skip
     found, least = [], np.ones(len(null))
     for owner, driver, at, columns in tables:
         part = left[:, columns]
@@ -75,12 +80,16 @@ def curves(
         rank = float(np.trace(covariance @ information))
         if rank < 0.1:
             continue
-        statistic = float(score[columns] @ covariance @ score[columns])
+        best = covariance @ score[columns]
+        statistic = float(score[columns] @ best)
+        if chi2.sf(statistic, rank) < DOUBTFUL:
+            pure = left[:, columns] - psi @ weight[:, columns]
+            statistic /= _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
         drawn = np.einsum("ki,ij,kj->k", null[:, columns], covariance, null[:, columns])
         least = np.minimum(least, chi2.sf(drawn, rank))
         found.append(Curve(
-            owner.removeprefix(PREFIX), driver, at, covariance @ score[columns], covariance,
-            weight[:, columns] @ (covariance @ score[columns]), statistic, rank,
+            owner.removeprefix(PREFIX), driver, at, best, covariance,
+            weight[:, columns] @ best, statistic, rank,
             float(chi2.sf(statistic, rank)), 1.0,
         ))  # fmt: skip
     least = np.sort(least)
@@ -92,6 +101,16 @@ def curves(
             curve.p * known / len(least) / max(least[known - 1], 1e-300))  # fmt: skip
         named.append(replace(curve, p_value=min(among, 1.0)))
     return sorted(named, key=lambda curve: -curve.worth)
+
+
+def _unrest(
+    pure: Floats, rest: Floats, blocks: NDArray[np.int64], covariance: Floats, rank: float
+) -> float:
+    """How much more the scores of ``pure`` (K, c) scatter from block to block than noise at its
+    mean level makes them: where inputs move fast, their noise and timing weigh more."""
+    each = np.zeros((int(blocks.max()) + 1, pure.shape[1]))
+    np.add.at(each, blocks, pure * rest[:, None])
+    return max(1.0, float(np.trace(covariance @ (each.T @ each))) / rank)
 
 
 Table = tuple[str, str, Floats, NDArray[np.int64]]  # probe, driver, knots, columns

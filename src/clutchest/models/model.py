@@ -128,8 +128,9 @@ class Model:
     def takes(self, effect: Effect) -> bool:
         """Whether these equations have every quantity and signal that the effect changes."""
         g = Gains({number.key: ca.SX.sym(number.key) for number in effect.parameters})
-        known = replace(self, effects=()).expressions().quantities.names()
-        return set(effect.terms(g)) <= set(known) and set(effect.delays) <= {
+        known = set(replace(self, effects=()).expressions().quantities.names())
+        known |= {f"{state.name}_rate" for state in effect.states}
+        return set(effect.terms(g)) <= known and set(effect.delays) <= {
             item.name for item in self.inputs
         }
 
