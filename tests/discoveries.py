@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clutchest.discover.discovery import (
+from clutchest.discovery.result import (
     Bins,
     Cause,
     Discovery,

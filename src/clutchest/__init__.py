@@ -12,6 +12,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from clutchest.discovery.find import discover
+    from clutchest.discovery.result import Discovery
     from clutchest.errors import ClutchestError
     from clutchest.estimate.replay import replay
     from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
@@ -26,6 +28,7 @@ __version__ = "0.1.0"
 # Loaded when first asked for: `import clutchest` itself stays quick.
 _HOMES = {
     "ClutchestError": "clutchest.errors",
+    "Discovery": "clutchest.discovery.result",
     "Engagement": "clutchest.estimate.run",
     "Estimate": "clutchest.estimate.run",
     "Innovations": "clutchest.estimate.run",
@@ -34,6 +37,7 @@ _HOMES = {
     "Signals": "clutchest.signals",
     "Track": "clutchest.estimate.run",
     "Vehicle": "clutchest.vehicle",
+    "discover": "clutchest.discovery.find",
     "load_vehicle": "clutchest.vehicle",
     "read_log": "clutchest.reading",
     "replay": "clutchest.estimate.replay",
@@ -43,6 +47,7 @@ _HOMES = {
 
 __all__ = [
     "ClutchestError",
+    "Discovery",
     "Engagement",
     "Estimate",
     "Innovations",
@@ -52,6 +57,7 @@ __all__ = [
     "Track",
     "Vehicle",
     "__version__",
+    "discover",
     "load_vehicle",
     "read_log",
     "replay",

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from clutchest import cli
-from clutchest.discover.discovery import VERDICTS
+from clutchest.discovery.result import VERDICTS
 from clutchest.vehicle import load_vehicle
 from discoveries import GAIN, discovery
 
@@ -53,7 +53,7 @@ def search(monkeypatch):
 
     made = Search()
     # by sys.modules: the attribute of that name may be the function
-    monkeypatch.setattr(import_module("clutchest.discover"), "discover", made, raising=False)
+    monkeypatch.setattr(import_module("clutchest.discovery"), "discover", made, raising=False)
     return made
 
 

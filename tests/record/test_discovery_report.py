@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from rerun.components import AggregationPolicy
 from rich.console import Console
 
-from clutchest.discover.discovery import VERDICTS, Experiment, Identifiable
+from clutchest.discovery.result import VERDICTS, Experiment, Identifiable
 from clutchest.errors import ClutchestError
 from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording

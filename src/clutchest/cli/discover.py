@@ -51,7 +51,7 @@ def discover(
     """
     with progress() as show:
         show("loading", None)
-        from clutchest.discover import discover as search
+        from clutchest.discovery import discover as search
         from clutchest.models.effects import effects_of_file
         from clutchest.reading import read_log
         from clutchest.record.discovery import write_discovery

@@ -9,7 +9,7 @@ from math import exp, isfinite, log
 from pathlib import Path
 
 from clutchest import __version__
-from clutchest.discover.discovery import Cause, Discovery, Found, Gain, Rival
+from clutchest.discovery.result import Cause, Discovery, Found, Gain, Rival
 from clutchest.errors import ClutchestError
 from clutchest.models.effects import Effect, effects_of_file, library
 from clutchest.record.files import finished_into, json_text

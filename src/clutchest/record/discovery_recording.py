@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from clutchest.discover.discovery import Discovery
+from clutchest.discovery.result import Discovery
 from clutchest.record.blueprint import BOUND, COLOURS, Panel, blueprint, panel
 from clutchest.record.discovery import report
 from clutchest.record.misfit_pictures import pieces

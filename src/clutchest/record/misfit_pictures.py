@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchest.discover.discovery import Bins, Discovery, Misfit
+from clutchest.discovery.result import Bins, Discovery, Misfit
 from clutchest.record.quantities import Quantity, quantity_of
 from clutchest.signals import Floats
 

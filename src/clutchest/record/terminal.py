@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from clutchest.discover.discovery import Discovery
+from clutchest.discovery.result import Discovery
 from clutchest.estimate.run import Run
 from clutchest.reading.inspection import Inspection
 from clutchest.record.discovery import (

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from clutchest.discover.candidates import Candidate, candidates, settings
+from clutchest.discovery.candidates import Candidate, candidates, settings
 from clutchest.models.effects import Effect, Number, library
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binomtest, chi2
 
 import clutchest
-from clutchest.discover.search import LEVEL, Hypothesis, Search
+from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.identify.linearised import Problem
 from clutchest.models.effects import library
 from clutchest.signals import Floats

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from clutchest.discover.candidates import Candidate, settings
-from clutchest.discover.discovery import Experiment
-from clutchest.discover.identifiable import distance
-from clutchest.discover.score import Board, board
+from clutchest.discovery.candidates import Candidate, settings
+from clutchest.discovery.result import Experiment
+from clutchest.discovery.identifiable import distance
+from clutchest.discovery.score import Board, board
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.linearised import Problem

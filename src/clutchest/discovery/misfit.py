@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.discover.discovery import Bins, Level, Misfit
-from clutchest.discover.drivers import drivers
-from clutchest.discover.torque import torques
+from clutchest.discovery.result import Bins, Level, Misfit
+from clutchest.discovery.drivers import drivers
+from clutchest.discovery.torque import torques
 from clutchest.estimate.modes import MODE_NAMES
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look

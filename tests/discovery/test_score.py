@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from clutchest.discover.score import DRAWS, Board, board
+from clutchest.discovery.score import DRAWS, Board, board
 from clutchest.identify.maximum import Look
 from clutchest.signals import Floats
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from clutchest.discover.leftover import Curve
+from clutchest.discovery.leftover import Curve
 from clutchest.models import errors_of
 from clutchest.models.model import Model
 

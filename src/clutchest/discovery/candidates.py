@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
-from clutchest.discover.probes import PREFIX
+from clutchest.discovery.probes import PREFIX
 from clutchest.identify.linearised import Problem
 from clutchest.models.effects import Effect, Number
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.discover.candidates import Candidate
-from clutchest.discover.discovery import Identifiable
-from clutchest.discover.score import Board
+from clutchest.discovery.candidates import Candidate
+from clutchest.discovery.result import Identifiable
+from clutchest.discovery.score import Board
 from clutchest.signals import Floats
 
 

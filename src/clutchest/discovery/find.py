@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from clutchest import __version__
-from clutchest.discover import patch
-from clutchest.discover.candidates import Candidate
-from clutchest.discover.discovery import (
+from clutchest.discovery import patch
+from clutchest.discovery.candidates import Candidate
+from clutchest.discovery.result import (
     Cause,
     Discovery,
     Experiment,
@@ -22,13 +22,13 @@ from clutchest.discover.discovery import (
     Rival,
     Where,
 )
-from clutchest.discover.experiment import propose
-from clutchest.discover.gain import in_turns, of_curve, on_another
-from clutchest.discover.identifiable import identifiability
-from clutchest.discover.leftover import Curve, curves
-from clutchest.discover.misfit import misfit
-from clutchest.discover.probes import probes
-from clutchest.discover.search import LEVEL, Hypothesis, Search
+from clutchest.discovery.experiment import propose
+from clutchest.discovery.gain import in_turns, of_curve, on_another
+from clutchest.discovery.identifiable import identifiability
+from clutchest.discovery.leftover import Curve, curves
+from clutchest.discovery.misfit import misfit
+from clutchest.discovery.probes import probes
+from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.linearised import Problem
 from clutchest.models.effects import Effect, effects_of_file, library

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.discover.candidates import Candidate, candidates, settings
-from clutchest.discover.score import Board, board
+from clutchest.discovery.candidates import Candidate, candidates, settings
+from clutchest.discovery.score import Board, board
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look

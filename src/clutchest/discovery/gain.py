@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchest.discover.candidates import Candidate
-from clutchest.discover.discovery import Gain
-from clutchest.discover.drivers import drivers, hats
-from clutchest.discover.leftover import Curve
-from clutchest.discover.probes import PREFIX
-from clutchest.discover.search import Hypothesis, Search
-from clutchest.discover.torque import torques
+from clutchest.discovery.candidates import Candidate
+from clutchest.discovery.result import Gain
+from clutchest.discovery.drivers import drivers, hats
+from clutchest.discovery.leftover import Curve
+from clutchest.discovery.probes import PREFIX
+from clutchest.discovery.search import Hypothesis, Search
+from clutchest.discovery.torque import torques
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
 from clutchest.signals import Floats

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from clutchest.discover.drivers import drivers, hats, knots
-from clutchest.discover.probes import PREFIX
-from clutchest.discover.score import BLOCK
+from clutchest.discovery.drivers import drivers, hats, knots
+from clutchest.discovery.probes import PREFIX
+from clutchest.discovery.score import BLOCK
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
 from clutchest.signals import Floats
