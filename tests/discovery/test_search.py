@@ -93,7 +93,7 @@ def test_every_cause_is_scored_at_its_own_shapes(hidden):
 
 
 def test_a_cause_in_the_model_explains_its_score_away(hidden):
-    """Beside the best, nothing else is significant; beside the next but one, the best still is."""
+    """Alone it is significant; beside it, nothing else is."""
     others = [c for c in hidden.all if c.name not in hidden.best.names]
     scores = hidden.scores(hidden.best, others, seed=4)
     assert scores.p_among_all(scores.p_alone(scores.z).min()) > LEVEL
