@@ -53,7 +53,7 @@ def search(monkeypatch):
 
     made = Search()
     # by sys.modules: the attribute of that name may be the function
-    monkeypatch.setattr(import_module("clutchest.discovery"), "discover", made, raising=False)
+    monkeypatch.setattr(import_module("clutchest.discovery"), "discover", made)
     return made
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from clutchest.discovery.candidates import Candidate, settings
-from clutchest.discovery.result import Experiment
 from clutchest.discovery.identifiable import distance
+from clutchest.discovery.result import Experiment
 from clutchest.discovery.score import Board, board
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress

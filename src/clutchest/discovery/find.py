@@ -13,6 +13,12 @@ import numpy as np
 from clutchest import __version__
 from clutchest.discovery import patch
 from clutchest.discovery.candidates import Candidate
+from clutchest.discovery.experiment import propose
+from clutchest.discovery.gain import in_turns, of_curve, on_another
+from clutchest.discovery.identifiable import identifiability
+from clutchest.discovery.leftover import Curve, curves
+from clutchest.discovery.misfit import misfit
+from clutchest.discovery.probes import probes
 from clutchest.discovery.result import (
     Cause,
     Discovery,
@@ -22,12 +28,6 @@ from clutchest.discovery.result import (
     Rival,
     Where,
 )
-from clutchest.discovery.experiment import propose
-from clutchest.discovery.gain import in_turns, of_curve, on_another
-from clutchest.discovery.identifiable import identifiability
-from clutchest.discovery.leftover import Curve, curves
-from clutchest.discovery.misfit import misfit
-from clutchest.discovery.probes import probes
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.linearised import Problem

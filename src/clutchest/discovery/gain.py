@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.discovery.candidates import Candidate
-from clutchest.discovery.result import Gain
 from clutchest.discovery.drivers import drivers, hats
 from clutchest.discovery.leftover import Curve
 from clutchest.discovery.probes import PREFIX
+from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Hypothesis, Search
 from clutchest.discovery.torque import torques
 from clutchest.identify.linearised import Problem

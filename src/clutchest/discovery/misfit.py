@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.discovery.result import Bins, Level, Misfit
 from clutchest.discovery.drivers import drivers
+from clutchest.discovery.result import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
 from clutchest.estimate.modes import MODE_NAMES
 from clutchest.identify.linearised import Problem

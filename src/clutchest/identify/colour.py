@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 from numba import njit
@@ -93,7 +94,7 @@ class Colour:
     def whiten(self, s: Stretches, values: Floats) -> Floats:
         """``values`` (K, …) less what the readings before them predict, over its deviation."""
         of = np.searchsorted(self.groups, s.group)
-        table = values.reshape(len(values), -1)
+        table = values.reshape(len(values), prod(values.shape[1:]))
         out = np.empty_like(table)
         _whiten(table, of, s.place, self.weights, self.level, out)
         return out.reshape(values.shape)

@@ -1,0 +1,122 @@
+"""The whole way: a drive with a hidden cause in, an answer and a better model out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.discovery.find import discover
+from clutchest.discovery.result import Discovery
+from clutchest.models.effects import effects_of_file, library
+from clutchest.record.discovery import write_discovery
+
+TRUCK = clutchest.load_vehicle("truck")
+HIDDEN = {"friction_speed": {"slope": -0.15}}
+TRUCK_SEED = 71
+
+
+def drive(seed: int, effects=None, scenario="launches", duration=600.0, **options):
+    return clutchest.simulate(
+        TRUCK, scenario, seed, effects, duration=duration, truck_seed=TRUCK_SEED, **options
+    )
+
+
+@pytest.fixture(scope="module")
+def found() -> Discovery:
+    return discover(drive(71, HIDDEN), TRUCK, holdout=drive(72, HIDDEN))
+
+
+@pytest.mark.slow
+def test_a_hidden_cause_is_named_with_its_size(found):
+    assert found.verdict == "named"
+    (cause,) = found.causes
+    assert cause.effect == "friction_speed"
+    slope = cause.parameters["slope"]
+    assert abs(slope.value - HIDDEN["friction_speed"]["slope"]) < 3.5 * slope.std
+    assert cause.p_value < 0.01
+    assert found.where is not None and found.where.equation == "torque"
+    assert "slip_speed" in found.where.drivers[:3]
+
+
+@pytest.mark.slow
+def test_what_is_found_pays_on_another_drive(found):
+    assert found.gain is not None
+    assert found.gain.nll_after < found.gain.nll_before
+    assert found.gain.ci95[0] > 0.0
+    assert found.gain.simulation_rmse_after < found.gain.simulation_rmse_before
+
+
+@pytest.mark.slow
+def test_the_extended_vehicle_replays_with_the_cause(found, tmp_path):
+    write_discovery(found, tmp_path / "found")
+    extended = clutchest.load_vehicle(tmp_path / "found" / "extended.toml")
+    assert set(extended.effects) == {"friction_speed"}
+    signals = drive(73, HIDDEN)
+    plain, better = (clutchest.replay(signals, v) for v in (TRUCK, extended))
+    assert better.tracks[0].log_likelihood > plain.tracks[0].log_likelihood
+
+
+@pytest.mark.slow
+def test_before_fitting_it_says_what_the_log_can_tell(found):
+    tells = {i.effect: i for i in found.identifiability}
+    assert set(tells) == set(library("dry_clutch"))
+    assert tells["friction_speed"].excited
+    assert "housing_airflow" in found.unexcited
+    assert tells["heat_split"].nearest in {"expansion_disc", "heat_capacity_disc"}
+
+
+@pytest.mark.slow
+def test_a_clean_drive_lacks_nothing():
+    answer = discover(drive(74), TRUCK)
+    assert (answer.verdict, answer.causes, answer.where, answer.gain) == ("none", (), None, None)
+    assert answer.extended.effects == TRUCK.effects
+
+
+@pytest.mark.slow
+def test_a_cause_of_the_users_own_competes_with_the_library(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        "from clutchest.models.effects import Effect, Number\n"
+        "class Squeezed(Effect):\n"
+        "    name, model, equation = 'squeezed', 'dry_clutch', 'torque'\n"
+        "    parameters = (Number('change', '1', -0.5, 0.5),)\n"
+        "    def terms(self, g):\n"
+        "        return {'sliding_torque': lambda torque, q: torque * (1 + g.change\n"
+        "                * (q.coolant_temp - 85) / 10)}\n",
+        encoding="utf-8",
+    )
+    assert set(effects_of_file(path)) == {"squeezed"}
+    answer = discover(drive(75), TRUCK, effects_files=(path,))
+    assert "squeezed" in {i.effect for i in answer.identifiability}
+    assert answer.verdict == "none"
+
+
+class Warped:
+    """Friction that rises by a step when the body is warm: no effect of the library."""
+
+    def law(self):
+        return lambda seen: {"torque_share": 0.08 * float(seen["temp_body"] > 83.0)}
+
+    def readings(self, true):
+        return true
+
+
+@pytest.mark.slow
+def test_a_cause_without_a_name_is_located_and_patched(tmp_path: Path):
+    signals = drive(76, duration=900.0, outsider=Warped())
+    truth = signals.truth
+    assert truth is not None and truth.columns["temp_body"].min() < 78.0 < 88.0 < np.max(
+        truth.columns["temp_body"]
+    )
+    answer = discover(signals, TRUCK)
+    assert answer.verdict == "unknown"
+    assert answer.where is not None and answer.where.equation == "torque"
+    assert "temp_body" in answer.where.drivers[:4]
+    if answer.patch is not None:
+        write_discovery(answer, tmp_path / "found")
+        extended = clutchest.load_vehicle(tmp_path / "found" / "extended.toml")
+        better = clutchest.replay(signals, extended)
+        assert not any("without patch" in w for w in better.summary["warnings"])
