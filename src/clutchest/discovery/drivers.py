@@ -11,6 +11,7 @@ from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a driver
 TIME_KNOTS = 8
+SLOW = 0.05  # of the fastest
 STILL = 1e-9  # of its own size; a driver that moves less is none
 
 
@@ -28,14 +29,20 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     p, g = (np.tile(v[:, None], (1, len(line.t))) for v in (drive.compiled.p, drive.compiled.g))
     values = np.array(at(drive.states.T, drive.expected.T, line.W[line.row].T, p, g))
     found |= dict(zip(quantities, values, strict=False))
+    apart = np.maximum.accumulate(line.t) + 1e-9 * np.arange(len(line.t))
     for name, of in rates.items():
-        moved = np.gradient(drive.expected[:, model.input(of)], np.maximum.accumulate(line.t)
-                            + 1e-9 * np.arange(len(line.t)))  # fmt: skip
-        found[name] = moved
+        found[name] = _calm(np.gradient(drive.expected[:, model.input(of)], apart))
     spans = np.diff(line.t, prepend=line.t[0])
     found["energy"] = np.cumsum(values[-1] * spans)
     found["time"] = line.t
     return found
+
+
+def _calm(rate: Floats) -> Floats:
+    """A rate, nought where it is slow: there it is the noise of the signal, which the innovations
+    hold as well."""
+    slow = SLOW * float(np.quantile(np.abs(rate), 0.998))
+    return np.sign(rate) * np.maximum(np.abs(rate) - slow, 0.0)
 
 
 def knots(name: str, value: Floats, where: Floats) -> Floats | None:

@@ -36,6 +36,7 @@ from clutchest.vehicle import Vehicle
 WINDOW = 0.1  # s, over which inputs are smoothed
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
+SETTLING = 0.15  # s; a tracked state's first innovations are not yet coloured as later ones
 LEAST = 0.01  # standard deviations per unit; readings that answer less to every θ are left out
 
 Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
@@ -108,11 +109,17 @@ class LinearDrive:
         # near lock-up a tracked state tells of the clutch's shudder, not of any θ
         reads = np.array([sensor.name for sensor in model.sensors])
         tracks = np.isin(reads, [s.name for s in model.states if s.name in model.renewed])
-        counts = (self.line.sensor >= 0) & (self.acts | ~tracks[self.line.sensor])
+        settled = self.acts & (self._since_acting() > SETTLING)
+        counts = (self.line.sensor >= 0) & (settled | ~tracks[self.line.sensor])
         rows = np.flatnonzero(counts & tells)
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
+
+    def _since_acting(self) -> Floats:
+        """For how long the tracked states' equations have acted, s, at every event."""
+        t, begins = self.line.t, np.diff(self.acts.astype(int), prepend=0) == 1
+        return t - np.maximum.accumulate(np.where(begins, t, t[0]))
 
     def answer(
         self,
