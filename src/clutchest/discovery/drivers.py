@@ -23,6 +23,7 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
              if item.name != "engine_acceleration"}  # fmt: skip
     found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
+    quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]
     power = e.outputs[model.outputs.index("power")]
     at = ca.Function("drivers", [e.x, e.u, e.w, e.p, e.g], [ca.vertcat(*wanted, power)])
@@ -31,6 +32,8 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     found |= dict(zip(quantities, values, strict=False))
     apart = np.maximum.accumulate(line.t) + 1e-9 * np.arange(len(line.t))
     for name, of in rates.items():
+        if of not in found:
+            continue
         found[name] = _calm(np.gradient(drive.expected[:, model.input(of)], apart))
     spans = np.diff(line.t, prepend=line.t[0])
     found["energy"] = np.cumsum(values[-1] * spans)

@@ -109,7 +109,7 @@ class _Finding:
         return Discovery(
             vehicle=self.vehicle,
             verdict=verdict,
-            sentence=_sentence(verdict, causes, where, gained),
+            sentence=_sentence(verdict, causes, where, any(tell.excited for tell in tells)),
             causes=causes,
             rivals=tuple(
                 Rival(", ".join(sorted(h.names)), h.cost - best.cost,
@@ -243,8 +243,10 @@ def _where(verdict: str, best: Hypothesis, errors: Sequence[Curve]) -> Where | N
     return Where(equation, tuple(ranked))
 
 
-def _sentence(verdict: str, causes: Sequence[Cause], where: Where | None, gain: Gain | None) -> str:
-    """The answer in words."""
+def _sentence(verdict: str, causes: Sequence[Cause], where: Where | None, excited: bool) -> str:
+    """The answer in words; ``excited``: whether the data could show any cause at all."""
+    if verdict == "none" and not excited:
+        return "These data cannot show any known cause: they say nothing for or against the model."
     if verdict == "none":
         return "The model explains these data: nothing is missing that they could show."
     if verdict == "unknown":

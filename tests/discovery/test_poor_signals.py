@@ -1,0 +1,25 @@
+"""Signals that tell little get an answer that says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import clutchest
+from clutchest.discovery.find import discover
+
+TRUCK = clutchest.load_vehicle("truck")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["slave_position", "input_shaft_speed"])
+def test_without_a_signal_nothing_is_claimed(lost):
+    signals = clutchest.simulate(TRUCK, "launches", 81, {"friction_level": {"change": -0.3}},
+                                 duration=150.0)  # fmt: skip
+    kept = {name: signal for name, signal in signals.signals.items() if name != lost}
+    answer = discover(replace(signals, signals=kept), TRUCK)
+    assert answer.verdict == "none"
+    assert "friction_level" not in {i.effect for i in answer.identifiability if i.excited}
+    if not any(i.excited for i in answer.identifiability):
+        assert "nothing for or against" in answer.sentence
