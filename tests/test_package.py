@@ -7,6 +7,7 @@ import io
 import os
 import re
 import runpy
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -80,6 +81,24 @@ def test_ci_runs_the_lines_of_the_readme():
     assert len(lines) == 2 and not any("\n" in line for line in lines)
     for line in lines:
         assert line in [text.strip() for text in ci]
+
+
+@pytest.mark.slow
+def test_three_commands_of_the_readme_find_a_hidden_cause(tmp_path):
+    (block,) = blocks("console")
+    commands = block.splitlines()
+    assert len(commands) == 3
+    said = []
+    for command in commands:
+        program, *arguments = shlex.split(command)
+        assert program == "clutchest"
+        ran = subprocess.run([sys.executable, "-m", "clutchest", *arguments], cwd=tmp_path,
+                             capture_output=True, text=True, check=True, timeout=600,
+                             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path),
+                                  "COLUMNS": "200"})  # fmt: skip
+        said.append(ran.stdout)
+    (sentence,) = re.findall(r"says: \*(.*?)\*", README)
+    assert sentence in said[1]
 
 
 def test_demo_shows_what_the_estimator_does(demo):

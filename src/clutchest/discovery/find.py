@@ -14,7 +14,7 @@ from clutchest import __version__
 from clutchest.discovery import patch
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.experiment import propose
-from clutchest.discovery.gain import in_turns, of_curve, on_another
+from clutchest.discovery.gain import of_curve, on_another
 from clutchest.discovery.identifiable import identifiability
 from clutchest.discovery.leftover import Curve, curves
 from clutchest.discovery.misfit import misfit
@@ -49,8 +49,7 @@ def discover(
 ) -> Discovery:
     """What the model of ``vehicle`` gets wrong on ``signals``, why, what to add and what it gains.
 
-    ``holdout``: drives of the same vehicle on which the gain is measured; without any, stretches
-    of ``signals`` are held out in turns.  ``effects_files``: the user's own causes, tried beside
+    ``holdout``: drives of the same vehicle on which the gain is measured.  ``effects_files``: the user's own causes, tried beside
     the library's.  Raises ClutchestError where the model cannot be driven by these signals.
     """
     vehicle = load_vehicle(vehicle)
@@ -157,14 +156,10 @@ class _Finding:
         holdout: Sequence[Signals] | Signals | None,
     ) -> tuple[Gain | None, list[str]]:
         warnings = list(self.signals.warnings)
-        if verdict == "none":
+        if verdict == "none" or holdout is None:
             return None, warnings
         if self.progress:
             self.progress("measuring the gain on data held out", None)
-        if holdout is None:
-            if verdict == "unknown":
-                return None, warnings
-            return in_turns(search, search.best.chosen), warnings
         drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
         other = self.problem(replace(drives[0], later=tuple(drives[1:])))
         if verdict == "unknown":

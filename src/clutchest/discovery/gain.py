@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.drivers import drivers, hats
 from clutchest.discovery.leftover import Curve
 from clutchest.discovery.probes import PREFIX
@@ -19,7 +18,6 @@ from clutchest.identify.maximum import Fitter, Look
 from clutchest.signals import Floats
 
 BLOCK = 20.0  # s; what lies closer together is not independent
-FOLD = 60.0  # s, of stretches held out in turns where there is no log to hold out
 RESAMPLED = 1000
 
 
@@ -55,36 +53,6 @@ def _squares(before: Floats, after: Floats, span: Floats) -> tuple[Floats, Float
     inside = [span @ (span.T @ r) for r in (before, after)]
     noise = (after - inside[1]) ** 2
     return inside[0] ** 2 + noise, inside[1] ** 2 + noise
-
-
-def in_turns(search: Search, chosen: tuple[Candidate, ...]) -> Gain:
-    """On the drives themselves: every second stretch is foretold by the others, in turns."""
-    problem, fitter = search.problem, search.fitter
-    weights, span = fitter.weights, fitter.span
-    old, new = np.zeros(len(search.null.look.r)), np.zeros(len(search.null.look.r))
-    try:
-        for fold in (0, 1):
-            held = [np.floor(d.t / FOLD) % 2 == fold for d in problem.drives]
-            out = np.concatenate(held)
-            wholes = []
-            for base in (search.best.look, search.null.look):
-                fitter.weights = [w * ~h for w, h in zip(weights, held, strict=True)]
-                fitter.span = None
-                look = fitter.look(base.theta, base.shapes)
-                fitter.focus([look.psi])
-                free = search.free(chosen if base is search.best.look else ())
-                look = fitter.improve(fitter.again(look), free)
-                fitter.weights, fitter.span = weights, None
-                wholes.append(fitter.look(look.theta, look.shapes))
-            after, before = wholes
-            seen = np.where(out[:, None], after.psi, 0.0)
-            fitter.focus([seen])
-            assert fitter.span is not None
-            squares = _squares(before.r * out, after.r * out, fitter.span)
-            old, new = old + squares[0], new + squares[1]
-    finally:
-        fitter.weights, fitter.span = weights, span
-    return gain(problem, search.null.look, search.best.look, old, new)
 
 
 def gain(problem: Problem, before: Look, after: Look, old: Floats, new: Floats) -> Gain:
