@@ -49,8 +49,9 @@ def discover(
 ) -> Discovery:
     """What the model of ``vehicle`` gets wrong on ``signals``, why, what to add and what it gains.
 
-    ``holdout``: drives of the same vehicle on which the gain is measured.  ``effects_files``: the user's own causes, tried beside
-    the library's.  Raises ClutchestError where the model cannot be driven by these signals.
+    ``holdout``: drives of the same vehicle on which the gain is measured.  ``effects_files``: the
+    user's own causes, tried beside the library's.  Raises ClutchestError where the model cannot be
+    driven by these signals.
     """
     vehicle = load_vehicle(vehicle)
     own = [effect for path in effects_files for effect in effects_of_file(path).values()]
