@@ -103,7 +103,7 @@ class Paper:
 
 def curve(x: float, v: dict[str, float]) -> float:
     """(5)."""
-    c = x - v["kiss_point"]
+    c = max(x, 0.0) - v["kiss_point"]  # fully closed is the curve's end
     return v["torque_cubic"] * c**3 + v["torque_quadratic"] * c**2 if c < 0 else 0.0
 
 

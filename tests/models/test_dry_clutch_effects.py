@@ -47,7 +47,7 @@ SAYS: dict[str, Says] = {
     "friction_fade": friction(
         lambda v, g, q: 1 - g["slope"] * max(v["temp_disc"] - g["onset"], 0) / 100),
     "torque_curve": friction(
-        lambda v, g, q: 1 + g["change"] * (v["kiss_point"] - q["corrected_position"])),
+        lambda v, g, q: 1 + g["change"] * (v["kiss_point"] - max(q["corrected_position"], 0.0))),
     "centrifugal": friction(lambda v, g, q: 1 + g["slope"] * (v["engine_speed"] / 100) ** 2),
     "torque_gain": lambda v, g, q: {"engine_torque": v["engine_torque"] / (1 + g["change"])},
     "torque_bias": lambda v, g, q: {"engine_torque": v["engine_torque"] - g["bias"]},

@@ -160,8 +160,11 @@ def no_correction(q: Quantities) -> None:
 
 
 def torque_from_position(q: Quantities) -> None:
-    """(5), (16): torque and slope vanish at the kiss point; torque opposes slip."""
-    q.compression = q.corrected_position - q.kiss_point
+    """(5), (16): torque and slope vanish at the kiss point; torque opposes slip.
+
+    Fully closed, at x_cor = 0, the spring gives all it has: the curve ends there.
+    """
+    q.compression = ca.fmax(q.corrected_position, 0.0) - q.kiss_point
     curve = q.torque_cubic * q.compression**3 + q.torque_quadratic * q.compression**2
     q.reference_torque = ca.if_else(q.compression < 0, curve, 0.0)  # (5)
     q.sliding_torque = q.friction * q.reference_torque
