@@ -9,7 +9,7 @@ from math import ceil
 import numpy as np
 from numba import njit
 
-from clutchest.compute.kernel import add_product, propagate, update
+from clutchest.compute.kernel import add_product, inputs_between, propagate, update
 from clutchest.compute.lowered import (
     INPUTS,
     STATES,
@@ -57,14 +57,8 @@ def answer(
             steps = ceil(span / longest[row[k]])
             dt = span / steps
             for i in range(steps):
-                begin, end = i / steps, (i + 1) / steps
-                for j in range(INPUTS):
-                    slope = u[k, j] - u[k - 1, j]
-                    ua[j] = u[k - 1, j] + begin * slope
-                    ub[j] = u[k - 1, j] + end * slope
-                    slope = expected[k, j] - expected[k - 1, j]
-                    va[j] = expected[k - 1, j] + begin * slope
-                    vb[j] = expected[k - 1, j] + end * slope
+                inputs_between(u, k, i, steps, ua, ub)
+                inputs_between(expected, k, i, steps, va, vb)
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 propagate(P, F, Q, T)
                 step(x, va, vb, dt, w, p, g, Qs[row[k]], noise, xe, F, Q, e)

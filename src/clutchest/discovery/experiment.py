@@ -60,10 +60,7 @@ def _least_distance(rivals: Sequence[tuple[Candidate, float]], problem: Problem)
     theta = np.zeros(len(problem.thetas))
     theta[problem.index(first.name, first.gain.key)] = size
     shapes = settings(tuple(c for c, _ in rivals))
-    look = fitter.most_probable(problem.nuisances, theta, shapes)
-    look = fitter.look(look.theta, look.shapes)
-    fitter.learn(look.raw, look.theta)
-    look = fitter.again(look)
+    look = fitter.taught(fitter.most_probable(problem.nuisances, theta, shapes))
     columns = look.psi[:, [problem.index(c.name, c.gain.key) for c, _ in rivals]]
     scores: Board = board(look, problem.nuisances, fitter.prior, columns,
                           [c.gain.one_sided for c, _ in rivals], SEED, draws=1)  # fmt: skip

@@ -85,8 +85,7 @@ class _Finding:
             before = search.null.look
         unnamed = bool(left) and _least(left).p_value < UNNAMED
         if len(best.chosen) > 1 and errors:  # one curve that does as much as several causes
-            explained = search.null.cost - best.cost - 2.0 * len(best.chosen)
-            unnamed |= errors[0].worth > explained + 2.0 * len(best.chosen)
+            unnamed |= errors[0].worth > search.null.cost - best.cost
         tied = search.tied()
         curve = _transferable(errors) if unnamed else None
         verdict = ("unknown" if unnamed else "none" if not best.chosen
@@ -175,7 +174,7 @@ class _Finding:
             text = patch.text(curve, problem.compiled.model)
             if text is not None:
                 effects[patch.NAME] = {"size": 1.0}
-                files.append(Path("patch_effects.py"))
+                files.append(Path(patch.FILE))
         # of an ambiguous set the likeliest one stands in the model
         for cause in causes[: 1 if verdict == "ambiguous" else None]:
             effects[cause.effect] = {key: f.value for key, f in cause.parameters.items()}

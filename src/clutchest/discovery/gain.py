@@ -38,9 +38,7 @@ def on_another(search: Search, best: Hypothesis, other: Problem) -> Gain:
         starts = np.array([k for k, t in enumerate(other.thetas) if t.drive >= 0])
         if not looks:  # noise as what was found leaves it
             first = fitter.most_probable(starts, theta, hypothesis.look.shapes)
-            first = fitter.look(first.theta, first.shapes)
-            fitter.learn(first.raw, first.theta)
-            fitter.focus([fitter.again(first).psi])
+            fitter.focus([fitter.taught(first).psi])
         looks.append(fitter.most_probable(starts, theta, hypothesis.look.shapes))
     after, before = looks
     assert fitter.span is not None
@@ -96,15 +94,12 @@ def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
     theta = np.zeros(len(other.thetas))
     theta[: other.shared] = search.null.look.theta[: search.problem.shared]
     starts = np.array([k for k, t in enumerate(other.thetas) if t.drive >= 0])
-    look = fitter.most_probable(starts, theta, search.null.look.shapes)
-    look = fitter.look(look.theta, look.shapes)
-    fitter.learn(look.raw, look.theta)
-    look = fitter.again(look)
+    look = fitter.taught(fitter.most_probable(starts, theta, search.null.look.shapes))
     other.linearise(look.theta, look.shapes)
     probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.equation)
     bases = [hats(drivers(drive)[curve.driver], curve.at) for drive in other.drives]
     # nuisances stood in for the curve: what they give back when it comes
-    free = np.concatenate([search.problem.nuisances]).astype(int)
+    free = search.problem.nuisances
     shift = np.zeros(len(theta))
     mine = [k for k in free if k < search.problem.shared]
     shift[mine] = -curve.given_back[np.searchsorted(free, mine)]

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from clutchest.discovery.drivers import drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
-from clutchest.discovery.score import BLOCK
+from clutchest.discovery.score import among, cleared, redrawn
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
 from clutchest.signals import Floats
@@ -59,22 +59,18 @@ def curves(
     owners = [t.owner for t in problem.thetas]
     probes = [k for k, owner in enumerate(owners) if owner.startswith(PREFIX)]
     left, tables = _left_over(problem, fitter, look, free, probes)
-    psi = look.psi[:, free]
-    prior = fitter.prior[free]
-    inner = psi.T @ psi
-    inverse = np.linalg.inv(inner + np.diag(prior + 1e-9))
-    pull = psi.T @ look.r + prior * look.theta[free]
-    shared = psi.T @ left
-    weight = inverse @ shared
-    score = -(left.T @ look.r - weight.T @ pull)
-    null = _null(look, left - psi @ weight, (shared - inner @ weight)[prior > 0.0], seed)
+    c = cleared(look, free, fitter.prior, left)
+    score, weight = c.score, c.weight
+    rng = np.random.default_rng(seed)
+    null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
+    null += redrawn(look.r, c.pure, DRAWS, rng)
     blocks = np.unique(np.concatenate([
         i * 10**7 + np.floor(drive.t / BLOCK_TIME) for i, drive in enumerate(problem.drives)
     ]), return_inverse=True)[1]  # fmt: skip
     found, least = [], np.ones(len(null))
     for owner, driver, at, columns in tables:
         part = left[:, columns]
-        information = part.T @ part - shared[:, columns].T @ weight[:, columns]
+        information = part.T @ part - c.shared[:, columns].T @ weight[:, columns]
         information = (information + information.T) / 2.0
         covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
         rank = float(np.trace(covariance @ information))
@@ -83,7 +79,7 @@ def curves(
         best = covariance @ score[columns]
         statistic = float(score[columns] @ best)
         if chi2.sf(statistic, rank) < DOUBTFUL:
-            pure = left[:, columns] - psi @ weight[:, columns]
+            pure = c.pure[:, columns]
             statistic /= _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
         drawn = np.einsum("ki,ij,kj->k", null[:, columns], covariance, null[:, columns])
         least = np.minimum(least, chi2.sf(drawn, rank))
@@ -93,13 +89,7 @@ def curves(
             float(chi2.sf(statistic, rank)), 1.0,
         ))  # fmt: skip
     least = np.sort(least)
-    known = max(len(least) // 100, 1)
-    named = []
-    for curve in found:
-        count = int(np.searchsorted(least, curve.p, side="right"))
-        among = count / len(least) if count >= known else (
-            curve.p * known / len(least) / max(least[known - 1], 1e-300))  # fmt: skip
-        named.append(replace(curve, p_value=min(among, 1.0)))
+    named = [replace(curve, p_value=float(among(least, curve.p))) for curve in found]
     return sorted(named, key=lambda curve: -curve.worth)
 
 
@@ -136,15 +126,3 @@ def _left_over(
             tables.append((problem.thetas[k].owner, name, at, columns))
             begin += len(at)
     return np.concatenate(parts, axis=1), tables
-
-
-def _null(look: Look, left: Floats, away: Floats, seed: int) -> Floats:
-    """Scores (DRAWS, C) of data without any error beyond noise and nuisances."""
-    rng = np.random.default_rng(seed)
-    null = rng.standard_normal((DRAWS, len(away))) @ away
-    r = look.r.astype(np.float32)
-    for begin in range(0, len(left), BLOCK):
-        piece = left[begin : begin + BLOCK].astype(np.float32)
-        drawn = rng.integers(len(r), size=(DRAWS, len(piece)), dtype=np.int32)
-        null += r[drawn] @ piece
-    return np.asarray(null, np.float64)

@@ -11,6 +11,7 @@ from clutchest.models import errors_of
 from clutchest.models.model import Model
 
 NAME = "patch"
+FILE = "patch_effects.py"  # stands beside the vehicle file that names it
 # What the equations can see of a driver that is no quantity of theirs: a state of the patch's own.
 _OWN_STATES = {
     "energy": ("patch_energy", "J", "slip energy so far", "q.power"),

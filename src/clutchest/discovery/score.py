@@ -57,16 +57,8 @@ class Board:
         return np.sort(self.p_alone(self.null / self.std).min(axis=1))
 
     def p_among_all(self, p: Floats | float) -> Floats:
-        """Chance that noise gives a p-value as small as ``p`` to any cause.
-
-        Counted among the draws; where they are too few, carried on in proportion to p from the
-        smallest share that they still tell.
-        """
-        least = self.least
-        count = np.searchsorted(least, p, side="right")
-        known = max(round(0.01 * len(least)), 1)  # draws below which counting is too coarse
-        carried = np.asarray(p) * known / len(least) / max(least[known - 1], 1e-300)
-        return np.where(count >= known, count / len(least), np.minimum(carried, 1.0))
+        """Chance that noise gives a p-value as small as ``p`` to any cause."""
+        return among(self.least, p)
 
     def threshold(self, level: float) -> Floats:
         """The z (C) at which a cause is found at the family-wise ``level``."""
@@ -88,23 +80,57 @@ def board(
 
     ``nuisances`` indices of all that is free to explain the data, ``prior`` (m) their precision.
     """
-    psi = look.psi[:, nuisances]
-    inner = psi.T @ psi
-    shared = psi.T @ columns  # (n, C)
-    inverse = np.linalg.inv(inner + np.diag(prior[nuisances] + 1e-9))
-    weight = inverse @ shared  # (n, C)
-    pull = psi.T @ look.r + prior[nuisances] * look.theta[nuisances]
-    score = -(columns.T @ look.r - weight.T @ pull)
-    information = columns.T @ columns - shared.T @ weight
-    left = columns - psi @ weight  # what of each cause no nuisance takes up
-    known = prior[nuisances] > 0.0
-    null = np.zeros((draws, columns.shape[1]))
+    c = cleared(look, nuisances, prior, columns)
+    information = columns.T @ columns - c.shared.T @ c.weight
     rng = np.random.default_rng(seed)
-    for begin in range(0, len(left), BLOCK):
-        piece = left[begin : begin + BLOCK].astype(np.float32)
-        drawn = rng.integers(len(look.r), size=(draws, len(piece)), dtype=np.int32)
-        null += look.r.astype(np.float32)[drawn] @ piece
-    # nuisances as their priors have them, and what the fit makes of them
-    away = (shared - (inner @ weight))[known]
-    null += rng.standard_normal((draws, int(known.sum()))) @ away
-    return Board(score, information, np.array(one_sided), null)
+    null = redrawn(look.r, c.pure, draws, rng)
+    null += rng.standard_normal((draws, len(c.away))) @ c.away
+    return Board(c.score, information, np.array(one_sided), null)
+
+
+@dataclass(frozen=True, slots=True)
+class Cleared:
+    """Columns (K, C) with what n nuisances can explain of them taken out.
+
+    ``shared`` (n, C) what both have in common, ``weight`` (n, C) by how much each nuisance stands
+    in for a column, ``pure`` (K, C) what none takes up, ``score`` (C); ``away`` (q, C): how scores
+    answer to the nuisances that have a prior.
+    """
+
+    shared: Floats
+    weight: Floats
+    pure: Floats
+    score: Floats
+    away: Floats
+
+
+def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Floats) -> Cleared:
+    """``columns`` (K, C) at ``look`` beside ``nuisances`` (n) of precision ``prior`` (m)."""
+    psi, known = look.psi[:, nuisances], prior[nuisances]
+    inner, shared = psi.T @ psi, psi.T @ columns
+    weight = np.linalg.inv(inner + np.diag(known + 1e-9)) @ shared
+    pull = psi.T @ look.r + known * look.theta[nuisances]
+    score = -(columns.T @ look.r - weight.T @ pull)
+    away = (shared - inner @ weight)[known > 0.0]
+    return Cleared(shared, weight, columns - psi @ weight, score, away)
+
+
+def redrawn(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
+    """Scores (draws, C) of ``pure`` (K, C) on innovations drawn from ``r`` (K)."""
+    null, r = np.zeros((draws, pure.shape[1])), r.astype(np.float32)
+    for begin in range(0, len(pure), BLOCK):
+        piece = pure[begin : begin + BLOCK].astype(np.float32)
+        null += r[rng.integers(len(r), size=(draws, len(piece)), dtype=np.int32)] @ piece
+    return null
+
+
+def among(least: Floats, p: Floats | float) -> Floats:
+    """Chance of a p-value as small as ``p`` anywhere; ``least``: that of each null draw, sorted.
+
+    Counted among the draws; where they are too few, carried on in proportion to p from the
+    smallest share that they still tell.
+    """
+    count = np.searchsorted(least, p, side="right")
+    known = max(round(0.01 * len(least)), 1)  # draws below which counting is too coarse
+    carried = np.asarray(p) * known / len(least) / max(least[known - 1], 1e-300)
+    return np.where(count >= known, count / len(least), np.minimum(carried, 1.0))

@@ -45,10 +45,9 @@ class Hypothesis:
 class Search:
     """One search over one problem.
 
-    ``null`` the model as it is, ``first`` the scores of all causes against it, ``p`` the
-    family-wise p-value of the strongest; ``best`` the causes found (none at first), ``rivals``
-    hypotheses of the same size, best first; ``p_of`` by effect the family-wise p-value with which
-    it joined.
+    ``null`` the model as it is, ``first`` the scores of all causes against it; ``best`` the causes
+    found (none at first), ``rivals`` hypotheses of the same size, best first; ``p_of`` by effect
+    the family-wise p-value with which it joined.
     """
 
     problem: Problem
@@ -154,9 +153,7 @@ class Search:
         """The same fits with the noise that the best of them leaves over: what a cause explains
         is none."""
         best = min(grown, key=lambda h: h.cost)
-        best = Hypothesis(best.chosen, self.fitter.look(best.look.theta, best.look.shapes))
-        self.fitter.learn(best.look.raw, best.look.theta)
-        both = [self.fitter.again(look) for look in (self.null.look, best.look)]
+        both = [self.fitter.taught(best.look), self.fitter.again(self.null.look)]
         self.fitter.focus([
             *(look.psi for look in both), *(self.columns(look, self.all) for look in both)
         ])  # fmt: skip

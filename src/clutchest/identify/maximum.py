@@ -74,10 +74,8 @@ class Fitter:
             look = self.look(look.theta + self.step(look, free, heat=heat))
         look = self.improve(look, free)
         for _ in range(TURNS):
-            look = self.look(look.theta)
             before = look.r @ look.r
-            self.learn(look.raw, look.theta)
-            look = self.again(look)
+            look = self.taught(look)
             self.focus([look.psi])
             look = self.improve(self.again(look), free)
             if abs(before - look.r @ look.r) < NEARLY:
@@ -93,6 +91,12 @@ class Fitter:
         """All drives at ``theta`` (m), derivatives by the ``active`` thetas, all unless given."""
         raw = self.problem.linearise(theta, shapes, active)
         return self._white(raw, theta, shapes)
+
+    def taught(self, look: Look) -> Look:
+        """The same with every derivative, once the colour has been learned from it."""
+        look = self.look(look.theta, look.shapes)
+        self.learn(look.raw, look.theta)
+        return self.again(look)
 
     def again(self, look: Look) -> Look:
         """The same with the colour as it is known now."""

@@ -9,6 +9,7 @@ from math import exp, isfinite, log
 from pathlib import Path
 
 from clutchest import __version__
+from clutchest.discovery.patch import FILE
 from clutchest.discovery.result import Cause, Discovery, Found, Gain, Rival
 from clutchest.errors import ClutchestError
 from clutchest.models.effects import Effect, effects_of_file, library
@@ -20,7 +21,6 @@ from clutchest.shipped import shipped
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.text import vehicle_text
 
-PATCH = "patch_effects.py"
 _MOST_RIVALS = 6
 _EQUATION = {"sensor": "the readings of", "timing": "the time stamps of"}
 NOTHING_HELD_OUT = "Not measured: no data were held out.  `--holdout LOG` gives some."
@@ -38,10 +38,10 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
 
     extended = discovery.extended
     needed = {path.resolve() for path in extended.effects_files if path.is_absolute()}
-    patched = (out / PATCH).resolve()
+    patched = (out / FILE).resolve()
     if discovery.patch is not None and patched in needed:
         raise ClutchestError(
-            f"{out / PATCH}: is needed by {discovery.vehicle.path.name}, expected another folder "
+            f"{out / FILE}: is needed by {discovery.vehicle.path.name}, expected another folder "
             "for the results"
         )
     with finished_into(out) as folder:
@@ -49,7 +49,7 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
         text = vehicle_text(extended, out / "extended.toml", _heading(discovery))
         (folder / "extended.toml").write_text(text, encoding="utf-8")
         if discovery.patch is not None:
-            (folder / PATCH).write_text(discovery.patch, encoding="utf-8")
+            (folder / FILE).write_text(discovery.patch, encoding="utf-8")
         draw_misfit(discovery, folder / PICTURE)
         (folder / "report.md").write_text(report(discovery, PICTURE), encoding="utf-8")
         write_discovery_recording(discovery, folder / "recording.rrd")
@@ -175,7 +175,7 @@ def _extension(discovery: Discovery) -> str:
         return "`extended.toml` is the vehicle as it was."
     how = "replay LOG --vehicle extended.toml"
     patch = (
-        f"  The patch ({PATCH}) follows these data; it explains nothing." if discovery.patch else ""
+        f"  The patch ({FILE}) follows these data; it explains nothing." if discovery.patch else ""
     )
     return f"`extended.toml` has {' and '.join(added)} in its model: `clutchest {how}`.{patch}"
 
