@@ -99,10 +99,11 @@ class Drive:
         }
         road = self.seed + OTHER_ROAD * (held_out or scenario is not None)
         drive = replace(self.vehicle, signals=sensors), scenario or self.scenario, road, effects
-        if noiseless:
-            return _exact(simulate_sampled(*drive, **options), self.vehicle.model)
-        made = simulate(*drive, **options)
-        return self._coarse(made) if noise.coarse else made
+        if not noiseless and not noise.coarse:
+            return simulate(*drive, **options)
+        # rounded once: of two roundings, the finer would shift what the coarser one takes for half
+        unrounded = _unrounded(simulate_sampled(*drive, **options), self.vehicle.model)
+        return unrounded if noiseless else self._coarse(unrounded)
 
     def _coarse(self, signals: Signals) -> Signals:
         rounded = {}
@@ -112,7 +113,7 @@ class Drive:
         return replace(signals, signals=rounded)
 
 
-def _exact(sampled: Sampled, model: str) -> Signals:
+def _unrounded(sampled: Sampled, model: str) -> Signals:
     """Readings as the sensors give them, not rounded by a bus."""
     units = dict(card(model).columns)
     signals = {n: Signal.of(n, units[n], *columns) for n, columns in sampled.signals.items()}

@@ -157,7 +157,8 @@ class Lowered:
         out["energy"][0] = self.f.step(
             *over, at["q"], at["noise"], out["xn"], out["F"], out["Q"], out["e"]
         )
-        self.f.step_signature(*over, out["G"], out["eG"])
+        slope = (at["u1"] - at["u0"]) / at["dt"]
+        self.f.step_signature(*over, slope, out["G"], out["eG"])
         self.f.dynamics(*one, out["f"], out["A"], out["B"])
         self.f.step_map(*(at[k] for k in ("x", "u0", "u1", "p", "g")), out["mapped"], out["J"])
         self.f.outputs(*one, out["y"], out["Y"], out["Yu"])

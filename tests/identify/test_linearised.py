@@ -23,8 +23,11 @@ from clutchest.vehicle import Vehicle
 DURATION = 300.0  # s
 LIBRARY = tuple(library("dry_clutch").values())
 # Where the torque and the inertia of the engine come in, derivatives are taken at a torque that
-# the slope of the engine speed implies, and are less smooth than the differences.
-ROUGH = {"engine_inertia": 0.3, "torque_gain": 0.1, "position_hysteresis": 0.2}
+# the slope of the engine speed implies, and are less smooth than the differences.  A delay acts by
+# slopes that are smoothed as far as the signal is noisy.
+ROUGH = {
+    "engine_inertia": 0.3, "torque_gain": 0.1, "position_hysteresis": 0.2, "position_delay": 0.04,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -262,7 +262,7 @@ def test_everything_is_finite_within_the_bounds(model: str, corners: bool, bench
                                       (no, k), n, k)]  # fmt: skip
         xn, F, Q, e, G, eG, y, Y, Yu, Ym, H, Hm = made
         f.step(x, u0, u1, 0.02, w, p, g, np.ones(2 * n), np.ones(nu), xn, F, Q, e)
-        f.step_signature(x, u0, u1, 0.02, w, p, g, G, eG)
+        f.step_signature(x, u0, u1, 0.02, w, p, g, (u1 - u0) / 0.02, G, eG)
         f.outputs(x, u1, w, p, g, y, Y, Yu)
         f.outputs_signature(x, u1, w, p, g, Ym)
         for sensor in range(f.SENSORS):

@@ -26,17 +26,19 @@ from clutchest.compute.lowered import (
 
 @njit(cache=True, error_model="numpy")
 def answer(
-    x, P, S, active, basis, which, t, sensor, z, R, u, expected, row, W, Qs, longest, noise, p, g,
-    out_x, out_innovation, out_answer,
+    x, P, S, active, basis, which, t, sensor, z, R, u, expected, slope, calm, tracked, row, W, Qs,
+    longest, noise, p, g, out_x, out_innovation, out_answer,
 ):  # fmt: skip
     """Filter a log and follow the signatures ``S`` (n, a) of the ``active`` (a) thetas; the rest as
     the kernel's ``run`` takes it.  A theta may come and go: c acts in proportion to the column
     ``which[c]`` of ``basis`` (K, b), fully where that is −1.
 
-    Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``: noise that
-    stands in an innovation and in its derivative alike would make every number that multiplies an
-    input seem smaller than it is.  Filled per event: ``out_x`` (n) the state, ``out_innovation``
-    (innovation, predicted variance) and ``out_answer`` (a) its derivative.
+    Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``, and where
+    states that are ``tracked`` (n) stand at ``calm`` (K, n), not where noisy readings put them;
+    ``slope`` (K, nu) is that of the inputs on the way to each event, without their noise.  Noise
+    that stands in an innovation and in its derivative alike would make every number that
+    multiplies an input seem smaller than it is.  Filled per event: ``out_x`` (n) the state,
+    ``out_innovation`` (innovation, predicted variance) and ``out_answer`` (a) its derivative.
     """
     n, m = STATES, THETAS
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
@@ -44,7 +46,7 @@ def answer(
     T_a, H_a, acts = np.zeros((n, a)), np.zeros(a), np.ones(a)
     xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
                            np.zeros(m))  # fmt: skip
-    xe = np.zeros(n)
+    xe, xc = np.zeros(n), np.zeros(n)
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     nothing = np.zeros(0)
     for k in range(len(t)):
@@ -61,8 +63,10 @@ def answer(
                 inputs_between(expected, k, i, steps, va, vb)
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 propagate(P, F, Q, T)
-                step(x, va, vb, dt, w, p, g, Qs[row[k]], noise, xe, F, Q, e)
-                step_signature(x, va, vb, dt, w, p, g, G, eG)
+                for j in range(n):
+                    xc[j] = calm[k - 1, j] if tracked[j] else x[j]
+                step(xc, va, vb, dt, w, p, g, Qs[row[k]], noise, xe, F, Q, e)
+                step_signature(xc, va, vb, dt, w, p, g, slope[k], G, eG)
                 for j in range(n):
                     for c in range(a):
                         T_a[j, c] = G[j, active[c]] * acts[c]

@@ -78,7 +78,14 @@ def propagate_signature(S, F, G, T):
 
 
 @njit(cache=True, error_model="numpy")
-def step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, G, eG):
+def slopes(va, vb, dt, slope):
+    """slope (nu) of inputs that go from ``va`` to ``vb`` in ``dt`` s."""
+    for j in range(INPUTS):
+        slope[j] = (vb[j] - va[j]) / dt
+
+
+@njit(cache=True, error_model="numpy")
+def step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG):
     """G (n, m) and eG (m): how a step from ``x`` to ``xn`` and its energy answer to every θ.
 
     For gains that weigh θ, so taken at the inputs that other measurements imply.  Noise of an
@@ -88,7 +95,8 @@ def step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, G, eG):
     """
     implied(x, ua, w, p, g, va)
     implied(xn, ub, w, p, g, vb)
-    step_signature(x, va, vb, dt, w, p, g, G, eG)
+    slopes(va, vb, dt, slope)
+    step_signature(x, va, vb, dt, w, p, g, slope, G, eG)
 
 
 @njit(cache=True, error_model="numpy")
@@ -226,6 +234,7 @@ def run(
     xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
                            np.zeros(m))  # fmt: skip
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
+    slope = np.zeros(INPUTS)
     y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
                     np.zeros((OUTPUTS, m)))  # fmt: skip
     log_likelihood = 0.0
@@ -242,9 +251,10 @@ def run(
                 E[0] += step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 if with_signature:
                     if len(considered) > 0:
-                        step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, G, eG)
+                        step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG)
                     else:
-                        step_signature(x, ua, ub, dt, w, p, g, G, eG)
+                        slopes(ua, ub, dt, slope)
+                        step_signature(x, ua, ub, dt, w, p, g, slope, G, eG)
                     for c in range(m):
                         sE[c] += eG[c]
                         for j in range(n):

@@ -122,7 +122,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
 
     # a delay shifts a signal in time: its response is that signal's slope over the step
     late = ca.SX(len(model.inputs), len(thetas))
-    slope = (taken.u1 - e.u) / taken.dt
+    slope = ca.SX.sym("slope", len(model.inputs))
     for k, (owner, key) in enumerate(thetas):
         for effect in model.effects:
             for signal, number in effect.delays.items():
@@ -149,7 +149,8 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
              "e": ca.jacobian(taken.energy, e.x).T},
             "energy",
         ),
-        lower("step_signature", over, {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
+        lower("step_signature", over | {"slope": slope},
+              {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
         lower("implied", at, {"v": e.implied}),
         lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
                                "B": ca.jacobian(e.rate, e.u)}),

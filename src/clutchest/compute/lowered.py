@@ -23,9 +23,9 @@ def step(
 
 
 def step_signature(
-    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, G: Any, eG: Any
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, G: Any, eG: Any
 ) -> float:
-    """G (n, m) = ∂xn/∂θ, eG (m) = ∂energy/∂θ."""
+    """G (n, m) = ∂xn/∂θ, eG (m) = ∂energy/∂θ; ``slope`` (nu): of the inputs, where delays act."""
     raise NotImplementedError
 
 

@@ -69,6 +69,7 @@ def remember(
     G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
     xn, e, PH, Hm, nothing = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(m), np.zeros(0)
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
+    slope = np.zeros(INPUTS)
     for k in range(len(t)):
         w = W[row[k]]
         for i in range(n):
@@ -81,7 +82,7 @@ def remember(
             for i in range(steps):
                 inputs_between(u, k, i, steps, ua, ub)
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
-                step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, G, eG)
+                step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG)
                 propagate_signature(S, F, G, Tm)
                 propagate(P, F, Q, T)
                 product(F, Phi[k], T)

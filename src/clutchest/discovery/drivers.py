@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from clutchest.identify.calm import calm
 from clutchest.identify.linearised import LinearDrive
 from clutchest.models import drivers_of
 from clutchest.signals import Floats
@@ -34,14 +35,16 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     for name, of in rates.items():
         if of not in found:
             continue
-        found[name] = _calm(np.gradient(drive.expected[:, model.input(of)], apart))
+        found[name] = _brisk(np.gradient(drive.expected[:, model.input(of)], apart))
     spans = np.diff(line.t, prepend=line.t[0])
+    # what goes with the noise of a driver is no error
+    found = {name: calm(line.t, value, drive.acts) for name, value in found.items()}
     found["energy"] = np.cumsum(values[-1] * spans)
     found["time"] = line.t
     return found
 
 
-def _calm(rate: Floats) -> Floats:
+def _brisk(rate: Floats) -> Floats:
     """A rate, nought where it is slow: there it is the noise of the signal, which the innovations
     hold as well."""
     slow = SLOW * float(np.quantile(np.abs(rate), 0.998))

@@ -23,6 +23,7 @@ from clutchest.signals import Floats
 DRAWS = 1000
 DOUBTFUL = 0.05  # p-value of a single curve from which its scatter is looked at
 BLOCK_TIME = 2.0  # s
+AT_ONCE = 4  # drivers to one pass over the data
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,17 +113,20 @@ def _left_over(
     """Derivatives (K, C) of the white innovations by every coefficient of every curve."""
     values = [drivers(drive) for drive in problem.drives]
     names = [n for n in values[0] if all(n in v for v in values)]
-    parts, tables, begin = [], [], 0
+    curved, parts, tables, begin = [], [], [], 0
     for name in names:
         joined = np.concatenate([v[name] for v in values])
         acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
         at = knots(name, joined, acts if acts.any() else np.ones(len(acts)))
         if at is None:
             continue
-        bases = [hats(v[name], at) for v in values]
+        curved.append((name, at))
+    for some in (curved[i : i + AT_ONCE] for i in range(0, len(curved), AT_ONCE)):
+        bases = [np.column_stack([hats(v[name], at) for name, at in some]) for v in values]
         parts.append(fitter.modulated(look, probes, bases))
         for k in probes:
-            columns = np.arange(begin, begin + len(at))
-            tables.append((problem.thetas[k].owner, name, at, columns))
-            begin += len(at)
+            for name, at in some:
+                columns = np.arange(begin, begin + len(at))
+                tables.append((problem.thetas[k].owner, name, at, columns))
+                begin += len(at)
     return np.concatenate(parts, axis=1), tables

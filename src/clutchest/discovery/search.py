@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
 from clutchest.signals import Floats
 
-LEVEL = 0.008  # family-wise chance of a false finding; the rest to 1 % is for what has no name
+LEVEL = 0.0085  # family-wise chance of a false finding; the rest to 1 % is for what has no name
 LEADERS, PARENTS = 8, 3  # fitted in full: causes alone, and causes to which another may join
 MOST = 3  # causes acting together
 CLOSE = 10.0  # of −2 ln(probability): by how much a cause may lag by first order to be fitted
@@ -69,9 +69,10 @@ class Search:
         every = candidates(problem)
         search = cls(problem, fitter, every, null, None, null)  # type: ignore[arg-type]
         look = fitter.look(null.look.theta)
-        fitter.focus([look.psi, search.columns(look, every)])
+        columns = search.columns(look, every)
+        fitter.focus([look.psi, columns])
         search.null = search.best = Hypothesis((), fitter.again(look))
-        search.first = search.scores(search.null, every, seed=1)
+        search.first = search.scored(search.null, every, columns, seed=1)
         return search
 
     def columns(self, look: Look, wanted: Sequence[Candidate]) -> Floats:
@@ -93,10 +94,14 @@ class Search:
     def scores(self, base: Hypothesis, wanted: Sequence[Candidate], seed: int) -> Board:
         """Scores of ``wanted`` beside the causes in ``base``."""
         look = self.fitter.look(base.look.theta, base.look.shapes)
-        return board(
-            look, self.free(base.chosen), self.fitter.prior,
-            self.columns(look, wanted), [c.gain.one_sided for c in wanted], seed,
-        )  # fmt: skip
+        return self.scored(replace(base, look=look), wanted, self.columns(look, wanted), seed)
+
+    def scored(
+        self, base: Hypothesis, wanted: Sequence[Candidate], columns: Floats, seed: int
+    ) -> Board:
+        """The same where derivatives ``columns`` (K, C) of the innovations are known."""
+        return board(base.look, self.free(base.chosen), self.fitter.prior, columns,
+                     [c.gain.one_sided for c in wanted], seed)  # fmt: skip
 
     def free(self, chosen: Iterable[Candidate]) -> NDArray[np.int64]:
         """Indices of nuisances and of the gains of ``chosen``."""

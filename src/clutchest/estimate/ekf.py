@@ -100,7 +100,8 @@ class OnlineFilter(ExtendedKalmanFilter):
         self.functions.implied(x, u0, w, self.p, self.g, v0)
         self.functions.implied(xn, u1, w, self.p, self.g, v1)
         G, of_energy = np.zeros((self.states, self.dim_x - self.states)), np.zeros(self.dim_x)
-        self.functions.step_signature(x, v0, v1, dt, w, self.p, self.g, G, of_energy)
+        slope = (v1 - v0) / dt
+        self.functions.step_signature(x, v0, v1, dt, w, self.p, self.g, slope, G, of_energy)
         return G
 
     def advance(self, span: float, u0: Floats, u1: Floats, row: int) -> None:

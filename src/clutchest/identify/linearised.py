@@ -26,6 +26,7 @@ from clutchest.estimate.whole_log import (
     delays,
     present_effects,
 )
+from clutchest.identify.calm import calm
 from clutchest.identify.condensed import condensed
 from clutchest.models import model_for
 from clutchest.models.effects import Effect
@@ -37,6 +38,7 @@ WINDOW = 0.1  # s, over which inputs are smoothed
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 SETTLING = 0.15  # s; a tracked state's first innovations are not yet coloured as later ones
+SHARP, SETTLED = 16.0, 0.05  # of an input's noise: a bend to be seen; s until it is forgotten
 LEAST = 0.01  # standard deviations per unit; readings that answer less to every θ are left out
 
 Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
@@ -97,7 +99,7 @@ class LinearDrive:
         self.acts = np.zeros(len(self.line.t), bool)
         for flag, _ in model.renewed.values():
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
-        self.slope = self._slope()
+        self.slope, self.calm = self._tracked()
         self.states = np.zeros((len(self.line.t), len(model.states)))
         self.smooth = self._smooth(signals)
         self.expected = self.smooth.copy()
@@ -110,11 +112,29 @@ class LinearDrive:
         reads = np.array([sensor.name for sensor in model.sensors])
         tracks = np.isin(reads, [s.name for s in model.states if s.name in model.renewed])
         settled = self.acts & (self._since_acting() > SETTLING)
+        settled &= ~self._bent(signals, vehicle)
         counts = (self.line.sensor >= 0) & (settled | ~tracks[self.line.sensor])
         rows = np.flatnonzero(counts & tells)
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
+
+    def _bent(self, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
+        """Events (K) at which the tracked states still hold the error of an input that turned so
+        sharply that when it did so, between two samples, matters."""
+        found, late = np.zeros(len(self.line.t), bool), delays(vehicle)
+        for item in self.compiled.model.inputs:
+            mapped = vehicle.signals.get(item.name)
+            if item.name not in signals or mapped is None or len(signals[item.name].time) < 3:
+                continue
+            time, value = signals[item.name].time, signals[item.name].value
+            sharp = np.abs(np.diff(value, 2)) > SHARP * mapped.noise
+            for begin, end in zip(time[:-2][sharp], time[2:][sharp], strict=True):
+                first, last = np.searchsorted(
+                    self.line.t, np.array([begin, end + SETTLED]) - late.get(item.name, 0.0)
+                )
+                found[first:last] = True
+        return found
 
     def _since_acting(self) -> Floats:
         """For how long the tracked states' equations have acted, s, at every event."""
@@ -156,8 +176,9 @@ class LinearDrive:
             started, self.start.P.copy(), S[:, active].copy(), active,
             np.zeros((len(u), 0)) if basis is None else basis,
             np.full(len(active), -1) if which is None else which,
-            line.t, line.sensor, line.z, line.R, u, true, line.row, line.W, line.Q, line.longest,
-            line.noise, p, g, states, innovations, answers,
+            line.t, line.sensor, line.z, line.R, u, true, self._slopes(true), self.calm,
+            self.tracked, line.row, line.W, line.Q, line.longest, line.noise, p, g,
+            states, innovations, answers,
         )  # fmt: skip
         self.states = states
         implied, acts = true.copy(), np.flatnonzero(self.acts)
@@ -169,6 +190,16 @@ class LinearDrive:
             late_by = late.get(self.compiled.model.inputs[j].name, 0.0)
             self.expected[:, j] = np.interp(line.t - late_by, line.t, true[:, j] + moved)
         return innovations, answers
+
+    def _slopes(self, inputs: Floats) -> Floats:
+        """Slopes (K, nu) of inputs that may be late on the way to each event, without those of
+        their noise."""
+        found, t = np.zeros_like(inputs), self.line.t
+        span, model = np.diff(t, prepend=t[0]), self.compiled.model
+        for j in {model.input(signal) for effect in model.effects for signal in effect.delays}:
+            rise = np.diff(calm(t, inputs[:, j], self.acts), prepend=inputs[0, j])
+            np.divide(rise, span, out=found[:, j], where=span > 0.0)
+        return found
 
     def _smooth(self, signals: Signals) -> Floats:
         """Inputs (K, nu) without their fastest noise: parabolas through ``WINDOW`` s."""
@@ -183,20 +214,25 @@ class LinearDrive:
                 found[:, j] = np.interp(self.line.t, time, savgol_filter(value, count, 2))
         return found
 
-    def _slope(self) -> Floats:
-        """Measured rates of the tracked states at every event, zero for others; shape (K, n)."""
+    def _tracked(self) -> tuple[Floats, Floats]:
+        """Measured rates of the tracked states at every event, and their values without the noise
+        of their readings; zero for other states; shape (K, n) each."""
         model, line = self.compiled.model, self.whole
-        found = np.zeros((len(self.line.t), len(model.states)))
+        rate = np.zeros((len(self.line.t), len(model.states)))
+        value = rate.copy()
         edges = self.line.t[1:][np.diff(self.acts) != 0]
         for i in np.flatnonzero(self.tracked):
             read = line.sensor == model.sensor(model.states[i].name)
             t, z = line.t[read], line.z[read]
             # no line is drawn across the place where another equation takes over
             pieces = np.split(np.arange(len(t)), np.searchsorted(t, edges))
+            pieces = [k for k in pieces if len(k)]
             rates = [slope(Signal.of("", "", t[k], z[k]), 0.0, RATE_WINDOW)[0].value
                      for k in pieces]  # fmt: skip
-            found[:, i] = np.interp(self.line.t, t, np.concatenate(rates))
-        return found
+            still = [calm(t[k], z[k], np.ones(len(k), bool)) for k in pieces]
+            rate[:, i] = np.interp(self.line.t, t, np.concatenate(rates))
+            value[:, i] = np.interp(self.line.t, t, np.concatenate(still))
+        return rate, value
 
 
 class Problem:

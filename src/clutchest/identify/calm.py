@@ -1,0 +1,48 @@
+"""Signals that do not follow their own noise.
+
+Where a derivative is taken at a noisy value, and the innovation beside it holds the same noise,
+the two seem to have something in common.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from clutchest.signals import Floats
+
+GRID = 0.01  # s
+NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
+MEDIAN = 1.4826  # standard deviations to a median deviation of normal noise
+REACH = 3.0  # standard deviations of noise that do not move it
+
+
+def calm(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
+    """``value`` (K) at times ``t`` (K), smoothed as far as it is noisy, moving only where it leaves
+    the reach of its noise; that is measured ``where`` (K) the signal matters."""
+    if not where.any():
+        return value
+    reach = REACH * MEDIAN * float(np.median(np.abs(value - _smooth(t, value, WIDE))[where]))
+    out = np.empty_like(value)
+    _play(_smooth(t, value, NARROW), reach, out)
+    return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
+
+
+def _smooth(t: Floats, value: Floats, window: float) -> Floats:
+    """``value`` (K) at times ``t`` (K) by parabolas through ``window`` s."""
+    grid, count = np.arange(t[0], t[-1], GRID), round(window / GRID) | 1
+    if len(grid) < count:
+        return value
+    parabolas = savgol_filter(np.interp(grid, t, value), count, 2)
+    return np.asarray(np.interp(t, grid, parabolas))
+
+
+@njit(cache=True)
+def _play(value: Floats, reach: float, out: Floats) -> None:
+    """What a value drags along that has a play of ±``reach``."""
+    held = value[0]
+    for k in range(len(value)):
+        held = min(max(held, value[k] - reach), value[k] + reach)
+        out[k] = held
