@@ -27,6 +27,7 @@ LIBRARY = tuple(library("dry_clutch").values())
 # slopes that are smoothed as far as the signal is noisy.
 ROUGH = {
     "engine_inertia": 0.3, "torque_gain": 0.1, "position_hysteresis": 0.2, "position_delay": 0.04,
+    "timing": 0.04,
 }  # fmt: skip
 
 
