@@ -63,14 +63,25 @@ def tell(out: Path) -> None:
     (out / "table.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
 
 
-def prepare() -> None:
-    """Ask the oracle for the answers of the short run, once."""
-    known = unseal(KNOWN) if KNOWN.exists() else {}
-    cases = [case for case in quick() if case.name not in known]
+def prepare(shard: str, out: Path) -> None:
+    """Ask the oracle for the answers of the short run, once; shards leave theirs under ``out``,
+    and whoever comes last puts all of them together."""
+    which, of = map(int, shard.split("/"))
+    mine = out / f"answers-{which}-of-{of}.sealed"
+    own = unseal(mine) if mine.exists() else {}
+    known = prepared(out)
+    cases = [case for case in quick()[which::of] if case.name not in known]
     for i, case in enumerate(cases, 1):
-        known[case.name] = answer(case)
-        seal(known, KNOWN)
+        own[case.name] = answer(case)
+        seal(own, mine)
         print(f"{i}/{len(cases)}", file=sys.stderr, flush=True)
+    seal(prepared(out), KNOWN)
+
+
+def prepared(out: Path) -> dict[str, Any]:
+    """The answers of the short run that are known so far, by the names of its cases."""
+    files = [path for path in (KNOWN, *sorted(out.glob("answers-*.sealed"))) if path.exists()]
+    return {name: answer for path in files for name, answer in unseal(path).items()}
 
 
 def main() -> None:
@@ -85,9 +96,9 @@ def main() -> None:
     parser.add_argument("--table", action="store_true", help="the table of what is finished")
     parser.add_argument("--prepare", action="store_true", help="sizes of the short run, anew")
     given = parser.parse_args()
-    if given.prepare:
-        return prepare()
     given.out.mkdir(parents=True, exist_ok=True)
+    if given.prepare:
+        return prepare(given.shard, given.out)
     if given.hour:
         with (given.out / "records-hour.jsonl").open("w") as records:
             records.write(json.dumps(hour(given.out)) + "\n")

@@ -7,13 +7,14 @@ drawn, not looked up.  Over time, the curve stands for process noise in the equa
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from clutchest.discovery.drivers import drivers, hats, knots
+from clutchest.discovery.drivers import KNOTS, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.score import among, cleared, redrawn
 from clutchest.identify.linearised import Problem
@@ -23,7 +24,7 @@ from clutchest.signals import Floats
 DRAWS = 1000
 DOUBTFUL = 0.05  # p-value of a single curve from which its scatter is looked at
 BLOCK_TIME = 2.0  # s
-AT_ONCE = 4  # drivers to one pass over the data
+ENTRIES = 1e7  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,38 +58,34 @@ def curves(
     problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
     """Every curve over every driver, best first, beside what is ``free`` at ``look``."""
-    owners = [t.owner for t in problem.thetas]
-    probes = [k for k, owner in enumerate(owners) if owner.startswith(PREFIX)]
-    left, tables = _left_over(problem, fitter, look, free, probes)
-    c = cleared(look, free, fitter.prior, left)
-    score, weight = c.score, c.weight
-    rng = np.random.default_rng(seed)
-    null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
-    null += redrawn(look.r, c.pure, DRAWS, rng)
+    found, least = [], np.ones(DRAWS)
     blocks = np.unique(np.concatenate([
         i * 10**7 + np.floor(drive.t / BLOCK_TIME) for i, drive in enumerate(problem.drives)
     ]), return_inverse=True)[1]  # fmt: skip
-    found, least = [], np.ones(len(null))
-    for owner, driver, at, columns in tables:
-        part = left[:, columns]
-        information = part.T @ part - c.shared[:, columns].T @ weight[:, columns]
-        information = (information + information.T) / 2.0
-        covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
-        rank = float(np.trace(covariance @ information))
-        if rank < 0.1:
-            continue
-        best = covariance @ score[columns]
-        statistic = float(score[columns] @ best)
-        if chi2.sf(statistic, rank) < DOUBTFUL:
-            pure = c.pure[:, columns]
-            statistic /= _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
-        drawn = np.einsum("ki,ij,kj->k", null[:, columns], covariance, null[:, columns])
-        least = np.minimum(least, chi2.sf(drawn, rank))
-        found.append(Curve(
-            owner.removeprefix(PREFIX), driver, at, best, covariance,
-            weight[:, columns] @ best, statistic, rank,
-            float(chi2.sf(statistic, rank)), 1.0,
-        ))  # fmt: skip
+    for left, tables in _left_over(problem, fitter, look):
+        c = cleared(look, free, fitter.prior, left)
+        rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
+        null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
+        null += redrawn(look.r, c.pure, DRAWS, rng)
+        for owner, driver, at, columns in tables:
+            part, pure = left[:, columns], c.pure[:, columns]
+            information = part.T @ part - c.shared[:, columns].T @ c.weight[:, columns]
+            information = (information + information.T) / 2.0
+            covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
+            rank = float(np.trace(covariance @ information))
+            if rank < 0.1:
+                continue
+            best = covariance @ c.score[columns]
+            statistic = float(c.score[columns] @ best)
+            if chi2.sf(statistic, rank) < DOUBTFUL:
+                statistic /= _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
+            drawn = np.einsum("ki,ij,kj->k", null[:, columns], covariance, null[:, columns])
+            least = np.minimum(least, chi2.sf(drawn, rank))
+            found.append(Curve(
+                owner.removeprefix(PREFIX), driver, at, best, covariance,
+                c.weight[:, columns] @ best, statistic, rank,
+                float(chi2.sf(statistic, rank)), 1.0,
+            ))  # fmt: skip
     least = np.sort(least)
     named = [replace(curve, p_value=float(among(least, curve.p))) for curve in found]
     return sorted(named, key=lambda curve: -curve.worth)
@@ -108,25 +105,26 @@ Table = tuple[str, str, Floats, NDArray[np.int64]]  # probe, driver, knots, colu
 
 
 def _left_over(
-    problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], probes: list[int]
-) -> tuple[Floats, list[Table]]:
-    """Derivatives (K, C) of the white innovations by every coefficient of every curve."""
+    problem: Problem, fitter: Fitter, look: Look
+) -> Iterator[tuple[Floats, list[Table]]]:
+    """Derivatives (K, C) of the white innovations by every coefficient of every curve; some of the
+    drivers at a time, as many as memory likes."""
+    owners = [t.owner for t in problem.thetas]
+    probes = [k for k, owner in enumerate(owners) if owner.startswith(PREFIX)]
     values = [drivers(drive) for drive in problem.drives]
-    names = [n for n in values[0] if all(n in v for v in values)]
-    curved, parts, tables, begin = [], [], [], 0
-    for name in names:
-        joined = np.concatenate([v[name] for v in values])
-        acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
-        at = knots(name, joined, acts if acts.any() else np.ones(len(acts)))
-        if at is None:
-            continue
-        curved.append((name, at))
-    for some in (curved[i : i + AT_ONCE] for i in range(0, len(curved), AT_ONCE)):
+    acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
+    acts = acts if acts.any() else np.ones(len(acts))
+    bent = {}
+    for name in (n for n in values[0] if all(n in v for v in values)):
+        at = knots(name, np.concatenate([v[name] for v in values]), acts)
+        if at is not None:
+            bent[name] = at
+    portion = max(round(ENTRIES / (len(acts) * len(probes) * KNOTS)), 1)
+    for some in (list(bent.items())[i : i + portion] for i in range(0, len(bent), portion)):
         bases = [np.column_stack([hats(v[name], at) for name, at in some]) for v in values]
-        parts.append(fitter.modulated(look, probes, bases))
+        tables, begin = [], 0
         for k in probes:
             for name, at in some:
-                columns = np.arange(begin, begin + len(at))
-                tables.append((problem.thetas[k].owner, name, at, columns))
+                tables.append((owners[k], name, at, np.arange(begin, begin + len(at))))
                 begin += len(at)
-    return np.concatenate(parts, axis=1), tables
+        yield fitter.modulated(look, probes, bases), tables
