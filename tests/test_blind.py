@@ -360,3 +360,20 @@ def test_an_answer_and_a_finding_are_compared():
     assert judged({**answer, "excited": {"wear.rate": 1.0}}, found)["hidden_unexcited"]
     nothing = judged(answer, {"verdict": "failed", "why": "no", "seconds": 1.0, "MiB": 2.0})
     assert nothing["causes"] == [] and nothing["covered"] == {}
+
+
+def test_rivals_see_the_torque_that_is_lacking():
+    """Of a truck as its file says nothing lacks; of one whose friction is low, a share of what its
+    clutch should transmit."""
+    from blind.drives import Drive
+    from blind.rivals import lacking, regression
+
+    drive = Drive(1, "white")
+    truck = {"nominal": True, "duration": 200.0}
+    healthy = clutchest.simulate(drive.vehicle, "launches", 1, **truck)
+    _, nothing = lacking(healthy, drive)
+    low = {"friction_level": {"change": -0.1}}
+    drivers, lacks = lacking(clutchest.simulate(drive.vehicle, "launches", 1, low, **truck), drive)
+    assert abs(np.mean(nothing)) < 3.0
+    assert np.mean(lacks) > 10.0 * abs(np.mean(nothing))  # the engine is braked less
+    assert "engine_torque" in regression(drivers, lacks)[:3]

@@ -117,7 +117,8 @@ def _unrounded(sampled: Sampled, model: str) -> Signals:
     """Readings as the sensors give them, not rounded by a bus."""
     units = dict(card(model).columns)
     signals = {n: Signal.of(n, units[n], *columns) for n, columns in sampled.signals.items()}
-    return Signals(signals, end=max(signal.time[-1] for signal in signals.values()))
+    end = max(signal.time[-1] for signal in signals.values())
+    return Signals(signals, end=end, truth=sampled.truth)
 
 
 def healthy(model: str) -> dict[str, float]:
