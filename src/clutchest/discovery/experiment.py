@@ -55,12 +55,13 @@ def propose(
 
 
 def _least_distance(rivals: Sequence[tuple[Candidate, float]], problem: Problem) -> float:
+    """Between the closest two, by first order at the numbers that the drive was simulated with."""
     fitter = Fitter(problem)
     first, size = rivals[0]
     theta = np.zeros(len(problem.thetas))
     theta[problem.index(first.name, first.gain.key)] = size
     shapes = settings(tuple(c for c, _ in rivals))
-    look = fitter.taught(fitter.most_probable(problem.nuisances, theta, shapes))
+    look = fitter.taught(fitter.look(theta, shapes))
     columns = look.psi[:, [problem.index(c.name, c.gain.key) for c, _ in rivals]]
     scores: Board = board(look, problem.nuisances, fitter.prior, columns,
                           [c.gain.one_sided for c, _ in rivals], SEED, draws=1)  # fmt: skip

@@ -333,7 +333,7 @@ class Problem:
             compiled_ones = np.flatnonzero(wanted[columns])
             columns = columns[compiled_ones]
             innovations, answers = drive.answer(p, g, self._first(i, theta), late, compiled_ones)
-            std = np.sqrt(innovations[drive.rows, 1])
+            std = _root(innovations[drive.rows, 1])
             psi = np.zeros((len(std), len(self.thetas)))
             psi[:, columns] = answers[drive.rows] / std[:, None] * self.units[columns]
             for k, of in zip(late_rows, self.timing, strict=True):
@@ -355,7 +355,7 @@ class Problem:
             innovations, answers = drive.answer(
                 p, g, self._first(i, theta), late, active, np.ascontiguousarray(basis), which
             )
-            std = np.sqrt(innovations[drive.rows, 1])
+            std = _root(innovations[drive.rows, 1])
             found.append(answers[drive.rows] / std[:, None] * self.units[active])
         return found
 
@@ -366,6 +366,12 @@ class Problem:
             if t.drive == drive:
                 x[self.compiled.model.state(t.key)] += theta[k] * self.units[k]
         return x
+
+
+def _root(variance: Floats) -> Floats:
+    """Standard deviations; where a number tried is so far off that the filter lost its variance,
+    none, so that no fit stays there."""
+    return np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
 def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
