@@ -44,8 +44,12 @@ def search(monkeypatch):
             self.answer = discovery("named")
             self.asked: list[dict] = []
 
-        def __call__(self, signals, vehicle, *, holdout=None, effects_files=(), progress=None):
+        def __call__(
+            self, signals, vehicle, *, holdout=None, effects_files=(), progress=None, told=None
+        ):
             progress("trying causes", 0.5)
+            if told:
+                told(self.answer.identifiability)
             self.asked.append(
                 {"signals": signals, "vehicle": vehicle, "holdout": holdout, "files": effects_files}
             )

@@ -18,7 +18,7 @@ from clutchest.errors import ClutchestError
 from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.misfit_pictures import draw_misfit, most_telling, pieces, worst_stretch
-from clutchest.record.terminal import print_discovery
+from clutchest.record.terminal import print_discovery, print_identifiable
 from clutchest.vehicle import load_vehicle
 from discoveries import FADE, GAIN, NO_GAIN, PATCH, discovery, misfit
 
@@ -31,7 +31,9 @@ def no_constant(name):
 
 def printed(found) -> str:
     text = StringIO()
-    print_discovery(found, Console(file=text, width=200))
+    console = Console(file=text, width=200)
+    print_identifiable(found.identifiability, console)
+    print_discovery(found, console)
     return text.getvalue()
 
 

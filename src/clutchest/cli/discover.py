@@ -51,11 +51,13 @@ def discover(
     """
     with progress() as show:
         show("loading", None)
+        from rich.console import Console
+
         from clutchest.discovery import discover as search
         from clutchest.models.effects import effects_of_file
         from clutchest.reading import read_log
         from clutchest.record.discovery import write_discovery
-        from clutchest.record.terminal import print_discovery
+        from clutchest.record.terminal import print_discovery, print_identifiable
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)
@@ -66,8 +68,9 @@ def discover(
         signals = read_log(logs, car)
         held_out = read_log(holdout, car).drives if holdout else None
         found = search(
-            signals, car, holdout=held_out, effects_files=tuple(effects or ()), progress=show
-        )
+            signals, car, holdout=held_out, effects_files=tuple(effects or ()), progress=show,
+            told=None if as_json else lambda tells: print_identifiable(tells, Console()),
+        )  # fmt: skip
         show("writing", None)
         names = [path.name for path in write_discovery(found, out)]
     answer(found.summary(), as_json, lambda console: print_discovery(found, console), out, names)

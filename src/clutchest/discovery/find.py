@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +25,7 @@ from clutchest.discovery.result import (
     Experiment,
     Found,
     Gain,
+    Identifiable,
     Rival,
     Where,
 )
@@ -40,6 +41,8 @@ from clutchest.vehicle import Vehicle, load_vehicle
 UNNAMED = 0.0004
 MOST_RIVALS = 6
 
+Told = Callable[[tuple[Identifiable, ...]], None]
+
 
 def discover(
     signals: Signals,
@@ -48,17 +51,20 @@ def discover(
     holdout: Sequence[Signals] | Signals | None = None,
     effects_files: Sequence[Path] = (),
     progress: Progress | None = None,
+    told: Told | None = None,
 ) -> Discovery:
     """What the model of ``vehicle`` gets wrong on ``signals``, why, what to add and what it gains.
 
     ``holdout``: drives of the same vehicle on which the gain is measured.  ``effects_files``: the
-    user's own causes, tried beside the library's.  Raises ClutchestError where the model cannot be
-    driven by these signals.
+    user's own causes, tried beside the library's.  ``told``: called with what these data can tell
+    of every cause, before any is fitted.  Raises ClutchestError where the model cannot be driven by
+    these signals.
     """
     vehicle = load_vehicle(vehicle)
     own = [effect for path in effects_files for effect in effects_of_file(path).values()]
     effects = (*library(vehicle.model).values(), *own, *probes(vehicle.model))
-    return _Finding(signals, vehicle, effects, tuple(effects_files), progress).answer(holdout)
+    finding = _Finding(signals, vehicle, effects, tuple(effects_files), progress, told)
+    return finding.answer(holdout)
 
 
 @dataclass
@@ -68,6 +74,7 @@ class _Finding:
     effects: tuple[Effect, ...]
     files: tuple[Path, ...]
     progress: Progress | None
+    told: Told | None
 
     def problem(self, signals: Signals) -> Problem:
         return Problem(signals, self.vehicle, self.effects, self.progress)
@@ -77,6 +84,8 @@ class _Finding:
         search = Search.begin(self.problem(self.signals), self.progress)
         problem, before = search.problem, search.null.look
         tells = identifiability(search.all, problem.units, search.first, LEVEL)
+        if self.told:
+            self.told(tells)
         errors = curves(problem, search.fitter, before, search.free(()), seed=3)
         search.run(self.progress)
         best, left = search.best, errors

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from clutchest.discovery.result import Discovery
+from clutchest.discovery.result import Discovery, Identifiable
 from clutchest.estimate.run import Run
 from clutchest.reading.inspection import Inspection
 from clutchest.record.discovery import (
@@ -127,9 +127,8 @@ def print_inspection(found: Inspection, console: Console) -> None:
 
 
 def print_discovery(discovery: Discovery, console: Console) -> None:
-    """Print what the log can tell, the verdict and its causes, the rivals, what the extension is
-    worth, and what to do next."""
-    _print_identifiable(discovery, console)
+    """Print the verdict and its causes, the rivals, what the extension is worth, and what to do
+    next."""
     console.print(f"[bold]{escape(discovery.sentence)}[/]")
     if words := whereabouts(discovery):
         console.print(escape(words))
@@ -156,12 +155,13 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
     _print_warnings(discovery.warnings, "report.md", console)
 
 
-def _print_identifiable(discovery: Discovery, console: Console) -> None:
+def print_identifiable(tells: Sequence[Identifiable], console: Console) -> None:
+    """Print what a log can tell of every cause."""
     table = Table(
         "effect", "shows from", "plausible up to", "", "nearest rival", "apart by d′",
         title="what this log can tell", title_justify="left",
     )  # fmt: skip
-    for i in discovery.identifiability:
+    for i in tells:
         table.add_row(
             i.effect,
             "never" if i.detectable_size is None else f"{i.detectable_size:.3g}",
