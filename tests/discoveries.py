@@ -118,5 +118,5 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
         extended=extended,
         patch=PATCH if verdict == "unknown" else None,
         warnings=("parameter 'kiss_point' is a guess",),
-        provenance={"clutchest": "0.1.0"},
+        provenance={"clutchest": "0.1.0", "logs": "monday.log, tuesday.log"},
     )

@@ -298,3 +298,7 @@ def test_a_spike_stays_in_the_recording_and_out_of_its_range(tmp_path):
 def test_nothing_on_the_terminal(tmp_path, capfd):
     write_discovery(discovery("named"), tmp_path)
     assert capfd.readouterr() == ("", "")
+
+
+def test_the_report_says_what_it_was_made_from():
+    assert report(discovery("none")).endswith("From monday.log, tuesday.log by clutchest 0.1.0.\n")

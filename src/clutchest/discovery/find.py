@@ -212,7 +212,9 @@ class _Finding:
         )  # fmt: skip
 
     def _provenance(self, problem: Problem) -> dict[str, str]:
+        logs = (Path(name).name for drive in self.signals.drives for name in drive.sources)
         return {
+            "logs": ", ".join(logs),
             "clutchest": __version__,
             "python": platform.python_version(),
             "numba": version("numba"),

@@ -154,6 +154,9 @@ def report(discovery: Discovery, picture: str | None = None) -> str:
         parts += ["## Misfit of the model as it was", _levels(discovery)]
     if discovery.warnings:
         parts += ["## Warnings", "\n".join(f"- {text}" for text in discovery.warnings)]
+    made = discovery.provenance
+    if logs := made.get("logs"):
+        parts.append(f"From {logs} by clutchest {made['clutchest']}.")
     return "\n\n".join(parts) + "\n"
 
 
