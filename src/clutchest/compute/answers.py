@@ -9,16 +9,16 @@ from math import ceil
 import numpy as np
 from numba import njit
 
-from clutchest.compute.kernel import add_product, inputs_between, propagate, update
+from clutchest.compute.kernel import add_product, inputs_between
 from clutchest.compute.lowered import (
     INPUTS,
     STATES,
     THETAS,
+    advance,
     dynamics,
     reading,
     reading_signature,
-    step,
-    step_signature,
+    transition,
 )
 
 # --- the generated module goes on from here ---
@@ -27,28 +27,28 @@ from clutchest.compute.lowered import (
 @njit(cache=True, error_model="numpy")
 def answer(
     x, P, S, active, basis, which, t, sensor, z, R, u, expected, slope, calm, tracked, row, W, Qs,
-    longest, noise, p, g, out_x, out_innovation, out_answer,
+    longest, noise, p, g, frozen, gain, variance, out_x, out_innovation, out_answer,
 ):  # fmt: skip
     """Filter a log and follow the signatures ``S`` (n, a) of the ``active`` (a) thetas; the rest as
     the kernel's ``run`` takes it.  A theta may come and go: c acts in proportion to the column
     ``which[c]`` of ``basis`` (K, b), fully where that is −1.
 
-    Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``, and where
-    states that are ``tracked`` (n) stand at ``calm`` (K, n), not where noisy readings put them;
-    ``slope`` (K, nu) is that of the inputs on the way to each event, without their noise.  Noise
-    that stands in an innovation and in its derivative alike would make every number that
-    multiplies an input seem smaller than it is.  Filled per event: ``out_x`` (n) the state,
-    ``out_innovation`` (innovation, predicted variance) and ``out_answer`` (a) its derivative.
+    States that are ``tracked`` (indices) are corrected by readings; of others nothing is unknown
+    but θ.  Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``, and
+    where tracked states stand at ``calm`` (K, n), not where noisy readings put them; ``slope``
+    (K, nu) is that of the inputs on the way to each event, without their noise.  Noise that stands
+    in an innovation and in its derivative alike would make every number that multiplies an input
+    seem smaller than it is.
+
+    ``gain`` (K, n) of each reading and its predicted ``variance`` (K) are used where they are
+    ``frozen``, so that innovations are a smooth function of θ; else filled.  Filled per event:
+    ``out_x`` (n) the state, ``out_innovation`` and ``out_answer`` (a) its derivative.
     """
-    n, m = STATES, THETAS
-    F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    G, eG, a = np.zeros((n, m)), np.zeros(m), len(active)
-    T_a, H_a, acts = np.zeros((n, a)), np.zeros(a), np.ones(a)
-    xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
-                           np.zeros(m))  # fmt: skip
-    xe, xc = np.zeros(n), np.zeros(n)
+    n, m, a = STATES, THETAS, len(active)
+    F, Q, G, Hm = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, m)), np.zeros(m)
+    T, H_a, acts = np.zeros((n, a)), np.zeros(a), np.ones(a)
+    xn, xc, H, PH = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
-    nothing = np.zeros(0)
     for k in range(len(t)):
         w = W[row[k]]
         for c in range(a):
@@ -61,21 +61,20 @@ def answer(
             for i in range(steps):
                 inputs_between(u, k, i, steps, ua, ub)
                 inputs_between(expected, k, i, steps, va, vb)
-                step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
-                propagate(P, F, Q, T)
                 for j in range(n):
-                    xc[j] = calm[k - 1, j] if tracked[j] else x[j]
-                step(xc, va, vb, dt, w, p, g, Qs[row[k]], noise, xe, F, Q, e)
-                step_signature(xc, va, vb, dt, w, p, g, slope[k], G, eG)
-                for j in range(n):
-                    for c in range(a):
-                        T_a[j, c] = G[j, active[c]] * acts[c]
-                add_product(F, S, T_a, a)
+                    xc[j] = x[j]
+                for j in tracked:
+                    xc[j] = calm[k - 1, j]
+                advance(x, ua, ub, dt, w, p, g, xn)
+                transition(xc, va, vb, dt, w, p, g, slope[k], Qs[row[k]], noise, F, Q, G)
+                if not frozen:
+                    spread(P, F, Q, tracked)
                 for j in range(n):
                     for c in range(a):
-                        S[j, c] = T_a[j, c]
-                for j in range(n):
-                    x[j] = xn[j]
+                        T[j, c] = G[j, active[c]] * acts[c]
+                add_product(F, S, T, a)
+                S, T = T, S
+                x, xn = xn, x
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H)
             reading_signature(sensor[k], x, expected[k], w, p, g, Hm)
@@ -85,17 +84,49 @@ def answer(
                 if H[i] != 0.0:
                     for c in range(a):
                         H_a[c] += H[i] * S[i, c]
-            innovation, predicted, _ = update(x, P, S, h, H, Hm, z[k], R[k], nothing, K, PH, np.inf)
-            for i in range(n):
-                if K[i] != 0.0:
+            if not frozen:
+                variance[k] = weigh(P, H, R[k], tracked, PH, gain[k])
+            for i in tracked:
+                x[i] += gain[k, i] * (z[k] - h)
+                if gain[k, i] != 0.0:
                     for c in range(a):
-                        S[i, c] -= K[i] * H_a[c]
-            out_innovation[k, 0] = innovation
-            out_innovation[k, 1] = predicted
+                        S[i, c] -= gain[k, i] * H_a[c]
+            out_innovation[k] = z[k] - h
             for c in range(a):
                 out_answer[k, c] = -H_a[c]
         for i in range(n):
             out_x[k, i] = x[i]
+
+
+@njit(cache=True, error_model="numpy")
+def spread(P, F, Q, tracked):
+    """P ← F P Fᵀ + Q of the ``tracked`` states; of others nothing is unknown but θ."""
+    moved = np.zeros((len(tracked), len(tracked)))
+    for a, i in enumerate(tracked):
+        for b, j in enumerate(tracked):
+            moved[a, b] = Q[i, j]
+            for k in tracked:
+                for m in tracked:
+                    moved[a, b] += F[i, k] * P[k, m] * F[j, m]
+    for a, i in enumerate(tracked):
+        for b, j in enumerate(tracked):
+            P[i, j] = moved[a, b]
+
+
+@njit(cache=True, error_model="numpy")
+def weigh(P, H, R, tracked, PH, gain):
+    """``gain`` (n) ← that of a reading; P ← what it leaves; returns the reading's variance."""
+    predicted = R
+    for i in tracked:
+        PH[i] = 0.0
+        for j in tracked:
+            PH[i] += P[i, j] * H[j]
+        predicted += H[i] * PH[i]
+    for i in tracked:
+        gain[i] = PH[i] / predicted
+        for j in tracked:
+            P[i, j] -= gain[i] * PH[j]
+    return predicted
 
 
 @njit(cache=True, error_model="numpy")

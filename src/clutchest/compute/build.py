@@ -89,4 +89,5 @@ def _write(folder: Path, digest: str, text: str) -> Path:
 
 def is_compiled(digest: str) -> bool:
     """Whether this machine has run the module before, so that it starts at once."""
-    return any((cache_folder() / "__pycache__").glob(f"model_{digest}.run-*.nbi"))
+    folder = cache_folder() / "__pycache__"
+    return any(any(folder.glob(f"model_{digest}.{first}-*.nbi")) for first in ("run", "answer"))

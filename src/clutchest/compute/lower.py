@@ -151,6 +151,12 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         ),
         lower("step_signature", over | {"slope": slope},
               {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
+        lower("advance", over, {"xn": taken.x}),
+        lower(
+            "transition",
+            over | {"slope": slope, "q": taken.q, "noise": taken.noise},
+            {"F": ca.jacobian(taken.x, e.x), "Q": taken.Q, "G": by_theta(taken.x)},
+        ),
         lower("implied", at, {"v": e.implied}),
         lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
                                "B": ca.jacobian(e.rate, e.u)}),

@@ -29,6 +29,19 @@ def step_signature(
     raise NotImplementedError
 
 
+def advance(x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, xn: Any) -> float:
+    """xn (n) = x after ``dt`` s."""
+    raise NotImplementedError
+
+
+def transition(
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, q: Any, noise: Any,
+    F: Any, Q: Any, G: Any,
+) -> float:  # fmt: skip
+    """F, Q and G as ``step`` and ``step_signature`` have them."""
+    raise NotImplementedError
+
+
 def implied(x: Any, u: Any, w: Any, p: Any, g: Any, v: Any) -> float:
     """v (nu) the inputs, noisy ones as other measurements imply them."""
     raise NotImplementedError

@@ -103,10 +103,13 @@ class LinearDrive:
         self.states = np.zeros((len(self.line.t), len(model.states)))
         self.smooth = self._smooth(signals)
         self.expected = self.smooth.copy()
-        first, answers = self.answer(
+        # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
+        self.frozen, self.gain = False, np.zeros((len(self.line.t), len(model.states)))
+        self.variance = np.ones(len(self.line.t))
+        _, answers = self.answer(
             compiled.p, compiled.g, self.nominal, {}, np.arange(len(compiled.thetas))
         )
-        std = np.sqrt(first[:, 1])
+        self.frozen, std = True, np.sqrt(self.variance)
         tells = np.abs(answers * units).max(axis=1) > LEAST * std
         # near lock-up a tracked state tells of the clutch's shudder, not of any θ
         reads = np.array([sensor.name for sensor in model.sensors])
@@ -118,6 +121,7 @@ class LinearDrive:
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
+        self.std = std[self.rows]
 
     def _bent(self, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
         """Events (K) at which the tracked states still hold the error of an input that turned so
@@ -151,8 +155,8 @@ class LinearDrive:
         basis: Floats | None = None,
         which: NDArray[np.int64] | None = None,
     ) -> tuple[Floats, Floats]:
-        """Innovations with their variances (K, 2), and their derivatives (K, a) by the ``active``
-        thetas (a) of the compiled model, per event.  With ``basis`` (K, b), theta c acts in
+        """Innovations (K) and their derivatives (K, a) by the ``active`` thetas (a) of the compiled
+        model, per event.  With ``basis`` (K, b), theta c acts in
         proportion to its column ``which[c]``.
 
         ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
@@ -170,15 +174,15 @@ class LinearDrive:
         started, S = np.zeros(n), np.zeros((n, m))
         functions.initial(x, p, g, started, S)
         started = np.where(self.tracked, self.start.x, started)
-        states, innovations = np.zeros((len(line.t), n)), np.ones((len(line.t), 2))
+        states, innovations = np.zeros((len(line.t), n)), np.zeros(len(line.t))
         answers = np.zeros((len(line.t), len(active)))
         functions.answer(
             started, self.start.P.copy(), S[:, active].copy(), active,
             np.zeros((len(u), 0)) if basis is None else basis,
             np.full(len(active), -1) if which is None else which,
             line.t, line.sensor, line.z, line.R, u, true, self._slopes(true), self.calm,
-            self.tracked, line.row, line.W, line.Q, line.longest, line.noise, p, g,
-            states, innovations, answers,
+            np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
+            self.frozen, self.gain, self.variance, states, innovations, answers,
         )  # fmt: skip
         self.states = states
         implied, acts = true.copy(), np.flatnonzero(self.acts)
@@ -333,12 +337,12 @@ class Problem:
             compiled_ones = np.flatnonzero(wanted[columns])
             columns = columns[compiled_ones]
             innovations, answers = drive.answer(p, g, self._first(i, theta), late, compiled_ones)
-            std = _root(innovations[drive.rows, 1])
+            std = drive.std
             psi = np.zeros((len(std), len(self.thetas)))
             psi[:, columns] = answers[drive.rows] / std[:, None] * self.units[columns]
             for k, of in zip(late_rows, self.timing, strict=True):
                 psi[:, k] = psi[:, of] / self.units[of] * self.units[k]
-            found.append(Rows(innovations[drive.rows, 0] / std, psi))
+            found.append(Rows(innovations[drive.rows] / std, psi))
         return found
 
     def modulated(
@@ -352,11 +356,10 @@ class Problem:
             columns = basis.shape[1]
             active = np.repeat(np.array(thetas, np.int64), columns)
             which = np.tile(np.arange(columns), len(thetas))
-            innovations, answers = drive.answer(
+            _, answers = drive.answer(
                 p, g, self._first(i, theta), late, active, np.ascontiguousarray(basis), which
             )
-            std = _root(innovations[drive.rows, 1])
-            found.append(answers[drive.rows] / std[:, None] * self.units[active])
+            found.append(answers[drive.rows] / drive.std[:, None] * self.units[active])
         return found
 
     def _first(self, drive: int, theta: Floats) -> Floats:
@@ -366,12 +369,6 @@ class Problem:
             if t.drive == drive:
                 x[self.compiled.model.state(t.key)] += theta[k] * self.units[k]
         return x
-
-
-def _root(variance: Floats) -> Floats:
-    """Standard deviations; where a number tried is so far off that the filter lost its variance,
-    none, so that no fit stays there."""
-    return np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
 def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
