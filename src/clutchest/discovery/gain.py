@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchest.discovery.drivers import drivers, hats
 from clutchest.discovery.leftover import Curve
+from clutchest.discovery.misfit import NONE
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Hypothesis, Search
@@ -80,6 +81,7 @@ def gain(problem: Problem, before: Look, after: Look, old: Floats, new: Floats) 
 
 def _torque_error(problem: Problem, look: Look) -> float:
     """Root mean square of measured less simulated clutch torque, Nm."""
+    problem.linearise(look.theta, look.shapes, NONE)
     squares: Sequence[Floats] = [
         (m - s) ** 2 for _, m, s in (torques(problem, look, i) for i in range(len(problem.drives)))
     ]

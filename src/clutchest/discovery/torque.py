@@ -15,10 +15,9 @@ NAMES = ("measured_torque", "clutch_torque")
 def torques(problem: Problem, look: Look, drive: int) -> tuple[Floats, Floats, Floats]:
     """(time s, measured Nm, simulated Nm) of one drive at ``look`` while the surfaces slide.
 
-    Temperatures, wear and friction follow from the numbers at ``look`` alone; only speeds and
-    positions are as measured.
+    Temperatures, wear and friction follow from the numbers at ``look`` alone, where the problem has
+    been linearised; only speeds and positions are as measured.
     """
-    problem.linearise(look.theta, look.shapes)  # states as they are at these numbers
     own: LinearDrive = problem.drives[drive]
     model, line = problem.compiled.model, own.line
     p, g, _ = problem.numbers(look.theta, look.shapes)

@@ -75,8 +75,8 @@ class Rows:
 class LinearDrive:
     """One drive, to be linearised anywhere; ``units`` (m) of the compiled model's thetas.
 
-    Of its readings that tell of θ: ``t`` s, ``sensor`` index, ``row`` the regime's, ``mode``;
-    shape (K,) each.
+    Of its readings that tell of θ: ``t`` s, ``sensor`` index, ``row`` the regime's, ``mode``, and
+    ``std`` of the innovation; shape (K,) each.
     """
 
     def __init__(

@@ -16,6 +16,7 @@ from clutchest.signals import Floats
 NO_SHAPES: Shapes = MappingProxyType({})
 FAR = 5.0  # standard deviations; a reading that stays further off is left out
 COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own
+WARM = 10.0  # mean squares of the innovations: variances beyond are no help
 STEPS, PATIENCE, TURNS = 30, 3, 6  # at most
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 NEARLY = (
@@ -71,7 +72,8 @@ class Fitter:
         a step for the one, a lesson for the other, in turns."""
         look, free = self.look(theta), self.problem.nuisances
         for heat in COOLING:  # data that lie far off would drag everything along that is not priced
-            look = self.look(look.theta + self.step(look, free, heat=heat))
+            if heat < WARM * np.mean(look.r**2):
+                look = self.look(look.theta + self.step(look, free, heat=heat), active=free)
         look = self.improve(look, free)
         for _ in range(TURNS):
             before = look.r @ look.r
