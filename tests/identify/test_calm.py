@@ -1,0 +1,52 @@
+"""Signals that do not follow their own noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from clutchest.identify.calm import MEDIAN, REACH, calm
+
+T = np.arange(0.0, 60.0, 0.01)
+ALWAYS = np.ones(len(T), bool)
+
+
+def trapezium() -> np.ndarray:
+    """Rest, a ramp of 40 a second, rest, and back."""
+    return np.interp(T, [0.0, 20.0, 21.0, 40.0, 41.0, 60.0], [5.0, 5.0, 45.0, 45.0, 5.0, 5.0])
+
+
+def coloured(rng: np.random.Generator, ar: float) -> np.ndarray:
+    """Noise of variance 1."""
+    return lfilter([np.sqrt(1.0 - ar**2)], [1.0, -ar], rng.normal(size=len(T)))
+
+
+def test_without_noise_nothing_changes():
+    np.testing.assert_allclose(calm(T, trapezium(), ALWAYS), trapezium(), atol=1e-9)
+
+
+@pytest.mark.parametrize("ar", [0.0, 0.5, 0.9])
+def test_noise_hardly_moves_it(ar):
+    """A curve over it would otherwise have the noise for a driver."""
+    rng = np.random.default_rng(1)
+    moved = []
+    for _ in range(20):
+        held = calm(T, 5.0 + coloured(rng, ar), ALWAYS)
+        moved.append(np.mean(np.diff(held) != 0.0))
+    assert np.mean(moved) < 0.03
+
+
+@pytest.mark.parametrize("ar", [0.0, 0.9])
+def test_it_goes_where_the_signal_goes(ar):
+    noise = coloured(np.random.default_rng(2), ar)
+    held = calm(T, trapezium() + 0.5 * noise, ALWAYS)
+    assert np.abs(held - trapezium()).max() < 0.5 * 3.0 * REACH * MEDIAN
+    assert abs(held[2050] - 25.0) < 0.5 * 2.0 * REACH * MEDIAN
+
+
+def test_it_is_the_noise_where_the_signal_matters_that_counts():
+    noise = coloured(np.random.default_rng(3), 0.0) * (T < 30.0)
+    quiet = T >= 30.0
+    np.testing.assert_allclose(calm(T, noise + trapezium(), quiet)[quiet], trapezium()[quiet],
+                               atol=1e-6)  # fmt: skip
