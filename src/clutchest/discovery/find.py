@@ -105,7 +105,7 @@ class _Finding:
         where = _where(verdict, best, errors)
         gained, warnings = self._gain(search, verdict, curve, holdout)
         extended, text = self._extended(problem, verdict, causes, curve)
-        if gained is not None and gained.ci95[1] < 0.0 and verdict != "none":
+        if gained is not None and gained.nll_after >= gained.nll_before:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
                             "vehicle as it was")  # fmt: skip
             extended, text = self.vehicle, None
