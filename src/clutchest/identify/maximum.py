@@ -18,6 +18,9 @@ FAR = 5.0  # standard deviations; a reading that stays further off is left out
 COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own
 WARM = 10.0  # mean squares of the innovations: variances beyond are no help
 STEPS, PATIENCE, TURNS = 30, 3, 6  # at most
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
+WALL = 30.0  # times the best cost: a climb beyond leads nowhere
+SLOW = 0.003  # of the cost: what lies so far off need not be found to the last digit
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 NEARLY = (
     10.0  # of the sum of squares: the colour of the noise is learned when it changes it by less
@@ -73,7 +76,7 @@ class Fitter:
         look, free = self.look(theta), self.problem.nuisances
         for heat in COOLING:  # data that lie far off would drag everything along that is not priced
             if heat < WARM * np.mean(look.r**2):
-                look = self.look(look.theta + self.step(look, free, heat=heat), active=free)
+                look = self._cooler(look, free, heat)
         look = self.improve(look, free)
         for _ in range(TURNS):
             before = look.r @ look.r
@@ -82,6 +85,19 @@ class Fitter:
             look = self.improve(self.again(look), free)
             if abs(before - look.r @ look.r) < NEARLY:
                 break
+        return look
+
+    def _cooler(self, look: Look, free: NDArray[np.int64], heat: float) -> Look:
+        """A step, as long as it pays, with noise of ``heat`` times its variance."""
+
+        def cost(at: Look) -> float:
+            return float(at.r @ at.r / heat + np.sum(self.prior * at.theta**2))
+
+        step = self.step(look, free, heat=heat)
+        for share in SHARES:
+            tried = self.look(look.theta + share * step, look.shapes, free)
+            if cost(tried) < cost(look):
+                return tried
         return look
 
     def look(
@@ -170,9 +186,9 @@ class Fitter:
             look = self.look(look.theta + move, look.shapes, free)
             if look.cost < best.cost:
                 gained, best, climbs, damping = best.cost - look.cost, look, 0, damping / 10.0
-                if gained < SETTLED:
+                if gained < max(SETTLED, SLOW * best.cost):
                     break
-            elif not np.isfinite(look.cost) or (climbs := climbs + 1) > PATIENCE:
+            elif not look.cost < WALL * best.cost or (climbs := climbs + 1) > PATIENCE:
                 look, climbs, damping = best, 0, max(10.0 * damping, 1.0)
         return best
 
