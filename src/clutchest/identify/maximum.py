@@ -19,6 +19,7 @@ COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over
 WARM = 10.0  # mean squares of the innovations: variances beyond are no help
 STEPS, PATIENCE, TURNS = 30, 3, 6  # at most
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
+ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 SLOW = 0.003  # of the cost: what lies so far off need not be found to the last digit
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
@@ -179,11 +180,13 @@ class Fitter:
         Marquardt).
         """
         best, damping, climbs = look, 0.0, 0
+        last = np.zeros(len(look.theta))
         for _ in range(STEPS):
-            move = self.step(look, free, damping)
+            move = self._lengthened(look, self.step(look, free, damping), last)
             if self._promised(look, move) < SETTLED:
                 break
             look = self.look(look.theta + move, look.shapes, free)
+            last = move if look.cost < best.cost and not damping else 0.0 * move
             if look.cost < best.cost:
                 gained, best, climbs, damping = best.cost - look.cost, look, 0, damping / 10.0
                 if gained < max(SETTLED, SLOW * best.cost):
@@ -191,6 +194,19 @@ class Fitter:
             elif not look.cost < WALL * best.cost or (climbs := climbs + 1) > PATIENCE:
                 look, climbs, damping = best, 0, max(10.0 * damping, 1.0)
         return best
+
+    def _lengthened(self, look: Look, move: Floats, last: Floats) -> Floats:
+        """A step; where steps go on and on in one direction, one to where they lead (Aitken).
+
+        Along a ridge, derivatives that are nearly alike take turns, and what little each of them is
+        off makes a step too short.
+        """
+        along, square = move @ last, last @ last
+        if along <= 0.0 or along < ALIKE * np.sqrt(square * (move @ move)) or along >= square:
+            return move
+        times = min(float(square / (square - along)), LONGEST)
+        longer = look.theta + times * move
+        return np.asarray(np.clip(longer, self.low, self.high) - look.theta)
 
     def step(
         self, look: Look, free: NDArray[np.int64], damping: float = 0.0, heat: float = 1.0
