@@ -249,6 +249,34 @@ def test_nuisances_of_a_drive_reach_the_same_optimum_from_elsewhere(drive):
         assert off @ precision[free] @ off < 4 * SETTLED
 
 
+def test_a_ridge_is_not_crept_along():
+    """Two numbers take turns, and derivatives are off by something that has nothing to do with
+    either: each plain step goes a sixth of the way."""
+
+    def law(theta: Floats) -> Floats:
+        total, difference = theta[0] + theta[1], theta[0] - theta[1]
+        return np.concatenate([np.full(200, 3.0 * total), np.full(200, 0.5 * difference)])
+
+    looks = 0
+
+    class Ridge(MadeUp):
+        def linearise(
+            self, theta: Floats, shapes: object, active: NDArray[np.int64] | None = None
+        ) -> list[Rows]:
+            nonlocal looks
+            looks += 1
+            (rows,) = super().linearise(theta, shapes, active)
+            off = 1.118 * (-1.0) ** np.arange(200)
+            rows.psi[200:] += off[:, None] * np.array([1.0, -1.0])
+            return [rows]
+
+    data = law(np.array([2.0, -2.0])) + np.random.default_rng(3).standard_normal(400)
+    problem = Ridge(law, data, ("one", "other"))
+    look = problem.fitter.most_probable(problem.all, np.zeros(2))
+    assert looks <= 8
+    assert look.cost < 2 * problem.reference(np.zeros(2)).cost + 2 * SETTLED
+
+
 def test_a_drives_optimum_is_that_of_least_squares(drive):
     """SciPy's own steps and differences, on the innovations as they come."""
     fitter = Fitter(drive)

@@ -182,9 +182,10 @@ class Fitter:
         best, damping, climbs = look, 0.0, 0
         last = np.zeros(len(look.theta))
         for _ in range(STEPS):
-            move = self._lengthened(look, self.step(look, free, damping), last)
+            move = self.step(look, free, damping)
             if self._promised(look, move) < SETTLED:
                 break
+            move = self._lengthened(look, move, last)
             look = self.look(look.theta + move, look.shapes, free)
             last = move if look.cost < best.cost and not damping else 0.0 * move
             if look.cost < best.cost:
