@@ -18,7 +18,6 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from scipy.stats import pearsonr
 
@@ -62,18 +61,16 @@ def lacking(signals: Signals, drive: Drive) -> tuple[dict[str, Floats], Floats]:
     for state in model.states:  # what adapts would hide what is sought
         if state.healthy_std is not None:
             values[state.name] = np.full(len(t), rest.get(state.name, 0.0))
-    x = np.array([values[state.name] for state in model.states])
-    u = np.array([given.get(item.name, np.zeros(len(t))) for item in model.inputs])
+    x = np.column_stack([values[state.name] for state in model.states])
+    u = np.column_stack([given.get(item.name, np.zeros(len(t))) for item in model.inputs])
     p = np.array(list(parameters.values()))
-    w = np.ones(len(model.regime))
-    w[model.regime.index("engaged")] = 0.0
-    at = ca.Function("rate", [e.x, e.u, e.w, e.p, e.g], [rate])
-    many = (np.tile(v[:, None], (1, len(t))) for v in (w, p, np.zeros(e.g.numel())))
-    expected = np.array(at(x, u, *many))[0]
+    w = np.ones((len(t), len(model.regime)))
+    w[:, model.regime.index("engaged")] = 0.0
+    (expected,) = e.along(rate, x, u, w, p, np.zeros(e.g.numel()))
     inertia = parameters["engine_inertia"]
     measured = slope(speed, 0.0, WINDOW)[0].value[inside]
-    found = {item.name: u[j] for j, item in enumerate(model.inputs) if item.name in given}
-    found |= {state.name: x[i] for i, state in enumerate(model.states)}
+    found = {item.name: u[:, j] for j, item in enumerate(model.inputs) if item.name in given}
+    found |= {state.name: x[:, i] for i, state in enumerate(model.states)}
     moving = slope(signals["slave_position"], 0.0, WINDOW)[0]
     found["position_rate"] = np.interp(t, moving.time, moving.value)
     found["slip_speed"] = values["slip_speed"]

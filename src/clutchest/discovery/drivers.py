@@ -27,9 +27,8 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]
     power = e.outputs[model.outputs.index("power")]
-    at = ca.Function("drivers", [e.x, e.u, e.w, e.p, e.g], [ca.vertcat(*wanted, power)])
-    p, g = (np.tile(v[:, None], (1, len(line.t))) for v in (drive.compiled.p, drive.compiled.g))
-    values = np.array(at(drive.states.T, drive.expected.T, line.W[line.row].T, p, g))
+    values = e.along(ca.vertcat(*wanted, power), drive.states, drive.expected, line.W[line.row],
+                     drive.compiled.p, drive.compiled.g)  # fmt: skip
     found |= dict(zip(quantities, values, strict=False))
     apart = np.maximum.accumulate(line.t) + 1e-9 * np.arange(len(line.t))
     for name, of in rates.items():

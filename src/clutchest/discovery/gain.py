@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from clutchest.discovery.drivers import drivers, hats
 from clutchest.discovery.leftover import Curve
-from clutchest.discovery.misfit import NONE
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Hypothesis, Search
@@ -81,11 +79,7 @@ def gain(problem: Problem, before: Look, after: Look, old: Floats, new: Floats) 
 
 def _torque_error(problem: Problem, look: Look) -> float:
     """Root mean square of measured less simulated clutch torque, Nm."""
-    problem.linearise(look.theta, look.shapes, NONE)
-    squares: Sequence[Floats] = [
-        (m - s) ** 2 for _, m, s in (torques(problem, look, i) for i in range(len(problem.drives)))
-    ]
-    joined = np.concatenate(list(squares))
+    joined = np.concatenate([(m - s) ** 2 for _, m, s in torques(problem, look)])
     return float(np.sqrt(np.mean(joined))) if len(joined) else 0.0
 
 

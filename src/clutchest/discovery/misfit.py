@@ -13,7 +13,6 @@ from clutchest.estimate.modes import MODE_NAMES
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
 
-NONE = np.zeros(0, np.int64)  # no derivatives
 BINS = 8
 FEWEST = 40  # readings in a mode that are worth a picture
 
@@ -24,9 +23,7 @@ def misfit(
     """What the model as it is misses, and what is left with what was found; binned over the
     drivers ``over``."""
     sensors = tuple(sensor.name for sensor in problem.compiled.model.sensors)
-    problem.linearise(before.theta, before.shapes, NONE)
-    drives = range(len(problem.drives))
-    simulated = [torques(problem, before, i) for i in drives]
+    simulated = torques(problem, before)
     values = [drivers(drive) for drive in problem.drives]
     bins: list[Bins] = []
     levels: list[Level] = []
@@ -57,17 +54,14 @@ def misfit(
                 square = np.bincount(of, r**2, minlength=len(edges) - 1) / safe
                 error = np.sqrt(np.maximum(square - mean**2, 0.0) / safe)
                 bins.append(Bins(name, MODE_NAMES[m], driver, edges, mean, error, count))
-    extended = simulated
-    if after is not before:
-        problem.linearise(after.theta, after.shapes, NONE)
-        extended = [torques(problem, after, i) for i in drives]
+    extended = simulated if after is before else torques(problem, after)
     return Misfit(
         sensors,
         tuple(d.t for d in problem.drives),
         tuple(d.sensor for d in problem.drives),
         tuple(rows.r for rows in before.raw),
         tuple(rows.r for rows in after.raw),
-        tuple((*simulated[i], extended[i][2]) for i in drives),
+        tuple((*old, new) for old, (_, _, new) in zip(simulated, extended, strict=True)),
         tuple(bins),
         tuple(levels),
     )

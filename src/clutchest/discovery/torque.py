@@ -11,21 +11,26 @@ from clutchest.signals import Floats
 
 NAMES = ("measured_torque", "clutch_torque")
 
+Torques = tuple[Floats, Floats, Floats]
 
-def torques(problem: Problem, look: Look, drive: int) -> tuple[Floats, Floats, Floats]:
-    """(time s, measured Nm, simulated Nm) of one drive at ``look`` while the surfaces slide.
 
-    Temperatures, wear and friction follow from the numbers at ``look`` alone, where the problem has
-    been linearised; only speeds and positions are as measured.
+def torques(problem: Problem, look: Look) -> list[Torques]:
+    """(time s, measured Nm, simulated Nm) of every drive at ``look`` while the surfaces slide.
+
+    Temperatures, wear and friction follow from the numbers at ``look`` alone; only speeds and
+    positions are as measured.  Leaves the drives linearised at ``look``, without derivatives.
     """
-    own: LinearDrive = problem.drives[drive]
+    problem.linearise(look.theta, look.shapes, np.zeros(0, np.int64))
+    return [_of_drive(problem, look, drive) for drive in problem.drives]
+
+
+def _of_drive(problem: Problem, look: Look, own: LinearDrive) -> Torques:
     model, line = problem.compiled.model, own.line
     p, g, _ = problem.numbers(look.theta, look.shapes)
     e = model.expressions()
     if not set(NAMES) <= set(e.quantities.names()):
         return np.zeros(0), np.zeros(0), np.zeros(0)
     wanted = ca.vertcat(*(getattr(e.quantities, name) for name in NAMES))
-    at = ca.Function("torques", [e.x, e.u, e.w, e.p, e.g], [wanted])
     rows = np.flatnonzero(own.acts & line.W[line.row].all(axis=1))
     if not len(rows):
         return np.zeros(0), np.zeros(0), np.zeros(0)
@@ -36,7 +41,6 @@ def torques(problem: Problem, look: Look, drive: int) -> tuple[Floats, Floats, F
     off[still] = problem.compiled.g[still]
 
     def evaluated(p_: Floats, g_: Floats) -> Floats:
-        many = (np.tile(v[:, None], (1, len(rows))) for v in (p_, g_))
-        return np.array(at(own.states[rows].T, line.u[rows].T, line.W[line.row[rows]].T, *many))
+        return e.along(wanted, own.states[rows], line.u[rows], line.W[line.row[rows]], p_, g_)
 
     return line.t[rows], evaluated(nominal, off)[0], evaluated(p, g)[1]

@@ -126,19 +126,18 @@ class LinearDrive:
     def _bent(self, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
         """Events (K) at which the tracked states still hold the error of an input that turned so
         sharply that when it did so, between two samples, matters."""
-        found, late = np.zeros(len(self.line.t), bool), delays(vehicle)
+        bends, late = np.zeros(len(self.line.t) + 1, int), delays(vehicle)
         for item in self.compiled.model.inputs:
             mapped = vehicle.signals.get(item.name)
             if item.name not in signals or mapped is None or len(signals[item.name].time) < 3:
                 continue
             time, value = signals[item.name].time, signals[item.name].value
             sharp = np.abs(np.diff(value, 2)) > SHARP * mapped.noise
-            for begin, end in zip(time[:-2][sharp], time[2:][sharp], strict=True):
-                first, last = np.searchsorted(
-                    self.line.t, np.array([begin, end + SETTLED]) - late.get(item.name, 0.0)
-                )
-                found[first:last] = True
-        return found
+            begins, ends = time[:-2][sharp], time[2:][sharp] + SETTLED
+            for edges, change in ((begins, 1), (ends, -1)):
+                at = np.searchsorted(self.line.t, edges - late.get(item.name, 0.0))
+                np.add.at(bends, at, change)
+        return np.cumsum(bends[:-1]) > 0
 
     def _since_acting(self) -> Floats:
         """For how long the tracked states' equations have acted, s, at every event."""

@@ -187,8 +187,9 @@ class Fitter:
                 break
             move = self._lengthened(look, move, last)
             look = self.look(look.theta + move, look.shapes, free)
-            last = move if look.cost < best.cost and not damping else 0.0 * move
-            if look.cost < best.cost:
+            better = look.cost < best.cost
+            last = move if better and not damping else 0.0 * move
+            if better:
                 gained, best, climbs, damping = best.cost - look.cost, look, 0, damping / 10.0
                 if gained < max(SETTLED, SLOW * best.cost):
                     break

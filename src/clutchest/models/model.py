@@ -7,9 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from clutchest.models.effects.effect import Effect, Gains
 from clutchest.models.symbols import Input, Parameter, Sensor, State
+from clutchest.signals import Floats
 
 Term = Callable[[ca.SX, "Quantities"], ca.SX]
 
@@ -69,6 +71,13 @@ class Expressions:
     mapped: ca.SX
     implied: ca.SX
     quantities: Quantities
+
+    def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
+        """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
+        (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
+        at = ca.Function("along", [self.x, self.u, self.w, self.p, self.g], [wanted])
+        same = (np.tile(v[:, None], (1, len(x))) for v in (p, g))
+        return np.array(at(x.T, u.T, w.T, *same))
 
 
 @dataclass(frozen=True, slots=True)
