@@ -97,8 +97,12 @@ def test_three_commands_of_the_readme_find_a_hidden_cause(tmp_path):
                              env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path),
                                   "COLUMNS": "200"})  # fmt: skip
         said.append(ran.stdout)
-    (sentence,) = re.findall(r"says: \*(.*?)\*", README)
-    assert sentence in said[1]
+    verdict = re.compile(r"The model lacks (\w+) \((\w+) = (\S+) ± ([\d.]+)\)")
+    (told,), (found,) = verdict.findall(README), verdict.findall(said[1])
+    assert found[:2] == told[:2] == ("friction_speed", "slope")
+    (value, sigma), (size, spread) = map(float, told[2:]), map(float, found[2:])
+    assert abs(size - value) < 0.5 * sigma and abs(spread - sigma) < 0.2 * sigma, "the page is old"
+    assert abs(size + 0.12) < 3 * spread
 
 
 def test_demo_shows_what_the_estimator_does(demo):

@@ -76,7 +76,7 @@ class Fitter:
         a step for the one, a lesson for the other, in turns."""
         look, free = self.look(theta), self.problem.nuisances
         for heat in COOLING:  # data that lie far off would drag everything along that is not priced
-            if heat < WARM * np.mean(look.r**2):
+            if heat * len(look.r) < WARM * (look.r @ look.r):
                 look = self._cooler(look, free, heat)
         look = self.improve(look, free)
         for _ in range(TURNS):
