@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import gzip
 import re
-import zlib
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from clutchest.can.frames import Frames
+import numpy as np
+
+from clutchest.can.frames import Flag, Frames
+from clutchest.can.readers import stream
+from clutchest.can.readers.stream import Source
 from clutchest.errors import ClutchestError, nearest
 
 _EXPECTED = "candump (.log), .asc, .blf, .trc, .csv of python-can or .mf4, each also .gz"
@@ -29,45 +31,55 @@ _SIGNS = {
                       re.MULTILINE | re.IGNORECASE),
 }  # fmt: skip
 
+Reader = Callable[[Source], Iterator[Frames]]
 
-def read_frames(path: Path) -> Frames:
-    """All frames of a log, in the order of the file (mf4: of time).
 
-    Lines or objects that cannot be read are counted in ``Frames.rejected``.  Raises
-    ClutchestError for a file that does not exist, is empty, or holds no frame at all.
+def read_blocks(path: Path) -> Iterator[Frames]:
+    """The frames of a log block by block, in the order of the file (mf4: of time).
+
+    Lines or objects that cannot be read are counted in ``Frames.rejected`` of their block; all
+    blocks agree on ``absolute``.  Raises ClutchestError for a file that does not exist, is empty,
+    or holds no frame at all.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ClutchestError(f"{path}: cannot be read ({error.strerror})") from None
-    cut = False
-    if content[:2] == b"\x1f\x8b":
-        content, cut = _unzipped(content, path)
-    if not content.strip():
-        raise ClutchestError(f"{path}: the file is empty; expected a CAN log: {_EXPECTED}")
-    reader = _reader(content, path)
-    try:
-        frames = reader()
-    except ClutchestError:
-        raise
-    except Exception as error:  # every format's library has its own
-        raise ClutchestError(f"{path}: the file is damaged "
-                             f"({type(error).__name__}: {error})") from None  # fmt: skip
-    if not len(frames):
-        why = ", ".join(f"{count} × {reason}" for reason, count in frames.rejected)
-        raise ClutchestError(f"{path}: no CAN frame could be read" + (f": {why}" if why else ""))
-    if cut:
-        frames = replace(frames, rejected=(*frames.rejected, ("gzip data end early", 1)))
-    return frames
+    rejected: dict[str, int] = {}
+    empty = 0  # blocks in a row
+    found = False
+    with stream.opened(path) as source:
+        if not source.head.strip():
+            raise ClutchestError(f"{path}: the file is empty; expected a CAN log: {_EXPECTED}")
+        for frames in _reader(source)(source):
+            for reason, count in frames.rejected:
+                rejected[reason] = rejected.get(reason, 0) + count
+            empty = 0 if len(frames) else empty + 1
+            found |= empty == 0
+            yield frames
+            if empty == stream.HOPELESS:
+                source.rejected["nothing readable for long, the rest left unread"] += 1
+                break
+        if source.cut:
+            source.rejected[stream.GZIP_CUT] += 1
+        rejected |= source.rejected
+        if not found:
+            why = ", ".join(f"{count} × {reason}" for reason, count in rejected.items())
+            raise ClutchestError(
+                f"{path}: no CAN frame could be read" + (f": {why}" if why else "")
+            )
+        if source.rejected:
+            yield Frames.empty(absolute=frames.absolute, rejected=tuple(source.rejected.items()))
+
+
+def read_frames(path: Path) -> Frames:
+    """All frames of a log at once; see :func:`read_blocks`."""
+    return Frames.concatenate(list(read_blocks(path)))
 
 
 def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
     """Writes a log in the format that the suffix names; text formats also as ``.gz``.
 
-    candump and mf4 keep times to 1 ns, the others to 1 µs.  Gives back what else the format could
-    not keep, in words, empty if it is all there.  Raises ClutchestError for a suffix that
-    is not known, for a format that cannot hold these frames, and for a path that cannot be written.
+    Times are kept to 1 ns.  Gives back what the format could not keep, in words, empty if it is all
+    there.  Raises ClutchestError for a suffix that is not known and for a path that cannot be
+    written.
     """
     path = Path(path)
     zipped = path.suffix.lower() == ".gz"
@@ -77,80 +89,66 @@ def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
         valid = (*_WRITABLE, *(text + ".gz" for text in _TEXT))
         raise ClutchestError(f"{path}: no log format has the suffix '{given}'"
                              + nearest(given, valid))  # fmt: skip
-    target = path.with_name(path.name + ".unzipped" + suffix) if zipped else path
     try:
-        losses = _write(frames, target, suffix)
-        if zipped:
-            path.write_bytes(gzip.compress(target.read_bytes(), mtime=0))
+        if suffix in _TEXT:
+            with path.open("wb") as file:
+                if zipped:
+                    with gzip.GzipFile("", "wb", 6, file, mtime=0) as packed:
+                        packed.writelines(_text(frames, suffix))
+                else:
+                    file.writelines(_text(frames, suffix))
+        elif suffix == ".blf":
+            from clutchest.can.writers import blf
+
+            blf.write(frames, path)
+        else:
+            from clutchest.can.writers import mf4
+
+            mf4.write(frames, path)
     except OSError as error:
         raise ClutchestError(f"{path}: cannot be written ({error.strerror or error})") from None
-    finally:
-        if zipped:
-            target.unlink(missing_ok=True)
-    return losses
+    return _losses(frames, suffix)
 
 
-def _write(frames: Frames, path: Path, suffix: str) -> tuple[str, ...]:
-    if suffix == ".log":
-        from clutchest.can.writers import candump
+def _text(frames: Frames, suffix: str) -> Iterator[bytes]:
+    from clutchest.can.writers import asc, candump, csv, trc
 
-        with path.open("wb") as file:
-            file.writelines(candump.write(frames))
-        return ()
-    if suffix == ".mf4":
-        from clutchest.can.writers import mf4
-
-        mf4.write(frames, path)
-        return ()
-    from clutchest.can.writers import python_can
-
-    return python_can.WRITERS[suffix](frames, path)
+    writers = {".log": candump.write, ".asc": asc.write, ".trc": trc.write, ".csv": csv.write}
+    return writers[suffix](frames)
 
 
-def _unzipped(content: bytes, path: Path) -> tuple[bytes, bool]:
-    """What gzip holds, as far as it goes, and whether it ended early."""
-    parts, rest = [], content
-    try:
-        while rest:
-            stream = zlib.decompressobj(wbits=31)
-            parts.append(stream.decompress(rest))
-            if not stream.eof:
-                return b"".join(parts), True
-            rest = stream.unused_data.lstrip(b"\0")
-    except zlib.error as error:
-        if not any(parts):
-            raise ClutchestError(f"{path}: damaged gzip data ({error})") from None
-        return b"".join(parts), True
-    return b"".join(parts), False
+def _losses(frames: Frames, suffix: str) -> tuple[str, ...]:
+    """What a format has no place for."""
+    losses = []
+    if suffix == ".trc" and (errors := np.count_nonzero(frames.flags & Flag.ERROR)):
+        losses.append(f".trc cannot hold {errors} error frames")
+    if suffix == ".csv":
+        if len(np.unique(frames.channel)) > 1:
+            losses.append(".csv cannot tell the channels apart")
+        if np.any(frames.flags & (Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.SENT)):
+            losses.append(".csv cannot hold direction, bit rate switch and error state")
+    return tuple(losses)
 
 
-def _reader(content: bytes, path: Path) -> Callable[[], Frames]:
+def _reader(source: Source) -> Reader:
     """What reads this content; the libraries load only for the format that needs them."""
-    if content[:4] == b"LOGG":
-        from clutchest.can.readers import python_can
+    from clutchest.can.readers import asc, blf, candump, csv, trc
 
-        return lambda: python_can.read_blf(content)
-    if content[:8] in (b"MDF     ", b"UnFinMF "):
+    head = source.head
+    if head[:4] == b"LOGG":
+        return blf.read
+    if head[:8] in (b"MDF     ", b"UnFinMF "):
         from clutchest.can.readers import mf4
 
-        return lambda: mf4.read(content)
-    if content[:15] == b"SQLite format 3":
-        from clutchest.can.readers import python_can
-
-        return lambda: python_can.read_sqlite(path)
-    head = content[:100_000]
+        return mf4.read
     found = {name: match.start() for name, sign in _SIGNS.items() if (match := sign.search(head))}
-    if not found:
-        first = content.lstrip()[:60].splitlines()[0].decode("utf-8", "replace")
-        raise ClutchestError(f"{path}: not a CAN log that is known; it begins with {first!r}; "
-                             f"expected {_EXPECTED}")  # fmt: skip
-    name = min(found, key=lambda key: found[key])
-    if name == "candump":
-        from clutchest.can.readers import candump
-
-        return lambda: candump.read(content)
+    if found:
+        texts = {"candump": candump.read, "csv": csv.read, "trc": trc.read, "asc": asc.read}
+        return texts[min(found, key=lambda key: found[key])]
     from clutchest.can.readers import python_can
 
-    text = content.decode("utf-8", "replace")
-    read = {"asc": python_can.read_asc, "trc": python_can.read_trc, "csv": python_can.read_csv}
-    return lambda: read[name](text)
+    if head[:15] == b"SQLite format 3" or python_can.knows(source.path):
+        return python_can.read
+    first = head.lstrip()[:60].splitlines()[0].decode("utf-8", "replace")
+    raise ClutchestError(f"{source.path}: not a CAN log that is known; it begins with {first!r}; "
+                         f"expected {_EXPECTED}")  # fmt: skip

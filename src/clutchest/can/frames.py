@@ -42,7 +42,8 @@ class Frames:
     rejected: tuple[tuple[str, int], ...] = ()  # reason → lines or objects of the file not read
 
     @classmethod
-    def empty(cls, n: int = 0, width: int = 8, absolute: bool = True) -> Frames:
+    def empty(cls, n: int = 0, width: int = 8, absolute: bool = True,
+              rejected: tuple[tuple[str, int], ...] = ()) -> Frames:  # fmt: skip
         """``n`` rows of zeros."""
         return cls(
             np.zeros(n, np.int64),
@@ -52,6 +53,7 @@ class Frames:
             np.zeros(n, np.uint8),
             np.zeros((n, width), np.uint8),
             absolute,
+            rejected,
         )
 
     def __len__(self) -> int:
@@ -81,6 +83,8 @@ class Frames:
         """All rows of ``parts``, one after the other; a narrow payload is padded with zeros."""
         if not parts:
             return cls.empty()
+        if len(parts) == 1:
+            return parts[0]
         width = max(part.data.shape[1] for part in parts)
         columns = {
             f.name: np.concatenate([getattr(p, f.name) for p in parts])

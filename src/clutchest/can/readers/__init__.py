@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+EPOCH_NS = 10**17  # an earlier date, March 1973, is none
+
 
 def counts_from_epoch(t_ns: NDArray[np.int64]) -> bool:
-    """Whether time stamps of a format that does not say so are absolute: after March 1973."""
-    return bool(len(t_ns) and t_ns[0] >= 10**17)
+    """Whether time stamps of a format that does not say so are absolute."""
+    return bool(len(t_ns) and t_ns[0] >= EPOCH_NS)

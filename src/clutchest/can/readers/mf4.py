@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from io import BytesIO
+from pathlib import Path
 from traceback import walk_tb
 from typing import Any
 
@@ -12,16 +14,30 @@ from asammdf.blocks.mdf_v4 import MDF4
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
+from clutchest.can.readers.stream import Source
+from clutchest.errors import ClutchestError
 
+_LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
 _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFrame": Flag.ERROR}
 
 
-def read(content: bytes) -> Frames:
-    """All CAN frames of an MDF4 file, by time.  Raises what asammdf raises for a broken file."""
-    if content[8:9] != b"4":
-        raise ValueError("bus logging needs version 4 of MDF")
-    with _opened(content) as mdf:
+def read(source: Source) -> Iterator[Frames]:
+    """All CAN frames of an MDF4 file, by time, in one block."""
+    if source.head[8:9] != b"4":
+        raise ClutchestError(f"{source.path}: bus logging needs version 4 of MDF")
+    try:
+        yield _frames(source)
+    except ClutchestError:
+        raise
+    except Exception as error:  # asammdf has no errors of its own
+        raise ClutchestError(f"{source.path}: the file is damaged "
+                             f"({type(error).__name__}: {error})") from None  # fmt: skip
+
+
+def _frames(source: Source) -> Frames:
+    file = BytesIO(source.everything(_LARGEST_ZIPPED)) if source.zipped else source.path
+    with _opened(file) as mdf:
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
         start_ns = round(start_s * 1e6) * 1000 if absolute else 0
@@ -33,9 +49,9 @@ def read(content: bytes) -> Frames:
     return Frames.concatenate(parts).sorted() if parts else Frames.empty()
 
 
-def _opened(content: bytes) -> MDF:
+def _opened(file: Path | BytesIO) -> MDF:
     try:
-        return MDF(BytesIO(content))
+        return MDF(file)
     except Exception as error:
         for frame, _ in walk_tb(error.__traceback__):
             half_read = frame.f_locals.get("self")

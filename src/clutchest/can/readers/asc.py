@@ -1,0 +1,289 @@
+"""Vector's text log: hexadecimal or decimal, stamps from the start or from line to line, CAN FD.
+
+``   0.100000 1  18FEF100x  Rx   d 2 FF 01`` and
+``   0.100000 CANFD  1 Rx  300  Name  1 0 8 8 01 …``; a name after the id may be missing.
+
+The date in the header, or of a ``Begin Triggerblock`` further down, makes the stamps absolute.  It
+tells no zone and is taken as local time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+
+from clutchest.can.frames import Frames
+from clutchest.can.readers import EPOCH_NS
+from clutchest.can.readers.scan import (
+    BAD_DATA,
+    BAD_ID,
+    BAD_TIME,
+    BLANK,
+    BRS,
+    ERROR,
+    ESI,
+    EXTENDED,
+    FD,
+    HEADER,
+    LENGTHS,
+    NO_FRAME,
+    REMOTE,
+    SENT,
+    WIDE,
+    Bytes,
+    Ints,
+    Table,
+    at_end,
+    blanks,
+    compiled,
+    decimal,
+    filled,
+    hexadecimal,
+    is_word,
+    line_end,
+    spaced_bytes,
+    spoilt,
+    stamp,
+    word,
+)  # fmt: skip
+from clutchest.can.readers.stream import Source
+
+_DATE = re.compile(
+    r"(?:date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w+)\.?\s+(?P<day>\d+)\s+"
+    r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+)(?:\.(?P<part>\d+))?\s*"
+    r"(?P<half>am|pm)?\s+(?P<year>\d{4})", re.IGNORECASE)  # fmt: skip
+_BASE = re.compile(r"base\s+(?P<base>hex|dec)\w*(?:\s+timestamps\s+(?P<stamps>\w+))?",
+                   re.IGNORECASE)  # fmt: skip
+# English, and what Vector's tools write in German
+_MONTHS = {name: number for number, names in enumerate(
+    ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
+     "dec dez"), 1) for name in names.split()}  # fmt: skip
+_MOST_HEADERS = 10_000  # a file that opens more blocks is no log
+
+_DECIMAL, _DELTAS, _NOW, _START = range(4)  # what a clock holds
+_BEGIN, _BASE_WORD, _DATE_WORD = (np.frombuffer(w, np.uint8) for w in (b"begin", b"base", b"date"))
+_END, _INTERNAL, _NO = (np.frombuffer(w, np.uint8) for w in (b"end", b"internal", b"no"))
+_ERROR_FRAME, _CANFD = (np.frombuffer(w, np.uint8) for w in (b"errorframe", b"canfd"))
+
+
+@dataclass(slots=True)
+class _Clock:
+    """What the header lines so far have said, in the form that the compiled scan takes."""
+
+    now: Ints
+    headers: int = 0
+
+    def scan(self, text: Bytes, out: Table, counts: Ints) -> int:
+        before = self.now.copy()
+        n = i = 0
+        while i < len(text):
+            n, i = _scan(text, i, n, self.now, out, counts)
+            if n < 0:
+                self.now = before
+                return n
+            if i < len(text):
+                end = i + text[i:].tobytes().index(b"\n") if len(text) - i < 4096 else i + 4096
+                self.take(text[i:end].tobytes().split(b"\n")[0])
+                i = int(line_end(text, i)) + 1
+        return n
+
+    def take(self, line: bytes) -> None:
+        """A header line; one that cannot be read changes nothing."""
+        self.headers += 1
+        words = line.decode("utf-8" if b"\xc3" in line else "latin-1", "replace").strip()
+        if self.headers > _MOST_HEADERS:
+            return
+        if base := _BASE.match(words):
+            self.now[_DECIMAL] = base["base"].lower() == "dec"
+            self.now[_DELTAS] = (base["stamps"] or "").lower() == "relative"
+        elif (date := _DATE.match(words)) and (start := _epoch_ns(date)) is not None:
+            self.now[_START] = start
+
+
+def _epoch_ns(date: re.Match[str]) -> int | None:
+    """The date in ns since 1970, by the clock of this machine; None if there is no such day."""
+    hour, month = int(date["hour"]), _MONTHS.get(date["month"].lower()[:3])
+    if date["half"] and hour <= 12:
+        hour = hour % 12 + 12 * (date["half"].lower() == "pm")
+    try:
+        whole = datetime(int(date["year"]), month or 0, int(date["day"]), hour,
+                         int(date["minute"]), int(date["second"])).timestamp()  # fmt: skip
+    except (ValueError, OverflowError, OSError):
+        return None
+    return round(whole) * 10**9 + int((date["part"] or "0")[:9].ljust(9, "0"))
+
+
+def read(source: Source) -> Iterator[Frames]:
+    """Frames of an asc log; lines that cannot be read are counted in ``rejected``."""
+    clock, width = _Clock(np.zeros(4, np.int64)), 8
+    for block in source.lines():
+        frames = filled(block, width, clock.scan)
+        width = frames.data.shape[1]
+        yield replace(frames, absolute=bool(clock.now[_START] >= EPOCH_NS))
+
+
+@compiled
+def _scan(text: Bytes, i: int, n: int, now: Ints, out: Table, counts: Ints) -> tuple[int, int]:
+    """Fills the table from row ``n`` on; stops at the end or at the next header line.
+
+    Gives the number of frames, or -1 if a payload is wider than the table, and the position.
+    """
+    while i < len(text):
+        end = _line(text, blanks(text, i), n, now, out)
+        if end >= 0:
+            n += 1
+            i = end + 1
+        elif end == HEADER:
+            return n, i
+        elif end == WIDE:
+            return -1, i
+        else:
+            i = spoilt(text, i, end, n, out, counts)
+    return n, i
+
+
+@compiled
+def _line(text: Bytes, i: int, n: int, now: Ints, out: Table) -> int:
+    """Reads one line into row ``n``; the position of its newline, or why not."""
+    if text[i] < 48 or text[i] > 57:
+        if is_word(text, i, _BEGIN) or is_word(text, i, _BASE_WORD) or is_word(text, i, _DATE_WORD):
+            return HEADER
+        idle = text[i] == 47 or text[i] == 59 or at_end(text, i) >= 0  # comments
+        for mark in (_END, _INTERNAL, _NO):
+            idle |= is_word(text, i, mark)
+        return BLANK if idle else NO_FRAME
+    t_ns, behind = stamp(text, i, 1_000_000_000)
+    if behind == i or text[behind] > 32:
+        return BAD_TIME
+    if now[_DELTAS]:
+        t_ns = now[_NOW] + t_ns
+        now[_NOW] = t_ns
+    out.t_ns[n] = now[_START] + t_ns
+    base = 10 if now[_DECIMAL] else 16
+    i = blanks(text, behind)
+    if is_word(text, i, _CANFD):
+        return _fd(text, blanks(text, i + 5), n, base, out)
+    channel, behind = decimal(text, i)
+    if behind == i or text[behind] > 32:
+        return BLANK if (text[i] | 32) == 115 else NO_FRAME  # Start of measurement
+    out.channel[n] = max(channel - 1, 0) & 0xFF
+    return _classic(text, blanks(text, behind), n, base, out)
+
+
+@compiled
+def _number(text: Bytes, i: int, base: int) -> tuple[int, int]:
+    return hexadecimal(text, i) if base == 16 else decimal(text, i)
+
+
+@compiled
+def _id(text: Bytes, i: int, n: int, base: int, out: Table) -> tuple[int, int]:
+    """(flags, position behind) of an id, (-1, …) if it is none."""
+    value, behind = _number(text, i, base)
+    flag = 0
+    if (text[behind] | 32) == 120 and behind > i:  # x
+        flag = EXTENDED
+        behind += 1
+    if behind == i or text[behind] > 32 or value > 0x1FFFFFFF:
+        return -1, i
+    out.id[n] = value
+    return flag, behind
+
+
+@compiled
+def _error(text: Bytes, i: int, n: int, flag: int, out: Table) -> int:
+    out.id[n], out.flags[n], out.length[n] = 0, flag | ERROR, 0
+    return line_end(text, i)
+
+
+@compiled
+def _direction(text: Bytes, i: int) -> int:
+    """Flags that Rx, Tx or TxRq stand for, -1 for another word."""
+    if (text[i + 1] | 32) != 120:
+        return -1
+    return 0 if (text[i] | 32) == 114 else SENT if (text[i] | 32) == 116 else -1
+
+
+@compiled
+def _classic(text: Bytes, i: int, n: int, base: int, out: Table) -> int:
+    if is_word(text, i, _ERROR_FRAME):
+        return _error(text, i, n, 0, out)
+    identified = i
+    i = blanks(text, word(text, i))
+    sent = _direction(text, i) if text[i] > 32 else -1
+    if sent < 0:
+        return NO_FRAME  # statistics and the like
+    flag, behind = _id(text, identified, n, base, out)
+    if flag < 0:
+        return BAD_ID
+    flag |= sent
+    i = blanks(text, word(text, i))
+    kind = text[i] | 32
+    if (kind != 100 and kind != 114) or text[i + 1] > 32:  # d, r
+        return BAD_DATA
+    i = blanks(text, i + 1)
+    count, behind = _number(text, i, base)
+    if behind > i and text[behind] <= 32:
+        if count > 15:
+            return BAD_DATA
+        count = min(LENGTHS[count], 8)
+        i = behind
+    elif kind == 100:
+        return BAD_DATA
+    else:
+        count = 0  # older files tell no length of remote frames
+    if kind == 100:
+        i = spaced_bytes(text, i, count, base, out, n)
+        if i < 0:
+            return i
+    else:
+        flag |= REMOTE
+    out.flags[n], out.length[n] = flag, count
+    return line_end(text, i)
+
+
+@compiled
+def _fd(text: Bytes, i: int, n: int, base: int, out: Table) -> int:
+    channel, behind = decimal(text, i)
+    if behind == i or text[behind] > 32:
+        return NO_FRAME
+    out.channel[n] = max(channel - 1, 0) & 0xFF
+    i = blanks(text, behind)
+    sent = _direction(text, i) if text[i] > 32 else -1
+    if sent < 0:
+        return NO_FRAME
+    i = blanks(text, word(text, i))
+    if is_word(text, i, _ERROR_FRAME):
+        return _error(text, i, n, FD | sent, out)
+    flag, i = _id(text, i, n, base, out)
+    if flag < 0:
+        return BAD_ID
+    flag |= FD | sent
+    i = blanks(text, i)
+    if (text[i] != 48 and text[i] != 49) or text[i + 1] > 32:
+        i = blanks(text, word(text, i))  # the name of the message
+    for bit in (BRS, ESI):
+        if (text[i] != 48 and text[i] != 49) or text[i + 1] > 32:
+            return BAD_DATA
+        if text[i] == 49:
+            flag |= bit
+        i = blanks(text, i + 1)
+    code, behind = _number(text, i, base)
+    if behind == i or text[behind] > 32 or code > 15:
+        return BAD_DATA
+    i = blanks(text, behind)
+    count, behind = decimal(text, i)
+    if behind == i or text[behind] > 32 or count > 64:
+        return BAD_DATA
+    if count == 0 and code > 0:
+        flag |= REMOTE
+        count = LENGTHS[code]
+    else:
+        behind = spaced_bytes(text, behind, count, base, out, n)
+        if behind < 0:
+            return behind
+    out.flags[n], out.length[n] = flag, count
+    return line_end(text, behind)

@@ -1,0 +1,151 @@
+"""python-can's csv: ``1705536000.01,0xcf00400,1,0,0,8,b/+EwBL///8=``; it knows no channels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest.can.frames import Frames
+from clutchest.can.readers import counts_from_epoch
+from clutchest.can.readers.scan import (
+    BAD_DATA,
+    BAD_ID,
+    BAD_TIME,
+    BLANK,
+    ERROR,
+    EXTENDED,
+    FD,
+    NO_FRAME,
+    REMOTE,
+    WIDE,
+    Bytes,
+    Ints,
+    Table,
+    at_end,
+    compiled,
+    decimal,
+    filled,
+    hexadecimal,
+    spoilt,
+    stamp,
+)  # fmt: skip
+from clutchest.can.readers.stream import Source
+
+HEADER = b"timestamp,arbitration_id,extended,remote,error,dlc,data"
+_LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
+_BASE64 = np.full(256, -1, np.int64)
+_BASE64[np.frombuffer(_LETTERS, np.uint8)] = np.arange(64)
+
+
+def read(source: Source) -> Iterator[Frames]:
+    """Frames of a csv log; lines that cannot be read are counted in ``rejected``."""
+    absolute, width = None, 8
+    for block in source.lines():
+        frames = filled(block, width, _scan)
+        width = frames.data.shape[1]
+        if absolute is None and len(frames):
+            absolute = counts_from_epoch(frames.t_ns)
+        yield replace(frames, absolute=absolute is not False)
+
+
+@compiled
+def _scan(text: Bytes, out: Table, counts: Ints) -> int:
+    """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
+    n = i = int(np.int64(0))
+    while i < len(text):
+        end = _line(text, i, n, out)
+        if end >= 0:
+            n += 1
+            i = end + 1
+        elif end == WIDE:
+            return -1
+        else:
+            i = spoilt(text, i, end, n, out, counts)
+    return n
+
+
+@compiled
+def _line(text: Bytes, i: int, n: int, out: Table) -> int:
+    """Reads one line into row ``n``; the position of its newline, or why not."""
+    if text[i] == 116:  # the header
+        return BLANK
+    t_ns, behind = stamp(text, i, 1_000_000_000)
+    if behind == i:
+        return BLANK if at_end(text, i) >= 0 else NO_FRAME
+    if (text[behind] | 32) == 101 and text[behind + 1] == 45:  # 1e-06: stamps below 0.1 ms
+        power, behind = decimal(text, behind + 2)
+        _, whole = decimal(text, i)
+        t_ns = _shifted(text, i, whole, power)
+    if text[behind] != 44:
+        return BAD_TIME
+    out.t_ns[n] = t_ns
+    i = behind + 1
+    if text[i] != 48 or (text[i + 1] | 32) != 120:  # 0x
+        return BAD_ID
+    value, behind = hexadecimal(text, i + 2)
+    if behind == i + 2 or text[behind] != 44 or value > 0x1FFFFFFF:
+        return BAD_ID
+    out.id[n] = value
+    i, flag = behind + 1, 0
+    for bit in (EXTENDED, REMOTE, ERROR):
+        if (text[i] != 48 and text[i] != 49) or text[i + 1] != 44:
+            return BAD_DATA
+        if text[i] == 49:
+            flag |= bit
+        i += 2
+    if flag & ERROR:
+        flag &= ~EXTENDED
+    stated, behind = decimal(text, i)
+    if behind == i or text[behind] != 44 or stated > 64:
+        return BAD_DATA
+    count, i = _payload(text, behind + 1, n, out)
+    if count < 0:
+        return count
+    end = at_end(text, i)
+    if end < 0:
+        return BAD_DATA
+    if flag & REMOTE:
+        count = stated
+    elif count > 8:
+        flag |= FD  # the format does not say
+    out.channel[n], out.flags[n], out.length[n] = 0, flag, count
+    return end
+
+
+@compiled
+def _shifted(text: Bytes, i: int, whole: int, power: int) -> int:
+    """ns of the number at ``i`` with its point, at ``whole``, ``power`` digits further left."""
+    ns, unit, power = 0, 1_000_000_000, min(power, 20)
+    for _ in range(power - (whole - i)):
+        unit //= 10
+    while text[i] == 46 or 48 <= text[i] <= 57:
+        if text[i] != 46:
+            unit //= 10
+            ns += (text[i] - 48) * unit
+        i += 1
+    return ns
+
+
+@compiled
+def _payload(text: Bytes, i: int, n: int, out: Table) -> tuple[int, int]:
+    """(bytes, position behind) of base64; a negative number says why not."""
+    count = bits = held = 0
+    while _BASE64[text[i]] >= 0:
+        bits = (bits << 6 | _BASE64[text[i]]) & 0xFFFF
+        held += 6
+        if held >= 8:
+            held -= 8
+            if count == 64:
+                return BAD_DATA, i
+            if count == out.data.shape[1]:
+                return WIDE, i
+            out.data[n, count] = bits >> held & 0xFF
+            count += 1
+        i += 1
+    digits = (count * 8 + held) // 6
+    while text[i] == 61 and digits % 4 != 0:  # =
+        digits += 1
+        i += 1
+    return (count if digits % 4 == 0 else BAD_DATA), i

@@ -1,0 +1,151 @@
+"""The bytes of a log: opened, inflated, cut into blocks; never more in memory than one block.
+
+What a file claims about its own size is believed nowhere: gzip data are inflated as far as the
+next block needs, a line without an end is dropped, and a file that shows nothing readable for
+``HOPELESS`` blocks is given up.
+"""
+
+from __future__ import annotations
+
+import zlib as plain_zlib
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+from clutchest.errors import ClutchestError
+
+try:  # several times quicker; not built for every processor
+    zlib: Any = import_module("isal.isal_zlib")
+except ImportError:
+    zlib = plain_zlib
+
+BLOCK = 4 << 20  # bytes of text or of inflated objects that are looked at together
+HEAD = 100_000  # bytes by which a format is known
+HOPELESS = 64  # blocks without a frame; what goes on like this is no log
+BAD_DATA: tuple[type[Exception], ...] = (plain_zlib.error, zlib.error)
+
+_PIECE = 64 << 10  # bytes of compressed data at a time
+GZIP_CUT = "gzip data end early"
+_LONG_LINE = f"line longer than {BLOCK >> 20} MiB"
+
+
+class Bytes(Protocol):
+    """Anything to read from."""
+
+    def read(self, size: int, /) -> bytes:
+        """At most ``size`` bytes, none at the end."""
+
+
+class Gunzip:
+    """What a gzip file holds, member by member; ``cut`` once it has ended early or is broken."""
+
+    def __init__(self, file: Bytes) -> None:
+        self.file = file
+        self.cut = False
+        self._inflater = zlib.decompressobj(wbits=31)
+        self._rest = b""
+        self._done = False
+
+    def read(self, size: int, /) -> bytes:
+        """At most ``size`` inflated bytes, fewer only at the end."""
+        parts: list[bytes] = []
+        wanted = size
+        while wanted > 0 and not self._done:
+            given = self._rest or self.file.read(_PIECE)
+            try:
+                part = self._inflater.decompress(given, wanted)
+            except BAD_DATA:
+                self.cut = self._done = True
+                break
+            self._rest = self._inflater.unconsumed_tail
+            if part:
+                parts.append(part)
+                wanted -= len(part)
+            if self._inflater.eof:
+                self._rest = (self._inflater.unused_data or self.file.read(_PIECE)).lstrip(b"\0")
+                self._done = not self._rest
+                self._inflater = zlib.decompressobj(wbits=31)
+            elif not given and not part:
+                self.cut = self._done = True
+        return b"".join(parts)
+
+
+class Source:
+    """One log file, read from its start to its end.
+
+    ``head`` the first bytes; ``position`` how many inflated bytes have been read; ``rejected`` what
+    had to be dropped before a reader saw it: reason → number.
+    """
+
+    def __init__(self, path: Path, file: IO[bytes]) -> None:
+        self.path = path
+        self.rejected: Counter[str] = Counter()
+        self.position = 0
+        self.zipped = file.read(2) == b"\x1f\x8b"
+        file.seek(0)
+        self._file: Bytes = Gunzip(file) if self.zipped else file
+        self.head = self._file.read(HEAD)
+        self._unread = self.head
+        if self.cut and not self.head:
+            raise ClutchestError(f"{path}: damaged gzip data")
+
+    @property
+    def cut(self) -> bool:
+        """Whether compressed data ended early."""
+        return isinstance(self._file, Gunzip) and self._file.cut
+
+    def read(self, size: int, /) -> bytes:
+        """At most ``size`` bytes, fewer only at the end."""
+        given = self._unread[:size]
+        self._unread = self._unread[size:]
+        if len(given) < size:
+            given += self._file.read(size - len(given))
+        self.position += len(given)
+        return given
+
+    def lines(self) -> Iterator[bytes]:
+        """Blocks of whole lines, each ending in a newline; longer lines are dropped and counted."""
+        rest = b""
+        inside = False  # of a line that is dropped
+        while piece := self.read(BLOCK - len(rest)):
+            end = piece.rfind(b"\n") + 1
+            if end:
+                block, rest = rest + piece[:end], piece[end:]
+                if inside:
+                    block = block[block.index(b"\n") + 1 :]
+                    inside = False
+                yield block
+            elif len(rest) + len(piece) < BLOCK:
+                rest += piece
+            else:
+                if not inside:
+                    self.rejected[_LONG_LINE] += 1
+                rest, inside = b"", True
+                yield b""  # a chance to give up
+        if rest and not inside:
+            yield rest + b"\n"
+
+    def everything(self, limit: int) -> bytes:
+        """The whole file.  Raises ClutchestError where compressed data hold more than ``limit``."""
+        if not self.zipped:
+            return self.path.read_bytes()
+        content = self.read(limit + 1)
+        if len(content) > limit:
+            raise ClutchestError(f"{self.path}: holds more than {limit >> 20} MiB compressed; "
+                                 "this format is read whole, so unpack it first")  # fmt: skip
+        return content
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Source]:
+    """The log at ``path``.  Raises ClutchestError if it cannot be read or is empty gzip data."""
+    try:
+        with path.open("rb") as file:
+            yield Source(path, file)
+    except OSError as error:
+        if error.filename is not None and Path(error.filename) != path:
+            raise
+        raise ClutchestError(f"{path}: cannot be read ({error.strerror or error})") from None

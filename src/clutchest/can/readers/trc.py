@@ -1,0 +1,183 @@
+"""PEAK's text log, versions 1.0 to 2.1.  Its start time makes the stamps absolute.
+
+What the columns hold is stated by the version, or from 2.0 on by the file itself (``$COLUMNS``).
+Source: PEAK-System, "PEAK CAN TRC File Format".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from clutchest.can.frames import Frames
+from clutchest.can.readers import EPOCH_NS
+from clutchest.can.readers.scan import (
+    BAD_DATA,
+    BAD_ID,
+    BAD_TIME,
+    BLANK,
+    BRS,
+    ESI,
+    EXTENDED,
+    FD,
+    LENGTHS,
+    NO_FRAME,
+    REMOTE,
+    SENT,
+    WIDE,
+    Bytes,
+    Ints,
+    Table,
+    at_end,
+    blanks,
+    compiled,
+    decimal,
+    filled,
+    hexadecimal,
+    line_end,
+    spaced_bytes,
+    spoilt,
+    stamp,
+    word,
+)  # fmt: skip
+from clutchest.can.readers.stream import Source
+
+_COLUMNS = {"1.0": "NOILD", "1.1": "NOTILD", "1.2": "NOBTILD", "1.3": "NOBTIRLD"}
+_VERSION = re.compile(rb"^;\$FILEVERSION=(\d+\.\d+)", re.MULTILINE)
+_START = re.compile(rb"^;\$STARTTIME=(\d+(?:\.\d+)?)", re.MULTILINE)
+_STATED = re.compile(rb"^;\$COLUMNS=([A-Za-z](?:,[A-Za-z])*)", re.MULTILINE)
+_DAY_0 = datetime(1899, 12, 30, tzinfo=UTC)
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def read(source: Source) -> Iterator[Frames]:
+    """Frames of a trc log; lines that cannot be read are counted in ``rejected``."""
+    columns = np.frombuffer(_columns(source.head), np.uint8)
+    start_ns = _start_ns(source.head)
+    width = 8
+    for block in source.lines():
+        frames = filled(block, width, lambda *table: _scan(columns, start_ns, *table))
+        width = frames.data.shape[1]
+        yield replace(frames, absolute=start_ns >= EPOCH_NS)
+
+
+def _columns(head: bytes) -> bytes:
+    version = _VERSION.search(head)
+    stated = _STATED.search(head)
+    if version and version[1] >= b"2.0" and stated:
+        return stated[1].replace(b",", b"")
+    return _COLUMNS.get(version[1].decode() if version else "1.0", "NOTILD").encode()
+
+
+def _start_ns(head: bytes) -> int:
+    """The date of the first line's zero in ns since 1970; 0 without one."""
+    days = _START.search(head)
+    if not days or not 0 < float(days[1]) < 1e6:
+        return 0
+    since = _DAY_0 + timedelta(days=float(days[1])) - _EPOCH
+    return since // timedelta(microseconds=1) * 1000
+
+
+@compiled
+def _scan(columns: Bytes, start_ns: int, text: Bytes, out: Table, counts: Ints) -> int:
+    """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
+    n = i = int(np.int64(0))
+    while i < len(text):
+        end = _line(text, blanks(text, i), columns, start_ns, n, out)
+        if end >= 0:
+            n += 1
+            i = end + 1
+        elif end == WIDE:
+            return -1
+        else:
+            i = spoilt(text, i, end, n, out, counts)
+    return n
+
+
+@compiled
+def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table) -> int:
+    """Reads one line into row ``n``; the position of its newline, or why not."""
+    if text[i] == 59 or at_end(text, i) >= 0:  # ;
+        return BLANK
+    flag = channel = count = 0
+    for column in columns:
+        i = blanks(text, i)
+        if column == 79:  # O: offset, ms
+            t_ns, behind = stamp(text, i, 1_000_000)
+            if behind == i or text[behind] > 32:
+                return BAD_TIME if text[i] > 32 else NO_FRAME
+            out.t_ns[n] = start_ns + t_ns
+            i = behind
+        elif column == 84:  # T: direction of a data frame up to 1.3, kind from 2.0 on
+            kind = _kind(text, i)
+            if kind < 0:
+                return NO_FRAME
+            flag |= kind
+            i = word(text, i)
+        elif column == 66:  # B: bus, from 1 on
+            channel, i = decimal(text, i)
+            if text[i] > 32:
+                return NO_FRAME
+        elif column == 73:  # I: id
+            value, behind = hexadecimal(text, i)
+            if behind - i > 4:
+                flag |= EXTENDED
+            if text[i] <= 32 or value == 0xFFFFFFFF:  # 1.0: what happened on the bus
+                return NO_FRAME
+            if behind == i or text[behind] > 32 or value > 0x1FFFFFFF:
+                return BAD_ID
+            out.id[n] = value
+            i = behind
+        elif column == 100:  # d: direction
+            if text[i] == 84:
+                flag |= SENT
+            i = word(text, i)
+        elif column == 76 or column == 108:  # L: length code, l: length
+            count, behind = decimal(text, i)
+            if behind == i or text[behind] > 32 or count > (64 if column == 108 else 15):
+                return BAD_DATA
+            if column == 76:
+                count = LENGTHS[count] if flag & FD else min(count, 8)
+            elif count > 8:
+                flag |= FD
+            i = behind
+        elif column == 68:  # D: payload
+            if text[i] == 82 and text[i + 1] == 84 and text[i + 2] == 82:  # RTR
+                flag |= REMOTE
+                i = word(text, i)
+            elif not flag & REMOTE:
+                i = spaced_bytes(text, i, count, 16, out, n)
+                if i < 0:
+                    return i
+        else:  # N, R and what else there may be
+            i = word(text, i)
+    out.channel[n] = max(channel - 1, 0) & 0xFF
+    out.flags[n], out.length[n] = flag, count
+    return line_end(text, i)
+
+
+@compiled
+def _kind(text: Bytes, i: int) -> int:
+    """Flags of a line of this type, -1 if it is no frame."""
+    if text[i] <= 32 or text[i + 1] <= 32 or text[i + 2] > 32:
+        return -1
+    a, b = text[i], text[i + 1]
+    if b == 120 and (a == 82 or a == 84):  # Rx, Tx
+        return SENT if a == 84 else 0
+    if a == 68 and b == 84:  # DT
+        return 0
+    if a == 82 and b == 82:  # RR
+        return REMOTE
+    if a == 70 and b == 68:  # FD
+        return FD
+    if a == 70 and b == 66:  # FB
+        return FD | BRS
+    if a == 70 and b == 69:  # FE
+        return FD | BRS | ESI
+    if a == 66 and b == 73:  # BI
+        return FD | ESI
+    return -1
