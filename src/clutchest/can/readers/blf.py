@@ -137,7 +137,7 @@ def _unpacked(box: bytes, rejected: Counter[str], largest: int = _LARGEST) -> by
         rejected[_BROKEN] += 1
         return _as_far_as_it_goes(packed, largest)
     if len(content) > largest:
-        rejected[_TOO_LARGE] += 1
+        rejected[_TOO_LARGE if largest == _LARGEST else _TOO_DEEP] += 1
         return b""
     if not inflater.eof:
         rejected[_BROKEN] += 1
