@@ -48,6 +48,7 @@ OPERATIONS: dict[str, Callable[[ca.SX, ca.SX], ca.SX]] = {
     "constant power": lambda a, b: a**2.5,
     "power of a negative number": lambda a, b: ca.SX(-2.0) ** b,
     "exponential": lambda a, b: ca.exp(a),
+    "exponential less one": lambda a, b: ca.expm1(a),
     "logarithm": lambda a, b: ca.log(a),
     "sine": lambda a, b: ca.sin(a),
     "cosine": lambda a, b: ca.cos(a),

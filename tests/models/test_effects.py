@@ -95,7 +95,7 @@ def test_the_registry_is_what_the_catalogue_says() -> None:
                 classes.add(value)
     assert {(c.model, c.name) for c in classes} == set(CASES)
     assert len({(c.model, c.name) for c in classes}) == len(classes)
-    assert set(BENCHES) == set(_MODELS)
+    assert set(BENCHES) <= set(_MODELS)
     for model in BENCHES:
         assert set(library(model)) == set(CATALOGUE[model])
         for name, effect in library(model).items():

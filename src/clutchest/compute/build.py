@@ -19,11 +19,11 @@ from pathlib import Path
 from types import ModuleType
 
 from clutchest import __version__
-from clutchest.compute.lower import module_text
+from clutchest.compute.lower import forward_text, module_text
 from clutchest.models.model import Model
 
 _HEADER = '''"""Generated; do not edit."""
-from math import ceil, cos, exp, inf, log, nan, pi, sin, sqrt, tanh
+from math import ceil, cos, exp, expm1, inf, log, nan, pi, sin, sqrt, tanh
 
 import numpy as np
 from numba import njit
@@ -42,11 +42,22 @@ def cache_folder() -> Path:
 
 def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]:
     """(hash, source) of the module for this model, with signatures of ``thetas``."""
-    import llvmlite.binding
-
     # numba compiles a function when it is first called: who does not draw or smooth does not wait
     parts = [_HEADER, _text_of("choices.py"), module_text(model, thetas)]
     parts += [_text_of(file) for file in ("kernel.py", "drawing.py", "smoother.py", "answers.py")]
+    return named(parts)
+
+
+def generate_forward(model: Model, watched: Sequence[str]) -> tuple[str, str]:
+    """(hash, source) of the module that runs this model forward and writes out quantities."""
+    return named([_HEADER, _text_of("choices.py"), forward_text(model, watched),
+                  _text_of("marching.py")])  # fmt: skip
+
+
+def named(parts: Sequence[str]) -> tuple[str, str]:
+    """(hash, source) of these parts of a module."""
+    import llvmlite.binding
+
     text = "\n\n".join(parts)
     platform = [version(name) for name in ("numba", "casadi")]
     platform += [__version__, llvmlite.binding.get_host_cpu_name(), sys.version]

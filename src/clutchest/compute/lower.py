@@ -17,7 +17,8 @@ _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 # What each operation of CasADi is in Python; see compute.choices for the named ones.
 _CALLS = {
     ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}",
-    ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_LOG: "log({0})",
+    ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_EXPM1: "expm1({0})",
+    ca.OP_LOG: "log({0})",
     ca.OP_POW: "{0} ** {1}", ca.OP_CONSTPOW: "{0} ** {1}", ca.OP_SQRT: "sqrt({0})",
     ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "2.0 * {0}", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
     ca.OP_TANH: "tanh({0})", ca.OP_INV: "1.0 / {0}", ca.OP_FABS: "abs({0})",
@@ -175,6 +176,16 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     parts.append(_dispatch("reading", "H", "", len(model.sensors)))
     parts.append(_dispatch("reading_signature", "Hm", "_signature", len(model.sensors)))
     return "\n\n".join(parts)
+
+
+def forward_text(model: Model, watched: Sequence[str]) -> str:
+    """Source of the functions that run a model by itself: a step, and ``watched`` quantities."""
+    e = model.expressions()
+    taken = heun(model, e)
+    shown = ca.vertcat(*(getattr(e.quantities, name) for name in watched))
+    over = {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
+    at = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
+    return "\n\n".join([lower("advance", over, {"xn": taken.x}), lower("watch", at, {"y": shown})])
 
 
 def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:

@@ -80,3 +80,8 @@ def initial(x: Any, p: Any, g: Any, xi: Any, Si: Any) -> float:
 def step_map(x: Any, u0: Any, u: Any, p: Any, g: Any, mapped: Any, J: Any) -> float:
     """The state after a step's discrete part, and its derivative J (n, n)."""
     raise NotImplementedError
+
+
+def watch(x: Any, u: Any, w: Any, p: Any, g: Any, y: Any) -> float:
+    """y the quantities that a run forward writes out."""
+    raise NotImplementedError

@@ -28,25 +28,51 @@ class Step:
 
 
 def heun(model: Model, e: Expressions) -> Step:
-    """Heun's rule, second order and explicit: right where nothing is stiff.
+    """Heun's rule, second order and explicit; exponential where a state is ``stiff``.
 
+    A stiff state relaxes by its own linear decay λ = ∂f_i/∂x_i, taken exactly (an exponential
+    Runge–Kutta rule with the Jacobian's diagonal as linear part); at λ = 0 that is Heun's rule.
     A step map acts on the guess and on the result alike.
     """
     u1, dt = ca.SX.sym("u1", len(model.inputs)), ca.SX.sym("dt")
     q, noise = ca.SX.sym("q", 2 * len(model.states)), ca.SX.sym("noise", len(model.inputs))
     power = e.outputs[model.outputs.index("power")]
-    rates = ca.Function("rates", [e.x, e.u, e.w, e.p, e.g], [e.rate, power])
-    by_input = ca.Function("by_input", [e.x, e.u, e.w, e.p, e.g], [ca.jacobian(e.rate, e.u)])
+    at = [e.x, e.u, e.w, e.p, e.g]
+    rates = ca.Function("rates", at, [e.rate, power])
+    by_input = ca.Function("by_input", at, [ca.jacobian(e.rate, e.u)])
     mapped = ca.Function("mapped", [e.x, e.u0, e.u, e.p, e.g], [e.mapped])
 
-    f0, power0 = rates(e.x, e.u, e.w, e.p, e.g)
-    guess = mapped(e.x + dt * f0, e.u, u1, e.p, e.g)
+    f0, power0 = rates(*at)
+    growth = _decays(model, e)
+    first, second = ca.SX.ones(len(model.states)), ca.SX(len(model.states), 1)
+    second[:] = 0.5
+    once, drift = ca.SX.ones(len(model.states)), ca.SX.zeros(len(model.states))
+    for i, rate in growth.items():
+        first[i], second[i] = _phi(rate * dt)
+        once[i], _ = _phi(2 * rate * dt)
+        drift[i] = rate
+    guess = mapped(e.x + dt * first * f0, e.u, u1, e.p, e.g)
     f1, power1 = rates(guess, u1, e.w, e.p, e.g)
-    x = mapped(e.x + dt / 2 * (f0 + f1), e.u, u1, e.p, e.g)
-    B0, B1 = by_input(e.x, e.u, e.w, e.p, e.g), by_input(guess, u1, e.w, e.p, e.g)
+    bend = f1 - f0 - drift * (guess - e.x)
+    x = mapped(e.x + dt * (first * f0 + second * bend), e.u, u1, e.p, e.g)
+    lasting = ca.diag(ca.sqrt(once))  # what a stiff state forgets within the step is not gathered
+    B0, B1 = lasting @ by_input(*at), lasting @ by_input(guess, u1, e.w, e.p, e.g)
     noises = ca.diag(noise)
     per_second, per_joule = ca.vertsplit(q, len(model.states))
     energy = dt / 2 * (power0 + power1)
-    Q = ca.diag(dt * per_second + ca.fabs(energy) * per_joule)
+    Q = ca.diag(dt * once * per_second + ca.fabs(energy) * per_joule)
     Q += dt / 2 * (B0 @ noises @ B0.T + B1 @ noises @ B1.T)
     return Step(u1, dt, q, noise, x, Q, energy)
+
+
+def _decays(model: Model, e: Expressions) -> dict[int, ca.SX]:
+    """State → λ ≤ 0, 1/s, of every stiff state."""
+    stiff = [i for i, state in enumerate(model.states) if state.stiff]
+    return {i: ca.fmin(ca.jacobian(e.rate[i], e.x[i]), 0.0) for i in stiff}
+
+
+def _phi(z: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """φ_1 = (e^z − 1)/z and φ_2 = (φ_1 − 1)/z; 1 and 1/2 at z = 0."""
+    z = ca.fmin(z, -1e-7)  # where rounding and the limit's own error are alike small
+    one = ca.expm1(z) / z
+    return one, (one - 1) / z

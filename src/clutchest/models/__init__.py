@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from clutchest.models.symbols import Input, Parameter, Sensor, State
 if TYPE_CHECKING:
     from clutchest.models.model import Model
 
-_MODELS = ("dry_clutch",)
+_MODELS = ("dry_clutch", "alsd")  # each a module of this package
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +29,15 @@ class ModelCard:
     apart: tuple[tuple[tuple[str, str], str], ...]  # two states, what tells them apart
 
 
-def card(model: str) -> ModelCard:
-    """The card of a model by its name.  Raises ClutchestError for an unknown one."""
+def _module(model: str) -> Any:
     if model not in _MODELS:
         raise ClutchestError(f"unknown model '{model}'" + nearest(model, _MODELS))
-    from clutchest.models import dry_clutch as module
+    return importlib.import_module(f"{__name__}.{model}")
 
+
+def card(model: str) -> ModelCard:
+    """The card of a model by its name.  Raises ClutchestError for an unknown one."""
+    module = _module(model)
     return ModelCard(
         model, module.STATES, module.PARAMETERS, module.INPUTS, module.SENSORS, module.COLUMNS,
         module.APART,
@@ -42,44 +46,31 @@ def card(model: str) -> ModelCard:
 
 def model_for(name: str, signals: Container[str]) -> Model:
     """The equations of the model ``name`` in the form that these canonical signals can drive."""
-    card(name)
-    from clutchest.models.dry_clutch import for_signals
-
-    return for_signals(signals)
+    return _module(name).for_signals(signals)
 
 
 def resting(
     name: str, parameters: Mapping[str, float], inputs: Mapping[str, float]
 ) -> dict[str, float]:
     """State values of a clutch at rest at the start of a drive, as far as the model can tell."""
-    card(name)
-    from clutchest.models import dry_clutch
-
-    return dry_clutch.resting(parameters, inputs)
+    return _module(name).resting(parameters, inputs)
 
 
 def errors_of(name: str) -> tuple[Mapping[str, Mapping[str, Any]], Mapping[str, float]]:
     """Equation → quantity → how an error changes it; signal → s, one unit of a delay."""
-    card(name)
-    from clutchest.models import dry_clutch
-
-    return dry_clutch.PROBES, dry_clutch.LATE
+    module = _module(name)
+    return module.PROBES, module.LATE
 
 
 def drivers_of(name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
     """Quantities that an error may go with, and rates of inputs: name → input."""
-    card(name)
-    from clutchest.models import dry_clutch
-
-    return dry_clutch.DRIVERS, dry_clutch.RATES
+    module = _module(name)
+    return module.DRIVERS, module.RATES
 
 
 def told_apart_by(name: str, equations: Sequence[str]) -> str:
     """The sensor that would tell errors in these equations apart."""
-    card(name)
-    from clutchest.models import dry_clutch
-
-    for pair, sensor in dry_clutch.TOLD_APART_BY:
+    for pair, sensor in _module(name).TOLD_APART_BY:
         if set(pair) <= set(equations):
             return sensor
     return "a sensor of " + " or ".join(dict.fromkeys(equations))

@@ -84,8 +84,9 @@ class Expressions:
 class Model:
     """Equations as an ordered list of pieces, and the effects present in them.
 
-    A piece reads quantities and assigns new ones.  ``renewed`` names states that are a plain
-    random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
+    A piece reads quantities and assigns new ones; ``<state>_rate`` is a state's derivative (0
+    unless assigned), ``<state>_after_step`` what each step resets it to.  ``renewed`` names states
+    that are a plain random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
     ``unobservable`` says of a state why no signal at hand can inform it.  ``implied`` names for a
     noisy input the quantity that says what it is by other measurements: input → quantity.  Vary a
     model with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
@@ -185,7 +186,10 @@ class Model:
         if unused:
             raise AttributeError(f"effects change quantities that '{self.name}' lacks: {unused}")
 
-        mapped = x
+        mapped = ca.SX(x)
+        for i, state in enumerate(self.states):
+            if (reset := f"{state.name}_after_step") in q.names():
+                mapped[i] = getattr(q, reset)
         for effect in self.effects:
             mapped = effect.after_step(self, mapped, u0, u, gains[effect])
         return Expressions(

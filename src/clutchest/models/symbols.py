@@ -16,7 +16,8 @@ class State:
     vehicle adds: wear and friction stay as they were; ``slip_noise`` (unit/√J) is what slip adds,
     by the energy it turns to heat.  What is not ``carried`` starts every drive
     from its prior.  ``healthy_std`` (unit) is how far from nominal it starts in a healthy vehicle,
-    where ``initial_std`` is wider because it allows for ageing.
+    where ``initial_std`` is wider because it allows for ageing.  A ``stiff`` state relaxes faster
+    than the steps that everything else asks for.
     """
 
     name: str
@@ -32,6 +33,7 @@ class State:
     carried: bool = True
     healthy_std: float | None = None
     role: str = "adaptive"  # adaptive | constant | nuisance
+    stiff: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,92 @@
+"""The reduced model that the estimator runs on: what is fast or stiff stands in its own limit.
+
+====================  ==========================================================================
+motor friction        LuGre's bristle always bent all the way: (5) with (6), no pre-sliding
+ball-ramp friction    Dahl's bristle always bent all the way: the Coulomb level (7)
+press plate           quasi-static in the free play, where the squeeze film loads the motor; beyond
+                      it the pack force relaxes with the plate's own time constant
+reset spring          taken where the pack begins, not where the plate stands
+driveline             the slip speed is measured; play and bristle wind up with it
+====================  ==========================================================================
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from clutchest.models.alsd import (
+    ball_ramp,
+    belleville,
+    dc_motor,
+    driveline,
+    motor_friction,
+    thermal,
+)
+from clutchest.models.alsd.friction import reset_integrator
+from clutchest.models.alsd.pack import potential
+from clutchest.models.model import Quantities
+
+
+def axial(q: Quantities) -> None:
+    """T_1 and dF_c/dt: gear play, limiter, free play and pack, one after the other.
+
+    The pack takes F = κ (c_1 K_br (φ − α_b1 − K_br x_fp) − F_rs) at rest, with
+    κ = c_cl.e/(c_1 K_br² + c_cl.e), and reaches it within d_e/(c_1 K_br² + c_cl.e).
+    """
+    ramp, stiffness = q.ball_ramp_ratio, q.ball_ramp_stiffness
+    q.input_angle = q.motor_angle / q.gear_ratio
+    beyond = q.input_angle - q.gear_backlash
+    q.contact = beyond > 0  # f(α)
+    q.spring_force = belleville.force(q, q.spring_preload + q.free_play)
+    together = stiffness * ramp**2 + q.pack_stiffness
+    share = q.pack_stiffness / together
+    reached = share * (stiffness * ramp * (beyond - ramp * q.free_play) - q.spring_force)
+    q.pack_force_rate = (ca.fmax(reached, 0.0) - q.pack_force) * together / q.axial_damping
+
+    film = q.axial_damping * q.motor_speed / (q.gear_ratio * ramp)
+    lifted = ca.fmax(q.spring_force + film, 0.0) / ramp  # the plate on its way to the pack
+    resting = stiffness * ca.fmax(beyond, 0.0)  # the plate on its limiter
+    plate = q.free_play + q.pack_force / q.pack_stiffness
+    pressing = stiffness * (beyond - ramp * plate)  # the plate against the pack
+    q.ball_ramp_torque = ca.fmax(ca.fmin(resting, lifted), pressing)
+    q.ball_ramp_force = ramp * q.ball_ramp_torque
+    q.home_torque = -stiffness * ca.fmax(-q.input_angle - q.gear_backlash, 0.0)
+
+
+def slip_measured(q: Quantities) -> None:
+    """The rig measures ω_s; the structure's compliance lies within the bristle."""
+    q.bristle_stiffness = q.torsional_stiffness
+    q.bristle_play = q.differential_backlash
+
+
+def readings(q: Quantities) -> None:
+    """What the sensors show."""
+    q.armature_current_reading = q.current
+    q.motor_angle_reading = q.motor_angle
+    q.armature_temp_reading = q.temp_armature
+    q.clutch_torque_reading = q.clutch_torque
+    q.shaft_torque_reading = q.clutch_torque
+
+
+def wear(q: Quantities) -> None:
+    """Free play stays as it is, unless an effect says that slip wears the pack."""
+    q.free_play_rate = 0.0
+
+
+PIECES = (
+    dc_motor.armature,
+    dc_motor.motor_torque,
+    axial,
+    ball_ramp.coulomb_level,
+    ball_ramp.sliding,
+    motor_friction.sliding,
+    dc_motor.rotor,
+    potential,
+    slip_measured,
+    driveline.wound_up,
+    reset_integrator,
+    thermal.clutch_torque,
+    thermal.temperatures,
+    wear,
+    readings,
+)
