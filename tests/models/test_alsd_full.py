@@ -22,6 +22,8 @@ from clutchest.vehicle import load_vehicle
 
 Columns = dict[str, NDArray[np.float64]]
 WATCHED = ("pack_force", "motor_angle", "current", "clutch_torque")
+SHOWN = (*WATCHED, "friction_potential", "slip_speed", "ball_ramp_force", "spring_force",
+         "bristle_stiffness")  # fmt: skip
 PERIOD = 1e-3
 OIL = 25.0
 STEPS = (0.5, 0.501, 1.3, 1.301, 2.1)  # A1: request up, request down
@@ -32,7 +34,7 @@ def rig() -> dict[str, float]:
     return {key: value.value for key, value in load_vehicle("alsd_rig").parameters.items()}
 
 
-def compiled(model: Model = full.RIG, watched: tuple[str, ...] = WATCHED) -> Forward:
+def compiled(model: Model = full.RIG, watched: tuple[str, ...] = SHOWN) -> Forward:
     return forward(model, watched)
 
 
@@ -196,8 +198,7 @@ def test_energy_is_balanced() -> None:
 def test_every_law_slides_with_the_friction_potential(law: object) -> None:
     """At steady slip all laws agree: T_c = T_C (LuGre's within its Stribeck effect)."""
     model = full.RIG_APART.swap(reset_integrator, law)  # type: ignore[arg-type]
-    watched = (*WATCHED, "friction_potential", "slip_speed")
-    _, o = step_response(7.0, model=compiled(model, watched))
+    _, o = step_response(7.0, model=compiled(model))
     held = o["clutch_torque"][1290] / o["friction_potential"][1290]
     assert held == pytest.approx(1.0, rel=2e-3)
     assert o["friction_potential"][1290] > 1000
@@ -232,7 +233,7 @@ def test_stuck_surfaces_carry_what_drives_them() -> None:
     torque = np.interp(t, (0.5, 0.6), (0.0, 300.0))
     inputs = {"current_request": np.interp(t, (0.0, 0.01), (0.0, 7.0)), "drive_torque": torque}
     wanted = rig()["final_drive_ratio"] * (300.0 - rig()["driveline_friction"])
-    model = compiled(full.on_drive_torque(full.RIG), (*WATCHED, "friction_potential", "slip_speed"))
+    model = compiled(full.on_drive_torque(full.RIG))
     o = drive(model, inputs, 0.0, structure_inertia=0.05)
     settled = slice(1300, 1500)
     assert o["friction_potential"][1400] > 1.05 * wanted
@@ -259,7 +260,7 @@ def test_the_spring_is_the_gradient_of_its_energy() -> None:
 
 @pytest.mark.slow
 def test_without_a_pack_the_spring_alone_loads_the_actuator() -> None:
-    model = compiled(full.RIG.swap(pack.pack, pack.no_pack), ("ball_ramp_force", "spring_force"))
+    model = compiled(full.RIG.swap(pack.pack, pack.no_pack))
     t = np.arange(2001) * PERIOD
     inputs = {"current_request": np.full(len(t), 1.0), "slip_request": np.zeros(len(t))}
     o = drive(model, inputs, 0.0, free_play=1.0)
@@ -268,7 +269,7 @@ def test_without_a_pack_the_spring_alone_loads_the_actuator() -> None:
 
 @pytest.mark.slow
 def test_the_half_shafts_of_a_car_soften_the_clutch() -> None:
-    wound = compiled(full.CAR, ("bristle_stiffness", "slip_speed", "clutch_torque"))
+    wound = compiled(full.CAR)
     t = np.arange(1001) * PERIOD
     inputs = {
         "current_request": np.full(len(t), 7.0),
