@@ -18,7 +18,7 @@ from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, Disturbances, Outsider, Sampled, generate
+from clutchest.generator import Channel, Disturbances, Outsider, Sampled, alsd, generate
 from clutchest.models import card
 from clutchest.reading import load_database
 from clutchest.reading.mapping import mapped_messages, signals_of
@@ -29,6 +29,8 @@ from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
 _DAY, _SLOT = 86_400, 3_600  # s
+
+GENERATORS = {"dry_clutch": generate, "alsd": alsd.generate}  # by model
 
 Effects = Mapping[str, Mapping[str, float]]
 
@@ -148,32 +150,33 @@ def _sampled(
     effects: Effects | None,
     options: Options,
 ) -> Sampled:
-    if vehicle.model != "dry_clutch":
+    if vehicle.model not in GENERATORS:
         raise ClutchestError(f"vehicle '{vehicle.name}': no generator for '{vehicle.model}'")
     mapped_messages(vehicle, database)
     noise_ar = options.get("noise_ar")
-    return generate(
+    channels = [
+        Channel(
+            name,
+            signal.bus.message,
+            _period(vehicle, database.message(signal.bus.message), signal),
+            signal.noise,
+            signal.noise_ar if noise_ar is None else noise_ar,
+            signal.delay,
+        )
+        for name, signal in vehicle.signals.items()
+    ]
+    return GENERATORS[vehicle.model](
         {key: p.value for key, p in vehicle.parameters.items()},
         {key: p.spread for key, p in vehicle.parameters.items()},
         scenario,
         seed,
-        [
-            Channel(
-                name,
-                signal.bus.message,
-                _period(vehicle, database.message(signal.bus.message), signal),
-                signal.noise,
-                signal.noise_ar if noise_ar is None else noise_ar,
-                signal.delay,
-            )
-            for name, signal in vehicle.signals.items()
-        ],
+        channels,
         nominal=options.get("nominal", False),
         duration=options.get("duration"),
         effects=_all_effects(vehicle, effects),
-        disturbances=Disturbances.of(options.get("disturbances", {})),
         outliers=options.get("outliers", 0.0),
         truck_seed=options.get("truck_seed"),
+        disturbances=Disturbances.of(options.get("disturbances", {})),
         outsider=options.get("outsider"),
     )
 

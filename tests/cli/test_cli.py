@@ -17,7 +17,7 @@ import clutchest
 from clutchest import cli
 from clutchest.can.files import read_frames
 from clutchest.cli import terminal
-from clutchest.generator import SCENARIOS
+from clutchest.generator import SCENARIOS, alsd
 from clutchest.shipped import shipped
 
 VERBS = ("replay", "inspect", "convert", "simulate", "identify", "discover")
@@ -102,7 +102,7 @@ def test_every_verb_has_an_example(run, verb):
 def test_help_names_scenarios_and_vehicles(run):
     _, out, _ = run("simulate", "--help")
     text = " ".join(out.split())
-    for name in (*SCENARIOS, *shipped("vehicles")):
+    for name in (*SCENARIOS, *alsd.SCENARIOS, *shipped("vehicles")):
         assert f" {name}" in text, name
 
 

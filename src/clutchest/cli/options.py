@@ -22,7 +22,7 @@ VehicleName = Annotated[
         "--vehicle",
         metavar="V",
         show_default=False,
-        help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270.",
+        help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270, alsd_rig, alsd_car.",
     ),
 ]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]

@@ -19,7 +19,9 @@ def simulate(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="city, launches, ramps, heating, slip-steps, cooldown, pulses, mixed or closed.",
+            help="Truck: city, launches, ramps, heating, slip-steps, cooldown, pulses, mixed or "
+            "closed. Differential: rig-steps, rig-slow, rig-ramps, car, "
+            "I1, I2, I3, I4, I5, I6, I7 or I8.",
         ),
     ],
     seed: Annotated[

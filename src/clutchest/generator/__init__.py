@@ -1,4 +1,5 @@
-"""The independent truth: a truck with a dry clutch, simulated by a program of its own.
+"""The independent truth: a truck with a dry clutch, simulated by a program of its own; in
+``alsd`` an active limited-slip differential on its rig or in a car.
 
 Nothing here knows the filter's model; plain numbers go in, arrays come out.
 """

@@ -99,15 +99,19 @@ _TRUCK = ("zero_position", "known_cubic", "known_quadratic", "known_kiss",
 NUMBERS = np.dtype([(key, np.float64) for key in (*RANGES, *_GAINS, *_TRUCK)])
 
 
-def complete(effects: Mapping[str, Values]) -> dict[str, dict[str, float]]:
+def complete(
+    effects: Mapping[str, Values],
+    known: Mapping[str, Effect] = EFFECTS,
+    largest: Values = LARGEST,
+) -> dict[str, dict[str, float]]:
     """Every effect with every parameter, those not given at their defaults.
 
     Raises ClutchestError for an unknown effect or parameter, and for a value nature excludes.
     """
     for name, given in effects.items():
-        if name not in EFFECTS:
-            raise ClutchestError(f"unknown effect '{name}'" + nearest(name, EFFECTS))
-        effect = EFFECTS[name]
+        if name not in known:
+            raise ClutchestError(f"unknown effect '{name}'" + nearest(name, known))
+        effect = known[name]
         for key, value in given.items():
             if key not in effect.parameters:
                 raise ClutchestError(f"effect '{name}' has no parameter '{key}'"
@@ -119,11 +123,11 @@ def complete(effects: Mapping[str, Values]) -> dict[str, dict[str, float]]:
             if value <= effect.at_least.get(key, -np.inf):
                 raise ClutchestError(f"effect '{name}': {key} = {value:g}, "
                                      f"expected more than {effect.at_least[key]:g}")  # fmt: skip
-            if abs(value) > LARGEST[key]:
+            if abs(value) > largest[key]:
                 raise ClutchestError(f"effect '{name}': {key} = {value:g}, expected a magnitude "
-                                     f"of at most {LARGEST[key]:g}")  # fmt: skip
+                                     f"of at most {largest[key]:g}")  # fmt: skip
     return {name: {**effect.parameters, **effects.get(name, {})}
-            for name, effect in EFFECTS.items()}  # fmt: skip
+            for name, effect in known.items()}  # fmt: skip
 
 
 def numbers(parameters: Values, known: Values, effects: Mapping[str, Values],

@@ -1,0 +1,139 @@
+"""One run of the differential, from numbers and a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.errors import ClutchestError, nearest
+from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
+from clutchest.generator.alsd.scenarios import ON_THE_ROAD, ROW, SCENARIOS
+from clutchest.generator.effects import Values, complete
+from clutchest.generator.outsider import Outsider, Reading
+from clutchest.generator.sampling import Channel, Sampled, sample
+from clutchest.generator.surroundings import Disturbances, stream
+from clutchest.signals import Floats, Truth
+
+EVERY = 5  # rows of the record per row of the truth: 200 Hz
+
+# Largest magnitude per name of an effect's parameter: beyond it a run is nonsense.
+LARGEST: Values = {"change": 4.0, "slope": 5.0, "resistance": 5.0, "growth": 0.05, "rate": 1.0,
+                   "offset": 30.0, "speed": 100.0, "coefficient": 1e4}  # fmt: skip
+
+
+def generate(
+    parameters: Values, spreads: Values, scenario: str, seed: int, channels: Sequence[Channel], *,
+    nominal: bool = False, duration: float | None = None,
+    effects: Mapping[str, Values] | None = None, outliers: float = 0.0,
+    truck_seed: int | None = None, deviations: Values | None = None,
+    disturbances: Disturbances | None = None, outsider: Outsider | None = None,
+) -> Sampled:  # fmt: skip
+    """Run ``scenario`` with a differential drawn around ``parameters`` with standard deviations
+    ``spreads``; undrawn if ``nominal``.
+
+    ``truck_seed`` draws the differential's parameters, ``seed`` all that a run brings; the same
+    unless said.  ``deviations``: what the paper admits that its model gets wrong, see
+    ``effects.DEVIATIONS``.  ``disturbances`` and outsiders are the truck's alone.
+    Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
+    """
+    if scenario not in SCENARIOS:
+        raise ClutchestError(f"unknown scenario '{scenario}'" + nearest(scenario, SCENARIOS))
+    plan = SCENARIOS[scenario]
+    duration = plan.duration if duration is None else float(duration)
+    if not 0 < duration < np.inf:
+        raise ClutchestError(f"duration {duration:g} s: expected more than 0 s")
+    if outsider or (disturbances and disturbances != Disturbances()):
+        raise ClutchestError("nothing but effects can be wrong with a differential here: "
+                             "disturbances and outsiders are the truck's")  # fmt: skip
+    truck_seed = seed if truck_seed is None else truck_seed
+    for name, number in (("seed", seed), ("truck_seed", truck_seed)):
+        if number < 0:
+            raise ClutchestError(f"{name} {number}: expected 0 or more")
+    wheels = any(channel.name == "wheel_speed_left" for channel in channels)
+    if channels and wheels != (scenario in ON_THE_ROAD):
+        where, has = ("a car", "maps no") if scenario in ON_THE_ROAD else ("the rig", "maps a")
+        raise ClutchestError(f"scenario '{scenario}' is for {where}: this vehicle {has} "
+                             "wheel_speed_left")  # fmt: skip
+    for key in RANGES:
+        if key not in parameters:
+            raise ClutchestError(f"parameter '{key}' is missing" + nearest(key, parameters))
+    active = complete(effects or {}, EFFECTS, LARGEST)
+    drawn = draw(parameters, {} if nominal else spreads, truck_seed)
+    record = numbers(drawn, active, parameters["friction_coefficient"], deviations or {})
+    course = plan.course(stream(seed, "course"), duration)
+    columns = run(course, record)
+    if not all(np.isfinite(column).all() for column in columns.values()):
+        raise ClutchestError(f"scenario '{scenario}', seed {seed}: these parameters and effects "
+                             "let the simulation diverge")  # fmt: skip
+    quantities = _quantities(columns, course, active)
+    sampled = sample(channels, quantities, seed, duration, outliers)
+    return Sampled(sampled, _truth(columns), drawn, seed, scenario)
+
+
+def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:
+    """The differential's own parameters: normal, clipped to what nature allows."""
+    rng = stream(seed, "parameters")
+    drawn = {}
+    for key, (low, high) in RANGES.items():
+        value = parameters[key] + spreads.get(key, 0.0) * rng.standard_normal()
+        drawn[key] = float(np.clip(value, low, high))
+    return drawn
+
+
+def run(course: NDArray, record: NDArray) -> dict[str, Floats]:
+    """Columns of the record along ``course``, one row every ROW s, from rest."""
+    from clutchest.generator.alsd import plant
+
+    p = record[0]
+    state = np.zeros(1, plant.STATE)
+    y = state[0]
+    y["temp_pack"] = y["temp_armature"] = course["oil"][0]
+    y["free_play"] = p["free_play"]
+    if course["drive"][0] == plant.SLIP:
+        y["drive_speed"] = course["driven"][0] * p["final_drive_ratio"]
+    out = np.zeros((len(course), len(plant.RECORD)))
+    plant.run(course, y, p, out)
+    return {
+        "time": np.arange(len(course), dtype=np.float64) * ROW,
+        **dict(zip(plant.RECORD, out.T, strict=True)),
+    }
+
+
+def _truth(columns: Mapping[str, Floats]) -> Truth:
+    from clutchest.generator.alsd.plant import MODES
+
+    names = ("current", "motor_speed", "motor_angle", "pack_force", "wind_up", "free_play",
+             "friction", "temp_pack", "temp_armature", "clutch_torque", "slip_speed")  # fmt: skip
+    rows = slice(None, None, EVERY)
+    kept = {name: np.ascontiguousarray(columns[name][rows]) for name in names}
+    kept["mode"] = np.array(MODES)[columns["mode"][rows].astype(int)]
+    kept["slip_energy"] = np.ascontiguousarray(columns["energy"][rows])
+    return Truth(columns["time"][rows], kept)
+
+
+def _quantities(
+    columns: Mapping[str, Floats], course: NDArray, effects: Mapping[str, Values]
+) -> Mapping[str, Reading]:
+    """What each sensor reads, without noise, as a function of time."""
+
+    def column(value: Floats, gain: float = 1.0, offset: float = 0.0) -> Reading:
+        return lambda t: offset + gain * np.interp(t, columns["time"], value)
+
+    torque, mean = columns["clutch_torque"], course["mean_wheel"]
+    return {
+        "armature_voltage": column(columns["voltage"]),
+        "armature_current": column(columns["current"], 1 + effects["current_gain"]["change"]),
+        "motor_angle": column(columns["motor_angle"], 1.0, effects["angle_offset"]["offset"]),
+        "slip_speed": column(columns["slip_speed"]),
+        "oil_temp": column(columns["oil"]),
+        "armature_temp": column(columns["temp_armature"]),
+        "clutch_torque": column(torque, 1 + effects["torque_sensor_gain"]["change"]),
+        "shaft_torque": column(torque, 1 + effects["torque_sensor_gain"]["change"]),
+        "motor_torque": column(columns["motor_torque"]),
+        "drive_torque": column(columns["servo_torque"]),
+        "drive_angle": column(columns["drive_angle"]),
+        "wheel_speed_left": column(mean + columns["slip_speed"]),
+        "wheel_speed_right": column(mean - columns["slip_speed"]),
+    }

@@ -1,0 +1,235 @@
+"""The generator's active differential: physics that needs no second implementation, every scenario
+on both vehicles, every effect, and what the experiments of ID08 are there to show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from clutchest.errors import ClutchestError
+from clutchest.generator import Channel, Sampled, alsd
+from clutchest.generator.alsd import plant
+from clutchest.generator.alsd.effects import EFFECTS, numbers
+from clutchest.generator.alsd.generate import run
+from clutchest.generator.alsd.scenarios import ON_THE_ROAD, RPM
+from clutchest.generator.effects import complete
+from clutchest.vehicle import load_vehicle
+
+Columns = dict[str, NDArray[np.float64]]
+ACTUATOR = ("armature_voltage", "armature_current", "motor_angle", "oil_temp")
+RIG = (*ACTUATOR, "slip_speed", "armature_temp", "clutch_torque", "motor_torque", "drive_torque",
+       "drive_angle")  # fmt: skip
+CAR = (*ACTUATOR, "wheel_speed_left", "wheel_speed_right", "shaft_torque")
+
+
+@cache
+def rig() -> dict[str, float]:
+    return {key: value.value for key, value in load_vehicle("alsd_rig").parameters.items()}
+
+
+def drive(scenario: str, seed: int = 1, duration: float | None = None, **rest: object) -> Sampled:
+    names = CAR if scenario in ON_THE_ROAD else RIG
+    channels = [Channel(name, "M", 0.005) for name in names]
+    return alsd.generate(
+        rig(), {}, scenario, seed, channels, nominal=True, duration=duration,
+        **rest,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def record(
+    course: NDArray, effects: Mapping[str, Mapping[str, float]] = {}, **changed: float
+) -> Columns:
+    parameters = {**rig(), **changed}
+    active = complete(effects, EFFECTS)
+    return run(course, numbers(parameters, active, parameters["friction_coefficient"], {}))
+
+
+def held(amps: float, seconds: float = 1.0, rpm: float = 25.0) -> NDArray:
+    course = np.zeros(round(seconds * 1000) + 1, plant.COURSE)
+    course["oil"], course["driven"], course["asked"] = 25.0, rpm * RPM, amps
+    course["asked"][:100] = 0.0
+    return course
+
+
+# --- the plant ---
+
+
+def test_a_held_current_is_reached_and_makes_torque() -> None:
+    o = record(held(7.0))
+    assert o["current"][-1] == pytest.approx(7.0, abs=1e-3)
+    potential = rig()["friction_coefficient"] * 10 * 0.065 * o["pack_force"][-1]
+    assert o["clutch_torque"][-1] == pytest.approx(potential, rel=1e-6)
+    assert o["slip_speed"][-1] == pytest.approx(25 * RPM, rel=1e-3)
+
+
+def test_stalled_current_is_ohms() -> None:
+    course = held(0.0)
+    course["actuator"], course["bench"], course["asked"] = plant.VOLTAGE, plant.ROTOR_HELD, 3.0
+    o = record(course, armature_heat_capacity=1e9)
+    assert o["current"][-1] == pytest.approx(3.0 / rig()["armature_resistance"], rel=1e-6)
+    assert o["motor_speed"][-1] == 0.0
+
+
+def test_a_motor_alone_turns_until_its_voltage_is_its_speeds() -> None:
+    course = held(0.0, 2.0)
+    course["actuator"], course["bench"], course["asked"] = plant.VOLTAGE, plant.MOTOR_ALONE, 6.0
+    o = record(course, armature_heat_capacity=1e9)
+    back = 6.0 - rig()["armature_resistance"] * o["current"][-1]
+    assert o["motor_speed"][-1] == pytest.approx(back / rig()["back_emf_constant"], rel=1e-4)
+
+
+def test_heat_of_the_clutch_is_torque_times_slip() -> None:
+    o = record(held(7.0), pack_oil_conductance=0.0)
+    power = o["clutch_torque"] * o["slip_speed"]
+    energy = np.sum(power[1:] + power[:-1]) / 2 * 1e-3
+    assert o["energy"][-1] == pytest.approx(energy, rel=1e-3)
+    warmer = o["temp_pack"][-1] - o["temp_pack"][0]
+    assert warmer == pytest.approx(o["energy"][-1] / rig()["pack_heat_capacity"], rel=1e-6)
+
+
+def test_without_slip_the_clutch_winds_up_no_further() -> None:
+    o = record(held(12.0, rpm=0.0))
+    assert o["pack_force"][-1] > 20e3
+    assert abs(o["clutch_torque"][-1]) < 1.0
+    assert o["mode"][-1] == plant.MODES.index("locked")
+
+
+# --- scenarios and effects ---
+
+
+@pytest.mark.parametrize("scenario", alsd.SCENARIOS)
+def test_every_scenario_runs_and_is_the_same_again(scenario: str) -> None:
+    a, b = (drive(scenario, duration=6.0) for _ in range(2))
+    assert set(a.signals) == set(CAR if scenario in ON_THE_ROAD else RIG)
+    for name, (time, value) in a.signals.items():
+        assert np.array_equal(value, b.signals[name][1]) and np.all(np.diff(time) > 0)
+    other = drive(scenario, seed=2, duration=6.0)
+    assert not np.array_equal(a.signals["motor_angle"][0], other.signals["motor_angle"][0])
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_is_absent_at_zero_and_seen_otherwise(name: str) -> None:
+    """Seen in a drive that slips both ways, warms up and has a warm oil."""
+    effect = EFFECTS[name]
+    gains = {k: v for k, v in effect.parameters.items() if v == 0.0}
+    channels = [Channel(n, "M", 0.005) for n in (*CAR, "armature_temp", "clutch_torque")]
+
+    def signals(values: Mapping[str, float]) -> Columns:
+        found = alsd.generate(rig(), {}, "car", 3, channels, nominal=True, duration=12.0,
+                              effects={name: values})  # fmt: skip
+        return {n: value for n, (_, value) in found.signals.items()}
+
+    without, absent = signals({}), signals(dict.fromkeys(gains, 0.0))
+    small = {"change": 1e-3, "growth": 1e-5, "rate": 1e-3, "resistance": 0.02, "offset": 0.01,
+             "slope": 0.1, "coefficient": 5.0}  # fmt: skip
+    present = signals({key: small[key] for key in gains})
+    for column in without:
+        assert np.array_equal(without[column], absent[column])
+    assert any(not np.allclose(without[n], present[n], rtol=0, atol=1e-9) for n in without)
+
+
+def test_wear_widens_the_free_play_with_slip_energy() -> None:
+    o = record(held(7.0), {"free_play_growth": {"rate": 0.01}})
+    grown = o["free_play"] - rig()["free_play"]
+    assert np.allclose(grown, 0.01e-6 * o["energy"], rtol=1e-9, atol=1e-18)
+
+
+def test_bad_requests_are_refused() -> None:
+    with pytest.raises(ClutchestError, match=r"unknown scenario 'rig-step'.*rig-steps"):
+        drive("rig-step")
+    with pytest.raises(ClutchestError, match="scenario 'car' is for a car"):
+        alsd.generate(rig(), {}, "car", 1, [Channel("motor_angle", "M", 0.005)])
+    with pytest.raises(ClutchestError, match="unknown effect 'wear'"):
+        drive("rig-steps", duration=1.0, effects={"wear": {}})
+    with pytest.raises(ClutchestError, match="parameter 'free_play' is missing"):
+        alsd.generate({k: v for k, v in rig().items() if k != "free_play"}, {}, "I1", 1, [])
+
+
+RECORD = numbers(rig(), complete({}, EFFECTS), 0.11, {})[0]
+
+
+# --- what the experiments are there to show, by the paper's own estimators ---
+
+
+def series(sampled: Sampled, name: str) -> NDArray[np.float64]:
+    return sampled.signals[name][1]
+
+
+@cache
+def experiment(name: str, duration: float | None = None) -> Sampled:
+    return drive(name, duration=duration)
+
+
+def test_i1_shows_resistance_over_temperature() -> None:
+    s = experiment("I1", 300.0)
+    time = s.signals["armature_voltage"][0]
+    settled = (time % 2.0 > 1.0) & (time > 20)
+    ratio = series(s, "armature_voltage")[settled] / series(s, "armature_current")[settled]
+    warm = series(s, "armature_temp")[settled] - rig()["armature_reference_temp"]
+    slope, level = np.polyfit(warm, ratio, 1)
+    assert np.ptp(warm) > 60.0
+    assert level == pytest.approx(rig()["armature_resistance"], rel=1e-3)
+    assert slope / level == pytest.approx(rig()["resistance_temp_coefficient"], rel=1e-2)
+
+
+def test_i3_shows_the_voltage_constant() -> None:
+    s = experiment("I3", 16.0)
+    time, angle = s.signals["motor_angle"]
+    found = []
+    for k in range(8):
+        last = (time > 2 * k + 1.2) & (time < 2 * k + 1.9)
+        speed = np.polyfit(time[last], angle[last], 1)[0]
+        warm = np.mean(series(s, "armature_temp")[last]) - rig()["armature_reference_temp"]
+        R = rig()["armature_resistance"] * (1 + rig()["resistance_temp_coefficient"] * warm)
+        drop = np.mean(
+            series(s, "armature_voltage")[last] - R * series(s, "armature_current")[last]
+        )
+        found.append(drop / speed)
+    assert np.allclose(found, rig()["back_emf_constant"], rtol=2e-3)
+
+
+def test_i6_shows_a_loop_shifted_by_the_spring() -> None:
+    s = experiment("I6")
+    time, angle = s.signals["motor_angle"]
+    torque, speed = series(s, "motor_torque"), np.gradient(angle, time)
+    inside = (angle > 8.0) & (angle < 25.0)
+    up = np.median(torque[inside & (speed > 2.0)])
+    down = np.median(torque[inside & (speed < -2.0)])
+    ramp = rig()["gear_ratio"] * rig()["ball_ramp_ratio"]
+    spring = (up + down) / 2 * ramp
+    assert spring == pytest.approx(plant.spring(rig()["spring_preload"] + 2e-4, RECORD), rel=0.05)
+    friction = (up - down) / 2 - rig()["motor_coulomb_torque"] - rig()["motor_viscous"] * 4.0
+    wanted = (
+        rig()["ball_ramp_friction"] * rig()["ball_ramp_bore"] / 2 * spring / rig()["gear_ratio"]
+    )
+    assert friction == pytest.approx(wanted, rel=0.3)  # the film takes its part
+
+
+def test_i7_shows_free_play_and_a_second_slope_without_it() -> None:
+    s = experiment("I7")
+    time, angle = s.signals["motor_angle"]
+    torque = series(s, "motor_torque")
+    reach = [angle[(time < 11)].max(), angle[(time > 12)].max()]
+    # with the output fixed nothing but the ball ramp yields: far less travel at the same torque
+    assert reach[1] < 0.5 * reach[0]
+    second, speed = time > 12, np.gradient(angle, time)
+    up = second & (speed > 0.05) & (torque > 0.2)
+    down = second & (speed < -0.05) & (torque > 0.05) & (torque < 0.2)  # beyond the turning point
+    slopes = [np.polyfit(angle[way], torque[way], 1)[0] for way in (up, down)]
+    assert slopes[0] > slopes[1] * 1.3  # k (1 ± ρ)
+    stiffness = np.mean(slopes) * rig()["gear_ratio"] ** 2
+    assert stiffness == pytest.approx(rig()["ball_ramp_stiffness"], rel=0.05)
+
+
+def test_i8_shows_the_torsional_stiffness() -> None:
+    s = experiment("I8")
+    time, angle = s.signals["drive_angle"]
+    torque = series(s, "drive_torque")
+    loaded = (time > 2.0) & (torque > 60)
+    compliance = np.polyfit(torque[loaded], angle[loaded], 1)[0]  # the angle rings, not the torque
+    stiffness = rig()["final_drive_ratio"] ** 2 / compliance
+    assert stiffness == pytest.approx(rig()["torsional_stiffness"], rel=0.05)
