@@ -8,6 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from bench import Bench
@@ -15,6 +16,10 @@ if TYPE_CHECKING:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compiled models stay in this checkout, so that the next run starts at once."""
+    # the same examples in every run; `--hypothesis-profile=exploring` looks for new ones
+    settings.register_profile("same", derandomize=True)
+    settings.register_profile("exploring", derandomize=False)
+    settings.load_profile(config.getoption("--hypothesis-profile") or "same")
     os.environ.setdefault("CLUTCHEST_CACHE", str(config.rootpath / ".pytest_cache" / "clutchest"))
 
 

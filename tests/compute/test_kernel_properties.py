@@ -25,7 +25,10 @@ NOISE = st.one_of(st.just(0.0), DECADES.map(lambda d: 10.0**d))
 
 @st.composite
 def cases(draw: st.DrawFn) -> tuple[Compiled, Timeline, Belief]:
-    """Leak and drain, noises over eleven decades or none, events alone, together or far apart."""
+    """Leak and drain, noises over eleven decades or none, events alone, together or far apart.
+
+    Of a variance, one reading leaves 1e-10 at the least: a part that double precision still tells.
+    """
     K = draw(st.integers(1, 40))
     gaps = draw(st.lists(st.sampled_from([0.0, 0.0, 1e-6, 0.01, 0.3, 20.0]), min_size=K,
                          max_size=K))  # fmt: skip
@@ -36,14 +39,14 @@ def cases(draw: st.DrawFn) -> tuple[Compiled, Timeline, Belief]:
     line = Timeline(
         t=np.cumsum(gaps), sensor=random.integers(-1, 2, K).astype(np.int8),
         z=random.normal(0.0, 10.0 ** draw(st.floats(-2, 4)), K),
-        R=10.0 ** random.uniform(-8.0, 4.0, K), u=random.normal(1.0, 1.0, (K, 1)),
+        R=10.0 ** random.uniform(-5.0, 4.0, K), u=random.normal(1.0, 1.0, (K, 1)),
         row=random.integers(0, 2, K), W=np.zeros((2, 0)),
         Q=np.array([[draw(NOISE), draw(NOISE), 0.0, 0.0], [0.0, draw(NOISE), 0.0, 0.0]]),
         longest=np.array([0.5, 0.05]), mode=np.zeros(K, np.uint8), emit=np.arange(K),
         grid=np.ones(K, bool), noise=np.array([draw(NOISE)]), variance=np.array([0.2]),
         warnings=(),
     )  # fmt: skip
-    root = random.normal(size=(2, 2)) * 10.0 ** draw(st.floats(-4, 3))
+    root = random.normal(size=(2, 2)) * 10.0 ** draw(st.floats(-4, 2))
     P = root @ root.T + 1e-12 * np.trace(root @ root.T) * np.eye(2)
     return compiled, line, Belief.of(random.normal(size=2), (P + P.T) / 2, np.zeros((2, 0)))
 
@@ -85,7 +88,9 @@ def is_covariance(found: Filtered) -> None:
     assert np.all(variance >= 0.0)
     std = np.sqrt(np.maximum(variance, 1e-300))
     smallest = np.linalg.eigvalsh(found.P / std[:, :, None] / std[:, None, :])[:, 0]
-    assert smallest.min() > -1e-12
+    # what rounding may do grows with how much of a variance the measurements took away
+    taken = (np.maximum.accumulate(std, axis=0) / std).max(axis=1) ** 2
+    assert np.all(smallest > -1e-12 - 10.0 * np.finfo(float).eps * taken)
 
 
 @settings(max_examples=100, deadline=None)
@@ -94,7 +99,6 @@ def test_it_is_kalmans_filter(case: tuple[Compiled, Timeline, Belief]) -> None:
     found = whole_log.run(*case, limit=1e12)
     xs, Ps = textbook(*case)
     is_covariance(found)
-    # what rounding may do grows with how much of a variance the measurements took away
     scale = np.maximum.accumulate(np.sqrt(np.einsum("kii->ki", Ps)), axis=0)
     assert np.all(np.abs(found.P - Ps) <= 1e-9 * scale[:, :, None] * scale[:, None, :])
     size = np.maximum.accumulate(np.abs(xs), axis=0) + scale + np.abs(case[1].z).max()

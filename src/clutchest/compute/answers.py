@@ -130,22 +130,29 @@ def weigh(P, H, R, tracked, PH, gain):
 
 
 @njit(cache=True, error_model="numpy")
-def imply(x, slope, tracked, row, acts, W, noise, p, g, u):
-    """Move inputs ``u`` (K, nu), in place, to where they explain the measured slopes.
+def imply(x, slope, tracked, row, acts, W, noise, p, g, measured, u):
+    """Put inputs ``u`` (K, nu), in place, to where they explain the measured slopes, as near to the
+    ``measured`` ones (K, nu) as that goes: one step of Gauss and Newton from where they stand.
 
     ``x`` (K, n) states, ``slope`` (K, n) the measured rates of the ``tracked`` ones (indices);
     ``acts`` (K) where their equations hold.  What the rate lacks is shared among the inputs as
     their noise densities ``noise`` (nu) have it: the most probable share of each.
     """
     f, A, B = np.zeros(STATES), np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS))
+    aim = np.zeros(INPUTS)
     for k in range(len(x)):
         if not acts[k]:
             continue
         dynamics(x[k], u[k], W[row[k]], p, g, f, A, B)
+        for j in range(INPUTS):
+            aim[j] = measured[k, j]
         for i in tracked:
-            total = 0.0
+            total, lacks = 0.0, slope[k, i] - f[i]
             for j in range(INPUTS):
                 total += B[i, j] * B[i, j] * noise[j]
+                lacks -= B[i, j] * (aim[j] - u[k, j])
             if total > 0.0:
                 for j in range(INPUTS):
-                    u[k, j] += (slope[k, i] - f[i]) * B[i, j] * noise[j] / total
+                    aim[j] += lacks * B[i, j] * noise[j] / total
+        for j in range(INPUTS):
+            u[k, j] = aim[j]

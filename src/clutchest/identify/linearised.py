@@ -102,6 +102,7 @@ class LinearDrive:
         self.slope, self.calm = self._tracked()
         self.states = np.zeros((len(self.line.t), len(model.states)))
         self.smooth = self._smooth(signals)
+        self.moved = np.zeros_like(self.smooth)  # by what the run before implies
         self.expected = self.smooth.copy()
         # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
         self.frozen, self.gain = False, np.zeros((len(self.line.t), len(model.states)))
@@ -164,12 +165,13 @@ class LinearDrive:
         """
         line, functions = self.line, self.compiled.functions
         u, n, m = line.u.copy(), len(x), len(self.compiled.thetas)
-        true = self.expected.copy()
+        measured = self.smooth.copy()
         for name, delay in late.items():
             j = self.compiled.model.input(name)
-            true[:, j] = np.interp(line.t + delay, line.t, self.expected[:, j])
+            measured[:, j] = np.interp(line.t + delay, line.t, self.smooth[:, j])
             # only the smooth part is shifted: between its samples noise would seem smaller
-            u[:, j] += np.interp(line.t + delay, line.t, self.smooth[:, j]) - self.smooth[:, j]
+            u[:, j] += measured[:, j] - self.smooth[:, j]
+        true = measured + self.moved
         started, S = np.zeros(n), np.zeros((n, m))
         functions.initial(x, p, g, started, S)
         started = np.where(self.tracked, self.start.x, started)
@@ -186,12 +188,11 @@ class LinearDrive:
         self.states = states
         implied, acts = true.copy(), np.flatnonzero(self.acts)
         functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
-                        line.W, line.noise, p, g, implied)  # fmt: skip
-        for j in map(int, np.flatnonzero(np.any(implied != true, axis=0))):
+                        line.W, line.noise, p, g, measured, implied)  # fmt: skip
+        for j in np.flatnonzero(np.any((implied != measured)[acts], axis=0)):
             # no jump where the equations begin to act
-            moved = np.interp(line.t, line.t[acts], (implied - true)[acts, j])
-            late_by = late.get(self.compiled.model.inputs[j].name, 0.0)
-            self.expected[:, j] = np.interp(line.t - late_by, line.t, true[:, j] + moved)
+            self.moved[:, j] = np.interp(line.t, line.t[acts], (implied - measured)[acts, j])
+        self.expected = measured + self.moved
         return innovations, answers
 
     def _slopes(self, inputs: Floats) -> Floats:
