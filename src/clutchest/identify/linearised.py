@@ -189,7 +189,7 @@ class LinearDrive:
         implied, acts = true.copy(), np.flatnonzero(self.acts)
         functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
                         line.W, line.noise, p, g, measured, implied)  # fmt: skip
-        for j in np.flatnonzero(np.any((implied != measured)[acts], axis=0)):
+        for j in map(int, np.flatnonzero(np.any((implied != measured)[acts], axis=0))):
             # no jump where the equations begin to act
             self.moved[:, j] = np.interp(line.t, line.t[acts], (implied - measured)[acts, j])
         self.expected = measured + self.moved
