@@ -121,7 +121,8 @@ def errors_of(
         ("P modelled", following, vehicle),
         ("P measured", with_measured_power(following), vehicle),
     ):
-        found[name] = open_loop(drive, car, model, RATE)[:2]
+        run = open_loop(drive, car, model, RATE)
+        found[name] = run.time, run.torque
     result = {}
     for name, (time, torque) in found.items():
         wrong = torque - np.interp(time, truth.time, truth.columns["clutch_torque"])

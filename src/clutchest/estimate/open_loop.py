@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import build
-from clutchest.estimate.whole_log import Filtered, compile_model, delays, run
+from clutchest.estimate.whole_log import Compiled, compile_model, delays, run
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
 
-def open_loop(
-    signals: Signals, vehicle: Vehicle, model: Model, rate: float = 10.0
-) -> tuple[Floats, Floats, Filtered]:
-    """(time s, clutch torque Nm, everything) of one drive on the grid of ``rate`` Hz.
+@dataclass(frozen=True, slots=True)
+class OpenLoop:
+    """The model along one drive, on a regular grid: ``time`` s, clutch ``torque`` Nm, ``mode``
+    (:class:`~clutchest.estimate.modes.Mode`), shape (m,); ``states`` (m, n), ``inputs`` (m, nu)
+    and regime ``flags`` (m, nw) in the order of the model."""
+
+    compiled: Compiled
+    time: Floats
+    torque: Floats
+    mode: NDArray[np.uint8]
+    states: Floats
+    inputs: Floats
+    flags: Floats
+
+    def quantity(self, *names: str, **parameters: float) -> Floats:
+        """Quantities of the equations (len(names), m), with other ``parameters`` if given: the
+        states stay as they were simulated."""
+        model, p = self.compiled.model, self.compiled.p.copy()
+        for key, value in parameters.items():
+            p[[q.key for q in model.parameters].index(key)] = value
+        e = model.expressions()
+        wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
+        return e.along(wanted, self.states, self.inputs, self.flags, p, self.compiled.g)
+
+    def state(self, name: str) -> Floats:
+        """One state (m,)."""
+        return self.states[:, self.compiled.model.state(name)]
+
+
+def open_loop(signals: Signals, vehicle: Vehicle, model: Model, rate: float = 10.0) -> OpenLoop:
+    """The model along one drive on the grid of ``rate`` Hz.
 
     ``model`` must take the engine speed as measured (``dry_clutch.following_speed``): the speed
     alone is set to each of its samples, and slip with it.
@@ -27,6 +58,14 @@ def open_loop(
     gains[timeline.sensor == speed, compiled.model.state("engine_speed")] = 1.0
     start = fresh(vehicle, compiled, timeline)
     result = run(compiled, timeline, start, frozen=gains, with_signature=False)
-    rows = timeline.emit >= 0
-    torque = result.outputs[:, compiled.model.outputs.index("transmitted_torque"), 0]
-    return timeline.t[rows][timeline.grid], torque[timeline.grid], result
+    rows = np.flatnonzero(timeline.emit >= 0)[timeline.grid]
+    torque = compiled.model.outputs.index("transmitted_torque")
+    return OpenLoop(
+        compiled,
+        timeline.t[rows],
+        result.outputs[timeline.grid, torque, 0],
+        timeline.mode[rows],
+        result.x[timeline.grid],
+        timeline.u[rows],
+        timeline.W[timeline.row[rows]],
+    )
