@@ -19,8 +19,8 @@ def simulate(
         typer.Option(
             metavar="NAME",
             show_default=False,
-            help="Truck: city, launches, ramps, heating, slip-steps, cooldown, pulses, mixed or "
-            "closed. Differential: rig-steps, rig-slow, rig-ramps, car, "
+            help="Truck: city, launches, ramps, heating, slip-steps, cooldown, pulses, mixed, "
+            "cold-start or closed. Differential: rig-steps, rig-slow, rig-ramps, car, "
             "I1, I2, I3, I4, I5, I6, I7 or I8.",
         ),
     ],

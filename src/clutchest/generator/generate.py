@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.generator.effects import RANGES, Values, complete, numbers
-from clutchest.generator.outsider import Law, Outsider, Reading, run_under
+from clutchest.generator.outsider import SLICE, Outsider, Reading, run_under
 from clutchest.generator.sampling import Channel, Sampled, sample
 from clutchest.generator.scenarios import PER_METRE, SCENARIOS, Scenario
 from clutchest.generator.surroundings import (
@@ -60,13 +60,12 @@ def generate(
                                  f"expected less than the drive's {duration:g} s")  # fmt: skip
     drawn, zero_position = draw(parameters, {} if nominal else spreads, truck_seed)
     around = surroundings(seed, duration, disturbances, active["friction_level"]["change"],
-                          active["torque_bias"]["bias"])  # fmt: skip
+                          active["torque_bias"]["bias"], plan.cold)  # fmt: skip
     road = stream(seed, "road")
     mass = road.uniform(*plan.mass)
     truck = numbers(drawn, parameters, active, zero_position, mass)
     legs = plan.timetable(road, duration, mass, parameters["kiss_point"])
-    law = outsider.law() if outsider else None
-    fast, truth = _simulate(plan, duration, legs, truck, around, seed, law)
+    fast, truth = _simulate(plan, duration, legs, truck, around, seed, outsider)
     quantities = _quantities(fast, around, drawn, active)
     if outsider:
         quantities = outsider.readings(quantities)
@@ -100,7 +99,7 @@ def at_rest(p: NDArray, coolant: float, ambient: float) -> tuple[float, float]:
 
 def _simulate(
     plan: Scenario, duration: float, legs: NDArray, truck: NDArray, around: Surroundings,
-    seed: int, law: Law | None,
+    seed: int, outsider: Outsider | None,
 ) -> tuple[Floats, Truth]:  # fmt: skip
     """The fast record (n, 6) of ``plant.run``, every FAST·STEP s, and the truth."""
     from clutchest.generator import plant
@@ -111,8 +110,9 @@ def _simulate(
     fast = np.empty((steps // plant.FAST + 1, 6))
     slow = np.empty((steps // every + 1, 8))
     grid = np.column_stack((around.friction, around.coolant, around.ambient))
-    if law:
-        run_under(law, steps, legs, grid, truck, situation, state, every, fast, slow)
+    if outsider and (law := outsider.law()):
+        pace = getattr(outsider, "pace", SLICE)
+        run_under(law, pace, steps, legs, grid, truck, situation, state, every, fast, slow)
     else:
         plant.run(0, steps + 1, 1, legs, grid, truck, situation, state, every, fast, slow)
     if not (np.isfinite(fast).all() and np.isfinite(slow).all()):

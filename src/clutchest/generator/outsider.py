@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError, nearest
 from clutchest.signals import Floats
 
-SLICE = 0.01  # s: a law looks, then what it says holds for so long
+SLICE = 0.01  # s: a law looks, then what it says holds for so long, unless it has a pace of its own
 
 Reading = Callable[[Floats], Floats]
 Law = Callable[[Mapping[str, float]], Mapping[str, float]]
 
 
 class Outsider(Protocol):
-    """Something wrong that is none of ``EFFECTS``; any object with these two methods.
+    """Something wrong that is none of ``EFFECTS``; any object with these two methods.  One that
+    goes slowly may have a ``pace``, s, at which its law is asked; ``SLICE`` unless it has.
 
     A law sees the true ``time`` s, ``temp_body``, ``temp_housing``, ``temp_disc`` °C,
     ``engine_speed``, ``input_shaft_speed``, ``slip_speed`` rad/s, ``vehicle_speed`` m/s,
@@ -39,16 +40,16 @@ class Outsider(Protocol):
 
 
 def run_under(
-    law: Law, steps: int, legs: NDArray, slow: Floats, truck: NDArray, situation: NDArray,
-    state: Floats, every: int, fast: Floats, truth: Floats,
+    law: Law, pace: float, steps: int, legs: NDArray, slow: Floats, truck: NDArray,
+    situation: NDArray, state: Floats, every: int, fast: Floats, truth: Floats,
 ) -> None:  # fmt: skip
-    """``plant.run`` from 0 to ``steps`` in slices, between which ``law`` may act.
+    """``plant.run`` from 0 to ``steps`` in slices of ``pace`` s, between which ``law`` may act.
 
     Raises ClutchestError where it names something that cannot be acted on.
     """
     from clutchest.generator import plant
 
-    each = round(SLICE / plant.STEP)
+    each = round(pace / plant.STEP)
     s, slave = situation[0], float(situation[0]["slave"])
     for begin in range(0, steps + 1, each):
         row = min(begin // round(plant.GRID / plant.STEP), len(slow) - 1)
@@ -61,7 +62,7 @@ def run_under(
             "vehicle_speed": state[plant.SPEED], "engine_torque": state[plant.TORQUE],
             "clutch_torque": s["carried"], "motor_position": s["motor"],
             "slave_position": s["slave"] + truck[0]["position_origin"],
-            "position_rate": (s["slave"] - slave) / SLICE,
+            "position_rate": (s["slave"] - slave) / pace,
             "coolant_temp": slow[row, 1], "ambient_temp": slow[row, 2],
         }  # fmt: skip
         slave = float(s["slave"])

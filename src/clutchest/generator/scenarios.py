@@ -40,7 +40,8 @@ class Scenario:
 
     ``legs(rng, duration, mass, kiss_point)`` makes the timetable; ``mass`` kg is drawn from that
     range; ``start_temp`` °C of body and disc where it is not the truck at rest's own, with
-    ``start_spread``; ``cruising``: starts in top gear at that speed, m/s.
+    ``start_spread``; ``cruising``: starts in top gear at that speed, m/s; ``cold``: the engine has
+    stood long enough to be as cold as the air.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Scenario:
     start_temp: float | None = None
     start_spread: float = 3.0
     cruising: float = 0.0
+    cold: bool = False
 
     def timetable(self, rng: Random, duration: float, mass: float, kiss_point: float) -> NDArray:
         """The legs as an array of LEG, with a last one that never begins."""
@@ -263,6 +265,8 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType({s.name: s for s in (
              start_temp=110.0, start_spread=8.0),
     Scenario("pulses", "torque pulses up to 600 Nm at moderate slip (D7, D9)", 1400.0, _pulses),
     Scenario("mixed", "stretches of city, launches, slip-steps and pulses", 1200.0, _mixed),
+    Scenario("cold-start", "launches with an engine as cold as the air", 900.0, _launches,
+             mass=(30e3, 42e3), start_spread=0.5, cold=True),
     Scenario("closed", "cruising for half an hour without any slip", 1800.0, _closed,
              cruising=22.0),
 )})  # fmt: skip

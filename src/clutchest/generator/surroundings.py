@@ -15,6 +15,7 @@ from clutchest.signals import Floats
 
 GEARBOX_TEMP = 80.0  # °C
 GRID = 0.1  # s between points of the slow quantities, linear in between
+WARM_UP = 300.0  # s, time constant at which the coolant of a cold engine reaches its thermostat's
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,10 @@ def stream(seed: int, purpose: str) -> np.random.Generator:
 
 
 def surroundings(seed: int, duration: float, disturbances: Disturbances,
-                 friction_change: float = 0.0, bias: float = 0.0) -> Surroundings:  # fmt: skip
-    """Draw what the truck meets in ``duration`` s; the two effects move the walks' level."""
+                 friction_change: float = 0.0, bias: float = 0.0,
+                 cold: bool = False) -> Surroundings:  # fmt: skip
+    """Draw what the truck meets in ``duration`` s; the two effects move the walks' level.  The
+    coolant of a ``cold`` engine starts at the air's temperature."""
     n = int(np.ceil(duration / GRID)) + 2
     friction = 1 + _walk(seed, "friction", n, disturbances.friction_std, disturbances.friction_walk)
     walk = _walk(seed, "torque bias", n, disturbances.torque_bias_std,
@@ -77,6 +80,8 @@ def surroundings(seed: int, duration: float, disturbances: Disturbances,
     coolant = weather.uniform(81.0, 88.0) + _wander(weather, n, std=1.5, time_constant=200.0)
     ambient = weather.uniform(2.0, 26.0) + _wander(weather, n, std=0.7, time_constant=900.0)
     time = np.arange(n, dtype=np.float64) * GRID
+    if cold:
+        coolant = coolant + (ambient[0] - coolant) * np.exp(-time / WARM_UP)
     level = np.clip(friction, 0.2, 3.0) * (1 + friction_change)
     return Surroundings(time, level, walk + bias, coolant, ambient)
 
