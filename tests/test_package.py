@@ -180,7 +180,11 @@ def test_wheel_holds_the_package_and_everything_shipped(tmp_path):
     (wheel,) = WheelBuilder(str(ROOT)).build(directory=str(tmp_path), versions=["standard"])
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-    modules = {p.relative_to(ROOT / "src").as_posix() for p in (ROOT / "src").rglob("*.py")}
+    modules = {
+        p.relative_to(ROOT / "src").as_posix()
+        for p in (ROOT / "src").rglob("*")
+        if p.suffix in (".py", ".json")
+    }
     data = {
         f"clutchest/data/{kind}/{path.name}"
         for kind in ("dbc", "logs", "vehicles")

@@ -15,6 +15,7 @@ from clutchest.cli.discover import discover
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
 from clutchest.cli.replay import replay
+from clutchest.cli.reproduce import reproduce
 from clutchest.cli.simulate import simulate
 from clutchest.cli.terminal import fail
 from clutchest.errors import ClutchestError
@@ -26,7 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Clutch temperatures, wear and friction from production CAN signals.",
 )
-for _verb in (replay, inspect, convert, simulate, identify, discover):
+for _verb in (replay, inspect, convert, simulate, identify, discover, reproduce):
     app.command()(_verb)
 
 
