@@ -10,6 +10,9 @@ import casadi as ca
 
 from clutchest.models.model import Quantities
 
+ANGLE_GAIN, ANGLE_RATE = 2.0, 0.05  # A/rad and A s/rad
+LARGEST_CURRENT = 20.0  # A
+
 
 def _limited(value: ca.SX, limit: ca.SX) -> ca.SX:
     return ca.fmin(ca.fmax(value, -limit), limit)
@@ -22,6 +25,12 @@ def current_controller(q: Quantities) -> None:
     q.armature_voltage = _limited(wanted, q.supply_voltage)
     beyond = (q.armature_voltage - wanted) / q.current_proportional
     q.current_integrator_rate = q.current_integral * (error + beyond)
+
+
+def angle_controller(q: Quantities) -> None:
+    """Requested current from a requested motor angle: experiment I6."""
+    lag = q.angle_request - q.motor_angle
+    q.current_request = _limited(ANGLE_GAIN * lag - ANGLE_RATE * q.motor_speed, LARGEST_CURRENT)
 
 
 def slip_controller(q: Quantities) -> None:

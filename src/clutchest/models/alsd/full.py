@@ -123,6 +123,14 @@ def on_voltage(model: Model) -> Model:
     )
 
 
+def bare_on_angle(model: Model) -> Model:
+    """The same rig with its pack removed and the motor's angle controlled: experiment I6."""
+    pieces = (controller.angle_controller, *model.swap(pack.pack, pack.no_pack).pieces)
+    angle = Input("angle_request", "rad", "α_R", "requested motor angle")
+    inputs = tuple(angle if i.name == "current_request" else i for i in model.inputs)
+    return replace(model, pieces=pieces, inputs=inputs)
+
+
 def on_drive_torque(model: Model) -> Model:
     """The same rig with the servo torque given, without the slip speed controller."""
     return replace(
