@@ -20,7 +20,7 @@ from clutchest.cli import terminal
 from clutchest.generator import SCENARIOS, alsd
 from clutchest.shipped import shipped
 
-VERBS = ("replay", "inspect", "convert", "simulate", "identify", "discover")
+VERBS = ("replay", "inspect", "convert", "simulate", "identify", "discover", "reproduce")
 
 
 @pytest.fixture

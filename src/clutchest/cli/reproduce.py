@@ -21,7 +21,8 @@ def reproduce(
         typer.Argument(
             metavar="PAPER",
             show_default=False,
-            help="me12: the dry clutch of a heavy truck (Myklebust, Eriksson 2012).",
+            help="me12: the dry clutch of a heavy truck (Myklebust, Eriksson 2012). "
+            "id08: an active limited-slip differential (Ivanović and others 2008).",
         ),
     ],
     out: Out = DEFAULT_OUT,

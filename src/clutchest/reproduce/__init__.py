@@ -39,6 +39,12 @@ PAPERS = {
             "Slipping Dry Clutch, IEEE VPPC 2012",
             "clutchest.reproduce.me12",
         ),
+        Paper(
+            "id08",
+            "Ivanović, Deur, Herold, Hancock, Assadian: Modeling and Experimental Validation of "
+            "Active Limited Slip Differential Clutch Dynamics, IMECE2008-67411",
+            "clutchest.reproduce.id08",
+        ),
     )
 }
 

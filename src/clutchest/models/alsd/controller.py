@@ -14,7 +14,7 @@ ANGLE_GAIN, ANGLE_RATE = 2.0, 0.05  # A/rad and A s/rad
 LARGEST_CURRENT = 20.0  # A
 
 
-def _limited(value: ca.SX, limit: ca.SX) -> ca.SX:
+def _limited(value: ca.SX, limit: ca.SX | float) -> ca.SX:
     return ca.fmin(ca.fmax(value, -limit), limit)
 
 

@@ -37,7 +37,8 @@ def width(o: Columns, key: str, at: float) -> tuple[float, float]:
 def a5(rig: Rig) -> Verdict:
     """Loops of current over angle at every rate, that reach 20 A within 1600°."""
     found = {rate: rig.ramp(rate) for rate in RATES}
-    words, good, numbers = [], True, {}
+    words, good = [], True
+    numbers: dict[str, float] = {}
     for rate, o in found.items():
         reach = float(o["motor_angle"].max() * DEGREES)
         up, down = width(o, "request", 0.85 * reach)
