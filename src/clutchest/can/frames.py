@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from enum import IntFlag
 
@@ -22,6 +23,9 @@ class Flag(IntFlag):
     SENT = 64  # transmitted by the logger itself
 
 
+Tally = tuple[tuple[str, int], ...]  # (reason, number)
+
+
 @dataclass(frozen=True, slots=True)
 class Frames:
     """One row per frame, in the order of the file.
@@ -29,21 +33,23 @@ class Frames:
     ``t_ns`` int64 (n,): ns since the epoch, or since the log's start where ``absolute`` is False;
     ``channel`` uint8 (n,); ``id`` uint32 (n,) without flag bits; ``flags`` uint8 (n,), see
     :class:`Flag`; ``length`` uint8 (n,) payload bytes; ``data`` uint8 (n, 8) or (n, 64), zero
-    behind the payload.
+    behind the payload.  Messages put together from several frames may be longer: ``length`` is then
+    uint16 and ``data`` as wide as the longest.
     """
 
     t_ns: NDArray[np.int64]
     channel: NDArray[np.uint8]
     id: NDArray[np.uint32]
     flags: NDArray[np.uint8]
-    length: NDArray[np.uint8]
+    length: NDArray[np.unsignedinteger]
     data: NDArray[np.uint8]
     absolute: bool = True
-    rejected: tuple[tuple[str, int], ...] = ()  # reason → lines or objects of the file not read
+    rejected: Tally = ()  # lines or objects of the file that were not read
+    passed_over: Tally = ()  # frames that were read, but not kept
 
     @classmethod
     def empty(cls, n: int = 0, width: int = 8, absolute: bool = True,
-              rejected: tuple[tuple[str, int], ...] = ()) -> Frames:  # fmt: skip
+              rejected: Tally = ()) -> Frames:  # fmt: skip
         """``n`` rows of zeros."""
         return cls(
             np.zeros(n, np.int64),
@@ -70,6 +76,7 @@ class Frames:
             self.data[rows],
             self.absolute,
             self.rejected,
+            self.passed_over,
         )
 
     def sorted(self) -> Frames:
@@ -89,15 +96,22 @@ class Frames:
         columns = {
             f.name: np.concatenate([getattr(p, f.name) for p in parts])
             for f in fields(cls)
-            if f.name not in ("data", "absolute", "rejected")
+            if f.name not in ("data", "absolute", "rejected", "passed_over")
         }
         columns["data"] = np.concatenate(
             [np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts]
         )
-        rejected: dict[str, int] = {}
-        for part in parts:
-            for reason, count in part.rejected:
-                rejected[reason] = rejected.get(reason, 0) + count
         return cls(
-            **columns, absolute=all(p.absolute for p in parts), rejected=tuple(rejected.items())
+            **columns,
+            absolute=all(p.absolute for p in parts),
+            rejected=added_up(p.rejected for p in parts),
+            passed_over=added_up(p.passed_over for p in parts),
         )
+
+
+def added_up(tallies: Iterable[Tally]) -> Tally:
+    """One number per reason."""
+    total: Counter[str] = Counter()
+    for tally in tallies:
+        total.update(dict(tally))
+    return tuple(total.items())

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import AsJson
+from clutchest.cli.options import AsJson, From, To
 from clutchest.cli.terminal import note, print_json, progress
 
 
@@ -34,6 +34,8 @@ def convert(
             help="Decode CAN logs by this vehicle; OUT is then .csv or .parquet.",
         ),
     ] = None,
+    start: From = None,
+    stop: To = None,
     as_json: AsJson = False,
 ) -> None:
     """Write logs in another format.
@@ -45,14 +47,18 @@ def convert(
     Example:
       clutchest convert drive.mf4 -o drive.log.gz
       clutchest convert drive.mf4 --vehicle truck -o drive.parquet
+      clutchest convert drive.mf4 -o launch.blf --from 60 --to 90
     """
     with progress() as show:
         show("reading", None)
         from clutchest.reading.conversion import Conversion
+        from clutchest.reading.window import Window
         from clutchest.record.files import finished_into
         from clutchest.vehicle import load_vehicle
 
-        read = Conversion.of(logs, out, None if vehicle is None else load_vehicle(vehicle))
+        window = Window.parse(start, stop)
+        car = None if vehicle is None else load_vehicle(vehicle)
+        read = Conversion.of(logs, out, car, window)
         show("writing", None)
         with finished_into(out.parent) as folder:
             losses = read.write(folder / out.name)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out
+from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, To
 from clutchest.cli.terminal import answer, progress
 
 
@@ -23,6 +23,8 @@ def inspect(
         ),
     ] = None,
     out: Out = DEFAULT_OUT,
+    start: From = None,
+    stop: To = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a log, and draft a vehicle file for it.
@@ -37,10 +39,11 @@ def inspect(
     with progress() as show:
         show("reading", None)
         from clutchest.reading.inspection import inspect_logs
+        from clutchest.reading.window import Window
         from clutchest.record.files import finished_into, json_text
         from clutchest.record.terminal import print_inspection
 
-        found = inspect_logs(logs, dbc or ())
+        found = inspect_logs(logs, dbc or (), Window.parse(start, stop))
         with finished_into(out) as folder:
             (folder / "inspect.json").write_text(json_text(found.as_dict()), encoding="utf-8")
             draft = found.vehicle_toml(out / "vehicle.toml")

@@ -25,6 +25,22 @@ VehicleName = Annotated[
         help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270, alsd_rig, alsd_car.",
     ),
 ]
+From = Annotated[
+    str | None,
+    typer.Option(
+        "--from",
+        metavar="T",
+        show_default=False,
+        help="Leave out what lies before: s from each drive's start, or a date like "
+        "2024-01-18T10:30:00+01:00 (without a zone: local time).",
+    ),
+]
+To = Annotated[
+    str | None,
+    typer.Option(
+        "--to", metavar="T", show_default=False, help="Leave out what lies after, likewise."
+    ),
+]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
 AsJson = Annotated[
     bool,

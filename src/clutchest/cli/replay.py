@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName
+from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, To, VehicleName
 from clutchest.cli.terminal import answer, progress
 
 
@@ -34,6 +34,8 @@ def replay(
     innovations: Annotated[
         bool, typer.Option("--innovations", help="Also write innovations.parquet: every misfit.")
     ] = False,
+    start: From = None,
+    stop: To = None,
     as_json: AsJson = False,
 ) -> None:
     """Estimate temperatures, wear and friction over recorded drives.
@@ -45,11 +47,13 @@ def replay(
     Example:
       clutchest replay monday.log tuesday.log --vehicle truck --out results
       clutchest replay wednesday.log --vehicle truck --state results/state.json
+      clutchest replay monday.log --vehicle truck --from 60 --to 300
     """
     with progress() as show:
         show("loading", None)
         from clutchest.estimate.replay import replay as estimate
         from clutchest.reading import read_log
+        from clutchest.reading.window import Window
         from clutchest.record.files import read_state, write_run
         from clutchest.record.terminal import print_run
         from clutchest.vehicle import load_vehicle
@@ -57,7 +61,7 @@ def replay(
         car = load_vehicle(vehicle)
         before = None if state is None else read_state(state)
         show("reading", None)
-        signals = read_log(logs, car)
+        signals = read_log(logs, car, Window.parse(start, stop))
         run = estimate(signals, car, rate=rate, state=before, smooth=smooth, progress=show)
         show("writing", None)
         written = write_run(run, out, innovations=innovations)

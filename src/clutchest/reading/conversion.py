@@ -12,6 +12,7 @@ from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.log import read_log
 from clutchest.reading.tables import is_table, joined, read_table, write_signals
+from clutchest.reading.window import EVERYTHING, Window
 from clutchest.shipped import locate
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
@@ -24,8 +25,9 @@ class Conversion:
     content: Frames | Signals
 
     @classmethod
-    def of(cls, logs: Sequence[str], out: Path, vehicle: Vehicle | None) -> Conversion:
-        """Read ``logs`` as what ``out`` can hold.
+    def of(cls, logs: Sequence[str], out: Path, vehicle: Vehicle | None,
+           window: Window = EVERYTHING) -> Conversion:  # fmt: skip
+        """Read what lies in ``window`` of ``logs`` as what ``out`` can hold.
 
         With a ``vehicle`` CAN logs are decoded; decoded tables need none.  Raises ClutchestError
         where the logs and the suffix of ``out`` do not go together.
@@ -33,10 +35,13 @@ class Conversion:
         paths = [locate(log, "logs") for log in logs]
         tables = [is_table(path) for path in paths]
         if vehicle is not None:
-            return cls(read_log(paths, vehicle))
+            return cls(read_log(paths, vehicle, window))
         if all(tables):
             columns = dict(card("dry_clutch").columns)
-            return cls(joined([read_table(path, columns) for path in paths]))
+            signals = window.of_signals(joined([read_table(path, columns) for path in paths]))
+            if signals is None:
+                raise ClutchestError(f"{' '.join(logs)}: nothing in the stretch asked for")
+            return cls(signals)
         if any(tables):
             raise ClutchestError(f"{paths[tables.index(True)]}: holds decoded signals, the others "
                                  "frames; name a vehicle to decode those")  # fmt: skip
@@ -49,7 +54,11 @@ class Conversion:
                 f"{which}: its clock only counts from its own start, so it cannot "
                 "be put in order with the others; convert it alone"
             )
-        return cls(Frames.concatenate(parts).sorted() if len(parts) > 1 else parts[0])
+        frames = Frames.concatenate(parts).sorted() if len(parts) > 1 or window else parts[0]
+        frames = window.of_frames(frames, tuple(logs))
+        if not len(frames):
+            raise ClutchestError(f"{' '.join(logs)}: nothing in the stretch asked for")
+        return cls(frames)
 
     def write(self, path: Path) -> tuple[str, ...]:
         """Write to ``path``; returns what its format could not keep, in words."""

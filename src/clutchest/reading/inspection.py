@@ -19,6 +19,7 @@ from clutchest.can.frames import Frames
 from clutchest.can.survey import Row, survey
 from clutchest.errors import ClutchestError
 from clutchest.models import card
+from clutchest.reading.window import EVERYTHING, Window
 from clutchest.shipped import locate, shipped
 from clutchest.signals import Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
@@ -202,7 +203,9 @@ class Inspection:
         )
 
 
-def inspect_logs(paths: Sequence[str | Path], dbc: Sequence[Path] = ()) -> Inspection:
+def inspect_logs(
+    paths: Sequence[str | Path], dbc: Sequence[Path] = (), window: Window = EVERYTHING
+) -> Inspection:
     """Survey ``paths`` and look for the canonical signals, by SPN and by name.
 
     ``dbc`` names the messages; without any the shipped DBCs do.  Raises ClutchestError for a file
@@ -211,7 +214,10 @@ def inspect_logs(paths: Sequence[str | Path], dbc: Sequence[Path] = ()) -> Inspe
     logs = tuple(locate(str(path), "logs") for path in paths)
     if not logs:
         raise ClutchestError("no log to inspect")
-    parts = _apart([files.read_frames(path) for path in logs])
+    read = [window.of_frames(files.read_frames(path).sorted(), (str(path),)) for path in logs]
+    parts = _apart([frames for frames in read if len(frames)])
+    if not parts:
+        raise ClutchestError(f"{' '.join(map(str, logs))}: nothing in the stretch asked for")
     frames = Frames.concatenate(parts).sorted()
     sources = tuple(dbc) or tuple(shipped("dbc").values())
     databases = [load([path]) for path in sources]

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from clutchest.can import files
-from clutchest.can.database import Database, load
+from clutchest.can.database import Database, Message, load
 from clutchest.can.frames import Frames
+from clutchest.can.sieve import Sieve
 from clutchest.errors import ClutchestError
 from clutchest.models import card
-from clutchest.reading.mapping import NoMappedFrame, signals_of
+from clutchest.reading.mapping import NoMappedFrame, mapped_messages, signals_of
 from clutchest.reading.tables import is_table, joined, read_table
+from clutchest.reading.window import EVERYTHING, Window
 from clutchest.shipped import locate
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -35,19 +38,63 @@ class _Piece:
     end: int = 0
 
 
-def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle | str | Path) -> Signals:
+def read_log(
+    paths: Path | str | Sequence[Path | str],
+    vehicle: Vehicle | str | Path,
+    window: Window = EVERYTHING,
+) -> Signals:
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
     CAN logs are decoded through the vehicle's DBC, ``.csv`` and ``.parquet`` with canonical columns
     are taken as they are.  Logs on absolute clocks that overlap or lie less than a minute apart
     are pieces of one drive; all others are drives of their own, on ``later`` in order of time.
-    Times are s from the drive's start.  Delays that the vehicle file states are not applied.
+    Of each drive only what lies in ``window`` is kept.  Times are s from the start of what is kept.
+    Delays that the vehicle file states are not applied.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
     """
     vehicle = load_vehicle(vehicle)
-    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    found = _located([paths] if isinstance(paths, str | Path) else list(paths))
+    tabular = [is_table(path) for path in found]
+    database, wanted = Database({}), []
+    if not all(tabular):
+        database = load_database(vehicle, [path.parent for path in found])
+        wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
+    columns = dict(card(vehicle.model).columns)
+    pieces = [_table(path, columns) if is_table else _frames(path, wanted)
+              for path, is_table in zip(found, tabular, strict=True)]  # fmt: skip
+    drives: list[Signals] = []
+    empty: list[NoMappedFrame] = []
+    for group in _groups(pieces):
+        tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
+        if tables:
+            cut = window.of_signals(_only_mapped(joined(tables), vehicle))
+            drives += [cut] if cut else []
+            continue
+        sources = tuple(str(piece.path) for piece in group)
+        frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
+        frames = frames.sorted() if len(group) == 1 else _without_copies(frames.sorted())
+        for part in _split(frames):
+            inside = window.of_frames(part, sources)
+            if not len(inside):
+                continue
+            try:
+                drives.append(signals_of(inside, vehicle, database, sources))
+            except NoMappedFrame as problem:
+                empty.append(problem)
+    if not drives and empty:
+        raise empty[0]
+    if not drives:
+        raise ClutchestError(f"{' '.join(map(str, found))}: nothing in the stretch asked for; "
+                             + _spans(pieces))  # fmt: skip
+    first, *later = drives
+    return replace(
+        first, later=tuple(later), warnings=(*first.warnings, *(str(problem) for problem in empty))
+    )
+
+
+def _located(given: list[Path | str]) -> list[Path]:
     if not given:
         raise ClutchestError("no log to read")
     found = [locate(str(path), "logs") for path in given]
@@ -56,31 +103,17 @@ def read_log(paths: Path | str | Sequence[Path | str], vehicle: Vehicle | str | 
         twice = next(p for i, p in enumerate(found) if p.resolve() in
                      {other.resolve() for other in found[:i]})  # fmt: skip
         raise ClutchestError(f"{twice}: given twice; each log counts once")
-    columns = dict(card(vehicle.model).columns)
-    pieces = [_table(path, columns) if is_table(path) else _frames(path) for path in found]
-    database: Database | None = None
-    drives: list[Signals] = []
-    empty: list[NoMappedFrame] = []
-    for group in _groups(pieces):
-        tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
-        if tables:
-            drives.append(_only_mapped(joined(tables), vehicle))
-            continue
-        database = database or load_database(vehicle, [path.parent for path in found])
-        sources = tuple(str(piece.path) for piece in group)
-        frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
-        frames = frames.sorted() if len(group) == 1 else _without_copies(frames.sorted())
-        for part in _split(frames):
-            try:
-                drives.append(signals_of(part, vehicle, database, sources))
-            except NoMappedFrame as problem:
-                empty.append(problem)
-    if not drives:
-        raise empty[0]
-    first, *later = drives
-    return replace(
-        first, later=tuple(later), warnings=(*first.warnings, *(str(problem) for problem in empty))
-    )
+    return found
+
+
+def _spans(pieces: Sequence[_Piece]) -> str:
+    """From when to when logs go, in words."""
+    first = min(pieces, key=lambda piece: piece.start)
+    if not first.absolute:
+        return f"it is {(first.end - first.start) / 1e9:.3f} s long"
+    start, end = (datetime.fromtimestamp(ns / 1e9).astimezone()
+                  for ns in (first.start, max(piece.end for piece in pieces)))  # fmt: skip
+    return f"the log goes from {start.isoformat(' ', 'seconds')} to {end.isoformat(' ', 'seconds')}"
 
 
 def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
@@ -107,14 +140,14 @@ def _dbc(vehicle: Vehicle, path: Path, folders: Sequence[Path]) -> Path:
 def _table(path: Path, columns: dict[str, str]) -> _Piece:
     signals = read_table(path, columns)
     if signals.start_ns is None:
-        return _Piece(path, signals, False)
+        return _Piece(path, signals, False, 0, int(signals.end * 1e9))
     return _Piece(path, signals, True, signals.start_ns, signals.start_ns + int(signals.end * 1e9))
 
 
-def _frames(path: Path) -> _Piece:
-    frames = files.read_frames(path)
-    if not len(frames):
-        raise ClutchestError(f"{path}: no CAN frame in it")
+def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
+    """What is wanted of a log, which itself may be larger than memory."""
+    sieve = Sieve(wanted, int(HOLE_S * 1e9))
+    frames = Frames.concatenate([sieve.sift(block) for block in files.read_blocks(path)])
     return _Piece(path, frames, frames.absolute, int(frames.t_ns.min()), int(frames.t_ns.max()))
 
 
@@ -162,7 +195,7 @@ def _split(frames: Frames) -> list[Frames]:
     bounds = [0, *cuts.tolist(), len(frames)]
     parts = [frames.take(np.arange(a, b)) for a, b in pairwise(bounds)]
     # What the file as a whole lost is told once.
-    return [parts[0], *(replace(part, rejected=()) for part in parts[1:])]
+    return [parts[0], *(replace(part, rejected=(), passed_over=()) for part in parts[1:])]
 
 
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:

@@ -15,6 +15,7 @@ from clutchest.can.database import Database, Message, SignalLayout
 from clutchest.can.decode import Column, decode, rows_of
 from clutchest.can.encode import check
 from clutchest.can.frames import Flag, Frames
+from clutchest.can.transport import belongs, may_carry, reassembled
 from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.gears import engaged_gear
@@ -52,7 +53,8 @@ def signals_of(
     Warnings name what is mapped and missing.  Raises NoMappedFrame if no mapped message has a
     frame, ClutchestError if the vehicle file and the DBC contradict each other.
     """
-    return _Drive(frames, vehicle, database, sources).signals()
+    wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
+    return _Drive(reassembled(frames, wanted), vehicle, database, sources).signals()
 
 
 def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str, SignalLayout]]:
@@ -139,12 +141,13 @@ class _Drive:
         ]
         first, last = int(frames.t_ns[0]), int(frames.t_ns[-1])
         decoded = sum(counts["decoded"] for counts in self.messages.values())
-        rejected = dict(self.rejected + Counter(dict(frames.rejected)))
+        passed_over = Counter(dict(frames.passed_over))
+        rejected = dict(self.rejected + passed_over + Counter(dict(frames.rejected)))
         return Signals(
             made,
             start_ns=first if frames.absolute else None,
             end=(last - first) / 1e9,
-            counts=Counts(len(frames), decoded, rejected, self.messages),
+            counts=Counts(len(frames) + passed_over.total(), decoded, rejected, self.messages),
             warnings=(*self.database.warnings, *self.warnings),
             sources=self.sources,
         )
@@ -164,7 +167,7 @@ class _Drive:
         reason = np.zeros(len(rows), np.uint8)
         seen: dict[Why, NDArray[np.bool_]] = {}
         for name, column in columns.items():
-            place = np.searchsorted(rows, column.rows)
+            place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
             column.why[broken[place] & (column.why == Why.VALID)] = Why.CHECKSUM
             column.value[column.why != Why.VALID] = np.nan
             self.columns[message.name, name] = column
@@ -184,6 +187,10 @@ class _Drive:
             kind = ~mapped & ((self.frames.flags & flag) != 0)
             self.rejected[reason] += int(kind.sum())
             mapped = mapped | kind
+        if any(may_carry(self.database.message(name)) for name in self.messages):
+            packets = ~mapped & belongs(self.frames)
+            self.rejected["packet of a longer message"] += int(packets.sum())
+            mapped = mapped | packets
         self.rejected["not mapped"] += int((~mapped).sum())
         self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
 

@@ -1,0 +1,114 @@
+"""SAE J1939-21, transport protocol: messages of 9 to 1785 bytes in packets of 7.
+
+Announced by TP.CM (broadcast: BAM; to one receiver: RTS, answered by CTS), carried by TP.DT.  A
+packet that comes again, because the receiver asked for it, replaces the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from clutchest.can import j1939
+from clutchest.can.database import Message
+from clutchest.can.frames import Flag, Frames, added_up
+
+_PF = np.uint32(0xFF0000)  # PDU format within the id
+_CM, _DT = np.uint32(0xEC0000), np.uint32(0xEB0000)
+_RTS, _BAM, _ABORT = 16, 32, 255
+_SILENCE_NS = 1_250_000_000  # T3, the longest that a sender may keep its receiver waiting
+_KIND = np.uint8(Flag.EXTENDED | Flag.REMOTE | Flag.ERROR)
+
+
+def may_carry(message: Message) -> bool:
+    """Whether a message is too long for one frame."""
+    return message.is_j1939 and message.length > 8
+
+
+def belongs(frames: Frames) -> NDArray[np.bool_]:
+    """Which frames are TP.CM or TP.DT; shape (n,)."""
+    form = frames.id & _PF
+    return ((form == _CM) | (form == _DT)) & ((frames.flags & _KIND) == Flag.EXTENDED)
+
+
+def reassembled(frames: Frames, messages: Sequence[Message]) -> Frames:
+    """``frames`` (sorted) in which the last packet of each long one of ``messages`` is replaced by
+    the whole, with the message's id and the sender's address.
+
+    Transfers that are not complete are counted in ``rejected``.
+    """
+    wanted = {j1939.pgn(m.id): m for m in messages if may_carry(m)}
+    packets = np.flatnonzero(belongs(frames)) if wanted else np.zeros(0, np.intp)
+    if not len(packets):
+        return frames
+    pair = frames.channel[packets].astype(np.int64) << 16 | frames.id[packets] & 0xFFFF
+    packets = packets[np.argsort(pair, kind="stable")]
+    pgns = np.array(sorted(wanted), np.int64)
+    width = max(m.length for m in wanted.values())
+    most = int(np.count_nonzero((frames.id[packets] & _PF) == _CM))
+    rows, found = np.zeros(most, np.int64), np.zeros(most, np.int64)
+    length, data = np.zeros(most, np.uint16), np.zeros((most, width), np.uint8)
+    n, lost = _collect(packets, frames.t_ns, frames.channel, frames.id, frames.length, frames.data,
+                       pgns, rows, found, length, data)  # fmt: skip
+    if lost:
+        told = (("transport protocol message is not complete", int(lost)),)
+        frames = replace(frames, rejected=added_up((frames.rejected, told)))
+    if not n:
+        return frames
+    rows, found = rows[:n], found[:n]
+    bases = np.array([j1939.with_source(wanted[pgn].id, 0) for pgn in sorted(wanted)], np.uint32)
+    together = Frames(frames.t_ns[rows], frames.channel[rows],
+                      bases[found] | frames.id[rows] & np.uint32(0xFF), frames.flags[rows],
+                      length[:n], data[:n], frames.absolute)  # fmt: skip
+    others = np.ones(len(frames), bool)
+    others[rows] = False
+    return Frames.concatenate([frames.take(others), together]).sorted()
+
+
+@njit(cache=True)
+def _collect(packets, t_ns, channel, ids, lengths, data, pgns, rows, found, length, out):  # type: ignore[no-untyped-def]
+    """Walks the packets, sorted by sender and receiver; gives (messages, incomplete ones)."""
+    n = lost = 0
+    pair = size = count = have = 0
+    which, last = -1, 0  # index of the wanted group that is under way, -1 for none
+    seen = np.zeros(256, np.bool_)
+    for row in packets:
+        if lengths[row] < 8:
+            continue
+        this = np.int64(channel[row]) << 16 | np.int64(ids[row]) & 0xFFFF
+        late = this != pair or t_ns[row] - last > _SILENCE_NS
+        if which >= 0 and late:
+            lost, which = lost + 1, -1
+        pair, last = this, t_ns[row]
+        packet = data[row]
+        if ids[row] & _PF == _CM:
+            if packet[0] not in (_RTS, _BAM, _ABORT):
+                continue
+            if which >= 0:
+                lost, which = lost + 1, -1
+            if packet[0] == _ABORT:
+                continue
+            size = np.int64(packet[1]) | np.int64(packet[2]) << 8
+            count = np.int64(packet[3])
+            pgn = np.int64(packet[5]) | np.int64(packet[6]) << 8 | np.int64(packet[7]) << 16
+            place = np.searchsorted(pgns, pgn)
+            if place < len(pgns) and pgns[place] == pgn and 8 < size <= 7 * count:
+                which, have = place, 0
+                seen[:] = False
+                out[n, :] = 0
+        elif which >= 0 and 1 <= packet[0] <= count:
+            number = np.int64(packet[0]) - 1
+            have += not seen[number]
+            seen[number] = True
+            for byte in range(7):
+                at = 7 * number + byte
+                if at < min(size, out.shape[1]):
+                    out[n, at] = packet[1 + byte]
+            if have == count:
+                rows[n], found[n], length[n] = row, which, size
+                n, which = n + 1, -1
+    return n, lost + (which >= 0)
