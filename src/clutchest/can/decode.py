@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.can import j1939
@@ -15,6 +16,7 @@ from clutchest.errors import ClutchestError
 from clutchest.signals import Why
 
 Rows = NDArray[np.intp]
+_KIND = int(Flag.EXTENDED | Flag.REMOTE | Flag.ERROR)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +42,20 @@ def rows_of(frames: Frames, message: Message, channel: int | None = None) -> Row
     is one, destination do not matter.
     """
     kind = Flag.EXTENDED if message.extended else 0
-    same = (frames.id & np.uint32(message.id_mask)) == (message.id & message.id_mask)
-    same &= (frames.flags & (Flag.EXTENDED | Flag.REMOTE | Flag.ERROR)) == kind
-    if channel is not None:
-        same &= frames.channel == channel
-    return np.flatnonzero(same)
+    return _matching(frames.id, frames.flags, frames.channel, message.id_mask,
+                     message.id & message.id_mask, int(kind),
+                     -1 if channel is None else channel)  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _matching(ids, flags, channels, mask, wanted, kind, channel):  # type: ignore[no-untyped-def]
+    rows = np.empty(len(ids), np.intp)
+    n = 0
+    for i in range(len(ids)):
+        same = (ids[i] & mask) == wanted and (flags[i] & _KIND) == kind
+        rows[n] = i
+        n += same and (channel < 0 or channels[i] == channel)
+    return rows[:n].copy()
 
 
 def decode(frames: Frames, rows: Rows, message: Message,
@@ -54,13 +65,13 @@ def decode(frames: Frames, rows: Rows, message: Message,
     Frames longer than the message are read as far as the DBC goes; in shorter ones every signal
     that does not lie wholly inside is TOO_SHORT.  Raises ClutchestError for an unknown signal.
     """
-    data, length = frames.data[rows], frames.length[rows]
-    return {name: _column(rows, data, length, message, message.signal(name))
+    length = frames.length[rows]
+    return {name: _column(rows, frames.data, length, message, message.signal(name))
             for name in signal_names}  # fmt: skip
 
 
-def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.uint8], message: Message,
-            layout: SignalLayout) -> Column:  # fmt: skip
+def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.unsignedinteger],
+            message: Message, layout: SignalLayout) -> Column:  # fmt: skip
     if layout.width > 64:
         raise ClutchestError(f"signal '{layout.name}' of message '{message.name}' has "
                              f"{layout.width} bits; at most 64 can be a number")  # fmt: skip
@@ -72,8 +83,8 @@ def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.uint8], mess
         selected = np.trunc(scaled(switch.raw, selector))
         keep = np.isin(selected, np.array(sorted(layout.multiplexer_ids), np.float64)) | unread
         inside = np.searchsorted(rows, switch.rows[keep])
-        rows, data, short = rows[inside], data[inside], short[inside] | unread[keep]
-    raw = extract(data, layout)
+        rows, short = rows[inside], short[inside] | unread[keep]
+    raw = _raw(data, rows, layout)
     value = scaled(raw, layout)
     why = (j1939.why_of(raw, layout.width, layout.spn) if layout.coded
            else np.zeros(len(rows), np.uint8))  # fmt: skip
@@ -86,20 +97,36 @@ def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.uint8], mess
 
 def extract(data: NDArray[np.uint8], layout: SignalLayout) -> NDArray:
     """Raw values (n,) from payloads (n, width): int64 if signed, else uint64."""
-    raw = np.zeros(len(data), np.uint64)
+    return _raw(data, np.arange(len(data)), layout)
+
+
+def _raw(data: NDArray[np.uint8], rows: Rows, layout: SignalLayout) -> NDArray:
+    """Raw values (n,) from the payloads in ``rows`` (n,)."""
     first, last = layout.first_bit // 8, layout.last_byte
     # Bits of the first byte before the signal; big endian: bits of the last byte behind it.
     below = (layout.first_bit % 8 if layout.little_endian
              else 8 * (last + 1) - layout.first_bit - layout.width)  # fmt: skip
-    for byte in range(first, min(last + 1, data.shape[1])):
-        shift = 8 * (byte - first if layout.little_endian else last - byte) - below
-        bits = data[:, byte].astype(np.uint64)
-        raw |= bits << np.uint64(shift) if shift >= 0 else bits >> np.uint64(-shift)
-    unused = np.uint64(64 - layout.width)
-    raw = (raw << unused) >> unused
-    if layout.signed and not layout.is_float:
-        return (raw << unused).view(np.int64) >> unused.astype(np.int64)
-    return raw
+    raw = np.empty(len(rows), np.uint64)
+    signed = layout.signed and not layout.is_float
+    _gather(data, rows, first, last, below, layout.little_endian, layout.width, signed, raw)
+    return raw.view(np.int64) if signed else raw
+
+
+@njit(cache=True, error_model="numpy")
+def _gather(data, rows, first, last, below, little, width, signed, raw):  # type: ignore[no-untyped-def]
+    """The bits of a signal in each of ``rows``, bytes beyond the payload's width read as 0."""
+    unused, end = np.uint64(64 - width), min(last, data.shape[1] - 1)
+    for k in range(len(rows)):
+        row, value = rows[k], np.uint64(0)
+        for byte in range(first, end + 1):
+            shift = 8 * (byte - first if little else last - byte) - below
+            bits = np.uint64(data[row, byte])
+            if shift >= 0:
+                value |= bits << np.uint64(shift)
+            else:
+                value |= bits >> np.uint64(-shift)
+        value = value << unused
+        raw[k] = np.uint64(np.int64(value) >> np.int64(unused)) if signed else value >> unused
 
 
 def scaled(raw: NDArray, layout: SignalLayout) -> NDArray[np.float64]:

@@ -232,7 +232,9 @@ class _Drive:
             keep &= channel == signal.channel
         sender = channel.astype(np.uint32) << np.uint32(8) | address
         speaking = keep & (column.why == Why.VALID)
-        senders, said = np.unique(sender[speaking], return_counts=True)
+        counts = np.bincount(sender[speaking])
+        senders = np.flatnonzero(counts)
+        said = counts[senders]
         if len(senders):
             chosen = senders[np.argmax(said)]
             keep &= sender == chosen

@@ -1,0 +1,1 @@
+"""How fast logs become signals and estimates, against the usual Python loop."""

@@ -1,0 +1,222 @@
+"""Logs to signals to estimates: seconds, µs per frame, and ratios formed within one turn.
+
+    python -m benchmarks.log_road [formats] [replay] [hour] [linear] [memory] [--json FILE]
+
+    formats   read and decode the mapped signals of the same file: clutchest, python-can with
+              cantools (asammdf for mf4), and the least that the bytes cost
+    replay    the whole replay against python-can, cantools and a filterpy filter
+    hour      `clutchest replay` of one hour, five messages at 100 Hz: wall clock and memory
+    linear    the whole replay from 10^4 to --most frames
+    memory    `clutchest replay` of larger and larger files (--gigabytes)
+
+What is compared runs in turn, --repeats times, so that whatever else the machine does meets all.
+Each figure is min / median / max over the turns.  clutchest's side does more than its peers': it
+maps to canonical signals, checks counters and counts what it rejects.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from benchmarks.log_road import drives, limits, peers
+
+import clutchest
+from clutchest.can.files import read_blocks, write_frames
+from clutchest.reading import load_database
+from clutchest.reading.mapping import mapped_messages
+
+Times = dict[str, list[float]]
+
+
+def in_turn(what: dict[str, Callable[[], object]], repeats: int) -> Times:
+    """Seconds of each, (repeats,); what compiles has been called once before."""
+    times: Times = {name: [] for name in what}
+    for _ in range(repeats):
+        for name, call in what.items():
+            begin = perf_counter()
+            call()
+            times[name].append(perf_counter() - begin)
+    return times
+
+
+def spread(values: Any) -> dict[str, float]:
+    """min, median, max."""
+    return {"min": float(np.min(values)), "median": float(np.median(values)),
+            "max": float(np.max(values))}  # fmt: skip
+
+
+def told(values: dict[str, float], unit: str = "", scale: float = 1.0) -> str:
+    return " / ".join(f"{scale * v:.3g}" for v in values.values()) + f" {unit}"
+
+
+def against(times: Times, ours: str, n: int, title: str) -> dict[str, Any]:
+    """µs per frame of each, and how many times as long as ``ours`` each takes."""
+    print(f"\n{title}, {n} frames")
+    result: dict[str, Any] = {"frames": n, "us_per_frame": {}, "ratio_to_clutchest": {}}
+    for name, seconds in times.items():
+        per_frame = spread(np.array(seconds) / n * 1e6)
+        ratio = spread(np.array(seconds) / np.array(times[ours]))
+        result["us_per_frame"][name], result["ratio_to_clutchest"][name] = per_frame, ratio
+        print(f"  {name:28s} {told(per_frame, 'µs/frame'):34s} × {told(ratio)}")
+    return result
+
+
+def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
+    vehicle = clutchest.load_vehicle(drives.VEHICLE)
+    database = load_database(vehicle)
+    wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
+    (dbc,) = database.paths
+    frames = drives.repeated(drives.drive(600), n)
+    results = {}
+    for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4"):
+        path = folder / f"drive{suffix}"
+        write_frames(frames, path)
+        limit, scan = limits.LIMITS.get(suffix, limits.SCAN)
+        peer = (
+            {"asammdf": lambda p=path: peers.extract_bus_logging(p, dbc)}
+            if suffix == ".mf4"
+            else {"python-can + cantools": lambda p=path: peers.read_and_decode(p, dbc, wanted)}
+        )
+        what: dict[str, Callable[[], object]] = {
+            "clutchest": lambda p=path: clutchest.read_log(p, vehicle),
+            "clutchest, frames only": lambda p=path: sum(map(len, read_blocks(p))),
+            f"the limit: {limit}": lambda p=path, scan=scan: scan(p),
+            **peer,
+        }
+        assert sum(map(len, read_blocks(path))) == n
+        results[suffix] = against(in_turn(what, repeats), "clutchest", n, suffix)
+        path.unlink()
+    return results
+
+
+def replay(folder: Path, repeats: int) -> dict[str, Any]:
+    """The peer reads and decodes as above, then filters event by event with filterpy."""
+    from clutchest.estimate.ekf import OnlineFilter
+    from clutchest.estimate.start import fresh
+    from clutchest.estimate.timeline import build
+    from clutchest.estimate.whole_log import compile_model, delays
+    from clutchest.models import model_for
+    from clutchest.record.files import write_run
+
+    vehicle = clutchest.load_vehicle(drives.VEHICLE)
+    database = load_database(vehicle)
+    wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
+    frames = drives.drive(120)
+    path = folder / "drive.log"
+    write_frames(frames, path)
+    signals = clutchest.read_log(path, vehicle)
+    compiled = compile_model(vehicle, model_for(vehicle.model, signals))
+    line = build(signals, vehicle, compiled.model, 10.0, delays(vehicle))
+    start = fresh(vehicle, compiled, line)
+
+    def ours() -> None:
+        run = clutchest.replay(clutchest.read_log(path, vehicle), vehicle)
+        write_run(run, folder / "out")
+
+    def theirs() -> None:
+        peers.read_and_decode(path, database.paths[0], wanted)
+        OnlineFilter(compiled, start, line).run()
+
+    ours()
+    times = in_turn({"clutchest": ours, "python-can, cantools, filterpy": theirs}, repeats)
+    return against(times, "clutchest", len(frames), "whole replay, recording included")
+
+
+def _replayed(log: Path, out: Path) -> dict[str, float]:
+    """`clutchest replay` in a process of its own: seconds of wall clock, peak memory in MiB."""
+    begin = perf_counter()
+    child = subprocess.Popen([sys.executable, "-m", "clutchest", "replay", str(log), "--vehicle",
+                              drives.VEHICLE, "--out", str(out)], stdout=subprocess.DEVNULL)  # fmt: skip
+    _, status, used = os.wait4(child.pid, 0)
+    if status:
+        sys.exit(f"clutchest replay {log} failed")
+    return {"seconds": perf_counter() - begin, "cpu_seconds": used.ru_utime + used.ru_stime,
+            "MiB": used.ru_maxrss / 1024}  # fmt: skip
+
+
+def hour(folder: Path, repeats: int) -> dict[str, Any]:
+    frames = drives.drive(3600)
+    write_frames(frames, folder / "hour.log")
+    runs = [_replayed(folder / "hour.log", folder / "out") for _ in range(repeats + 1)][1:]
+    result = {key: spread([run[key] for run in runs]) for key in runs[0]}
+    print(f"\none hour, {len(frames)} frames: {told(result['seconds'], 's')} of wall clock, "
+          f"{told(result['cpu_seconds'], 's')} of processor, {told(result['MiB'], 'MiB')}")  # fmt: skip
+    return {"frames": len(frames), **result}
+
+
+def linear(folder: Path, most: int) -> list[dict[str, float]]:
+    """The whole replay in this process, so that starting it does not hide the slope."""
+    from clutchest.record.files import write_run
+
+    vehicle = clutchest.load_vehicle(drives.VEHICLE)
+    frames = drives.drive(1200)
+    print("\nwhole replay by the number of frames")
+    curve = []
+    for n in (int(n) for n in np.logspace(4, 7, 7) if n <= most * 1.001):
+        write_frames(drives.repeated(frames, n), folder / "part.log")
+        begin = perf_counter()
+        run = clutchest.replay(clutchest.read_log(folder / "part.log", vehicle), vehicle)
+        write_run(run, folder / "out")
+        seconds = perf_counter() - begin
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        curve.append({"frames": n, "seconds": seconds, "us_per_frame": seconds / n * 1e6,
+                      "MiB": peak})  # fmt: skip
+        print(f"  {n:9d} frames {seconds:8.2f} s {seconds / n * 1e6:8.2f} µs/frame {peak:6.0f} MiB")
+    return curve
+
+
+def memory(folder: Path, gigabytes: list[float]) -> list[dict[str, float]]:
+    """Files of 500 frames/s that are mapped among 4500 that are not, as on a busy bus."""
+    frames = drives.busy(drives.drive(1200))
+    print("\nmemory of `clutchest replay` by the size of the log")
+    curve = []
+    for size in gigabytes:
+        path = folder / "busy.log"
+        drives.write_repeated(frames, path, int(size * 1e9))
+        used = _replayed(path, folder / "out")
+        curve.append({"gigabytes": path.stat().st_size / 1e9, **used})
+        print(f"  {size:5.2f} GB {used['seconds']:8.1f} s {used['MiB']:6.0f} MiB")
+        path.unlink()
+    return curve
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parts = ("formats", "replay", "hour", "linear", "memory")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(parts))
+    parser.add_argument("--frames", type=int, default=1_000_000)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--most", type=float, default=1e7)
+    parser.add_argument("--gigabytes", type=float, nargs="+", default=[0.2, 0.6, 2.0])
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    if unknown := set(given.parts) - set(parts):
+        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(parts)}")
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        calls: dict[str, Callable[[], object]] = {
+            "formats": lambda: formats(folder, given.frames, given.repeats),
+            "replay": lambda: replay(folder, given.repeats),
+            "hour": lambda: hour(folder, given.repeats),
+            "linear": lambda: linear(folder, int(given.most)),
+            "memory": lambda: memory(folder, given.gigabytes),
+        }
+        results = {part: calls[part]() for part in parts if part in given.parts or not given.parts}
+    if given.json:
+        given.json.write_text(json.dumps(results, indent=2))
+
+
+if __name__ == "__main__":
+    main()
