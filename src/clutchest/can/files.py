@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -41,32 +42,34 @@ def read_blocks(path: Path) -> Iterator[Frames]:
     blocks agree on ``absolute``.  Raises ClutchestError for a file that does not exist, is empty,
     or holds no frame at all.
     """
-    path = Path(path)
-    rejected: dict[str, int] = {}
+    with stream.opened(Path(path)) as source:
+        yield from blocks_of(source)
+
+
+def blocks_of(source: Source) -> Iterator[Frames]:
+    """As :func:`read_blocks`, of a log that is already open."""
+    if not source.head.strip():
+        raise ClutchestError(f"{source.path}: the file is empty; expected a CAN log: {_EXPECTED}")
+    rejected: Counter[str] = Counter()
     empty = 0  # blocks in a row
-    found = False
-    with stream.opened(path) as source:
-        if not source.head.strip():
-            raise ClutchestError(f"{path}: the file is empty; expected a CAN log: {_EXPECTED}")
-        for frames in _reader(source)(source):
-            for reason, count in frames.rejected:
-                rejected[reason] = rejected.get(reason, 0) + count
-            empty = 0 if len(frames) else empty + 1
-            found |= empty == 0
-            yield frames
-            if empty == stream.HOPELESS:
-                source.rejected["nothing readable for long, the rest left unread"] += 1
-                break
-        if source.cut:
-            source.rejected[stream.GZIP_CUT] += 1
-        rejected |= source.rejected
-        if not found:
-            why = ", ".join(f"{count} × {reason}" for reason, count in rejected.items())
-            raise ClutchestError(
-                f"{path}: no CAN frame could be read" + (f": {why}" if why else "")
-            )
-        if source.rejected:
-            yield Frames.empty(absolute=frames.absolute, rejected=tuple(source.rejected.items()))
+    found, absolute = False, True
+    for frames in _reader(source)(source):
+        rejected.update(dict(frames.rejected))
+        empty = 0 if len(frames) else empty + 1
+        found, absolute = found or not empty, frames.absolute
+        yield frames
+        if empty == stream.HOPELESS:
+            source.rejected["nothing readable for long, the rest left unread"] += 1
+            break
+    if source.cut:
+        source.rejected[stream.GZIP_CUT] += 1
+    if not found:
+        rejected.update(source.rejected)
+        told = [f"{count} × {reason}" for reason, count in rejected.items()]
+        why = ": " + ", ".join(told) if told else ""
+        raise ClutchestError(f"{source.path}: no CAN frame could be read{why}")
+    if source.rejected:
+        yield Frames.empty(absolute=absolute, rejected=tuple(source.rejected.items()))
 
 
 def read_frames(path: Path) -> Frames:

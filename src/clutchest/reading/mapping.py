@@ -236,10 +236,10 @@ class _Drive:
         senders = np.flatnonzero(counts)
         said = counts[senders]
         if len(senders):
-            chosen = senders[np.argmax(said)]
+            chosen = int(senders[np.argmax(said)])
             keep &= sender == chosen
         if len(senders) > 1:
-            listed = ", ".join(_sender(s, message) for s in senders)
+            listed = ", ".join(_sender(s, message) for s in senders.tolist())
             self.warnings.append(
                 f"{signal.name}: {bus.message}.{bus.signal} comes from several "
                 f"senders ({listed}); taken from {_sender(chosen, message)}"

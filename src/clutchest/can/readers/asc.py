@@ -17,7 +17,7 @@ from datetime import datetime
 import numpy as np
 
 from clutchest.can.frames import Frames
-from clutchest.can.readers import EPOCH_NS
+from clutchest.can.readers import EPOCH_NS, LAST_S
 from clutchest.can.readers.scan import (
     BAD_DATA,
     BAD_ID,
@@ -113,6 +113,8 @@ def _epoch_ns(date: re.Match[str]) -> int | None:
         whole = datetime(int(date["year"]), month or 0, int(date["day"]), hour,
                          int(date["minute"]), int(date["second"])).timestamp()  # fmt: skip
     except (ValueError, OverflowError, OSError):
+        return None
+    if not 0 <= whole < LAST_S:
         return None
     return round(whole) * 10**9 + int((date["part"] or "0")[:9].ljust(9, "0"))
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray as Column
 
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import EPOCH_NS
+from clutchest.can.readers import EPOCH_NS, LAST_S
 from clutchest.can.readers.scan import LENGTHS, Table, compiled
 from clutchest.can.readers.stream import BAD_DATA, BLOCK, Bytes, Source, zlib
 
@@ -74,7 +74,8 @@ def _start_ns(date: tuple[int, ...]) -> int:
         start = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
     except ValueError:
         return 0
-    return (int(start.timestamp()) * 1000 + millisecond) * 10**6
+    seconds = int(start.timestamp())
+    return (seconds * 1000 + millisecond) * 10**6 if 0 <= seconds < LAST_S else 0
 
 
 def _contents(source: Bytes, rejected: Counter[str]) -> Iterator[bytes]:
@@ -318,7 +319,7 @@ def _object(data: Column, start: int, i: int, end: int, kind: int, n: int, out: 
         flag, channel = _IS_ERROR | _IS_FD, _number(data, i, 1)
     else:
         return _OTHER
-    if count > 64:
+    if max(count, stated) > 64:
         return _BAD
     if flag & _IS_REMOTE:
         count, room = stated, 0

@@ -14,7 +14,7 @@ from asammdf.blocks.mdf_v4 import MDF4
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers.stream import Source
+from clutchest.can.readers.stream import Source, quiet
 from clutchest.errors import ClutchestError
 
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
@@ -27,12 +27,14 @@ def read(source: Source) -> Iterator[Frames]:
     if source.head[8:9] != b"4":
         raise ClutchestError(f"{source.path}: bus logging needs version 4 of MDF")
     try:
-        yield _frames(source)
+        with quiet("asammdf"):
+            frames = _frames(source)
     except ClutchestError:
         raise
     except Exception as error:  # asammdf has no errors of its own
         raise ClutchestError(f"{source.path}: the file is damaged "
                              f"({type(error).__name__}: {error})") from None  # fmt: skip
+    yield frames
 
 
 def _frames(source: Source) -> Frames:

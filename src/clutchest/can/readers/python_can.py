@@ -5,10 +5,10 @@ python-can holds times as float64 seconds, so stamps are good to 1 µs and are r
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
+from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from can.io.player import MESSAGE_READERS
 from can import LogReader, Message, SqliteReader
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.readers import counts_from_epoch
-from clutchest.can.readers.stream import Source
+from clutchest.can.readers.stream import Source, quiet
 from clutchest.errors import ClutchestError
 
 _OWN = {".asc", ".blf", ".csv", ".log", ".mf4", ".trc"}
@@ -28,10 +28,13 @@ _BROKEN = "file is damaged or ends early"
 
 def knows(path: Path) -> bool:
     """Whether python-can, or a plug-in of it, reads files with this suffix."""
-    from importlib.metadata import entry_points
+    return path.suffix.lower() in _suffixes()
 
+
+@cache
+def _suffixes() -> frozenset[str]:
     plugged = {plug.name for plug in entry_points(group="can.io.message_reader")}
-    return path.suffix.lower() in (set(MESSAGE_READERS) | plugged) - _OWN
+    return frozenset((set(MESSAGE_READERS) | plugged) - _OWN)
 
 
 def read(source: Source) -> Iterator[Frames]:
@@ -40,7 +43,7 @@ def read(source: Source) -> Iterator[Frames]:
         raise ClutchestError(f"{source.path}: this format cannot be read gzipped, unpack it first")
     is_sqlite = source.head[:15] == b"SQLite format 3"
     absolute, reading = None, True
-    with _quiet():
+    with quiet("can"):
         try:
             reader = SqliteReader(source.path) if is_sqlite else LogReader(source.path)
         except Exception as error:  # every format's library has its own
@@ -101,15 +104,3 @@ class _Columns:
                       columns[1].astype(np.uint32), columns[2].astype(np.uint8),
                       columns[3].astype(np.uint8), data.reshape(-1, width),
                       rejected=rejected)  # fmt: skip
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """python-can logs every broken line; here they are counted instead."""
-    logger = logging.getLogger("can")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)

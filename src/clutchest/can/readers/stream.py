@@ -7,6 +7,7 @@ next block needs, a line without an end is dropped, and a file that shows nothin
 
 from __future__ import annotations
 
+import logging
 import zlib as plain_zlib
 from collections import Counter
 from collections.abc import Iterator
@@ -149,3 +150,15 @@ def opened(path: Path) -> Iterator[Source]:
         if error.filename is not None and Path(error.filename) != path:
             raise
         raise ClutchestError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+@contextmanager
+def quiet(library: str) -> Iterator[None]:
+    """Libraries log what is broken in a file; here it is counted, or told in one line."""
+    logger = logging.getLogger(library)
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)

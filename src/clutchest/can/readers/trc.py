@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from clutchest.can.frames import Frames
-from clutchest.can.readers import EPOCH_NS
+from clutchest.can.readers import EPOCH_NS, LAST_S
 from clutchest.can.readers.scan import (
     BAD_DATA,
     BAD_ID,
@@ -45,18 +45,23 @@ from clutchest.can.readers.scan import (
     word,
 )  # fmt: skip
 from clutchest.can.readers.stream import Source
+from clutchest.errors import ClutchestError
 
 _COLUMNS = {"1.0": "NOILD", "1.1": "NOTILD", "1.2": "NOBTILD", "1.3": "NOBTIRLD"}
 _VERSION = re.compile(rb"^;\$FILEVERSION=(\d+\.\d+)", re.MULTILINE)
 _START = re.compile(rb"^;\$STARTTIME=(\d+(?:\.\d+)?)", re.MULTILINE)
 _STATED = re.compile(rb"^;\$COLUMNS=([A-Za-z](?:,[A-Za-z])*)", re.MULTILINE)
 _DAY_0 = datetime(1899, 12, 30, tzinfo=UTC)
+_LAST_DAY = 25_569 + LAST_S // 86_400
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def read(source: Source) -> Iterator[Frames]:
     """Frames of a trc log; lines that cannot be read are counted in ``rejected``."""
-    columns = np.frombuffer(_columns(source.head), np.uint8)
+    stated = _columns(source.head)
+    if missing := [name for name in ("O", "I", "lL", "D") if not set(name) & set(stated)]:
+        raise ClutchestError(f"{source.path}: its $COLUMNS name no {', '.join(missing)}")
+    columns = np.frombuffer(stated.encode(), np.uint8)
     start_ns = _start_ns(source.head)
     width = 8
     for block in source.lines():
@@ -65,18 +70,18 @@ def read(source: Source) -> Iterator[Frames]:
         yield replace(frames, absolute=start_ns >= EPOCH_NS)
 
 
-def _columns(head: bytes) -> bytes:
+def _columns(head: bytes) -> str:
     version = _VERSION.search(head)
     stated = _STATED.search(head)
     if version and version[1] >= b"2.0" and stated:
-        return stated[1].replace(b",", b"")
-    return _COLUMNS.get(version[1].decode() if version else "1.0", "NOTILD").encode()
+        return stated[1].decode().replace(",", "")
+    return _COLUMNS.get(version[1].decode() if version else "1.0", "NOTILD")
 
 
 def _start_ns(head: bytes) -> int:
     """The date of the first line's zero in ns since 1970; 0 without one."""
     days = _START.search(head)
-    if not days or not 0 < float(days[1]) < 1e6:
+    if not days or not 0 < float(days[1]) < _LAST_DAY:
         return 0
     since = _DAY_0 + timedelta(days=float(days[1])) - _EPOCH
     return since // timedelta(microseconds=1) * 1000

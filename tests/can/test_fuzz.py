@@ -1,0 +1,35 @@
+"""A short run of the fuzzer; the long ones are started by hand, see tests/fuzz."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fuzz.__main__ import fuzz
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc", ".csv"])
+def test_damaged_logs_are_read_or_refused(suffix, tmp_path):
+    results = fuzz(1000, seed=7, formats=[suffix], seconds=20, keep=tmp_path)
+    assert results.total() == 1000 and results[f"{suffix} frames"] > 200
+
+
+def test_a_damaged_mf4_is_read_or_refused(tmp_path, capfd):
+    assert fuzz(60, seed=7, formats=[".mf4"], seconds=20, keep=tmp_path).total() == 60
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.slow
+def test_no_index_leaves_its_array(tmp_path):
+    """The compiled readers again, compiled so that an index outside an array is an error."""
+    import os
+
+    tests = Path(__file__).parents[1]
+    environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path),
+                   "PYTHONPATH": os.pathsep.join([str(tests), *sys.path])}  # fmt: skip
+    subprocess.run([sys.executable, "-m", "fuzz", "--inputs", "4000", "--seed", "8", "--keep",
+                    str(tmp_path), "--formats", ".log", ".asc", ".blf", ".trc", ".csv"],
+                   env=environment, check=True, timeout=600)  # fmt: skip

@@ -1,0 +1,127 @@
+"""Feeds damaged logs to every reader: PYTHONPATH=tests python -m fuzz [--inputs 100000] [--seed 0]
+
+Each input must give frames that are sound, or a ClutchestError in one line, within --seconds and
+without growing the process beyond --mebibytes.  An input that does otherwise is kept in --keep and
+ends the run.  With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every index of the
+compiled readers is checked too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import signal
+import sys
+from collections import Counter
+from io import BytesIO
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from types import FrameType
+
+import numpy as np
+
+from clutchest.can.files import blocks_of, read_frames
+from clutchest.can.frames import Frames
+from clutchest.can.readers.stream import Source
+from clutchest.errors import ClutchestError
+from fuzz.mutate import mutated, packed, zipped
+
+SEEDS = Path(__file__).parent / "seeds"
+
+
+def sound(frames: Frames) -> None:
+    """Raises AssertionError if the columns contradict each other or the bus."""
+    n, width = frames.data.shape
+    assert width in (8, 64) and n > 0
+    for name in ("t_ns", "channel", "id", "flags", "length"):
+        assert len(getattr(frames, name)) == n, name
+    assert int(frames.length.max()) <= 64
+    assert int(frames.id.max()) < 1 << 29
+    behind = np.arange(width) >= frames.length[:, None]
+    assert not np.any(frames.data[behind]), "payload behind its length"
+    assert all(reason and count > 0 for reason, count in frames.rejected)
+
+
+def damaged(seeds: dict[str, bytes], random: Random) -> tuple[str, bytes]:
+    """(name of the seed, content) of the next input."""
+    name = random.choice(list(seeds))
+    content = mutated(seeds[name], list(seeds.values()), random)
+    if name.endswith(".blf"):
+        content = packed(content, random)
+    if random.random() < 0.05:
+        content = zipped(content, random)
+    return name, content
+
+
+def judged(path: Path, content: bytes) -> str:
+    """``frames`` or ``refused``.  Raises AssertionError, or whatever else a reader let through."""
+    try:
+        if content[:3] in (b"MDF", b"UnF"):  # asammdf wants a file
+            path.write_bytes(content)
+            frames = read_frames(path)
+        else:
+            frames = Frames.concatenate(list(blocks_of(Source(path, BytesIO(content)))))
+    except ClutchestError as problem:
+        assert str(path) in str(problem), "the error does not name the file"
+        assert "\n" not in str(problem), "the error has several lines"
+        return "refused"
+    sound(frames)
+    return "frames"
+
+
+def _too_slow(signum: int, frame: FrameType | None) -> None:
+    raise TimeoutError("took too long")
+
+
+def fuzz(inputs: int, seed: int, formats: list[str], seconds: float, keep: Path) -> Counter[str]:
+    """Runs; gives what became of the inputs by format.  Raises the first thing not allowed."""
+    seeds = {path.name: path.read_bytes() for path in sorted(SEEDS.iterdir())
+             if not formats or path.suffix in formats}  # fmt: skip
+    random, results = Random(seed), Counter[str]()
+    signal.signal(signal.SIGALRM, _too_slow)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "input"
+        for name, content in seeds.items():  # as they are; also compiles
+            assert judged(path, content) == "frames", name
+        for i in range(inputs):
+            name, content = damaged(seeds, random)
+            signal.setitimer(signal.ITIMER_REAL, seconds)
+            try:
+                result = judged(path, content)
+            except BaseException:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+                keep.mkdir(parents=True, exist_ok=True)
+                kept = keep / f"{seed}-{i}-{name}"
+                kept.write_bytes(content)
+                print(f"kept: {kept}", file=sys.stderr)
+                raise
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            results[f"{Path(name).suffix} {result}"] += 1
+    return results
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--inputs", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--formats", nargs="*", default=[], metavar="SUFFIX")
+    parser.add_argument("--seconds", type=float, default=5.0)
+    parser.add_argument("--mebibytes", type=float, default=600.0)
+    parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"))
+    given = parser.parse_args()
+    begin = perf_counter()
+    results = fuzz(given.inputs, given.seed, given.formats, given.seconds, given.keep)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    for what, count in sorted(results.items()):
+        print(f"{what:16s} {count:9d}")
+    print(f"{given.inputs} inputs in {perf_counter() - begin:.0f} s, peak memory {peak:.0f} MiB")
+    if peak > given.mebibytes:
+        sys.exit(f"more memory than {given.mebibytes:.0f} MiB")
+
+
+if __name__ == "__main__":
+    main()
