@@ -107,6 +107,8 @@ def _line(text: Bytes, i: int, n: int, out: Table) -> int:
     if end < 0:
         return BAD_DATA
     if flag & REMOTE:
+        for byte in range(count):
+            out.data[n, byte] = 0
         count = stated
     elif count > 8:
         flag |= FD  # the format does not say
