@@ -24,9 +24,9 @@ from clutchest.can.readers.stream import BAD_DATA, BLOCK, Bytes, Source, zlib
 _HEADER = struct.Struct("<4sL8B2Q2L8H8H")
 _OBJECT = struct.Struct("<4s2H2L")  # mark, length of the header, its version, length, type
 _CONTAINER = struct.Struct("<16xH14x")  # method; what it claims to hold is not believed
-_LARGEST = 4 * BLOCK  # bytes of one object, packed or not; what claims more is damaged
+_LARGEST = 16 << 20  # bytes of one object, packed or not; what claims more is damaged
 _DEEPEST = 4  # containers within containers
-_MOST_NESTED = 16 * BLOCK  # bytes that inner containers may make of one block
+_MOST_NESTED = 64 << 20  # bytes that inner containers may make of one block
 
 _BROKEN = "object is damaged"
 _CUT = "file ends early"

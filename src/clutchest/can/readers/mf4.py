@@ -19,6 +19,18 @@ from clutchest.errors import ClutchestError
 
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
+_CHANNELS = (
+    "BusChannel",
+    "ID",
+    "IDE",
+    "DLC",
+    "DataLength",
+    "DataBytes",
+    "Dir",
+    "EDL",
+    "BRS",
+    "ESI",
+)
 _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFrame": Flag.ERROR}
 
 
@@ -67,19 +79,21 @@ def _opened(file: Path | BytesIO) -> MDF:
 
 def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Frames:
     group: Any = mdf.groups[index]
-    present = {channel.name for channel in group.channels}
-
-    def column(name: str, default: int = 0) -> NDArray:
-        full = f"{kind}.{name}"
-        if full not in present:
-            return np.full(n, default)
-        samples: NDArray = mdf.get(full, group=index, raw=True).samples
-        if samples.dtype.kind == "S":  # some loggers write the direction in words
-            return (np.char.lower(samples) == b"tx").astype(np.uint8)
-        return samples
-
-    times = mdf.get_master(index)
+    present = {channel.name: place for place, channel in enumerate(group.channels)}
+    named = [name for name in _CHANNELS if f"{kind}.{name}" in present]
+    # All at once: asammdf unpacks the group's data anew for each call.
+    signals = mdf.select([(None, index, present[f"{kind}.{name}"]) for name in named], raw=True)
+    samples: dict[str, NDArray] = dict(zip(named, (s.samples for s in signals), strict=True))
+    times = signals[0].timestamps if signals else np.zeros(0)
     n = len(times)
+
+    def column(name: str) -> NDArray:
+        if name not in samples:
+            return np.zeros(n, np.int64)
+        if samples[name].dtype.kind == "S":  # some loggers write the direction in words
+            return (np.char.lower(samples[name]) == b"tx").astype(np.uint8)
+        return samples[name]
+
     ids = column("ID").astype(np.uint32)
     extended = (column("IDE") != 0) | (ids >> np.uint32(31) != 0)
     flags = np.full(n, _KINDS[kind], np.uint8)
@@ -88,7 +102,7 @@ def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Fr
     for name, flag in (("EDL", Flag.FD), ("BRS", Flag.BITRATE_SWITCH), ("ESI", Flag.ERROR_STATE),
                        ("Dir", Flag.SENT)):  # fmt: skip
         flags[column(name) != 0] |= np.uint8(flag)
-    length = column("DataLength" if f"{kind}.DataLength" in present else "DLC").astype(np.uint8)
+    length = column("DataLength" if "DataLength" in samples else "DLC").astype(np.uint8)
     payload = column("DataBytes")
     data = np.zeros((n, 64 if length.max() > 8 else 8), np.uint8)
     if payload.ndim == 2:

@@ -86,13 +86,13 @@ class Table(NamedTuple):
                       self.length[:n], self.data[:n], rejected=rejected)  # fmt: skip
 
 
-def filled(block: bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) -> Frames:
+def filled(text: Bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) -> Frames:
     """The frames in a block of whole lines.
 
     ``scan`` fills the table and its counts of rejected lines, and gives the number of frames, or a
     negative one where a payload is wider than the table.  ``width`` is the one to try first.
     """
-    text, rows = np.frombuffer(block, np.uint8), block.count(b"\n") + 1
+    rows = line_count(text) + 1
     n = WIDE
     while n < 0:
         counts, out = np.zeros(N_CODES, np.int64), Table.of(rows, width)
@@ -100,6 +100,15 @@ def filled(block: bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) 
         width = 64
     rejected = ((reason, int(counts[-code])) for code, reason in REASONS.items())
     return out.frames(n, tuple((reason, count) for reason, count in rejected if count))
+
+
+@compiled
+def line_count(text: Bytes) -> int:
+    """How many lines there are."""
+    count = 0
+    for char in text:
+        count += char == 10
+    return count
 
 
 @compiled
