@@ -14,6 +14,7 @@ import signal
 import sys
 from collections import Counter
 from io import BytesIO
+from math import inf
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -75,8 +76,19 @@ def _too_slow(signum: int, frame: FrameType | None) -> None:
     raise TimeoutError("took too long")
 
 
-def fuzz(inputs: int, seed: int, formats: list[str], seconds: float, keep: Path) -> Counter[str]:
-    """Runs; gives what became of the inputs by format.  Raises the first thing not allowed."""
+def fuzz(
+    inputs: int,
+    seed: int,
+    formats: list[str],
+    seconds: float,
+    keep: Path,
+    minutes: float = inf,
+) -> Counter[str]:
+    """What became of ``inputs`` by format, or of as many as ``minutes`` are enough for.
+
+    Raises the first thing that is not allowed.
+    """
+    end = perf_counter() + 60.0 * minutes
     seeds = {path.name: path.read_bytes() for path in sorted(SEEDS.iterdir())
              if not formats or path.suffix in formats}  # fmt: skip
     random, results = Random(seed), Counter[str]()
@@ -86,6 +98,8 @@ def fuzz(inputs: int, seed: int, formats: list[str], seconds: float, keep: Path)
         for name, content in seeds.items():  # as they are; also compiles
             assert judged(path, content) == "frames", name
         for i in range(inputs):
+            if perf_counter() > end:
+                break
             name, content = damaged(seeds, random)
             signal.setitimer(signal.ITIMER_REAL, seconds)
             try:
@@ -111,14 +125,16 @@ def main() -> None:
     parser.add_argument("--formats", nargs="*", default=[], metavar="SUFFIX")
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--mebibytes", type=float, default=600.0)
+    parser.add_argument("--minutes", type=float, default=inf, help="stop after so many")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"))
     given = parser.parse_args()
     begin = perf_counter()
-    results = fuzz(given.inputs, given.seed, given.formats, given.seconds, given.keep)
+    results = fuzz(given.inputs, given.seed, given.formats, given.seconds, given.keep,
+                   given.minutes)  # fmt: skip
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     for what, count in sorted(results.items()):
         print(f"{what:16s} {count:9d}")
-    print(f"{given.inputs} inputs in {perf_counter() - begin:.0f} s, peak memory {peak:.0f} MiB")
+    print(f"{results.total()} inputs in {perf_counter() - begin:.0f} s, peak memory {peak:.0f} MiB")
     if peak > given.mebibytes:
         sys.exit(f"more memory than {given.mebibytes:.0f} MiB")
 
