@@ -229,12 +229,12 @@ def regimes(
 
 
 def _blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
-    """Where the nearest samples on both sides lie further apart than ``gap`` s."""
-    after = np.searchsorted(signal.time, time)
-    before = np.clip(after - 1, 0, len(signal) - 1)
-    after = np.clip(after, 0, len(signal) - 1)
-    hole = signal.time[after] - signal.time[before] > gap
-    return hole | (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
+    """Where the nearest samples on both sides of ``time`` (sorted) are further apart than ``gap``."""
+    last = np.flatnonzero(np.diff(signal.time) > gap)  # samples before a hole
+    holes = np.zeros(len(time) + 1, np.int64)
+    np.add.at(holes, np.searchsorted(time, signal.time[last], "right"), 1)
+    np.add.at(holes, np.searchsorted(time, signal.time[last + 1], "right"), -1)
+    return (np.cumsum(holes[:-1]) > 0) | (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
 
 
 def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
