@@ -229,12 +229,13 @@ def regimes(
 
 
 def _blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
-    """Where the nearest samples on both sides of ``time`` (sorted) are further apart than ``gap``."""
+    """Where the nearest samples on both sides lie further apart than ``gap`` s; ``time`` sorted."""
     last = np.flatnonzero(np.diff(signal.time) > gap)  # samples before a hole
     holes = np.zeros(len(time) + 1, np.int64)
     np.add.at(holes, np.searchsorted(time, signal.time[last], "right"), 1)
     np.add.at(holes, np.searchsorted(time, signal.time[last + 1], "right"), -1)
-    return (np.cumsum(holes[:-1]) > 0) | (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
+    outside = (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
+    return (np.cumsum(holes[:-1]) > 0) | outside
 
 
 def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
