@@ -257,3 +257,23 @@ def test_the_same_frames_in_two_files_count_once(logs, truck) -> None:
     signals = read_log([one, copy], truck)
     assert len(signals["engine_speed"]) == 100
     assert dict(signals.counts.rejected) == {"copy": 100}
+
+
+def test_a_clock_that_goes_back_is_told_and_put_in_order(send, truck, tmp_path) -> None:
+    frames = send("EEC1", EngineSpeed=np.linspace(600, 700, 100))
+    frames.t_ns[40:60] -= 300_000_000
+    write_frames(frames, tmp_path / "a.log")
+    signals = read_log(tmp_path / "a.log", truck)
+    assert len(signals["engine_speed"]) == 100
+    assert np.all(np.diff(signals["engine_speed"].time) >= 0)
+    assert any("a.log: the clock goes back 1 time, by 0.29 s" in w for w in signals.warnings)
+
+
+def test_a_frame_that_is_told_twice_counts_once(send, truck, tmp_path) -> None:
+    frames = send("EEC1", EngineSpeed=np.linspace(600, 700, 100))
+    again = frames.take(np.arange(30, 50))
+    write_frames(Frames.concatenate([frames, again]).sorted(), tmp_path / "a.log")
+    signals = read_log(tmp_path / "a.log", truck)
+    assert len(signals["engine_speed"]) == 100
+    assert signals.counts.rejected["copy"] == 20
+    assert signals.counts.frames == 120

@@ -36,6 +36,7 @@ class _Piece:
     absolute: bool
     start: int = 0
     end: int = 0
+    warning: str = ""
 
 
 def read_log(
@@ -66,6 +67,7 @@ def read_log(
               for path, is_table in zip(found, tabular, strict=True)]  # fmt: skip
     drives: list[Signals] = []
     empty: list[NoMappedFrame] = []
+    warnings: list[str] = []
     for group in _groups(pieces):
         tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
         if tables:
@@ -74,7 +76,8 @@ def read_log(
             continue
         sources = tuple(str(piece.path) for piece in group)
         frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
-        frames = frames.sorted() if len(group) == 1 else _without_copies(frames.sorted())
+        frames = _without_copies(frames.sorted())
+        warnings += [piece.warning for piece in group if piece.warning]
         for part in _split(frames):
             inside = window.of_frames(part, sources)
             if not len(inside):
@@ -89,9 +92,8 @@ def read_log(
         raise ClutchestError(f"{' '.join(map(str, found))}: nothing in the stretch asked for; "
                              + _spans(pieces))  # fmt: skip
     first, *later = drives
-    return replace(
-        first, later=tuple(later), warnings=(*first.warnings, *(str(problem) for problem in empty))
-    )
+    told = (*warnings, *first.warnings, *(str(problem) for problem in empty))
+    return replace(first, later=tuple(later), warnings=told)
 
 
 def _located(given: list[Path | str]) -> list[Path]:
@@ -148,7 +150,13 @@ def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
     """What is wanted of a log, which itself may be larger than memory."""
     sieve = Sieve(wanted, int(HOLE_S * 1e9))
     frames = Frames.concatenate([sieve.sift(block) for block in files.read_blocks(path)])
-    return _Piece(path, frames, frames.absolute, int(frames.t_ns.min()), int(frames.t_ns.max()))
+    first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
+    back = np.diff(frames.t_ns)
+    back = back[back < 0]
+    warning = (f"{path.name}: the clock goes back {len(back)} time{'s' * (len(back) > 1)}, by "
+               f"{-back.min() / 1e9:g} s at most; frames are taken in order of time"
+               if len(back) else "")  # fmt: skip
+    return _Piece(path, frames, frames.absolute, first, last, warning)
 
 
 def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
@@ -171,7 +179,7 @@ def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
 
 
 def _without_copies(frames: Frames) -> Frames:
-    """Without frames (sorted) that stand in two files: what is heard twice is no second reading."""
+    """Without frames (sorted) that are told twice, by two files or one: no second reading."""
     close = np.flatnonzero(np.diff(frames.t_ns) == 0)
     rows = np.union1d(close, close + 1)
     if not len(rows):
@@ -184,7 +192,8 @@ def _without_copies(frames: Frames) -> Frames:
     kept[rows[first]] = True
     copies = int((~kept).sum())
     frames = frames.take(kept)
-    return replace(frames, rejected=(*frames.rejected, ("copy", copies))) if copies else frames
+    passed_over = (*frames.passed_over, ("copy", copies))
+    return replace(frames, passed_over=passed_over) if copies else frames
 
 
 def _split(frames: Frames) -> list[Frames]:

@@ -38,6 +38,7 @@ REASONS = {
     CUT: "payload is shorter than its stated length",
 }
 N_CODES = 9
+SHORTEST = 5  # characters of a line that holds a frame; the least there can be are 6
 
 HEX = np.full(256, -1, np.int64)  # value of a hexadecimal digit
 for _value, _chars in enumerate(zip("0123456789abcdef", "0123456789ABCDEF", strict=True)):
@@ -82,8 +83,10 @@ class Table(NamedTuple):
 
     def frames(self, n: int, rejected: tuple[tuple[str, int], ...] = ()) -> Frames:
         """The first ``n`` rows, with what was rejected."""
-        return Frames(self.t_ns[:n], self.channel[:n], self.id[:n], self.flags[:n],
-                      self.length[:n], self.data[:n], rejected=rejected)  # fmt: skip
+        frames = Frames(self.t_ns[:n], self.channel[:n], self.id[:n], self.flags[:n],
+                        self.length[:n], self.data[:n], rejected=rejected)  # fmt: skip
+        # The slices would hold on to the room that was not needed.
+        return frames if 2 * n >= len(self.t_ns) else frames.take(np.arange(n))
 
 
 def filled(text: Bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) -> Frames:
@@ -92,7 +95,7 @@ def filled(text: Bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) -
     ``scan`` fills the table and its counts of rejected lines, and gives the number of frames, or a
     negative one where a payload is wider than the table.  ``width`` is the one to try first.
     """
-    rows = line_count(text) + 1
+    rows = min(line_count(text), len(text) // SHORTEST) + 1
     n = WIDE
     while n < 0:
         counts, out = np.zeros(N_CODES, np.int64), Table.of(rows, width)
