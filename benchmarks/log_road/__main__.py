@@ -28,6 +28,7 @@ from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
+import cantools
 import numpy as np
 from benchmarks.log_road import drives, limits, peers
 
@@ -91,6 +92,7 @@ def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
     database = load_database(vehicle)
     wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
     (dbc,) = database.paths
+    usual = cantools.database.load_file(dbc)
     frames = drives.repeated(drives.drive(600), n)
     results = {}
     for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4"):
@@ -106,14 +108,14 @@ def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
         if suffix == ".mf4":
             what["asammdf"] = lambda p=path: peers.extract_bus_logging(p, dbc)
         else:
-            what["python-can + cantools"] = lambda p=path: peers.read_and_decode(p, dbc, wanted)
+            what["python-can + cantools"] = lambda p=path: peers.read_and_decode(p, usual, wanted)
         assert sum(map(len, read_blocks(path))) == n
         results[suffix] = against(in_turn(what, repeats), "clutchest", n, suffix)
         path.unlink()
     return results
 
 
-def replay(folder: Path, repeats: int) -> dict[str, Any]:
+def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
     """The peer reads and decodes as above, then filters event by event with filterpy."""
     from clutchest.estimate.ekf import OnlineFilter
     from clutchest.estimate.start import fresh
@@ -125,7 +127,8 @@ def replay(folder: Path, repeats: int) -> dict[str, Any]:
     vehicle = clutchest.load_vehicle(drives.VEHICLE)
     database = load_database(vehicle)
     wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
-    frames = drives.drive(120)
+    usual = cantools.database.load_file(database.paths[0])
+    frames = drives.drive(seconds)
     path = folder / "drive.log"
     write_frames(frames, path)
     signals = clutchest.read_log(path, vehicle)
@@ -138,7 +141,7 @@ def replay(folder: Path, repeats: int) -> dict[str, Any]:
         write_run(run, folder / "out")
 
     def theirs() -> None:
-        peers.read_and_decode(path, database.paths[0], wanted)
+        peers.read_and_decode(path, usual, wanted)
         OnlineFilter(compiled, start, line).run()
 
     ours()
@@ -215,6 +218,7 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(parts))
     parser.add_argument("--frames", type=int, default=1_000_000)
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=600.0, help="of drive in `replay`")
     parser.add_argument("--most", type=float, default=1e7)
     parser.add_argument("--gigabytes", type=float, nargs="+", default=[0.2, 0.6, 2.0])
     parser.add_argument("--json", type=Path)
@@ -225,7 +229,7 @@ def main() -> None:
         folder = Path(name)
         calls: dict[str, Callable[[], object]] = {
             "formats": lambda: formats(folder, given.frames, given.repeats),
-            "replay": lambda: replay(folder, given.repeats),
+            "replay": lambda: replay(folder, given.repeats, given.seconds),
             "hour": lambda: hour(folder, given.repeats),
             "linear": lambda: linear(folder, int(given.most)),
             "memory": lambda: memory(folder, given.gigabytes),

@@ -15,12 +15,13 @@ READERS = {
 }  # fmt: skip
 
 
-def read_and_decode(path: Path, dbc: Path, wanted: dict[str, set[str]]) -> int:
+def read_and_decode(
+    path: Path, database: cantools.database.can.Database, wanted: dict[str, set[str]]
+) -> int:
     """Every mapped signal of every frame, in lists; the number of frames.
 
     Messages are looked up by parameter group, once per id, as J1939 needs it.
     """
-    database = cantools.database.load_file(dbc)
     messages = [database.get_message_by_name(name) for name in wanted]
     known: dict[int, object] = {}
     samples: dict[str, list[tuple[float, float]]] = {}
