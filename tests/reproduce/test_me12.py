@@ -26,7 +26,7 @@ def setup():
 
 
 def test_every_row_of_the_paper_is_there():
-    assert list(CLAIMS) == [f"D{k}" for k in range(1, 11)]
+    assert list(CLAIMS) == [*(f"D{k}" for k in range(1, 11)), "k_P"]
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -81,6 +81,26 @@ def test_margin_ends_where_the_row_fails():
     found = margin(lambda size: Verdict("", size < 5.3), 1.0)
     assert found == Margin(1.0, 5.0, 6.0)
     assert margin(lambda size: Verdict("", True), 1.0) == Margin(1.0, 16.0, None)
+
+
+def test_stored_margins_are_those_of_the_shipped_numbers(setup):
+    known = me12.margins(setup)
+    assert set(known) == {claim.name for claim in me12.CLAIMS if claim.strained_by}
+    for name, of_row in known.items():
+        assert set(of_row) == set(CLAIMS[name].strained_by)
+        for imperfection, found in of_row.items():
+            assert found.size == getattr(setup.imperfections, imperfection)
+            assert found.fails_at is None or found.size <= found.holds_at < found.fails_at
+    assert me12.margins(setup.wrong(torque_delay=0.06)) == {}
+
+
+@pytest.mark.slow
+def test_a_stored_margin_is_where_the_row_fails(setup):
+    found = me12.margins(setup)["D8"]["torque_delay"]
+    judge = CLAIMS["D8"].judge
+    assert judge(setup.wrong(torque_delay=found.holds_at)).passed
+    assert found.fails_at is not None
+    assert not judge(setup.wrong(torque_delay=found.fails_at)).passed
 
 
 @pytest.mark.slow

@@ -63,7 +63,7 @@ def discover(
         car = load_vehicle(vehicle)
         for path in effects or ():  # a slip of the pen shows now, not when the logs are read
             effects_of_file(path)
-        _apart(logs, holdout or ())
+        apart(logs, holdout or ())
         show("reading", None)
         signals = read_log(logs, car)
         held_out = read_log(holdout, car).drives if holdout else None
@@ -76,7 +76,7 @@ def discover(
     answer(found.summary(), as_json, lambda console: print_discovery(found, console), out, names)
 
 
-def _apart(logs: list[str], holdout: list[str] | tuple[()]) -> None:
+def apart(logs: list[str], holdout: list[str] | tuple[()]) -> None:
     """No log may both find a cause and measure what it is worth."""
     used = {Path(log).resolve() for log in logs}
     for log in holdout:

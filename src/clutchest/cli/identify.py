@@ -8,6 +8,7 @@ import typer
 
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName
 from clutchest.cli.terminal import answer, progress
+from clutchest.identify import PROCEDURES
 
 
 def identify(
@@ -16,26 +17,38 @@ def identify(
         typer.Argument(
             metavar="PROCEDURE",
             show_default=False,
-            help="noise: noise, its AR(1) coefficient and the delay of every signal.",
+            help=" ".join(f"{p.name}: {p.what}." for p in PROCEDURES.values()),
         ),
     ],
     logs: Logs,
     vehicle: VehicleName,
+    holdout: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--holdout",
+            metavar="LOG",
+            show_default=False,
+            help="A log that is not fitted, only used to measure what the numbers are worth; "
+            "repeat for several.",
+        ),
+    ] = None,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
     """Fit numbers of a vehicle file to your own logs.
 
-    Writes vehicle.toml (the vehicle with the numbers that the logs determine), fit.json (each
-    with its interval, or why it cannot be told) and pictures.
+    Writes vehicle.toml (the vehicle with the numbers that the logs determine, their spreads and
+    source), fit.json (each with its interval, or why it cannot be told) and pictures.
 
     \b
     Example:
       clutchest identify noise monday.log --vehicle truck --out tuned
-      clutchest replay tuesday.log --vehicle tuned/vehicle.toml
+      clutchest identify disc ramps.log --holdout tuesday.log --vehicle tuned/vehicle.toml
+      clutchest replay wednesday.log --vehicle tuned/vehicle.toml
     """
     with progress() as show:
         show("loading", None)
+        from clutchest.cli.discover import apart
         from clutchest.identify import procedure
         from clutchest.identify.fit import print_fit
         from clutchest.reading import read_log
@@ -44,8 +57,10 @@ def identify(
 
         run = procedure(name)
         car = load_vehicle(vehicle)
+        apart(logs, holdout or ())
         show("reading", None)
-        fit = run(read_log(logs, car), car, show)
+        held_out = read_log(holdout, car) if holdout else None
+        fit = run(read_log(logs, car), car, show, held_out)
         show("writing", None)
         with finished_into(out) as folder:
             (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")

@@ -22,16 +22,29 @@ class Procedure:
     """One way to learn numbers of the vehicle file from a log.
 
     ``what`` it finds, in a few words; ``module`` has ``identify(signals, vehicle, progress)``,
-    loaded when it is first asked for.
+    loaded when it is first asked for.  If it ``validates``, that takes ``holdout`` too: drives that
+    only measure what the numbers are worth.
     """
 
     name: str
     what: str
     module: str
+    validates: bool = True
 
-    def __call__(self, signals: Signals, vehicle: Vehicle, progress: Progress) -> Fit:
+    def __call__(
+        self,
+        signals: Signals,
+        vehicle: Vehicle,
+        progress: Progress,
+        holdout: Signals | None = None,
+    ) -> Fit:
         """Run it on all drives of ``signals``.  Raises ClutchestError if they cannot serve."""
-        fit: Fit = import_module(self.module).identify(signals, vehicle, progress)
+        run = import_module(self.module).identify
+        if holdout is not None and not self.validates:
+            raise ClutchestError(f"procedure '{self.name}' takes no --holdout: it says itself how "
+                                 "sure it is")  # fmt: skip
+        fit: Fit = (run(signals, vehicle, progress, holdout) if self.validates
+                    else run(signals, vehicle, progress))  # fmt: skip
         return fit
 
 
@@ -42,6 +55,32 @@ PROCEDURES = {
             "noise",
             "noise, its AR(1) coefficient and the delay of every signal, from any healthy log",
             "clutchest.identify.noise",
+            validates=False,
+        ),
+        Procedure(
+            "torque-curve",
+            "a, b and x_ISP of the torque curve, from ramps of the position",
+            "clutchest.identify.torque_curve",
+        ),
+        Procedure(
+            "expansion",
+            "expansion with the body's temperature, from heating and cool-down",
+            "clutchest.identify.expansion",
+        ),
+        Procedure(
+            "thermal",
+            "capacities and conductances of body and housing, from heating and cool-down",
+            "clutchest.identify.thermal",
+        ),
+        Procedure(
+            "disc",
+            "the disc's expansion, capacity and conductance, from slips that heat it",
+            "clutchest.identify.disc",
+        ),
+        Procedure(
+            "all",
+            "every parameter that has a spread, from all of a log",
+            "clutchest.identify.joint",
         ),
     )
 }

@@ -41,11 +41,29 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
+class Validation:
+    """Numbers of the file (``before``) and found ones (``after``) on ``logs`` that were not used.
+
+    Root mean square error of the clutch torque (Nm, None where it never slips) and of the zero
+    position (mm, None where it is never read), all other numbers fitted within their spreads;
+    ``gained``: by how much ln(probability) of the logs rose.
+    """
+
+    logs: tuple[str, ...]
+    torque_before: float | None
+    torque_after: float | None
+    zero_position_before: float | None
+    zero_position_after: float | None
+    gained: float
+
+
+@dataclass(frozen=True, slots=True)
 class Fit:
     """The result of one procedure.
 
-    ``vehicle`` has the found numbers in it.  ``parameters``: key in the vehicle file, dotted, to
-    what was found.  ``draw`` writes the pictures into a folder.
+    ``vehicle`` has the found numbers in it.  ``parameters``: key in the vehicle file, dotted unless
+    it is a parameter's, to what was found.  ``draw`` writes the pictures into a folder.
+    ``validation``: what the numbers are worth on logs not used to find them, None without any.
     """
 
     procedure: str
@@ -55,6 +73,7 @@ class Fit:
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     draw: Callable[[Path], None]
+    validation: Validation | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The contents of ``fit.json``."""
@@ -63,6 +82,7 @@ class Fit:
             "vehicle": self.vehicle.name,
             "logs": [Path(source).name for source in self.sources],
             "parameters": {key: asdict(fitted) for key, fitted in self.parameters.items()},
+            "validation": None if self.validation is None else asdict(self.validation),
             "notes": list(self.notes),
             "warnings": list(self.warnings),
         }
@@ -84,24 +104,44 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table("signal", "", "was", "is", "95 %", title=f"{fit.vehicle.name}: {fit.procedure}",
+    table = Table("", "", "was", "is", "95 %", title=f"{fit.vehicle.name}: {fit.procedure}",
                   title_justify="left")  # fmt: skip
     last = ""
     for key, fitted in fit.parameters.items():
-        section, _, leaf = key.rpartition(".")
-        name = section.rpartition(".")[2]
-        was = getattr(before.signals[name], leaf)
+        if key in before.parameters:
+            name, leaf = key, ""
+            prior = fitted.prior_std or 0.0
+            was = f"{before.parameters[key].value:.4g} ± {prior:.2g}"
+            is_ = f"{fitted.value:.4g} ± {fitted.std or 0.0:.2g}"
+        else:
+            section, _, leaf = key.rpartition(".")
+            name = section.rpartition(".")[2]
+            was, is_ = f"{getattr(before.signals[name], leaf):.4g}", f"{fitted.value:.4g}"
         unit = "" if fitted.unit == "1" else f" {fitted.unit}"
         first, last = ("" if name == last else name), name
         if fitted.determined:
             span = f"{fitted.low:.3g} … {fitted.high:.3g}"
             note = f"; {fitted.note}" if fitted.note else ""
-            table.add_row(first, leaf, f"{was:.4g}", f"{fitted.value:.4g}{unit}",
-                          escape(span + note))  # fmt: skip
+            table.add_row(first, leaf, was, is_ + unit, escape(span + note))
         else:
-            table.add_row(first, leaf, f"{was:.4g}", "–", escape(fitted.why or ""), style="dim")
+            table.add_row(first, leaf, was, "–", escape(fitted.why or ""), style="dim")
     console.print(table)
+    if fit.validation is not None:
+        console.print(escape(_in_words(fit.validation)))
     for note in fit.notes:
         console.print(escape(note))
     for warning in fit.warnings:
         console.print(f"[yellow]warning:[/] {escape(warning)}")
+
+
+def _in_words(found: Validation) -> str:
+    """The validation in a line."""
+    words = []
+    for what, unit, scale, before, after in (
+        ("clutch torque", "Nm", 1.0, found.torque_before, found.torque_after),
+        ("zero position", "µm", 1e3, found.zero_position_before, found.zero_position_after),
+    ):
+        if before is not None and after is not None:
+            words.append(f"error of {what} {scale * before:.3g} → {scale * after:.3g} {unit}")
+    return (f"Validation on {', '.join(found.logs)}: {'; '.join(words)}; "
+            f"ln(probability) {found.gained:+.1f}")  # fmt: skip

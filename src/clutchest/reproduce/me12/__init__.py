@@ -1,7 +1,7 @@
-"""[ME12] redone: one file per experiment with what it shows (D1 … D10), ``figures`` draws them.
+"""[ME12] redone: one file per experiment with what it shows (D1 … D10, k_P).
 
-``data`` makes the stand-in for the paper's measurements, ``model`` runs the paper's model beside
-it.  All rows hold for one parameter set, the shipped truck's.
+``figures`` draws them, ``data`` makes the stand-in for the paper's measurements, ``model`` runs the
+paper's model beside it.  All rows hold for one parameter set, the shipped truck's.
 """
 
 from __future__ import annotations
@@ -13,7 +13,17 @@ from functools import partial
 from importlib.resources import files
 
 from clutchest.reproduce.claim import Claim, Margin, Progress, Reproduction, Row, judged
-from clutchest.reproduce.me12 import curve, delay, expansion, heat, launch, limits, pulses, slip
+from clutchest.reproduce.me12 import (
+    curve,
+    delay,
+    expansion,
+    heat,
+    launch,
+    limits,
+    pulses,
+    slip,
+    split,
+)
 from clutchest.reproduce.me12.data import Setup
 from clutchest.vehicle import load_vehicle
 
@@ -22,7 +32,7 @@ TITLE = ("A. Myklebust, L. Eriksson: Torque Model with Fast and Slow Temperature
 VEHICLE = "truck"
 CLAIMS: tuple[Claim[Setup], ...] = (
     *curve.CLAIMS, *slip.CLAIMS, *expansion.CLAIMS, *heat.CLAIMS, *pulses.CLAIMS, *launch.CLAIMS,
-    *delay.CLAIMS, *limits.CLAIMS,
+    *delay.CLAIMS, *limits.CLAIMS, *split.CLAIMS,
 )  # fmt: skip
 MARGINS = "margins.json"  # written by benchmarks/margins.py
 

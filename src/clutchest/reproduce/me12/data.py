@@ -85,13 +85,15 @@ class Temperatures:
 @dataclass(frozen=True)
 class Setup:
     """``vehicle``: the model's numbers; ``truck``: those of the generator's truck before any
-    imperfection; ``effects`` that act in the truth; P measured or P modelled."""
+    imperfection; ``effects`` that act in the truth; P measured or P modelled; whether C_d and k_d2b
+    are ``refitted`` where k_P is another."""
 
     vehicle: Vehicle
     truck: Vehicle
     imperfections: Imperfections = field(default_factory=Imperfections)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     power_measured: bool = True
+    refitted: bool = True
     made: dict[str, Signals] = field(default_factory=dict, repr=False, compare=False)
 
     def modelled(self, **numbers: float) -> Setup:

@@ -1,0 +1,162 @@
+"""Parameters of the equations from logs: the most probable values, given the vehicle file's.
+
+The joint likelihood is that of the filter's innovations, see
+:class:`~clutchest.identify.maximum.Fitter`; every number that has a spread and every drive's first
+states are estimated along, within their priors.  So the standard deviation of what a procedure is
+after contains what is not known of everything else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import least_squares
+
+from clutchest.errors import ClutchestError
+from clutchest.estimate.whole_log import Progress
+from clutchest.identify.linearised import Problem
+from clutchest.identify.maximum import Fitter, Look
+from clutchest.models import model_for
+from clutchest.models.model import Model
+from clutchest.signals import Floats, Signals
+from clutchest.vehicle import Vehicle
+
+NO_OTHERS: Mapping[str, float] = MappingProxyType({})
+MOST = 12  # evaluations; the fitter's own steps come close
+
+
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """What is probable: ``theta`` (m) in units of the priors' standard deviations, ``covariance``
+    (m, m), and the ``problem`` whose numbers they are; its drives stand at ``theta``."""
+
+    problem: Problem
+    fitter: Fitter
+    look: Look
+    theta: Floats
+    covariance: Floats
+
+    def of(self, key: str) -> tuple[float, float] | None:
+        """Value and standard deviation of a parameter; None where the file gives it no spread."""
+        for i, t in enumerate(self.problem.thetas):
+            if (t.owner, t.key) == ("parameter", key):
+                nominal = self.problem.vehicle.parameters[key].value
+                std = float(np.sqrt(self.covariance[i, i]))
+                return nominal + float(self.theta[i] * t.unit), std * t.unit
+        return None
+
+
+def problem_of(
+    signals: Signals,
+    vehicle: Vehicle,
+    sensor: str | None = None,
+    progress: Progress | None = None,
+) -> Problem:
+    """The drives as the equations see them; with ``sensor``, its readings alone count, and heat is
+    that of the measured torque, so that the torque curve is of no concern.
+
+    Raises ClutchestError where they have no reading that tells of any parameter.
+    """
+    model: Model | None = None
+    if sensor:
+        from clutchest.models.dry_clutch import with_measured_power
+
+        names = set.intersection(*(set(drive) for drive in signals.drives))
+        model = model_for(vehicle.model, names)
+        if "slave_position" not in names:
+            raise ClutchestError("no signal 'slave_position' in this log: no zero position is read")
+        model = with_measured_power(model)
+    problem = Problem(signals, vehicle, (), progress, model)
+    if sensor:
+        _restrict(problem, problem.compiled.model.sensor(sensor))
+    if not sum(len(drive.rows) for drive in problem.drives):
+        what = sensor or "engine_speed while slipping"
+        raise ClutchestError(f"these logs have no reading of {what} that tells of any parameter")
+    return problem
+
+
+def _restrict(problem: Problem, sensor: int) -> None:
+    """Only readings of one sensor count."""
+    for drive in problem.drives:
+        keep = drive.sensor == sensor
+        drive.rows, drive.t, drive.sensor = drive.rows[keep], drive.t[keep], drive.sensor[keep]
+        drive.row, drive.mode, drive.std = drive.row[keep], drive.mode[keep], drive.std[keep]
+
+
+def most_probable(problem: Problem, progress: Progress | None = None) -> Posterior:
+    """All numbers of a problem at once."""
+    if progress:
+        progress("fitting", None)
+    fitter = Fitter(problem)
+    look = fitter.settle(np.zeros(len(problem.thetas)))
+    low, high = bounds(problem)
+    seen: list[tuple[Floats, Look]] = []
+
+    def at(theta: Floats) -> Look:
+        if not seen or np.any(seen[0][0] != theta):
+            seen[:] = [(theta.copy(), fitter.look(theta))]
+        return seen[0][1]
+
+    free = problem.nuisances
+    prior = np.eye(len(free))
+
+    def with_held(numbers: Floats) -> Floats:
+        theta = look.theta.copy()
+        theta[free] = numbers
+        return theta
+
+    found = least_squares(
+        lambda x: np.concatenate([_seen(fitter, at(with_held(x)).r), x]),
+        np.clip(look.theta[free], low[free], high[free]),
+        lambda x: np.vstack([_seen(fitter, at(with_held(x)).psi[:, free]), prior]),
+        bounds=(low[free], high[free]), ftol=1e-6, xtol=1e-6, gtol=1e-6, max_nfev=MOST,
+    )  # fmt: skip
+    covariance = np.zeros((len(low), len(low)))
+    covariance[np.ix_(free, free)] = np.linalg.inv(found.jac.T @ found.jac)
+    theta = with_held(found.x)
+    return Posterior(problem, fitter, at(theta), theta, covariance)
+
+
+def hold(problem: Problem, *names: tuple[str, str]) -> list[int]:
+    """Numbers (owner, key) that are taken for exact from now on; gives their places in θ."""
+    held = [i for i, t in enumerate(problem.thetas) if (t.owner, t.key) in names]
+    problem.nuisances = np.setdiff1d(problem.nuisances, held)
+    return held
+
+
+def _seen(fitter: Fitter, values: Floats) -> Floats:
+    """What of ``values`` (K, …) lies in the span that fits are judged by."""
+    return values if fitter.span is None else fitter.span.T @ values
+
+
+def bounds(problem: Problem) -> tuple[Floats, Floats]:
+    """What the equations allow (m)."""
+    allowed = {p.key: (p.lower, p.upper) for p in problem.compiled.model.parameters}
+    low, high = np.full(len(problem.thetas), -np.inf), np.full(len(problem.thetas), np.inf)
+    for i, t in enumerate(problem.thetas):
+        if t.owner == "parameter":
+            value = problem.vehicle.parameters[t.key].value
+            low[i], high[i] = ((end - value) / t.unit for end in allowed[t.key])
+    return low, high
+
+
+def along(
+    posterior: Posterior, drive: int, names: Sequence[str], others: Mapping[str, float] = NO_OTHERS
+) -> tuple[Floats, Floats]:
+    """(time s (k,), values (len(names), k)) of quantities of the equations while surfaces slide,
+    with ``others`` in place of parameters; the states stay what they are."""
+    problem, own = posterior.problem, posterior.problem.drives[drive]
+    p, g, _ = problem.numbers(posterior.theta, {})
+    for key, value in others.items():
+        p[[q.key for q in problem.compiled.model.parameters].index(key)] = value
+    e = problem.compiled.model.expressions()
+    rows = np.flatnonzero(own.acts & own.line.W[own.line.row].all(axis=1))
+    wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
+    if not len(rows):
+        return np.zeros(0), np.zeros((len(names), 0))
+    flags = own.line.W[own.line.row[rows]]
+    return own.line.t[rows], e.along(wanted, own.states[rows], own.line.u[rows], flags, p, g)
