@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,8 +21,8 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
-from clutchest.models import model_for
-from clutchest.models.model import Model
+from clutchest.models.effects import Effect
+from clutchest.models.effects.effect import Gains
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
@@ -50,6 +51,19 @@ class Posterior:
         return None
 
 
+class MeasuredPower(Effect):
+    """(8) with the measured torque in place of the model's own; it has no size."""
+
+    name = "measured_power"
+    model = "dry_clutch"
+    equation = "disc_heat"
+    parameters = ()
+
+    def terms(self, g: Gains) -> Mapping[str, Any]:
+        """See :meth:`Effect.terms`."""
+        return {"power": lambda _, q: q.engaged * q.measured_torque * q.slip_speed}
+
+
 def problem_of(
     signals: Signals,
     vehicle: Vehicle,
@@ -61,16 +75,9 @@ def problem_of(
 
     Raises ClutchestError where they have no reading that tells of any parameter.
     """
-    model: Model | None = None
-    if sensor:
-        from clutchest.models.dry_clutch import with_measured_power
-
-        names = set.intersection(*(set(drive) for drive in signals.drives))
-        model = model_for(vehicle.model, names)
-        if "slave_position" not in names:
-            raise ClutchestError("no signal 'slave_position' in this log: no zero position is read")
-        model = with_measured_power(model)
-    problem = Problem(signals, vehicle, (), progress, model)
+    if sensor and not all("slave_position" in drive for drive in signals.drives):
+        raise ClutchestError("no signal 'slave_position' in this log: no zero position is read")
+    problem = Problem(signals, vehicle, (MeasuredPower(),) if sensor else (), progress)
     if sensor:
         _restrict(problem, problem.compiled.model.sensor(sensor))
     if not sum(len(drive.rows) for drive in problem.drives):

@@ -244,8 +244,7 @@ class Problem:
 
     ``thetas`` (m) in the order of all vectors θ here, each in its own unit and 0 where the vehicle
     file has it.  ``nuisances`` are indices of those with a prior, of variance 1; ``gains`` of the
-    rest, the gains of ``effects``, which are absent at 0.  ``model``: the one that the signals can
-    drive, unless given.
+    rest, the gains of ``effects``, which are absent at 0.
     """
 
     def __init__(
@@ -254,11 +253,10 @@ class Problem:
         vehicle: Vehicle,
         effects: Sequence[Effect],
         progress: Progress | None = None,
-        model: Model | None = None,
     ) -> None:
         drives = signals.drives
         usable = set.intersection(*({n for n in d if d[n].valid.any()} for d in drives))
-        model = model or model_for(vehicle.model, usable)
+        model = model_for(vehicle.model, usable)
         # readings count in full: Gauss–Newton steps take care of what a first order lacks
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
         present = tuple(e for e in present_effects(vehicle) if model.takes(e))
