@@ -117,3 +117,11 @@ def test_many_empty_gzip_members_end(tmp_path):
     path = tmp_path / "a.log.gz"
     path.write_bytes(gzip.compress(GOOD) + gzip.compress(b"") * 50_000 + gzip.compress(GOOD))
     assert len(read_frames(path)) == 2
+
+
+def test_a_log_of_nothing_but_headers_ends_soon(tmp_path):
+    path = tmp_path / "a.asc"
+    path.write_bytes(b"date \nbase hex\nbegin \n" * 100_000 + b"1.5 1  123  Rx  d 1 07\n")
+    frames = read_frames(path)
+    assert frames.id.tolist() == [0x123]
+    assert frames.rejected == (("no CAN frame in this line", 290_000),)

@@ -62,9 +62,10 @@ _BASE = re.compile(r"base\s+(?P<base>hex|dec)\w*(?:\s+timestamps\s+(?P<stamps>\w
 _MONTHS = {name: number for number, names in enumerate(
     ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
      "dec dez"), 1) for name in names.split()}  # fmt: skip
-_MOST_HEADERS = 10_000  # a file that opens more blocks is no log
+_MOST_HEADERS = 10_000  # more of them are no headers
+_LONGEST_HEADER = 4096  # bytes
 
-_DECIMAL, _DELTAS, _NOW, _START = range(4)  # what a clock holds
+_DECIMAL, _DELTAS, _NOW, _START, _HEADERS = range(5)  # what a clock holds
 _BEGIN, _BASE_WORD, _DATE_WORD = (np.frombuffer(w, np.uint8) for w in (b"begin", b"base", b"date"))
 _END, _INTERNAL, _NO = (np.frombuffer(w, np.uint8) for w in (b"end", b"internal", b"no"))
 _ERROR_FRAME, _CANFD = (np.frombuffer(w, np.uint8) for w in (b"errorframe", b"canfd"))
@@ -75,7 +76,6 @@ class _Clock:
     """What the header lines so far have said, in the form that the compiled scan takes."""
 
     now: Ints
-    headers: int = 0
 
     def scan(self, text: Bytes, out: Table, counts: Ints) -> int:
         before = self.now.copy()
@@ -86,17 +86,15 @@ class _Clock:
                 self.now = before
                 return n
             if i < len(text):
-                end = i + text[i:].tobytes().index(b"\n") if len(text) - i < 4096 else i + 4096
-                self.take(text[i:end].tobytes().split(b"\n")[0])
-                i = int(line_end(text, i)) + 1
+                end = int(line_end(text, i))
+                self.take(text[i : min(end, i + _LONGEST_HEADER)].tobytes())
+                i = end + 1
         return n
 
     def take(self, line: bytes) -> None:
         """A header line; one that cannot be read changes nothing."""
-        self.headers += 1
+        self.now[_HEADERS] += 1
         words = line.decode("utf-8" if b"\xc3" in line else "latin-1", "replace").strip()
-        if self.headers > _MOST_HEADERS:
-            return
         if base := _BASE.match(words):
             self.now[_DECIMAL] = base["base"].lower() == "dec"
             self.now[_DELTAS] = (base["stamps"] or "").lower() == "relative"
@@ -121,7 +119,7 @@ def _epoch_ns(date: re.Match[str]) -> int | None:
 
 def read(source: Source) -> Iterator[Frames]:
     """Frames of an asc log; lines that cannot be read are counted in ``rejected``."""
-    clock, width = _Clock(np.zeros(4, np.int64)), 8
+    clock, width = _Clock(np.zeros(5, np.int64)), 8
     for block in source.lines():
         frames = filled(block, width, clock.scan)
         width = frames.data.shape[1]
@@ -153,7 +151,7 @@ def _line(text: Bytes, i: int, n: int, now: Ints, out: Table) -> int:
     """Reads one line into row ``n``; the position of its newline, or why not."""
     if text[i] < 48 or text[i] > 57:
         if is_word(text, i, _BEGIN) or is_word(text, i, _BASE_WORD) or is_word(text, i, _DATE_WORD):
-            return HEADER
+            return HEADER if now[_HEADERS] < _MOST_HEADERS else NO_FRAME
         idle = text[i] == 47 or text[i] == 59 or at_end(text, i) >= 0  # comments
         for mark in (_END, _INTERNAL, _NO):
             idle |= is_word(text, i, mark)
