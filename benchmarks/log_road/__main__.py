@@ -1,6 +1,6 @@
 """Logs to signals to estimates: seconds, µs per frame, and ratios formed within one turn.
 
-    python -m benchmarks.log_road [formats] [replay] [hour] [linear] [memory] [--json FILE]
+    python benchmarks/log_road [formats] [replay] [hour] [linear] [memory] [--json FILE]
 
     formats   read and decode the mapped signals of the same file: clutchest, python-can with
               cantools (asammdf for mf4), and the least that the bytes cost
@@ -29,8 +29,10 @@ from time import perf_counter
 from typing import Any
 
 import cantools
+import drives
+import limits
 import numpy as np
-from benchmarks.log_road import drives, limits, peers
+import peers
 
 import clutchest
 from clutchest.can.database import Database

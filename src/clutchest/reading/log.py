@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchest.can import files
+from clutchest.can.copies import without_copies
 from clutchest.can.database import Database, Message, load
 from clutchest.can.frames import Frames
 from clutchest.can.sieve import Sieve
@@ -76,7 +77,7 @@ def read_log(
             continue
         sources = tuple(str(piece.path) for piece in group)
         frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
-        frames = _without_copies(frames.sorted())
+        frames = without_copies(frames.sorted())
         warnings += [piece.warning for piece in group if piece.warning]
         for part in _split(frames):
             inside = window.of_frames(part, sources)
@@ -176,24 +177,6 @@ def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
         return sorted(groups, key=lambda group: group[0].start)
     order = {id(piece): i for i, piece in enumerate(pieces)}
     return sorted(groups, key=lambda group: min(order[id(piece)] for piece in group))
-
-
-def _without_copies(frames: Frames) -> Frames:
-    """Without frames (sorted) that are told twice, by two files or one: no second reading."""
-    close = np.flatnonzero(np.diff(frames.t_ns) == 0)
-    rows = np.union1d(close, close + 1)
-    if not len(rows):
-        return frames
-    columns = (frames.t_ns, frames.channel, frames.id, frames.length, frames.data)
-    keys = [np.ascontiguousarray(c[rows]).view(np.uint8).reshape(len(rows), -1) for c in columns]
-    _, first = np.unique(np.hstack(keys), axis=0, return_index=True)
-    kept = np.ones(len(frames), bool)
-    kept[rows] = False
-    kept[rows[first]] = True
-    copies = int((~kept).sum())
-    frames = frames.take(kept)
-    passed_over = (*frames.passed_over, ("copy", copies))
-    return replace(frames, passed_over=passed_over) if copies else frames
 
 
 def _split(frames: Frames) -> list[Frames]:

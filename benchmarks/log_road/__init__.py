@@ -1,1 +1,0 @@
-"""How fast logs become signals and estimates, against the usual Python loop."""
