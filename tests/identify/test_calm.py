@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from clutchest.identify.calm import MEDIAN, REACH, calm
+from clutchest.identify.calm import REACH, calm
 
 T = np.arange(0.0, 60.0, 0.01)
 ALWAYS = np.ones(len(T), bool)
@@ -41,8 +41,8 @@ def test_noise_hardly_moves_it(ar):
 def test_it_goes_where_the_signal_goes(ar):
     noise = coloured(np.random.default_rng(2), ar)
     held = calm(T, trapezium() + 0.5 * noise, ALWAYS)
-    assert np.abs(held - trapezium()).max() < 0.5 * 3.0 * REACH * MEDIAN
-    assert abs(held[2050] - 25.0) < 0.5 * 2.0 * REACH * MEDIAN
+    assert np.abs(held - trapezium()).max() < 0.5 * 4.5 * REACH
+    assert abs(held[2050] - 25.0) < 0.5 * 3.0 * REACH
 
 
 def test_it_is_the_noise_where_the_signal_matters_that_counts():

@@ -24,7 +24,7 @@ from clutchest.signals import Floats
 DRAWS = 1000
 DOUBTFUL = 0.05  # p-value of a single curve from which its scatter is looked at
 BLOCK_TIME = 2.0  # s
-ENTRIES = 1e7  # of derivatives, held at a time
+ENTRIES = 2e7  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)

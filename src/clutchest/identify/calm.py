@@ -15,7 +15,7 @@ from clutchest.signals import Floats
 
 GRID = 0.01  # s
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
-MEDIAN = 1.4826  # standard deviations to a median deviation of normal noise
+QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
 
 
@@ -24,7 +24,8 @@ def calm(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
     the reach of its noise; that is measured ``where`` (K) the signal matters."""
     if not where.any():
         return value
-    reach = REACH * MEDIAN * float(np.median(np.abs(value - _smooth(t, value, WIDE))[where]))
+    off = np.abs(value - _smooth(t, value, WIDE))[where]
+    reach = REACH * QUARTER * float(np.quantile(off, 0.25))  # what bends is off by more than noise
     out = np.empty_like(value)
     _play(_smooth(t, value, NARROW), reach, out)
     return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)

@@ -2,6 +2,7 @@
 
 A closed clutch says little a hundred times a second: its position at rest moves with temperatures
 that take seconds, and while it is locked the engine's speed tells only where the next slip starts.
+Nor do the inputs of an open one, between readings.
 """
 
 from __future__ import annotations
@@ -13,23 +14,18 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.model import Model
+from clutchest.signals import Floats
 
 RESTED = 1.0  # s; readings of a clutch at rest are averaged over this
+SOON = 0.006  # s; as near to a reading as this, an input of an open clutch has no bend of its own
 NEAR = 0.3  # s before and after a regime in which they tell more, all readings stay
 
 
 def condensed(line: Timeline, model: Model) -> Timeline:
     """The same drive with fewer events; means of readings at rest carry their smaller variance."""
     free = line.W[line.row].any(axis=1)  # some equation beyond heat flow acts
-    busy = np.flatnonzero(free)
-    close = np.zeros(len(line.t), bool)
-    if len(busy):
-        after = np.clip(np.searchsorted(busy, np.arange(len(line.t))), 0, len(busy) - 1)
-        before = np.maximum(after - 1, 0)
-        gap = np.minimum(np.abs(line.t[busy[after]] - line.t),
-                         np.abs(line.t - line.t[busy[before]]))  # fmt: skip
-        close = gap <= NEAR
-    keep, z, R = close.copy(), line.z.copy(), line.R.copy()
+    close = _gap(line.t, line.t[free]) <= NEAR
+    keep, z, R = close & ~_spare(line, model), line.z.copy(), line.R.copy()
     keep[[0, -1]] = True
     keep |= line.emit >= 0
     for i, sensor in enumerate(model.sensors):
@@ -41,6 +37,26 @@ def condensed(line: Timeline, model: Model) -> Timeline:
     return replace(line, t=line.t[keep], sensor=line.sensor[keep], z=z[keep], R=R[keep],
                    u=line.u[keep], row=line.row[keep], mode=line.mode[keep],
                    emit=line.emit[keep])  # fmt: skip
+
+
+def _spare(line: Timeline, model: Model) -> NDArray[np.bool_]:
+    """Samples (K) of inputs, of a clutch that passes no torque, that a reading close by can stand
+    for: what they tell there passes slowly."""
+    reads = line.sensor >= 0
+    if "engaged" not in model.regime:  # a clutch that always drags
+        return np.zeros(len(line.t), bool)
+    grips = line.W[line.row, model.regime.index("engaged")] > 0.0
+    apart = _gap(line.t, line.t[grips]) > NEAR
+    return ~reads & apart & (_gap(line.t, line.t[reads]) <= SOON)
+
+
+def _gap(t: Floats, others: Floats) -> Floats:
+    """From each of ``t`` (K), s, to the nearest of ``others``; both in order."""
+    if not len(others):
+        return np.full(len(t), np.inf)
+    after = np.clip(np.searchsorted(others, t), 0, len(others) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.minimum(np.abs(others[after] - t), np.abs(t - others[before]))
 
 
 def _means(
