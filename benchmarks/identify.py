@@ -33,14 +33,15 @@ from clutchest.identify import procedure
 from clutchest.identify.likelihood import Posterior
 from clutchest.identify.parameters import posterior_of, told
 
-# Experiments: scenarios that are driven, and the procedures that are fed with them.
-RAMPS, COOLDOWN = ("ramps",), ("cooldown",)
-LOGS: Mapping[str, tuple[str, ...]] = {
+# Experiments: (scenario, s or None for its own duration), and the procedures fed with them.  The
+# record of zero positions starts at rest, as the model supposes: `cooldown` starts hot.
+RAMPS, HEATING = (("ramps", None),), (("heating", 750.0),)
+LOGS: Mapping[str, tuple[tuple[str, float | None], ...]] = {
     "torque-curve": RAMPS,
-    "expansion": COOLDOWN,
-    "thermal": COOLDOWN,
+    "expansion": HEATING,
+    "thermal": HEATING,
     "disc": RAMPS,
-    "all": RAMPS + COOLDOWN,
+    "all": RAMPS + HEATING,
 }
 ZERO_POSITION = ("expansion", "thermal")  # of one likelihood
 ALLOWED, POOLED, BIAS = (0.92, 0.98), (0.94, 0.97), 0.2
@@ -55,8 +56,8 @@ def one(task: tuple[tuple[str, ...], int]) -> tuple[int, dict[str, Found]]:
     values = {key: p.value for key, p in vehicle.parameters.items()}
     truth, _ = draw(values, {key: p.spread for key, p in vehicle.parameters.items()}, seed)
     drives = {
-        scenario: clutchest.simulate(vehicle, scenario, seed)
-        for scenario in {scenario for name in names for scenario in LOGS[name]}
+        log: clutchest.simulate(vehicle, log[0], seed, duration=log[1])
+        for log in {log for name in names for log in LOGS[name]}
     }
     posteriors: dict[str, Posterior] = {}
     found: dict[str, Found] = {}
@@ -65,7 +66,7 @@ def one(task: tuple[tuple[str, ...], int]) -> tuple[int, dict[str, Found]]:
         keys = module.keys(vehicle) if name == "all" else module.KEYS
         kind = "zero_position" if name in ZERO_POSITION else name
         if kind not in posteriors:
-            first, *later = (drives[scenario] for scenario in LOGS[name])
+            first, *later = (drives[log] for log in LOGS[name])
             sensor = kind if name in ZERO_POSITION else None
             signals = replace(first, later=tuple(later))
             posteriors[kind] = posterior_of(keys, signals, vehicle, sensor)
