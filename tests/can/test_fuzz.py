@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from clutchest.can.readers import stream
 from fuzz.__main__ import fuzz
+
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="no alarm to end a hang")
+
+
+@pytest.fixture(autouse=True)
+def blocks_as_before(monkeypatch):
+    monkeypatch.setattr(stream, "BLOCK", stream.BLOCK)  # the fuzzer makes them small
 
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc", ".csv"])
@@ -25,8 +35,6 @@ def test_a_damaged_mf4_is_read_or_refused(tmp_path, capfd):
 @pytest.mark.slow
 def test_no_index_leaves_its_array(tmp_path):
     """The compiled readers again, compiled so that an index outside an array is an error."""
-    import os
-
     tests = Path(__file__).parents[1]
     environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path),
                    "PYTHONPATH": os.pathsep.join([str(tests), *sys.path])}  # fmt: skip

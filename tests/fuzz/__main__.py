@@ -25,6 +25,7 @@ import numpy as np
 
 from clutchest.can.files import blocks_of, read_frames
 from clutchest.can.frames import Frames
+from clutchest.can.readers import stream
 from clutchest.can.readers.stream import Source
 from clutchest.errors import ClutchestError
 from fuzz.mutate import mutated, packed, zipped
@@ -89,6 +90,7 @@ def fuzz(
     Raises the first thing that is not allowed.
     """
     end = perf_counter() + 60.0 * minutes
+    stream.BLOCK = 1 << 14  # so that files have several, and little memory to clear
     seeds = {path.name: path.read_bytes() for path in sorted(SEEDS.iterdir())
              if not formats or path.suffix in formats}  # fmt: skip
     random, results = Random(seed), Counter[str]()

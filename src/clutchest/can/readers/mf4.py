@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from traceback import walk_tb
@@ -14,6 +15,8 @@ from asammdf.blocks.mdf_v4 import MDF4
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
+from clutchest.can.readers import LAST_S
+from clutchest.can.readers.scan import LENGTHS
 from clutchest.can.readers.stream import Source, quiet
 from clutchest.errors import ClutchestError
 
@@ -102,13 +105,24 @@ def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Fr
     for name, flag in (("EDL", Flag.FD), ("BRS", Flag.BITRATE_SWITCH), ("ESI", Flag.ERROR_STATE),
                        ("Dir", Flag.SENT)):  # fmt: skip
         flags[column(name) != 0] |= np.uint8(flag)
-    length = column("DataLength" if "DataLength" in samples else "DLC").astype(np.uint8)
+    if "DataLength" in samples:
+        length = column("DataLength").astype(np.int64)
+    else:  # the code: beyond 8 only FD frames are longer
+        length = LENGTHS[np.minimum(column("DLC").astype(np.int64), 15)]
+        length[(flags & Flag.FD) == 0] = np.minimum(length[(flags & Flag.FD) == 0], 8)
     payload = column("DataBytes")
-    data = np.zeros((n, 64 if length.max() > 8 else 8), np.uint8)
-    if payload.ndim == 2:
-        width = min(payload.shape[1], data.shape[1])
-        data[:, :width] = payload[:, :width]
-        data[np.arange(data.shape[1]) >= length[:, None]] = 0
-    t_ns = start_ns + np.rint(times * 1e9).astype(np.int64)
-    return Frames(t_ns, column("BusChannel").astype(np.uint8), ids & np.uint32(0x1FFFFFFF),
-                  flags, length, data, absolute)  # fmt: skip
+    carried = payload.shape[1] if payload.ndim == 2 else 0
+    sound = length <= (64 if kind == "CAN_RemoteFrame" else min(carried, 64))
+    data = np.zeros((n, 64 if length[sound].max(initial=0) > 8 else 8), np.uint8)
+    width = min(carried, data.shape[1])
+    data[:, :width] = payload[:, :width] if carried else 0
+    data[np.arange(data.shape[1]) >= length[:, None]] = 0
+    timed = np.isfinite(times) & (np.abs(times) < LAST_S)
+    t_ns = start_ns + np.rint(np.where(timed, times, 0.0) * 1e9).astype(np.int64)
+    sound &= timed
+    frames = Frames(t_ns, column("BusChannel").astype(np.uint8), ids & np.uint32(0x1FFFFFFF),
+                    flags, length.astype(np.uint8), data, absolute)  # fmt: skip
+    if sound.all():
+        return frames
+    lost = (("frame has no sound length or time", int(np.count_nonzero(~sound))),)
+    return replace(frames.take(sound), rejected=lost)

@@ -142,9 +142,7 @@ class Source:
         return len(part)
 
     def everything(self, limit: int) -> bytes:
-        """The whole file.  Raises ClutchestError where compressed data hold more than ``limit``."""
-        if not self.zipped:
-            return self.path.read_bytes()
+        """The whole file.  Raises ClutchestError if it holds more than ``limit`` bytes."""
         content = self.read(limit + 1)
         if len(content) > limit:
             raise ClutchestError(f"{self.path}: holds more than {limit >> 20} MiB compressed; "
