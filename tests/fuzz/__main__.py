@@ -99,6 +99,7 @@ def fuzz(
         path = Path(folder) / "input"
         for name, content in seeds.items():  # as they are; also compiles
             assert judged(path, content) == "frames", name
+        assert judged(path, b"no log at all") == "refused"
         for i in range(inputs):
             if perf_counter() > end:
                 break
