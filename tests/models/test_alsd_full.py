@@ -193,7 +193,7 @@ def test_energy_is_balanced() -> None:
 # --- friction laws ---
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_every_law_slides_with_the_friction_potential(law: object) -> None:
     """At steady slip all laws agree: T_c = T_C (LuGre's within its Stribeck effect)."""
@@ -205,7 +205,7 @@ def test_every_law_slides_with_the_friction_potential(law: object) -> None:
     assert np.abs(o["clutch_torque"][-1]) < 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 @pytest.mark.parametrize(("law", "softer"), [(karnopp, 0.05), (lugre, 0.15)], ids=str)
 def test_the_structure_apart_winds_up_as_the_lumped_bristle_does(
     law: object, softer: float
@@ -258,7 +258,7 @@ def test_the_spring_is_the_gradient_of_its_energy() -> None:
         assert float(gradient(at)) == pytest.approx(float(force(at)), rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_without_a_pack_the_spring_alone_loads_the_actuator() -> None:
     model = compiled(full.RIG.swap(pack.pack, pack.no_pack))
     t = np.arange(2001) * PERIOD
@@ -267,7 +267,7 @@ def test_without_a_pack_the_spring_alone_loads_the_actuator() -> None:
     assert o["ball_ramp_force"][600] == pytest.approx(o["spring_force"][600], rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_the_half_shafts_of_a_car_soften_the_clutch() -> None:
     wound = compiled(full.CAR)
     t = np.arange(1001) * PERIOD

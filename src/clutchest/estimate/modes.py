@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -22,6 +22,8 @@ class Mode(IntEnum):
     unknown = 4  # no signal tells the slip
 
 
+TOUCHING = 20.0  # Nm, of a measured torque: surfaces are pressed together
+FREE, SLIDING = "free_running", "sliding"  # flags that say more than which equations act
 MODE_NAMES = tuple(mode.name for mode in Mode)
 
 
@@ -60,6 +62,24 @@ class Regimes:
     free_running: NDArray[np.bool_]
     sliding: NDArray[np.bool_]
     engaged: NDArray[np.bool_]
+
+    @classmethod
+    def pressing(cls, time: Floats, torque: Floats | None, lost: NDArray[np.bool_],
+                 guard: float) -> Regimes:  # fmt: skip
+        """Of a clutch whose equations hold throughout, and whose state says how it stands.
+
+        A torque sensor tells of pressed surfaces only: near the moment at which they touch or
+        part, whether they slide already is more than a filter of first order can know.
+        """
+        pressed = np.zeros(len(time), bool) if torque is None else np.abs(torque) > TOUCHING
+        parted = _around(time, ~pressed, guard)
+        mode = np.where(lost, Mode.unknown, np.where(parted, Mode.open, Mode.slipping))
+        return cls(mode.astype(np.uint8), ~lost, ~lost, ~lost)
+
+    def flags(self, names: Sequence[str]) -> NDArray[np.bool_]:
+        """The flags of these names, shape (n, len(names))."""
+        columns = [getattr(self, name) for name in names]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(self.mode), 0), bool)
 
 
 def classify(

@@ -54,8 +54,8 @@ def open_loop(signals: Signals, vehicle: Vehicle, model: Model, rate: float = 10
     compiled = compile_model(vehicle, model)
     timeline = build(signals, vehicle, compiled.model, rate, delays(vehicle))
     gains = np.zeros((len(timeline.t), len(compiled.model.states)))
-    speed = compiled.model.sensor("engine_speed")
-    gains[timeline.sensor == speed, compiled.model.state("engine_speed")] = 1.0
+    speed = compiled.model.sensor(model.anchor)
+    gains[timeline.sensor == speed, compiled.model.state(model.anchor)] = 1.0
     start = fresh(vehicle, compiled, timeline)
     result = run(compiled, timeline, start, frozen=gains, with_signature=False)
     rows = np.flatnonzero(timeline.emit >= 0)[timeline.grid]

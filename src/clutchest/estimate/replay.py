@@ -34,6 +34,7 @@ from clutchest.vehicle import Vehicle, load_vehicle
 
 FASTEST = 1000.0  # Hz, of the output grid
 TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
+SLIDES = 0.98  # of the friction potential; surfaces that carry less are held by their bristles
 SHORTEST = 0.1  # s; a slip event is longer than this
 SMALLEST = 200.0  # J; and stronger than this and than its own uncertainty, or it is noise
 
@@ -106,7 +107,13 @@ def _track(vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: F
     time, mode = timeline.t[rows], timeline.mode[rows].copy()
     torque = filtered.outputs[:, model.outputs.index("transmitted_torque")]
     idle = np.abs(torque[:, 0]) < TORQUE_FLOOR
-    if "slave_position" in {i.name for i in model.inputs}:
+    if "friction_potential" in model.outputs:  # what the surfaces could carry, and whether they do
+        potential = filtered.outputs[:, model.outputs.index("friction_potential"), 0]
+        carried = np.abs(torque[:, 0]) > SLIDES * potential
+        known = mode != Mode.unknown
+        pressed = np.where(carried, Mode.slipping, Mode.locked)
+        mode[known] = np.where(potential < TORQUE_FLOOR, Mode.open, pressed)[known]
+    elif "slave_position" in {i.name for i in model.inputs}:
         # pressed together or not is the model's word: the kiss point moves with heat and wear
         apart = mode <= Mode.slipping
         mode[apart] = np.where(idle[apart], Mode.open, Mode.slipping)
@@ -164,7 +171,7 @@ def _engagements(
 ) -> tuple[Engagement, ...]:
     """Slip events: runs of rows in which the clutch slips and passes torque."""
     time, mode = information.time, information.mode
-    disc = compiled.model.state("temp_disc")
+    hottest = compiled.model.state(compiled.model.hottest)
     found = []
     for a, b in zip(*runs(mode == Mode.slipping), strict=True):
         first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
@@ -182,7 +189,7 @@ def _engagements(
                 energy_J=float(gained[0]),
                 energy_std_J=float(np.sqrt(variance)),
                 peak_torque=float(passed[np.argmax(np.abs(passed))]),
-                peak_temp_disc=float(filtered.x[first : last + 1, disc].max()),
+                peak_temp_disc=float(filtered.x[first : last + 1, hottest].max()),
                 information_bits=information.between(time[first], time[last]).total(),
             )
         )

@@ -53,9 +53,10 @@ def prior_std(vehicle: Vehicle, model: Model) -> Floats:
     for state in model.states:
         setting = vehicle.estimation.get(state.name)
         std = setting.initial_std if setting else state.initial_std
-        nominal = vehicle.parameters.get(f"{state.name}_ref")
+        nominal = vehicle.parameters.get(state.prior)
         if setting is None and nominal is not None and nominal.spread > 0:
-            std = nominal.spread  # the spread of a state's nominal value is the state's prior
+            # the spread of a state's nominal value is the state's prior
+            std = nominal.spread / (abs(nominal.value) if state.unit == "1" else 1.0)
         stds.append(std)
     return np.array(stds)
 
@@ -67,9 +68,9 @@ def nominal(compiled: Compiled, timeline: Timeline) -> Floats:
     inputs = {i.name: timeline.u[0, j] for j, i in enumerate(model.inputs)}
     parameters = {q.key: compiled.p[j] for j, q in enumerate(model.parameters)}
     values = resting(model.name, parameters, inputs)
-    readings = np.flatnonzero(timeline.sensor == model.sensor("engine_speed"))
+    readings = np.flatnonzero(timeline.sensor == model.sensor(model.anchor))
     if len(readings):
-        values["engine_speed"] = timeline.z[readings[0]]
+        values[model.anchor] = timeline.z[readings[0]]
     return np.array([values.get(state.name, 0.0) for state in model.states])
 
 
@@ -251,10 +252,10 @@ def _parked(
     for j, item in enumerate(model.inputs):
         a, b = state["inputs"].get(item.name, timeline.u[0, j]), timeline.u[0, j]
         u[:, j] = a + (b - a) * towards
-    nothing = np.zeros(len(t))
+    nothing, rows = np.zeros(len(t)), len(timeline.longest)
     quiet = replace(
         timeline, t=t, sensor=np.full(len(t), -1, np.int8), z=nothing, R=nothing, u=u,
-        row=np.zeros(len(t), np.int64), Q=np.tile(process_noise(vehicle, model, True), (8, 1)),
-        longest=np.full(8, PARKED_STEP), emit=np.full(len(t), -1, np.int64),
+        row=np.zeros(len(t), np.int64), Q=np.tile(process_noise(vehicle, model, True), (rows, 1)),
+        longest=np.full(rows, PARKED_STEP), emit=np.full(len(t), -1, np.int64),
     )  # fmt: skip
     return run(compiled, quiet, belief).final

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify
+from clutchest.estimate.modes import FREE, SLIDING, Mode, Regimes, Thresholds, classify
 from clutchest.estimate.spikes import without_spikes
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
-COARSEST = 0.5  # s between samples of the engine speed; a slip lasts little longer
+COARSEST = 0.5  # s between samples of the model's anchor; a slip lasts little longer
 LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
-FAST = 0.02  # s, longest step while the surfaces slide
-SLOW = 0.5  # s, longest step while nothing but heat flows
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
 
@@ -102,24 +101,24 @@ def build(
     present, spikes = _usable(signals, vehicle, model, delays)
     noise_of = {name: mapped.noise for name, mapped in vehicle.signals.items()}
     colour_of = {name: mapped.noise_ar for name, mapped in vehicle.signals.items()}
-    speed = present["engine_speed"]
-    present["engine_acceleration"], noise_of["engine_acceleration"] = slope(
-        speed, noise_of["engine_speed"]
-    )
+    anchor = present[model.anchor]
+    for name, of in model.slopes.items():
+        present[name], noise_of[name] = slope(present[of], noise_of[of])
     fast = [i.name for i in model.inputs if i.name in present and i.gap <= thresholds.gap]
 
     # every time at which something is measured, or wanted
     first = max(0.0, min(s.time[0] for s in present.values()))
-    end = max(signals.end, speed.time[-1])
+    end = max(signals.end, anchor.time[-1])
     grid = np.arange(np.ceil(first * rate) / rate, end + 1e-9, 1.0 / rate)
     if not len(grid):  # a log that ends before the first row of the grid still has an end
         grid = np.array([end])
-    stamps = np.unique(np.concatenate([speed.time, grid, *(present[n].time for n in fast)]))
+    stamps = np.unique(np.concatenate([anchor.time, grid, *(present[n].time for n in fast)]))
     stamps = stamps[(stamps >= first) & (stamps <= end)]
     regime = regimes(stamps, present, vehicle, fast)
+    acting = regime.flags(model.regime)
 
     # events: sensor samples, kinks of the inputs while they matter, outputs
-    bare = stamps[(regime.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, speed.time)]
+    bare = stamps[(regime.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, anchor.time)]
     times, sensors = [bare], [np.full(len(bare), -1, np.int8)]
     values, variances = [np.zeros(len(bare))], [np.zeros(len(bare))]
     for i, sensor in enumerate(model.sensors):
@@ -140,12 +139,12 @@ def build(
     t, sensor_of = t[order], sensor_of[order]
 
     of = np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)
-    sliding, free = regime.sliding[of], regime.free_running[of].copy()
-    free[1:] &= regime.free_running[of[:-1]]  # an interval is free if both its ends are
-    flags = np.array([[r >> 2 & 1, r >> 1 & 1, r & 1] for r in range(8)], float)
+    sliding, flags = regime.sliding[of], _over_intervals(acting, of, model.regime)
+    table = np.array(list(product((0.0, 1.0), repeat=len(model.regime))))
+    place = 2 ** np.arange(len(model.regime))[::-1]
     u, noise, variance = _inputs(t, model, present, noise_of, colour_of)
-    if "engine_acceleration" in present:  # a slope that no sample bears out is none
-        u[_blind(t, speed, LOST), model.input("engine_acceleration")] = 0.0
+    for name, source in model.slopes.items():  # a slope that no sample bears out is none
+        u[_blind(t, present[source], LOST), model.input(name)] = 0.0
     emit, on_grid = _outputs(t, sliding, grid)
     return Timeline(
         t=t,
@@ -153,10 +152,10 @@ def build(
         z=np.concatenate(values)[order],
         R=np.concatenate(variances)[order],
         u=u,
-        row=free * 4 + sliding * 2 + regime.engaged[of],
-        W=flags,
-        Q=_noise_table(vehicle, model, flags),
-        longest=np.where(flags[:, 1] > 0, FAST, SLOW),
+        row=flags @ place,
+        W=table,
+        Q=_noise_table(vehicle, model, table),
+        longest=_longest(model, table),
         mode=regime.mode[of],
         emit=emit,
         grid=on_grid,
@@ -170,7 +169,7 @@ def _usable(
     signals: Signals, vehicle: Vehicle, model: Model, delays: Mapping[str, float]
 ) -> tuple[dict[str, Signal], tuple[str, ...]]:
     """The valid samples of every signal, each at the time at which it was true; and warnings."""
-    needed = {i.name for i in model.inputs if i.default is None} - {"engine_acceleration"}
+    needed = {i.name for i in model.inputs if i.default is None} - set(model.slopes)
     present, warnings = {}, []
     for name in signals:
         signal, mapped = signals[name].only_valid(), vehicle.signals.get(name)
@@ -181,17 +180,17 @@ def _usable(
             if spikes:
                 warnings.append(f"{name}: {spikes} single sample(s) far off both neighbours left "
                                 f"out, {100 * spikes / (spikes + len(signal)):.2g} %")  # fmt: skip
-    missing = sorted((needed | {"engine_speed"}) - set(present))
+    missing = sorted((needed | {model.anchor}) - set(present))
     if missing:
         hints = "".join(f"; {warning}" for warning in signals.warnings[:4])
         raise ClutchestError(
             f"no valid sample of {', '.join(missing)}: the model of '{vehicle.name}' needs it"
             + hints
         )
-    speed = present["engine_speed"]
-    if len(speed) > 1 and (period := float(np.median(np.diff(speed.time)))) > COARSEST:
+    anchor = present[model.anchor]
+    if len(anchor) > 1 and (period := float(np.median(np.diff(anchor.time)))) > COARSEST:
         raise ClutchestError(
-            f"engine_speed has a sample every {period:g} s, expected at least one every "
+            f"{model.anchor} has a sample every {period:g} s, expected at least one every "
             f"{COARSEST:g} s; are the times in seconds?"
         )
     return present, tuple(warnings)
@@ -200,8 +199,10 @@ def _usable(
 def regimes(
     stamps: Floats, present: Mapping[str, Signal], vehicle: Vehicle, fast: Sequence[str] = ()
 ) -> Regimes:
-    """Which equations hold at every stamp, by signals that are ``present``, engine speed among
-    them.  In a gap of a ``fast`` one nothing is taken for sure."""
+    """Which equations hold at every stamp, by signals that are ``present``.
+
+    In a gap of a ``fast`` one nothing is taken for sure.
+    """
     thresholds = Thresholds.of(vehicle.modes)
 
     def at(name: str) -> Floats | None:
@@ -209,13 +210,18 @@ def regimes(
             return None
         return np.interp(stamps, present[name].time, present[name].value)
 
-    nominal = {key: value.value for key, value in vehicle.parameters.items()}
-    speed, shaft, position = at("engine_speed"), at("input_shaft_speed"), at("slave_position")
-    assert speed is not None
     blind, lost = np.zeros((2, len(stamps)), bool)
     for name in fast:
         blind |= _blind(stamps, present[name], thresholds.gap)
         lost |= _blind(stamps, present[name], LOST)
+    nominal = {key: value.value for key, value in vehicle.parameters.items()}
+    if "kiss_point" not in nominal:  # such a clutch's own state says what it does
+        return Regimes.pressing(
+            stamps, at("clutch_torque") if "clutch_torque" in present else at("shaft_torque"),
+            lost, thresholds.guard,
+        )  # fmt: skip
+    speed, shaft, position = at("engine_speed"), at("input_shaft_speed"), at("slave_position")
+    assert speed is not None
     return classify(
         stamps,
         None if shaft is None else speed - shaft,
@@ -283,7 +289,7 @@ def _inputs(
         signal, sigma = present[item.name], noise_of[item.name]
         u[:, j] = np.interp(t, signal.time, signal.value)
         variance[j] = sigma**2
-        if item.name != "engine_acceleration":  # a slope's noise cancels when it is summed up
+        if item.name not in model.slopes:  # a slope's noise cancels when it is summed up
             noise[j] = white_density(signal, sigma, colour_of[item.name])
     return u, noise, variance
 
@@ -294,6 +300,22 @@ def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
     for name, (flag, walk) in model.renewed.items():
         Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = walk**2
     return Q
+
+
+def _over_intervals(acting: NDArray[np.bool_], of: NDArray[np.intp],
+                    regime: Sequence[str]) -> NDArray[np.int64]:  # fmt: skip
+    """Flags (K, w) of the interval that ends at each event: an interval runs free if both its ends
+    do, the rest is as at its end."""
+    flags = acting[of]
+    if FREE in regime:
+        flags[1:, regime.index(FREE)] &= acting[of[:-1], regime.index(FREE)]
+    return flags.astype(np.int64)
+
+
+def _longest(model: Model, table: Floats) -> Floats:
+    """The longest step, s, under every row of flags."""
+    slides = table[:, model.regime.index(SLIDING)] > 0 if SLIDING in model.regime else [True]
+    return np.where(slides, *model.longest)
 
 
 def _outputs(

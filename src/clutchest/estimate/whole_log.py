@@ -138,8 +138,9 @@ def compile_model(
         given: Mapping[str, float] = vehicle.effects.get(effect.name, {})
         g += [given.get(n.key, n.default if n.shape else 0.0) for n in effect.parameters]
     spreads = {q.key: vehicle.parameters[q.key].spread for q in model.parameters}
-    # x0_ref is a state: the spread of its nominal value is that state's prior
-    uncertain = [key for key, s in spreads.items() if s > 0 and key != "zero_position_ref"]
+    # the spread of a state's nominal value is that state's prior
+    priors = {state.prior for state in model.states}
+    uncertain = [key for key, s in spreads.items() if s > 0 and key not in priors]
     thetas = [("parameter", key) for key in uncertain]
     spread = [spreads[key] for key in uncertain]
     for effect in effects:

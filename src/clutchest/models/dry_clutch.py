@@ -38,7 +38,7 @@ STATES = (
           "a slip, or the actuator retracted right after one", 0.3),
     State("zero_position", "mm", "x0_ref", "closed slave position at T_ref; wear lowers it",
           1e-5, 0.2, 0.12, "the actuator fully retracted at a known temperature",
-          slip_noise=1e-5),
+          slip_noise=1e-5, prior="zero_position_ref"),
     State("friction", "1", "μ/μ_0", "torque relative to the curve", 5e-4, 0.1, 0.05,
           "a launch: torque through a slipping clutch", healthy_std=0.02),
     State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0,
@@ -297,6 +297,9 @@ DRY_CLUTCH = Model(
     regime=REGIME,
     sensors=SENSORS,
     outputs=("transmitted_torque", "power"),
+    anchor="engine_speed",
+    slopes={"engine_acceleration": "engine_speed"},
+    hottest="temp_disc",
     renewed={"engine_speed": ("free_running", 0.2)},
     implied={"engine_torque": "implied_engine_torque"},
     pieces=(

@@ -87,6 +87,10 @@ class Model:
     A piece reads quantities and assigns new ones; ``<state>_rate`` is a state's derivative (0
     unless assigned), ``<state>_after_step`` what each step resets it to.  ``renewed`` names states
     that are a plain random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
+    ``anchor`` is the signal that no drive can do without: its samples set the pace, and where it is
+    a sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
+    of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
+    otherwise.  ``hottest`` is the state of the friction surface.
     ``unobservable`` says of a state why no signal at hand can inform it.  ``implied`` names for a
     noisy input the quantity that says what it is by other measurements: input → quantity.  Vary a
     model with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
@@ -100,6 +104,10 @@ class Model:
     sensors: tuple[Sensor, ...]
     outputs: tuple[str, ...]
     pieces: tuple[Piece, ...]
+    anchor: str = ""
+    slopes: Mapping[str, str] = field(default_factory=dict)
+    longest: tuple[float, float] = (0.02, 0.5)
+    hottest: str = ""
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     unobservable: Mapping[str, str] = field(default_factory=dict)
     implied: Mapping[str, str] = field(default_factory=dict)
@@ -175,8 +183,10 @@ class Model:
             setattr(q, item.name, u[i])
         for i, flag in enumerate(self.regime):
             setattr(q, flag, w[i])
+        states = {state.name for state in self.states}
         for i, parameter in enumerate(self.parameters):
-            setattr(q, parameter.key, p[i])
+            if parameter.key not in states:  # a state's nominal value leaves it the name
+                setattr(q, parameter.key, p[i])
         for piece in self.pieces:
             piece(q)
         for name in (f"{state.name}_rate" for state in self.states):

@@ -16,8 +16,9 @@ class State:
     vehicle adds: wear and friction stay as they were; ``slip_noise`` (unit/√J) is what slip adds,
     by the energy it turns to heat.  What is not ``carried`` starts every drive
     from its prior.  ``healthy_std`` (unit) is how far from nominal it starts in a healthy vehicle,
-    where ``initial_std`` is wider because it allows for ageing.  A ``stiff`` state relaxes faster
-    than the steps that everything else asks for.
+    where ``initial_std`` is wider because it allows for ageing.  ``prior`` is the parameter whose
+    spread is where the state starts, relative to its value for a pure number.  A ``stiff`` state
+    relaxes faster than the steps that everything else asks for.
     """
 
     name: str
@@ -34,6 +35,7 @@ class State:
     healthy_std: float | None = None
     role: str = "adaptive"  # adaptive | constant | nuisance
     stiff: bool = False
+    prior: str = ""
 
 
 @dataclass(frozen=True, slots=True)

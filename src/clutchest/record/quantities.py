@@ -13,7 +13,7 @@ from clutchest.signals import Floats
 from clutchest.units import convert
 
 # SI is right inside; on a plot people expect what the dashboard and the data sheet say.
-_READ_IN = {"rad/s": "rpm", "m/s": "km/h", "J": "kJ", "W": "kW", "1": ""}
+_READ_IN = {"m": "mm", "rad/s": "rpm", "m/s": "km/h", "J": "kJ", "W": "kW", "1": ""}
 
 
 @dataclass(frozen=True, slots=True)

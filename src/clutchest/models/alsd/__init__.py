@@ -27,18 +27,20 @@ Change = Callable[[Any, Any], Any]  # (value, error in units) → changed value
 STATES = (
     State("current", "A", "i_a", "armature current", 1.0, 2.0, 1.0,
           "any sample of the armature current", carried=False, stiff=True),
-    State("motor_speed", "rad/s", "ω_m1", "actuator motor's speed", 20.0, 5.0, 20.0,
+    State("motor_speed", "rad/s", "ω_m1", "actuator motor's speed", 50.0, 5.0, 20.0,
           "any two samples of the motor angle", carried=False, stiff=True),
-    State("motor_angle", "rad", "α_m1", "actuator motor's angle, 0 at home", 0.01, 0.5, 0.05,
+    State("motor_angle", "rad", "α_m1", "actuator motor's angle, 0 at home", 0.03, 0.5, 0.05,
           "any sample of the motor angle", carried=False),
-    State("pack_force", "N", "F_c", "axial force of the clutch pack", 10.0, 10.0, 1000.0,
+    State("ball_ramp_bristle", "rad", "z_br", "bristle of the ball ramp's friction", 2e-3, 1e-3,
+          0.02, "a motor that turns under load", carried=False, stiff=True),
+    State("pack_force", "N", "F_c", "axial force of the clutch pack", 300.0, 10.0, 1000.0,
           "an engagement", carried=False, stiff=True),
     State("wind_up", "rad", "z", "differential's play and clutch bristle", 1e-4, 4e-3, 2e-3,
           "an engagement with slip", carried=False),
-    State("free_play", "m", "x_fp", "free play of the pack; wear widens it", 1e-8, 5e-5, 5e-6,
-          "an engagement", slip_noise=1e-10, healthy_std=1e-5),
+    State("free_play", "m", "x_fp", "free play of the pack; wear widens it", 4e-7, 5e-5, 5e-6,
+          "an engagement", slip_noise=1e-10, healthy_std=1e-5, prior="free_play"),
     State("friction", "1", "μ/μ_0", "friction relative to its nominal coefficient", 5e-4, 0.15,
-          0.05, "an engagement with slip", healthy_std=0.03),
+          0.05, "an engagement with slip", healthy_std=0.03, prior="friction_coefficient"),
     State("temp_pack", "°C", "ϑ_p", "clutch pack", 0.02, 10.0, 10.0,
           "the oil temperature, while the clutch rests", 0.15),
     State("temp_armature", "°C", "ϑ_a", "armature of the actuator's motor", 0.05, 10.0, 10.0,
@@ -72,20 +74,34 @@ SENSORS = (
     Sensor("armature_current", "A", "i_a", "armature current"),
     Sensor("motor_angle", "rad", "α_m1", "actuator motor's angle"),
     Sensor("armature_temp", "°C", "ϑ_a", "armature temperature"),
-    Sensor("clutch_torque", "Nm", "T_c", "torque at the grounded output shaft"),
-    Sensor("shaft_torque", "Nm", "T_c", "left half-shaft less right"),
+    Sensor("clutch_torque", "Nm", "T_c", "torque at the grounded output shaft",
+           mode="slipping"),
+    Sensor("shaft_torque", "Nm", "T_c", "left half-shaft less right",
+           mode="slipping"),
 )
 # fmt: on
+
+# Bristles, servo and controllers stand in the full model alone.
+_ELSEWHERE = {
+    "motor_bristle_stiffness", "motor_bristle_damping", "ball_ramp_exponent",
+    "limiter_stiffness", "supply_voltage", "clutch_static_ratio",
+    "clutch_stribeck_speed", "final_drive_ratio", "structure_inertia", "case_inertia",
+    "structure_stiffness", "driveline_friction", "current_proportional", "current_integral",
+    "servo_proportional", "servo_integral", "servo_torque_limit",
+}  # fmt: skip
 
 ALSD = Model(
     name="alsd",
     states=STATES,
-    parameters=tuple(p for p in PARAMETERS if p.key != "free_play"),  # its counterpart is a state
+    parameters=tuple(p for p in PARAMETERS if p.key not in _ELSEWHERE),
     inputs=INPUTS,
     regime=(),
     sensors=SENSORS,
-    outputs=("clutch_torque", "power"),
+    outputs=("friction_potential", "transmitted_torque", "power"),
     pieces=PIECES,
+    anchor="motor_angle",
+    longest=(1e-3, 1e-3),
+    hottest="temp_pack",
 )
 
 _NO_SLIP = "no slip speed and no wheel speeds, so that torque and its heat are unknown"

@@ -11,7 +11,6 @@ import casadi as ca
 from clutchest.models.model import Quantities
 
 FLOOR = 1e-4  # Nm: a Coulomb level of nought would leave the Dahl model without a time constant
-REVERSAL = 0.5  # rad/s at the motor, over which the sliding limit turns its sign
 
 
 def gear(q: Quantities) -> None:
@@ -40,15 +39,22 @@ def dahl(q: Quantities) -> None:
     left = 1 - stiffness * q.ball_ramp_bristle / level * ca.sign(speed)
     power = ca.sqrt(left**2 + 1e-24) ** q.ball_ramp_exponent
     q.ball_ramp_bristle_rate = speed * power * ca.sign(left)  # (8)
-    q.ball_ramp_friction_torque = stiffness * q.ball_ramp_bristle  # (9)
-    limit = level / stiffness
+    _bent(q)
+
+
+def dahl_linear(q: Quantities) -> None:
+    """(8), (9) with i = 1, linear in the bristle."""
+    speed = q.contact * q.motor_speed / q.gear_ratio
+    bent = q.ball_ramp_bristle_stiffness * q.ball_ramp_bristle / q.ball_ramp_coulomb_torque
+    q.ball_ramp_bristle_rate = speed - ca.fabs(speed) * bent
+    _bent(q)
+
+
+def _bent(q: Quantities) -> None:
+    """(9), and the reset."""
+    q.ball_ramp_friction_torque = q.ball_ramp_bristle_stiffness * q.ball_ramp_bristle  # (9)
+    limit = q.ball_ramp_coulomb_torque / q.ball_ramp_bristle_stiffness
     q.ball_ramp_bristle_after_step = ca.fmin(ca.fmax(q.ball_ramp_bristle, -limit), limit)
-
-
-def sliding(q: Quantities) -> None:
-    """(8) at rest: the bristle is always bent all the way, T_f.br = T_C.br sgn ω_m1."""
-    direction = ca.tanh(q.motor_speed / REVERSAL)
-    q.ball_ramp_friction_torque = q.ball_ramp_coulomb_torque * direction
 
 
 def limiter(q: Quantities) -> None:

@@ -61,13 +61,10 @@ _WHEELS = (
     Input("wheel_speed_right", "rad/s", "ω_r", "the other wheel of the axle"),
 )
 
-# What has a counterpart among the states is no constant here.
-_CONSTANTS = tuple(parameter for parameter in PARAMETERS if parameter.key != "free_play")
-
 RIG = Model(
     name="alsd",
     states=(*_ACTUATOR, *_CONTROLLED, *_SERVO),
-    parameters=_CONSTANTS,
+    parameters=PARAMETERS,
     inputs=(_REQUEST, _SLIP_REQUEST, _OIL),
     regime=(),
     sensors=(),

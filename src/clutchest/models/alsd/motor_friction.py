@@ -6,7 +6,7 @@ import casadi as ca
 
 from clutchest.models.model import Quantities
 
-REVERSAL = 0.5  # rad/s, over which the sliding limit turns its sign
+REVERSAL = 2.0  # rad/s, over which the sliding limit turns its sign
 
 
 def stribeck(q: Quantities) -> ca.SX:

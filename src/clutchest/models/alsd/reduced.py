@@ -2,10 +2,12 @@
 
 ====================  ==========================================================================
 motor friction        LuGre's bristle always bent all the way: (5) with (6), no pre-sliding
-ball-ramp friction    Dahl's bristle always bent all the way: the Coulomb level (7)
+ball-ramp friction    as in the full model with i = 1: its bristle bends over radians of the
+                      motor
 press plate           quasi-static in the free play, where the squeeze film loads the motor; beyond
                       it the pack force relaxes with the plate's own time constant
 reset spring          taken where the pack begins, not where the plate stands
+friction potential    begins flat, within some hundred newtons of touching
 driveline             the slip speed is measured; play and bristle wind up with it
 ====================  ==========================================================================
 """
@@ -23,8 +25,9 @@ from clutchest.models.alsd import (
     thermal,
 )
 from clutchest.models.alsd.friction import reset_integrator
-from clutchest.models.alsd.pack import potential
 from clutchest.models.model import Quantities
+
+BARELY = 300.0  # N, F_1
 
 
 def axial(q: Quantities) -> None:
@@ -53,6 +56,17 @@ def axial(q: Quantities) -> None:
     q.home_torque = -stiffness * ca.fmax(-q.input_angle - q.gear_backlash, 0.0)
 
 
+def pressed_potential(q: Quantities) -> None:
+    """T_C = μ N_f r_e F_c³/(F_c² + F_1²): below F_1 surfaces hardly touch.
+
+    Within one step of touching, whether they slide already hangs on the last micrometre of free
+    play; a slope that begins at nought keeps that from being known too soon.
+    """
+    q.friction_now = q.friction_coefficient * q.friction
+    touching = q.pack_force**3 / (q.pack_force**2 + BARELY**2)
+    q.friction_potential = q.friction_now * q.friction_surfaces * q.equivalent_radius * touching
+
+
 def slip_measured(q: Quantities) -> None:
     """The rig measures ω_s; the structure's compliance lies within the bristle."""
     q.bristle_stiffness = q.torsional_stiffness
@@ -66,6 +80,7 @@ def readings(q: Quantities) -> None:
     q.armature_temp_reading = q.temp_armature
     q.clutch_torque_reading = q.clutch_torque
     q.shaft_torque_reading = q.clutch_torque
+    q.transmitted_torque = q.clutch_torque
 
 
 def wear(q: Quantities) -> None:
@@ -78,10 +93,10 @@ PIECES = (
     dc_motor.motor_torque,
     axial,
     ball_ramp.coulomb_level,
-    ball_ramp.sliding,
+    ball_ramp.dahl_linear,
     motor_friction.sliding,
     dc_motor.rotor,
-    potential,
+    pressed_potential,
     slip_measured,
     driveline.wound_up,
     reset_integrator,
