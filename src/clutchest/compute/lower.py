@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from clutchest.compute.step import heun
+from clutchest.compute.step import decays, heun
 from clutchest.models.model import Expressions, Model
 
 START = "start"  # owner of a theta that is a state's first value
@@ -134,6 +134,10 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         by_inputs = ca.jacobian(of, e.u) + ca.jacobian(of, taken.u1)
         return ca.jacobian(of, theta) + ca.mtimes(by_inputs, late)
 
+    decay = ca.SX(len(model.states), 1)
+    for i, rate in decays(model, e).items():
+        decay[i] = rate
+
     started = ca.SX(e.initial.numel(), len(thetas))
     for k, (owner, name) in enumerate(thetas):
         if owner == START:
@@ -159,6 +163,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
             {"F": ca.jacobian(taken.x, e.x), "Q": taken.Q, "G": by_theta(taken.x)},
         ),
         lower("implied", at, {"v": e.implied}),
+        lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),
         lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
                                "B": ca.jacobian(e.rate, e.u)}),
         lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "p": e.p, "g": e.g},

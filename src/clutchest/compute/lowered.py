@@ -52,6 +52,11 @@ def dynamics(x: Any, u: Any, w: Any, p: Any, g: Any, f: Any, A: Any, B: Any) -> 
     raise NotImplementedError
 
 
+def decays(x: Any, u: Any, w: Any, p: Any, g: Any, decay: Any, D: Any) -> float:
+    """decay (n) ≤ 0 the own linear decay of every stiff state, 1/s; D (n, n) its derivative."""
+    raise NotImplementedError
+
+
 def outputs(x: Any, u: Any, w: Any, p: Any, g: Any, y: Any, Y: Any, Yu: Any) -> float:
     """y the model's outputs, Y and Yu their derivatives by x and u."""
     raise NotImplementedError

@@ -8,6 +8,8 @@ import casadi as ca
 
 from clutchest.models.model import Expressions, Model
 
+LEAST = 1e-5  # of λ dt: what decays less within a step is not stiff in it
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -43,7 +45,7 @@ def heun(model: Model, e: Expressions) -> Step:
     mapped = ca.Function("mapped", [e.x, e.u0, e.u, e.p, e.g], [e.mapped])
 
     f0, power0 = rates(*at)
-    growth = _decays(model, e)
+    growth = decays(model, e)
     first, second = ca.SX.ones(len(model.states)), ca.SX(len(model.states), 1)
     second[:] = 0.5
     once, drift = ca.SX.ones(len(model.states)), ca.SX.zeros(len(model.states))
@@ -65,14 +67,14 @@ def heun(model: Model, e: Expressions) -> Step:
     return Step(u1, dt, q, noise, x, Q, energy)
 
 
-def _decays(model: Model, e: Expressions) -> dict[int, ca.SX]:
+def decays(model: Model, e: Expressions) -> dict[int, ca.SX]:
     """State → λ ≤ 0, 1/s, of every stiff state."""
     stiff = [i for i, state in enumerate(model.states) if state.stiff]
     return {i: ca.fmin(ca.jacobian(e.rate[i], e.x[i]), 0.0) for i in stiff}
 
 
 def _phi(z: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """φ_1 = (e^z − 1)/z and φ_2 = (φ_1 − 1)/z; 1 and 1/2 at z = 0."""
-    z = ca.fmin(z, -1e-7)  # where rounding and the limit's own error are alike small
+    """φ_1 = (e^z − 1)/z and φ_2 = (φ_1 − 1)/z; 1 and 1/2 where next to nothing decays."""
+    decays, z = z < -LEAST, ca.fmin(z, -LEAST)  # nearer to 0 the quotients lose their digits
     one = ca.expm1(z) / z
-    return one, (one - 1) / z
+    return ca.if_else(decays, one, 1.0), ca.if_else(decays, (one - 1) / z, 0.5)

@@ -10,7 +10,9 @@ from math import ceil
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
+from numpy.typing import NDArray
 
+from clutchest.compute.step import LEAST
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import ROBUST_LIMIT, Belief, Compiled
 from clutchest.signals import Floats
@@ -68,8 +70,15 @@ class OnlineFilter(ExtendedKalmanFilter):
         self.functions.step_map(x, u0, u1, self.p, self.g, new, J)
         return new, J
 
+    def decays(self, x: Floats, u: Floats, row: int) -> tuple[Floats, Floats]:
+        """Own decay (n) of every stiff state, 1/s, and its derivative (n, n)."""
+        decay, D = np.zeros(len(x)), np.zeros((len(x), len(x)))
+        self.functions.decays(x, u, self.timeline.W[row], self.p, self.g, decay, D)
+        return decay, D
+
     def predict_x(self, u: tuple[float, Floats, Floats, int] | int = 0) -> None:
-        """Heun's rule over ``u`` = (dt s, inputs at start, inputs at end, regime row).
+        """Heun's rule over ``u`` = (dt s, inputs at start, inputs at end, regime row), in stiff
+        states with their own decay taken exactly.
 
         Sets ``F`` and ``Q`` for filterpy's own propagation of P.
         """
@@ -78,17 +87,28 @@ class OnlineFilter(ExtendedKalmanFilter):
         n, line, x = self.states, self.timeline, self.x[: self.states]
         one = np.eye(n)
         f0, A0, B0 = self.rates(x, u0, row)
-        guess, J0 = self.mapped(x + dt * f0, u0, u1)
+        decay, D = self.decays(x, u0, row)
+        z, stiff = relaxing(decay * dt)
+        phi1, phi2, by_z1, by_z2 = phi(z, stiff)
+        D = dt * D * stiff[:, None]
+        guess, J0 = self.mapped(x + dt * phi1 * f0, u0, u1)
         f1, A1, B1 = self.rates(guess, u1, row)
         energy = dt / 2 * (self.power(x, u0, row) + self.power(guess, u1, row))
-        xn, J1 = self.mapped(x + dt / 2 * (f0 + f1), u0, u1)
+        bend = f1 - f0 - decay * (guess - x)
+        xn, J1 = self.mapped(x + dt * (phi1 * f0 + phi2 * bend), u0, u1)
+        straight = dt * (phi1[:, None] * A0 + (f0 * by_z1)[:, None] * D)
+        G = J0 @ (one + straight)
+        bent = A1 @ G - A0 - decay[:, None] * (G - one) - (guess - x)[:, None] * D / dt
+        bent = dt * (phi2[:, None] * bent + (bend * by_z2)[:, None] * D)
         if self.consider:
             self.F = np.eye(self.dim_x)
             self.F[:n, n:] = self.by_parameters(x, xn, u)
         self.x[:n] = xn
-        self.F[:n, :n] = J1 @ (one + dt / 2 * (A0 + A1 @ J0 @ (one + dt * A0)))
+        self.F[:n, :n] = J1 @ (one + straight + bent)
+        lasting = phi(*relaxing(2 * decay * dt))[0]
+        B0, B1 = np.sqrt(lasting)[:, None] * B0, np.sqrt(lasting)[:, None] * B1
         of_inputs = (B0 * line.noise) @ B0.T + (B1 * line.noise) @ B1.T
-        of_process = dt * line.Q[row, :n] + abs(energy) * line.Q[row, n:]
+        of_process = dt * lasting * line.Q[row, :n] + abs(energy) * line.Q[row, n:]
         self.Q = np.zeros((self.dim_x, self.dim_x))
         self.Q[:n, :n] = np.diag(of_process) + dt / 2 * of_inputs
 
@@ -154,3 +174,23 @@ class OnlineFilter(ExtendedKalmanFilter):
                 total += float(self.log_likelihood)
             xs[k], Ps[k] = self.x, self.P
         return xs, Ps, total
+
+
+def relaxing(z: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """``z`` = λ dt kept off nought, where the quotients of :func:`phi` have no digits left, and
+    which entries decay at all."""
+    stiff = z != 0.0
+    return np.minimum(z, -LEAST), stiff & (z < -LEAST)
+
+
+def phi(z: Floats, stiff: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats, Floats]:
+    """φ_1 = (e^z − 1)/z and φ_2 = (φ_1 − 1)/z with their derivatives; 1, 1/2 and 0 where nothing
+    decays."""
+    one = np.expm1(z) / z
+    by_one = (np.exp(z) - one) / z
+    two = (one - 1) / z
+    by_two = (by_one - two) / z
+    return (
+        np.where(stiff, one, 1.0), np.where(stiff, two, 0.5),
+        np.where(stiff, by_one, 0.0), np.where(stiff, by_two, 0.0),
+    )  # fmt: skip
