@@ -13,7 +13,7 @@ from clutchest.models.effects import Effect, Number, library
 PAGE = Path(__file__).with_name("effects.md")
 HEADING = """# Effects
 
-Terms in the equations of the dry clutch beyond the paper's. Each is absent at 0. A vehicle file
+Terms in the equations of a clutch beyond its paper's. Each is absent at 0. A vehicle file
 puts one into the model that estimates (`[effects]`), and
 `clutchest simulate --effect wear:amount=0.5` into the truth of a simulated drive.
 
@@ -22,6 +22,10 @@ physical. A number with a default is a shape: it says how the effect looks, not 
 The equation is the place in the model where the effect acts.
 
 This page is written by `python docs/make_effects.py`.
+"""
+TITLES = {"dry_clutch": "The dry clutch", "alsd": "The active limited-slip differential"}
+TABLE = """
+## {title}
 
 | effect | what it does | numbers | equation |
 |---|---|---|---|
@@ -30,7 +34,11 @@ This page is written by `python docs/make_effects.py`.
 
 def page() -> str:
     """The whole page as Markdown."""
-    return HEADING + "".join(map(_row, library("dry_clutch").values()))
+    tables = (
+        TABLE.format(title=title) + "".join(map(_row, library(model).values()))
+        for model, title in TITLES.items()
+    )
+    return HEADING + "".join(tables)
 
 
 def _row(effect: Effect) -> str:

@@ -6,8 +6,6 @@ import casadi as ca
 
 from clutchest.models.model import Quantities
 
-REVERSAL = 2.0  # rad/s, over which the sliding limit turns its sign
-
 
 def stribeck(q: Quantities) -> ca.SX:
     """(6): g(ω_m1) = T_C + (T_S − T_C) exp(−|ω_m1/ω_str|^δ)."""
@@ -29,6 +27,9 @@ def lugre(q: Quantities) -> None:
 
 
 def sliding(q: Quantities) -> None:
-    """(4) at rest, z = g(ω_m1)/σ_0 · sgn ω_m1: bristles that are always bent all the way."""
-    direction = ca.tanh(q.motor_speed / REVERSAL)
+    """(4) at rest, z = g(ω_m1)/σ_0 · sgn ω_m1: bristles that are always bent all the way.
+
+    The sign turns over the Stribeck speed.
+    """
+    direction = ca.tanh(q.motor_speed / q.motor_stribeck_speed)
     q.motor_friction_torque = stribeck(q) * direction + q.motor_viscous * q.motor_speed
