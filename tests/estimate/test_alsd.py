@@ -165,3 +165,13 @@ def test_the_online_engine_agrees_with_the_kernel() -> None:
     assert np.all(np.abs(ours.x - xs) <= 1e-9 * np.maximum(np.abs(xs), std))
     assert np.all(np.abs(ours.P - Ps) <= 1e-9 * std[:, :, None] * std[:, None, :])
     assert ours.log_likelihood == pytest.approx(total, rel=1e-9)
+
+
+def test_free_play_and_friction_are_carried_over() -> None:
+    first = replayed(0)
+    later = simulate("alsd_rig", "rig-steps", 1, duration=2.0)  # a higher seed is a later run
+    track = replay(later, "alsd_rig", state=first.final).tracks[0]
+    for name in ("free_play", "friction"):
+        left = first.tracks[0].states[name]
+        assert track.states[name].std[0] < 2.0 * left.std[-1] + 1e-6
+        assert abs(track.states[name].value[0] - left.value[-1]) < 0.02 * left.value[-1]

@@ -32,6 +32,7 @@ from clutchest.discovery.result import (
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.linearised import Problem
+from clutchest.models import only_for
 from clutchest.models.effects import Effect, effects_of_file, library
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -61,6 +62,7 @@ def discover(
     these signals.
     """
     vehicle = load_vehicle(vehicle)
+    only_for("dry_clutch", vehicle.model, "discover")
     own = [effect for path in effects_files for effect in effects_of_file(path).values()]
     effects = (*library(vehicle.model).values(), *own, *probes(vehicle.model))
     finding = _Finding(signals, vehicle, effects, tuple(effects_files), progress, told)

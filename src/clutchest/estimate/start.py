@@ -92,7 +92,8 @@ def carried_on(
     """The belief at the first event after what the last drive left, and a warning or None.
 
     ``state`` is what :func:`leave` wrote.  Over a known time of standing, temperatures relax with
-    the model; over an unknown one they start afresh.  Raises ClutchestError if it is another
+    the model; over an unknown one, and where a stiff model would have to be run through it, they
+    start afresh.  Raises ClutchestError if it is another
     vehicle's or model's.
     """
     belief, model = fresh(vehicle, compiled, timeline), compiled.model
@@ -108,6 +109,8 @@ def carried_on(
     elif first_ns < state["time_ns"]:
         raise ClutchestError("the log begins before the state that was carried over ends; give the "
                              "drives in order of time")  # fmt: skip
+    elif any(s.stiff for s in model.states):  # days of standing, in steps of a millisecond
+        kept &= np.array([s.parked_noise == 0.0 for s in model.states])
     else:
         before = _parked(vehicle, compiled, timeline, before, state,
                          (first_ns - state["time_ns"]) * 1e-9)  # fmt: skip

@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.models import only_for
 
 if TYPE_CHECKING:
     from clutchest.identify.fit import Fit
@@ -23,13 +24,14 @@ class Procedure:
 
     ``what`` it finds, in a few words; ``module`` has ``identify(signals, vehicle, progress)``,
     loaded when it is first asked for.  If it ``validates``, that takes ``holdout`` too: drives that
-    only measure what the numbers are worth.
+    only measure what the numbers are worth.  It is a procedure for the clutch ``model``.
     """
 
     name: str
     what: str
     module: str
     validates: bool = True
+    model: str = "dry_clutch"
 
     def __call__(
         self,
@@ -39,6 +41,7 @@ class Procedure:
         holdout: Signals | None = None,
     ) -> Fit:
         """Run it on all drives of ``signals``.  Raises ClutchestError if they cannot serve."""
+        only_for(self.model, vehicle.model, f"procedure '{self.name}'")
         run = import_module(self.module).identify
         if holdout is not None and not self.validates:
             raise ClutchestError(f"procedure '{self.name}' takes no --holdout: it says itself how "

@@ -44,6 +44,12 @@ def card(model: str) -> ModelCard:
     )  # fmt: skip
 
 
+def only_for(known: str, model: str, what: str) -> None:
+    """Raises ClutchestError where ``what`` is there for another model than this one."""
+    if model != known:
+        raise ClutchestError(f"{what} is there for '{known}' only, not for '{model}'")
+
+
 def model_for(name: str, signals: Container[str]) -> Model:
     """The equations of the model ``name`` in the form that these canonical signals can drive."""
     return _module(name).for_signals(signals)
