@@ -17,10 +17,12 @@ NO_SHAPES: Shapes = MappingProxyType({})
 FAR = 5.0  # standard deviations; a reading that stays further off is left out
 COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own
 WARM = 10.0  # mean squares of the innovations: variances beyond are no help
-STEPS, PATIENCE, TURNS = 30, 3, 6  # at most
+STEPS, PATIENCE, TURNS = 40, 3, 6  # at most
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
 ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
+AHEAD = 0.05  # of a step: where one looks how the valley bends
+SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
 SLOW = 0.003  # of the cost: what lies so far off need not be found to the last digit
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 NEARLY = (
@@ -177,25 +179,49 @@ class Fitter:
 
         Valleys bend: a step along one may climb its wall, and the next one falls back onto its
         floor further on.  So a few climbs are let pass before steps are damped (Levenberg,
-        Marquardt).
+        Marquardt).  A step that leaves the valley altogether is bent as the valley is, and
+        shortened until it stays within.
         """
         best, damping, climbs = look, 0.0, 0
-        last = np.zeros(len(look.theta))
+        last, bend, share = np.zeros(len(look.theta)), None, 1.0
         for _ in range(STEPS):
             move = self.step(look, free, damping)
             if self._promised(look, move) < SETTLED:
                 break
             move = self._lengthened(look, move, last)
-            look = self.look(look.theta + move, look.shapes, free)
-            better = look.cost < best.cost
-            last = move if better and not damping else 0.0 * move
-            if better:
+            if share < 1.0 and bend is None:
+                bend = self._bend(look, move, free)
+            path = move if bend is None else share * (move + share / 2.0 * bend)
+            look = self.look(np.clip(look.theta + path, self.low, self.high), look.shapes, free)
+            straight = bend is None and not damping
+            if look.cost < best.cost:
                 gained, best, climbs, damping = best.cost - look.cost, look, 0, damping / 10.0
-                if gained < max(SETTLED, SLOW * best.cost):
+                last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)
+                if straight and gained < max(SETTLED, SLOW * best.cost):
                     break
-            elif not look.cost < WALL * best.cost or (climbs := climbs + 1) > PATIENCE:
-                look, climbs, damping = best, 0, max(10.0 * damping, 1.0)
+                continue
+            last = 0.0 * path
+            may_fall = bend is None and look.cost < WALL * best.cost
+            if may_fall and (climbs := climbs + 1) <= PATIENCE:
+                continue
+            look, climbs = best, 0
+            if straight:
+                bend = self._bend(best, move, free)
+            elif bend is not None and share > SHORTEST:
+                share *= SHORTENED
+            else:
+                bend, share, damping = None, 1.0, max(10.0 * damping, 1.0)
         return best
+
+    def _bend(self, look: Look, move: Floats, free: NDArray[np.int64]) -> Floats:
+        """The second derivative (m) of the path along the valley's floor that begins with ``move``:
+        geodesic acceleration (Transtrum and Sethna), from one more look a little way ahead."""
+        ahead = self.look(look.theta + AHEAD * move, look.shapes, free)
+        curved = 2.0 / AHEAD * ((ahead.r - look.r) / AHEAD - look.psi @ move)
+        curvature = look.information + np.diag(self.prior + 1e-9)
+        bend = np.zeros(len(look.theta))
+        bend[free] = -np.linalg.solve(curvature[np.ix_(free, free)], (look.psi.T @ curved)[free])
+        return bend
 
     def _lengthened(self, look: Look, move: Floats, last: Floats) -> Floats:
         """A step; where steps go on and on in one direction, one to where they lead (Aitken).
