@@ -29,7 +29,8 @@ FAR = 5.0  # standard deviations; what is further off is no noise
 NOMINAL: Shapes = MappingProxyType({})
 STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is promised
 KINK = 0.1  # s
-CLOSE = 5.0  # d′; rivals nearer than this are fitted in full
+CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitted in full, and so
+# many of the nearest in any case: far from what is hidden, a first order makes them seem further
 
 
 @dataclass(frozen=True)
@@ -114,22 +115,27 @@ class Oracle:
 
     def nearest(self, twin: Twin, beside: Sequence[str] = ()) -> dict[str, float]:
         """d′ of a twin from every effect of the library acting with ``beside``, in the shape that
-        comes closest: name → distance.  Far ones to first order."""
+        comes closest: name → distance.  Far ones to first order, and every choice of a shape."""
         found, base = {}, self._fit(twin, beside)
         for name in self.effects:
             if name not in beside:
                 found[name] = min(
-                    self._near(twin, base, (name, *beside), shapes)
-                    for shapes in (NOMINAL, *grid(self.effects[name]))
+                    (self._first_order(twin, base, (name, *beside), shapes), i)
+                    for i, shapes in enumerate((NOMINAL, *grid(self.effects[name])))
                 )
-        return found
+        ranked = sorted(found, key=found.__getitem__)
+        near = [n for i, n in enumerate(ranked) if i < NEAREST or found[n][0] < CLOSE]
+        told = {name: distance for name, (distance, _) in found.items()}
+        for name in near:
+            shapes = (NOMINAL, *grid(self.effects[name]))[found[name][1]]
+            begin = Twin(twin.problem, base.theta)
+            whole = self._beyond(self._fit(begin, (name, *beside), shapes).cost)
+            told[name] = min(told[name], whole)
+        return told
 
-    def _near(self, twin: Twin, base: Look, causes: Sequence[str], shapes: Shapes) -> float:
+    def _first_order(self, twin: Twin, base: Look, causes: Sequence[str], shapes: Shapes) -> float:
         look = self._look(twin.problem, base.theta, shapes) if shapes else base
-        first = self._beyond(self._step(look, self._columns(causes))[1])
-        if first > CLOSE:
-            return first
-        return self._beyond(self._fit(Twin(twin.problem, base.theta), causes, shapes).cost)
+        return self._beyond(self._step(look, self._columns(causes))[1])
 
     def _beyond(self, cost: float) -> float:
         return float(np.sqrt(max(cost - self.clean.cost, 0.0)))
