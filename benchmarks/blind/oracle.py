@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -119,18 +120,15 @@ class Oracle:
         found, base = {}, self._fit(twin, beside)
         for name in self.effects:
             if name not in beside:
-                found[name] = min(
-                    (self._first_order(twin, base, (name, *beside), shapes), i)
-                    for i, shapes in enumerate((NOMINAL, *grid(self.effects[name])))
-                )
-        ranked = sorted(found, key=found.__getitem__)
-        near = [n for i, n in enumerate(ranked) if i < NEAREST or found[n][0] < CLOSE]
+                tried = ((self._first_order(twin, base, (name, *beside), shapes), shapes)
+                         for shapes in (NOMINAL, *grid(self.effects[name])))  # fmt: skip
+                found[name] = min(tried, key=itemgetter(0))
         told = {name: distance for name, (distance, _) in found.items()}
-        for name in near:
-            shapes = (NOMINAL, *grid(self.effects[name]))[found[name][1]]
-            begin = Twin(twin.problem, base.theta)
-            whole = self._beyond(self._fit(begin, (name, *beside), shapes).cost)
-            told[name] = min(told[name], whole)
+        begin = Twin(twin.problem, base.theta)
+        for i, name in enumerate(sorted(told, key=told.__getitem__)):
+            if i < NEAREST or told[name] < CLOSE:
+                whole = self._fit(begin, (name, *beside), found[name][1])
+                told[name] = min(told[name], self._beyond(whole.cost))
         return told
 
     def _first_order(self, twin: Twin, base: Look, causes: Sequence[str], shapes: Shapes) -> float:

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName, apart
 from clutchest.cli.terminal import answer, progress
-from clutchest.errors import ClutchestError
 
 
 def discover(
@@ -74,11 +73,3 @@ def discover(
         show("writing", None)
         names = [path.name for path in write_discovery(found, out)]
     answer(found.summary(), as_json, lambda console: print_discovery(found, console), out, names)
-
-
-def apart(logs: list[str], holdout: list[str] | tuple[()]) -> None:
-    """No log may both find a cause and measure what it is worth."""
-    used = {Path(log).resolve() for log in logs}
-    for log in holdout:
-        if Path(log).resolve() in used:
-            raise ClutchestError(f"{log}: is given as LOG and as --holdout, expected another log")

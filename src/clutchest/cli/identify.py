@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName, apart
 from clutchest.cli.terminal import answer, progress
 from clutchest.identify import PROCEDURES
 
@@ -48,7 +48,6 @@ def identify(
     """
     with progress() as show:
         show("loading", None)
-        from clutchest.cli.discover import apart
         from clutchest.identify import procedure
         from clutchest.identify.fit import print_fit
         from clutchest.reading import read_log

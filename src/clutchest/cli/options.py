@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from clutchest.errors import ClutchestError
+
 Logs = Annotated[
     list[str],
     typer.Argument(
@@ -49,3 +51,11 @@ AsJson = Annotated[
     ),
 ]
 DEFAULT_OUT = Path("clutchest-out")
+
+
+def apart(logs: list[str], holdout: list[str] | tuple[()]) -> None:
+    """No log may both find a cause and measure what it is worth."""
+    used = {Path(log).resolve() for log in logs}
+    for log in holdout:
+        if Path(log).resolve() in used:
+            raise ClutchestError(f"{log}: is given as LOG and as --holdout, expected another log")

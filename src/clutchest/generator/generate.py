@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError
+from clutchest.generator.asked import asked
 from clutchest.generator.effects import RANGES, Values, complete, numbers
 from clutchest.generator.outsider import SLICE, Outsider, Reading, run_under
 from clutchest.generator.sampling import Channel, Sampled, sample
@@ -39,19 +40,9 @@ def generate(
     ``disturbances``; the same unless said.  ``outsider`` is something wrong beyond ``effects``.
     Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
     """
-    if scenario not in SCENARIOS:
-        raise ClutchestError(f"unknown scenario '{scenario}'" + nearest(scenario, SCENARIOS))
-    plan = SCENARIOS[scenario]
-    duration = plan.duration if duration is None else float(duration)
-    if not 0 < duration < np.inf:
-        raise ClutchestError(f"duration {duration:g} s: expected more than 0 s")
     truck_seed = seed if truck_seed is None else truck_seed
-    for name, number in (("seed", seed), ("truck_seed", truck_seed)):
-        if number < 0:
-            raise ClutchestError(f"{name} {number}: expected 0 or more")
-    for key in RANGES:
-        if key not in parameters:
-            raise ClutchestError(f"parameter '{key}' is missing" + nearest(key, parameters))
+    seeds = {"seed": seed, "truck_seed": truck_seed}
+    plan, duration = asked(scenario, SCENARIOS, duration, seeds, parameters, RANGES)
     disturbances = disturbances or Disturbances()
     active = complete(effects or {})
     for name in ("torque_delay", "position_delay"):

@@ -41,13 +41,13 @@ from clutchest.can.readers.scan import (
     blanks,
     compiled,
     decimal,
-    filled,
     hexadecimal,
     is_word,
     line_end,
     spaced_bytes,
     spoilt,
     stamp,
+    tables,
     word,
 )  # fmt: skip
 from clutchest.can.readers.stream import Source
@@ -119,10 +119,8 @@ def _epoch_ns(date: re.Match[str]) -> int | None:
 
 def read(source: Source) -> Iterator[Frames]:
     """Frames of an asc log; lines that cannot be read are counted in ``rejected``."""
-    clock, width = _Clock(np.zeros(5, np.int64)), 8
-    for block in source.lines():
-        frames = filled(block, width, clock.scan)
-        width = frames.data.shape[1]
+    clock = _Clock(np.zeros(5, np.int64))
+    for frames in tables(source, clock.scan):
         yield replace(frames, absolute=bool(clock.now[_START] >= EPOCH_NS))
 
 

@@ -8,12 +8,10 @@ Console: ``(000.005580)  can0  18E0FF00   [8]  00 FF …``, ``remote request``, 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from clutchest.can.frames import Frames
-from clutchest.can.readers import counts_from_epoch
 from clutchest.can.readers.scan import (
     BAD_DATA,
     BAD_ID,
@@ -36,25 +34,19 @@ from clutchest.can.readers.scan import (
     blanks,
     compiled,
     decimal,
-    filled,
     hexadecimal,
     line_end,
     spaced_bytes,
     spoilt,
     stamp,
+    undated,
 )  # fmt: skip
 from clutchest.can.readers.stream import Source
 
 
 def read(source: Source) -> Iterator[Frames]:
     """Frames of a candump log; lines that cannot be read are counted in ``rejected``."""
-    absolute, width = None, 8
-    for block in source.lines():
-        frames = filled(block, width, _scan)
-        width = frames.data.shape[1]
-        if absolute is None and len(frames):
-            absolute = counts_from_epoch(frames.t_ns)
-        yield replace(frames, absolute=absolute is not False)
+    return undated(source, _scan)
 
 
 @compiled

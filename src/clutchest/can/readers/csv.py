@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from clutchest.can.frames import Frames
-from clutchest.can.readers import counts_from_epoch
 from clutchest.can.readers.scan import (
     BAD_DATA,
     BAD_ID,
@@ -26,10 +24,10 @@ from clutchest.can.readers.scan import (
     at_end,
     compiled,
     decimal,
-    filled,
     hexadecimal,
     spoilt,
     stamp,
+    undated,
 )  # fmt: skip
 from clutchest.can.readers.stream import Source
 
@@ -41,13 +39,7 @@ _BASE64[np.frombuffer(_LETTERS, np.uint8)] = np.arange(64)
 
 def read(source: Source) -> Iterator[Frames]:
     """Frames of a csv log; lines that cannot be read are counted in ``rejected``."""
-    absolute, width = None, 8
-    for block in source.lines():
-        frames = filled(block, width, _scan)
-        width = frames.data.shape[1]
-        if absolute is None and len(frames):
-            absolute = counts_from_epoch(frames.t_ns)
-        yield replace(frames, absolute=absolute is not False)
+    return undated(source, _scan)
 
 
 @compiled

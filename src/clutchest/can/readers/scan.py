@@ -7,8 +7,9 @@ nothing it gives back the position at which it began.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
+from clutchest.can.readers import counts_from_epoch
+from clutchest.can.readers.stream import Source
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -103,6 +106,24 @@ def filled(text: Bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) -
         width = 64
     rejected = ((reason, int(counts[-code])) for code, reason in REASONS.items())
     return out.frames(n, tuple((reason, count) for reason, count in rejected if count))
+
+
+def tables(source: Source, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
+    """The frames of every block of lines; ``scan`` as in :func:`filled`."""
+    width = 8
+    for block in source.lines():
+        frames = filled(block, width, scan)
+        width = frames.data.shape[1]
+        yield frames
+
+
+def undated(source: Source, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
+    """The same of a format that does not say from when it counts: the first frame does."""
+    absolute = None
+    for frames in tables(source, scan):
+        if absolute is None and len(frames):
+            absolute = counts_from_epoch(frames.t_ns)
+        yield replace(frames, absolute=absolute is not False)
 
 
 @compiled

@@ -36,12 +36,12 @@ from clutchest.can.readers.scan import (
     blanks,
     compiled,
     decimal,
-    filled,
     hexadecimal,
     line_end,
     spaced_bytes,
     spoilt,
     stamp,
+    tables,
     word,
 )  # fmt: skip
 from clutchest.can.readers.stream import Source
@@ -63,10 +63,7 @@ def read(source: Source) -> Iterator[Frames]:
         raise ClutchestError(f"{source.path}: its $COLUMNS name no {', '.join(missing)}")
     columns = np.frombuffer(stated.encode(), np.uint8)
     start_ns = _start_ns(source.head)
-    width = 8
-    for block in source.lines():
-        frames = filled(block, width, lambda *table: _scan(columns, start_ns, *table))
-        width = frames.data.shape[1]
+    for frames in tables(source, lambda *table: _scan(columns, start_ns, *table)):
         yield replace(frames, absolute=start_ns >= EPOCH_NS)
 
 

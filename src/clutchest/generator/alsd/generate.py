@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, ROW, SCENARIOS
+from clutchest.generator.asked import asked
 from clutchest.generator.effects import Values, complete
 from clutchest.generator.outsider import Outsider, Reading
 from clutchest.generator.sampling import Channel, Sampled, sample
@@ -38,27 +39,17 @@ def generate(
     ``effects.DEVIATIONS``.  ``disturbances`` and outsiders are the truck's alone.
     Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
     """
-    if scenario not in SCENARIOS:
-        raise ClutchestError(f"unknown scenario '{scenario}'" + nearest(scenario, SCENARIOS))
-    plan = SCENARIOS[scenario]
-    duration = plan.duration if duration is None else float(duration)
-    if not 0 < duration < np.inf:
-        raise ClutchestError(f"duration {duration:g} s: expected more than 0 s")
+    truck_seed = seed if truck_seed is None else truck_seed
+    seeds = {"seed": seed, "truck_seed": truck_seed}
+    plan, duration = asked(scenario, SCENARIOS, duration, seeds, parameters, RANGES)
     if outsider or (disturbances and disturbances != Disturbances()):
         raise ClutchestError("nothing but effects can be wrong with a differential here: "
                              "disturbances and outsiders are the truck's")  # fmt: skip
-    truck_seed = seed if truck_seed is None else truck_seed
-    for name, number in (("seed", seed), ("truck_seed", truck_seed)):
-        if number < 0:
-            raise ClutchestError(f"{name} {number}: expected 0 or more")
     wheels = any(channel.name == "wheel_speed_left" for channel in channels)
     if channels and wheels != (scenario in ON_THE_ROAD):
         where, has = ("a car", "maps no") if scenario in ON_THE_ROAD else ("the rig", "maps a")
         raise ClutchestError(f"scenario '{scenario}' is for {where}: this vehicle {has} "
                              "wheel_speed_left")  # fmt: skip
-    for key in RANGES:
-        if key not in parameters:
-            raise ClutchestError(f"parameter '{key}' is missing" + nearest(key, parameters))
     active = complete(effects or {}, EFFECTS, LARGEST)
     drawn = draw(parameters, {} if nominal else spreads, truck_seed)
     record = numbers(drawn, active, parameters["friction_coefficient"], deviations or {})

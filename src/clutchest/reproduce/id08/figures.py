@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from clutchest.reproduce.id08.deviations import Explained
 from clutchest.reproduce.id08.ramps import DEGREES
 from clutchest.reproduce.id08.rig import Columns
 from clutchest.reproduce.id08.steps import PLOTS, Response
+from clutchest.reproduce.sheet import save, sheet
 from clutchest.signals import Floats
 
 STARTS = {12.0: 0.7 - 0.3, 7.0: 0.5 - 0.1, 2.5: 0.4}  # s, where the plots' time begins
@@ -31,14 +31,7 @@ def draw(data: Mapping[str, Any], folder: Path) -> None:
         "fig13": ramps(data["A5"]),
         "deviations": explained(data["A9"]),
     }
-    for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=110)
-
-
-def _sheet(rows: int = 1, height: float = 4.2) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(7.0, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, list(figure.subplots(rows, squeeze=False)[:, 0])
+    save(figures, folder)
 
 
 def _transient(axes: Axes, response: Response, low: float, high: float) -> None:
@@ -59,7 +52,7 @@ def _transient(axes: Axes, response: Response, low: float, high: float) -> None:
 
 def steps(found: Mapping[float, Response]) -> Figure:
     """Fig. 11: engagement and release at 25 rpm."""
-    figure, sheets = _sheet(3, 10.0)
+    figure, sheets = sheet(3, 10.0)
     for axes, (amps, response) in zip(sheets, found.items(), strict=True):
         _transient(axes, response, *PLOTS[amps][2:])
         axes.set_title(f"i_aR = {amps:g} A", fontsize=9)
@@ -69,7 +62,7 @@ def steps(found: Mapping[float, Response]) -> Figure:
 
 def slow(response: Response) -> Figure:
     """Fig. 12: 12 A at 0.5 rpm."""
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet(height=4.2)
     _transient(axes, response, -500.0, 3000.0)
     axes.legend(fontsize=7, ncols=5)
     return figure
@@ -77,7 +70,7 @@ def slow(response: Response) -> Figure:
 
 def ramps(found: Mapping[float, Columns]) -> Figure:
     """Fig. 13: requested current over motor angle."""
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet(height=4.2)
     for rate, o in found.items():
         axes.plot(o["motor_angle"] * DEGREES, o["request"], lw=0.9, label=f"{rate:g} A/s")
     axes.set(xlabel="α_m1 [°]", ylabel="i_aR [A]", xlim=(0.0, 1600.0), ylim=(0.0, 20.0))
@@ -88,7 +81,7 @@ def ramps(found: Mapping[float, Columns]) -> Figure:
 
 def loop(o: Columns, widest: float, highest: float) -> Figure:
     """Figs. 9 and 10: motor torque over motor angle."""
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet(height=4.2)
     axes.plot(o["motor_angle"] * DEGREES, o["motor_torque"], lw=0.9)
     axes.set(xlabel="α_m1 [°]", ylabel="T_m1 [Nm]", xlim=(0.0, widest), ylim=(0.0, highest))
     axes.grid(alpha=0.4)
@@ -98,7 +91,7 @@ def loop(o: Columns, widest: float, highest: float) -> Figure:
 def spring(found: tuple[Floats, Floats, float]) -> Figure:
     """Fig. 5b: the reset spring, and where it rests."""
     displacement, force, preload = found
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet(height=4.2)
     axes.plot(1e3 * displacement, force)
     axes.plot(1e3 * preload, np.interp(preload, displacement, force), "o", label="at rest")
     axes.set(xlabel="s [mm]", ylabel="F [N]", xlim=(0.0, 3.0), ylim=(0.0, 2500.0))
@@ -109,7 +102,7 @@ def spring(found: tuple[Floats, Floats, float]) -> Figure:
 
 def explained(found: Sequence[Explained]) -> Figure:
     """A9: the deviating rig, the model as it stands, and with its extension."""
-    figure, sheets = _sheet(len(found), 2.6 * len(found))
+    figure, sheets = sheet(len(found), 2.6 * len(found))
     for axes, e in zip(sheets, found, strict=True):
         off, end = PLOTS[e.deviation.amps][:2]
         start, stop = e.deviation.window or (off, end)

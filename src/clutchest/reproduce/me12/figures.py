@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from clutchest.reproduce.me12.curve import STROKE, STROKES, Ramps
@@ -17,6 +15,7 @@ from clutchest.reproduce.me12.launch import Launches
 from clutchest.reproduce.me12.model import NO_DISC, RATE, STATIC
 from clutchest.reproduce.me12.pulses import SHOWN, Pulses
 from clutchest.reproduce.me12.slip import Steps
+from clutchest.reproduce.sheet import save, sheet
 from clutchest.signals import Floats
 
 RAD_S_TO_RPM = 60.0 / (2.0 * np.pi)
@@ -36,20 +35,13 @@ def draw(data: Mapping[str, Any], folder: Path) -> None:
         "fig10": torque_pulses(pulses),
         "fig11": one_launch(launches),
     }
-    for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=110)
-
-
-def _sheet(rows: int = 1, height: float = 3.6) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(7.0, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, list(figure.subplots(rows, squeeze=False)[:, 0])
+    save(figures, folder)
 
 
 def ramped(ramps: Ramps, label: str, **parameters: float) -> Figure:
     """Figs. 2, 7, 8: torque over position as corrected with these parameters, coloured by time;
     uncorrected, (5) fitted to the first and to the last ramp."""
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet()
     position, reference = ramps.corrected(**parameters)
     dots = axes.scatter(position, ramps.measured, c=ramps.time, s=3, cmap="jet", vmin=0, vmax=75)
     if parameters == STATIC:
@@ -89,7 +81,7 @@ def slip_steps(steps: Steps) -> Figure:
     engine, shaft, torque, slip = run.quantity(
         "engine_speed", "input_shaft_speed", "engine_torque", "slip_speed"
     )[:, shown]
-    figure, (speed, torques, slips, acceleration) = _sheet(4, 8.0)
+    figure, (speed, torques, slips, acceleration) = sheet(4, 8.0)
     speed.plot(time, engine * RAD_S_TO_RPM)
     speed.set(ylabel="Engine Speed [RPM]", ylim=(400, 1500))
     torques.plot(time, torque, "C1", lw=0.8, label="ICE")
@@ -107,7 +99,7 @@ def slip_steps(steps: Steps) -> Figure:
 
 def torque_over_slip(steps: Steps) -> Figure:
     """Fig. 4: every step's torque, as measured and at one curve and temperature."""
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet()
     slip = steps.slip * RAD_S_TO_RPM
     axes.plot(slip, steps.torque, ".", color="C7", ms=4, label="as measured")
     level = float(np.mean(steps.torque))
@@ -119,7 +111,7 @@ def torque_over_slip(steps: Steps) -> Figure:
 
 def zero_position(heating: ZeroPosition) -> Figure:
     """Fig. 5: zero position while the clutch is heated several times and cools."""
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet()
     for k, rest in enumerate(heating.rests()):
         names = ("Measured", "Modeled") if k == 0 else (None, None)
         axes.plot(heating.time[rest], heating.measured[rest], "C0.", ms=1, label=names[0])
@@ -132,7 +124,7 @@ def zero_position(heating: ZeroPosition) -> Figure:
 
 def residuals(pulses: Pulses) -> Figure:
     """Fig. 9: what the model misses in Fig. 10."""
-    figure, (axes,) = _sheet()
+    figure, (axes,) = sheet()
     time = pulses.own.run.time[pulses.shown]
     axes.plot(time, pulses.residual(pulses.modelled.run.torque), "C2.", ms=2, label="P Modeled")
     axes.plot(time, pulses.residual(pulses.own.run.torque), "C1.", ms=2, label="P Measured")
@@ -145,7 +137,7 @@ def residuals(pulses: Pulses) -> Figure:
 
 def torque_pulses(pulses: Pulses) -> Figure:
     """Fig. 10: torque pulses, and the temperatures behind them."""
-    figure, (torques, temperatures) = _sheet(2, 5.5)
+    figure, (torques, temperatures) = sheet(2, 5.5)
     run = pulses.own.run
     slipping = np.where(pulses.own.slipping, 1.0, np.nan)  # beside slips a torque says nothing
     for torque, label, style in (
@@ -173,7 +165,7 @@ def torque_pulses(pulses: Pulses) -> Figure:
 
 def one_launch(launches: Launches) -> Figure:
     """Fig. 11: the launch nearest to the paper's time."""
-    figure, (torques, temperatures) = _sheet(2, 5.5)
+    figure, (torques, temperatures) = sheet(2, 5.5)
     compared = launches.compared
     run, rows = compared.run, launches.shown()
     begin, end = run.time[rows[0]] - 5.0 / RATE, run.time[rows[-1]]
