@@ -322,6 +322,13 @@ def test_replay_and_carry_on(run, log, tmp_path):
     # what the first drive taught about the pads is not forgotten
     assert carried["states"]["zero_position"]["std"] < fresh["states"]["zero_position"]["std"]
 
+    state.write_text(json.dumps(json.loads(state.read_text("utf-8")) | {"x": [1.0]}), "utf-8")
+    code, _, err = run(
+        "replay", later, "--vehicle", "truck", "--state", state, "--out", tmp_path / "d"
+    )
+    assert code == 1
+    assert f"{state}: the carried-over state is damaged: 'x' must be" in " ".join(err.split())
+
 
 def test_progress_on_a_terminal_only(monkeypatch, capsys):
     with terminal.progress() as show:

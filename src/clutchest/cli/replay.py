@@ -51,7 +51,9 @@ def replay(
     """
     with progress() as show:
         show("loading", None)
+        from clutchest.errors import ClutchestError
         from clutchest.estimate.replay import replay as estimate
+        from clutchest.estimate.start import StateError
         from clutchest.reading import read_log
         from clutchest.reading.window import Window
         from clutchest.record.files import read_state, write_run
@@ -62,7 +64,10 @@ def replay(
         before = None if state is None else read_state(state)
         show("reading", None)
         signals = read_log(logs, car, Window.parse(start, stop))
-        run = estimate(signals, car, rate=rate, state=before, smooth=smooth, progress=show)
+        try:
+            run = estimate(signals, car, rate=rate, state=before, smooth=smooth, progress=show)
+        except StateError as problem:
+            raise ClutchestError(f"{state}: {problem}") from None
         show("writing", None)
         written = write_run(run, out, innovations=innovations)
     names = [path.name for path in written]

@@ -82,6 +82,10 @@ def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
     return Belief.of(xi, np.diag(prior_std(vehicle, compiled.model) ** 2), Si)
 
 
+class StateError(ClutchestError):
+    """A carried-over state that is none, or another vehicle's; who read the file names it."""
+
+
 def carried_on(
     vehicle: Vehicle,
     compiled: Compiled,
@@ -93,8 +97,7 @@ def carried_on(
 
     ``state`` is what :func:`leave` wrote.  Over a known time of standing, temperatures relax with
     the model; over an unknown one, and where a stiff model would have to be run through it, they
-    start afresh.  Raises ClutchestError if it is another
-    vehicle's or model's.
+    start afresh.  Raises StateError if it is another vehicle's or model's, or damaged.
     """
     belief, model = fresh(vehicle, compiled, timeline), compiled.model
     _check(vehicle, compiled, state)
@@ -107,8 +110,8 @@ def carried_on(
         kept &= np.array([s.parked_noise == 0.0 for s in model.states])
         warning = "no absolute time: temperatures do not carry over from the last drive"
     elif first_ns < state["time_ns"]:
-        raise ClutchestError("the log begins before the state that was carried over ends; give the "
-                             "drives in order of time")  # fmt: skip
+        raise StateError("the log begins before the state that was carried over ends; give the "
+                        "drives in order of time")  # fmt: skip
     elif any(s.stiff for s in model.states):  # days of standing, in steps of a millisecond
         kept &= np.array([s.parked_noise == 0.0 for s in model.states])
     else:
@@ -156,27 +159,27 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
     wanted = {"model", "states", "x", "P", "signature", "thetas", "inputs", "slip_energy",
               "slip_energy_covariance", "slip_energy_signature"}  # fmt: skip
     if lacking := wanted - set(state):
-        raise ClutchestError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
+        raise StateError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
     if state["model"] != compiled.model.name:
-        raise ClutchestError(f"the carried-over state is of model '{state['model']}', "
-                             f"not '{compiled.model.name}'")  # fmt: skip
+        raise StateError(f"the carried-over state is of model '{state['model']}', "
+                        f"not '{compiled.model.name}'")  # fmt: skip
     if state.get("vehicle", vehicle.name) != vehicle.name:
-        raise ClutchestError(f"the carried-over state is of vehicle '{state['vehicle']}', "
-                             f"not '{vehicle.name}'")  # fmt: skip
+        raise StateError(f"the carried-over state is of vehicle '{state['vehicle']}', "
+                        f"not '{vehicle.name}'")  # fmt: skip
     found = state["states"]
     if not (isinstance(found, list) and all(isinstance(name, str) for name in found)):
-        raise ClutchestError("the carried-over state is damaged: 'states' must be a list of names")
+        raise StateError("the carried-over state is damaged: 'states' must be a list of names")
     names = {s.name for s in compiled.model.states}
     if not names & set(found):
-        raise ClutchestError(f"the carried-over state has none of the states {', '.join(names)}")
+        raise StateError(f"the carried-over state has none of the states {', '.join(names)}")
     _check_numbers(state, len(found))
 
 
 def _check_numbers(state: Mapping[str, Any], n: int) -> None:
     """Shapes and finite numbers: the compiled kernel trusts them blindly."""
 
-    def damaged(key: str, expected: str) -> ClutchestError:
-        return ClutchestError(f"the carried-over state is damaged: '{key}' must be {expected}")
+    def damaged(key: str, expected: str) -> StateError:
+        return StateError(f"the carried-over state is damaged: '{key}' must be {expected}")
 
     thetas = state["thetas"]
     if not (isinstance(thetas, list) and all(

@@ -110,16 +110,22 @@ def _slope(value: Floats) -> Floats:
 def _stretch(drive: Drive, rows: NDArray[np.intp], y: Floats, known: Floats | None,
              own: list[Floats], level: bool = True) -> Stretch:  # fmt: skip
     """y less ``known`` at the rows, to be made of ``own`` columns, both ``delay`` s earlier;
-    ``level`` gives the stretch a constant."""
+    ``level`` gives the stretch a constant.
+
+    Between the grid's rows all is a cubic spline: straight lines average the noise there, and
+    least noise would pass for the delay.
+    """
+    from scipy.interpolate import CubicSpline
+
     part = slice(max(int(rows[0] - 1 / STEP), 0), int(rows[-1] + 1 / STEP))
     time, at = drive.time[part], drive.time[rows]
-    read, own = y[rows], [column[part] for column in own]
-    cause = None if known is None else known[part]
+    read, courses = y[rows], [CubicSpline(time, column[part]) for column in own]
+    cause = None if known is None else CubicSpline(time, known[part])
 
     def columns(delay: float) -> tuple[Floats, Floats]:
-        left = read if cause is None else read - np.interp(at - delay, time, cause)
+        left = read if cause is None else read - cause(at - delay)
         constant = [np.ones(len(at))] if level else []
-        return left, np.column_stack([*constant, *(np.interp(at - delay, time, c) for c in own)])
+        return left, np.column_stack([*constant, *(course(at - delay) for course in courses)])
 
     return Stretch(columns)
 

@@ -5,7 +5,9 @@ level and slope plus an integrated random walk of unknown strength; the noise is
 every window; the bus rounds to its step.  Noise and AR(1) coefficient maximise the likelihood of
 what is left of each window without its straight line (restricted likelihood).  The strength of
 the walk differs from window to window: its distribution over a grid, nought included, is
-estimated with the rest (a nonparametric mixture), so no window has to be called quiet.
+estimated with the rest (a nonparametric mixture).  Where enough of the log is quiet, a second
+pass has windows between two quiet ones only: a window must not be chosen by its own readings, or
+those whose slow noise happens to be large pass for wander, and what is left has too little of it.
 """
 
 from __future__ import annotations
@@ -21,10 +23,11 @@ from clutchest.identify.window_likelihood import factor, toeplitz_row, whiten
 from clutchest.signals import Floats, Signal
 
 WINDOW = 128  # samples
-MOST = 300  # windows; more are thinned out evenly
+MOST = 300  # windows that are fitted; more are thinned out evenly
 MISSING = 16  # samples of a window that may be missing or far off
 OUTLIER = 6.0  # robust standard deviations between a sample and its neighbours' median
 QUIET = 0.5  # of the noise: a walk up to here leaves a window quiet
+MOVING = 15.0  # −2 log likelihood ratio of a quiet window to a moving one; noise alone stays below
 CLUSTERED = 20  # windows from which on their scatter is trusted to widen the interval
 BELOW_STEP = 0.3  # of the bus step: smaller noise is hidden by rounding
 WANDER = np.sqrt(WINDOW**3 / 420)  # of a window less its line, over the steps of its slope
@@ -77,26 +80,50 @@ def bus_step(values: Sequence[Floats]) -> float:
     return step if np.all(np.abs(multiples - np.rint(multiples)) < 1e-2) else 0.0
 
 
-def windows_of(signals: Sequence[Signal]) -> Floats:
-    """Readings (W, WINDOW) of all drives, NaN where a sample is missing, invalid or far off.
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """Readings cut up: ``values`` (W, WINDOW), NaN where one is missing, invalid or far off;
+    ``place`` (W,) ascending, neighbours in time are one apart."""
 
-    Windows with more than MISSING of those are left out, and so are those that touch a zero which
-    is the bus's lower end: there half of the noise is cut off.
+    values: Floats
+    place: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def between(self, flag: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Windows (W,) of which the neighbours on both sides have the ``flag`` (W,)."""
+        flagged = self.place[flag]
+        return np.isin(self.place - 1, flagged) & np.isin(self.place + 1, flagged)
+
+
+def windows_of(signals: Sequence[Signal]) -> Windows:
+    """The windows of all drives.
+
+    Those with more than MISSING samples missing are left out, and so are those that touch a zero
+    which is the bus's lower end: there half of the noise is cut off.
     """
     rows = [_regular(signal) for signal in signals]
     least = min((float(np.nanmin(row)) for row in rows if np.isfinite(row).any()), default=1.0)
-    parts = []
+    parts, places, first = [np.empty((0, WINDOW))], [np.empty(0, np.intp)], 0
     for row in rows:
         ends = row == least if least == 0.0 else np.zeros(len(row), bool)
         row = np.where(far_off(row), np.nan, row)
         count = len(row) // WINDOW
         window = row[: count * WINDOW].reshape(count, WINDOW)
         cut = ends[: count * WINDOW].reshape(count, WINDOW).any(axis=1)
-        parts.append(window[~cut & (np.isnan(window).sum(axis=1) <= MISSING)])
-    found = np.concatenate([*parts, np.empty((0, WINDOW))])
-    if len(found) > MOST:
-        found = found[np.linspace(0, len(found) - 1, MOST).astype(int)]
-    return found
+        keep = ~cut & (np.isnan(window).sum(axis=1) <= MISSING)
+        parts.append(window[keep])
+        places.append(first + np.flatnonzero(keep))
+        first += count + 2  # the next drive is nobody's neighbour
+    return Windows(np.concatenate(parts), np.concatenate(places))
+
+
+def _thinned(values: Floats) -> Floats:
+    """At most MOST of the ``values`` (W, …), evenly."""
+    if len(values) <= MOST:
+        return values
+    return values[np.linspace(0, len(values) - 1, MOST).astype(int)]
 
 
 def _regular(signal: Signal) -> Floats:
@@ -131,26 +158,30 @@ def far_off(row: Floats) -> NDArray[np.bool_]:
         return apart > OUTLIER * spread + np.ptp(around, axis=1)
 
 
-def estimate(windows: Floats, step: float) -> SensorNoise | None:
-    """Fit noise and AR(1) coefficient to ``windows`` (W, WINDOW).
+def estimate(windows: Windows, step: float) -> SensorNoise | None:
+    """Fit noise and AR(1) coefficient to ``windows``.
 
     ``noise`` 0 where every window is one straight line; None where there is no window.
     """
     if not len(windows):
         return None
-    likelihood = _Likelihood(windows, step)
+    likelihood = _Likelihood(_thinned(windows.values), step)
     if likelihood.rough == 0.0:
-        level = windows - np.nanmean(windows, axis=1, keepdims=True)
-        return SensorNoise(0.0, 0.0, np.zeros((2, 2)), step, windows, level, False)
+        values = likelihood.windows
+        level = values - np.nanmean(values, axis=1, keepdims=True)
+        return SensorNoise(0.0, 0.0, np.zeros((2, 2)), step, values, level, False)
     theta = _maximise(likelihood)
-    windows = np.where(likelihood.apart(theta), np.nan, windows)
-    usable = np.isnan(windows).sum(axis=1) <= MISSING
-    quiet = usable & likelihood.quiet(theta)
-    if quiet.sum() >= CLUSTERED:  # where little else moves, little else can be mistaken for noise
-        walks = likelihood.walks[likelihood.walks <= 2 * QUIET * np.exp(theta[0]) / WANDER]
-        likelihood = _Likelihood(windows[quiet], step, walks, likelihood.rough)
+    whole = likelihood.over(windows.values)
+    values = np.where(whole.apart(theta), np.nan, windows.values)
+    usable = np.isnan(values).sum(axis=1) <= MISSING
+    quiet = usable & whole.quiet(theta)
+    calm = usable & windows.between(quiet) & ~whole.moving(theta)
+    if calm.sum() >= CLUSTERED:  # where little else moves, little else can be mistaken for noise
+        walks = likelihood.walks[likelihood.walks <= _quietest(theta, 2 * QUIET)]
+        likelihood = _Likelihood(_thinned(values[calm]), step, walks, likelihood.rough)
     elif usable.any():
-        likelihood = _Likelihood(windows[usable], step, likelihood.walks, likelihood.rough)
+        rows = _thinned(values[usable])
+        likelihood = _Likelihood(rows, step, likelihood.walks, likelihood.rough)
     theta = _maximise(likelihood)
     return SensorNoise(
         noise=float(np.exp(theta[0])),
@@ -161,6 +192,11 @@ def estimate(windows: Floats, step: float) -> SensorNoise | None:
         residuals=likelihood.residuals(theta),
         quiet=bool(quiet.sum() >= min(CLUSTERED, usable.sum() / 2)),
     )
+
+
+def _quietest(theta: Floats, share: float) -> float:
+    """Strength of the walk that moves a window by a ``share`` of the noise."""
+    return float(share * np.exp(theta[0]) / WANDER)
 
 
 def _maximise(likelihood: _Likelihood) -> Floats:
@@ -199,6 +235,12 @@ class _Likelihood:
         self.guess = self.noise_for(0.0)
         self.walks = self.guess / WANDER * _WALKS if walks is None else walks
         self.weights = np.full(len(self.walks), 1 / len(self.walks))
+
+    def over(self, windows: Floats) -> _Likelihood:
+        """The same distribution of walks over other ``windows`` (W, WINDOW)."""
+        other = _Likelihood(windows, self.step, self.walks, self.rough)
+        other.weights = self.weights
+        return other
 
     def noise_for(self, ar: float) -> float:
         """The noise whose second differences scatter as those of the windows do."""
@@ -276,8 +318,14 @@ class _Likelihood:
 
     def quiet(self, theta: Floats) -> NDArray[np.bool_]:
         """Windows (W,) in which the quantity itself moves less than the noise."""
-        calm = self.walks <= QUIET * np.exp(theta[0]) / WANDER
+        calm = self.walks <= _quietest(theta, QUIET)
         return self.shares(theta)[:, calm].sum(axis=1) > 0.5
+
+    def moving(self, theta: Floats) -> NDArray[np.bool_]:
+        """Windows (W,) in which the quantity moves, beyond what noise could feign."""
+        table = self.table(theta)
+        calm = self.walks <= _quietest(theta, QUIET)
+        return table[:, calm].min(axis=1) - table.min(axis=1) > MOVING
 
     def apart(self, theta: Floats) -> NDArray[np.bool_]:
         """Samples (W, WINDOW) far from what the others of their window foretell."""
