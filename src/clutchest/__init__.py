@@ -12,6 +12,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from clutchest.diagnosis.diagnose import diagnose
+    from clutchest.diagnosis.result import Diagnosis
     from clutchest.discovery.find import discover
     from clutchest.discovery.result import Discovery
     from clutchest.errors import ClutchestError
@@ -28,6 +30,7 @@ __version__ = "0.1.0"
 # Loaded when first asked for: `import clutchest` itself stays quick.
 _HOMES = {
     "ClutchestError": "clutchest.errors",
+    "Diagnosis": "clutchest.diagnosis.result",
     "Discovery": "clutchest.discovery.result",
     "Engagement": "clutchest.estimate.run",
     "Estimate": "clutchest.estimate.run",
@@ -37,6 +40,7 @@ _HOMES = {
     "Signals": "clutchest.signals",
     "Track": "clutchest.estimate.run",
     "Vehicle": "clutchest.vehicle",
+    "diagnose": "clutchest.diagnosis.diagnose",
     "discover": "clutchest.discovery.find",
     "load_vehicle": "clutchest.vehicle",
     "read_log": "clutchest.reading",
@@ -47,6 +51,7 @@ _HOMES = {
 
 __all__ = [
     "ClutchestError",
+    "Diagnosis",
     "Discovery",
     "Engagement",
     "Estimate",
@@ -57,6 +62,7 @@ __all__ = [
     "Track",
     "Vehicle",
     "__version__",
+    "diagnose",
     "discover",
     "load_vehicle",
     "read_log",

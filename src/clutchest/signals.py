@@ -80,6 +80,29 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True)
+class Traffic:
+    """The frames of one message from one sender, in order of time; shape (n,) each.
+
+    ``time`` s since the log's start; ``same``: the payload, counter and checksum left out, is that
+    of the frame before; ``step`` by how much the counter went on (−1 for the first frame and where
+    there is none), ``turns`` after how many it begins again (0: no counter); ``sound``: the
+    checksum is right, or there is none.  ``period`` s as the DBC or the vehicle file states it,
+    None where they do not.  ``checked``: counter and checksum are known to be meant as such.
+    """
+
+    time: Floats
+    same: NDArray[np.bool_]
+    step: NDArray[np.int16]
+    turns: int
+    sound: NDArray[np.bool_]
+    period: float | None = None
+    checked: bool = False
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, slots=True)
 class Truth:
     """What the generator knows: columns on one time grid, shape (n,) each; ``mode`` holds names."""
 
@@ -102,6 +125,7 @@ class Signals(Mapping[str, Signal]):
     warnings: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
     truth: Truth | None = None
+    traffic: Mapping[str, Traffic] = field(default_factory=dict)  # by message; empty for tables
     later: tuple[Signals, ...] = ()
 
     @property

@@ -105,6 +105,23 @@ def check(frames: Frames, rows: Rows, message: Message) -> Check:
     return Check(checksum, counter)
 
 
+def counter_of(message: Message) -> tuple[SignalLayout, int] | None:
+    """The counter of a message and how many values it runs through; None where it has none."""
+    for name, layout in message.signals.items():
+        if name.endswith("Counter"):
+            return layout, _counter_size(layout)
+    return None
+
+
+def contents(message: Message, width: int) -> NDArray[np.uint8]:
+    """Mask (width) of the payload's bits that are neither counter nor checksum."""
+    mask = np.full((1, max(width, message.length)), 0xFF, np.uint8)
+    for name, layout in message.signals.items():
+        if name.endswith(("Counter", "Checksum")):
+            mask = _insert(mask, layout, np.zeros(1, np.uint64))
+    return mask[0, :width]
+
+
 def _active(message: Message, layout: SignalLayout, columns: Mapping[str, NDArray]) -> Bools:
     """Rows in which the multiplexers switch this signal on."""
     if layout.multiplexer is None:

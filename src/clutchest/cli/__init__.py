@@ -11,6 +11,7 @@ import typer
 
 from clutchest import __version__
 from clutchest.cli.convert import convert
+from clutchest.cli.diagnose import diagnose
 from clutchest.cli.discover import discover
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
@@ -27,7 +28,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Clutch temperatures, wear and friction from production CAN signals.",
 )
-for _verb in (replay, inspect, convert, simulate, identify, discover, reproduce):
+for _verb in (replay, inspect, convert, simulate, identify, diagnose, discover, reproduce):
     app.command()(_verb)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isclose
 
 import numpy as np
@@ -19,6 +19,7 @@ from clutchest.can.transport import belongs, may_carry, reassembled
 from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.gears import engaged_gear
+from clutchest.reading.traffic import traffic_of
 from clutchest.signals import Counts, Floats, Signal, Signals, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 
@@ -54,7 +55,9 @@ def signals_of(
     frame, ClutchestError if the vehicle file and the DBC contradict each other.
     """
     wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
-    return _Drive(reassembled(frames, wanted), vehicle, database, sources).signals()
+    whole = reassembled(frames, wanted)
+    found = _Drive(whole, vehicle, database, sources).signals()
+    return replace(found, traffic=traffic_of(whole, wanted, vehicle))
 
 
 def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str, SignalLayout]]:

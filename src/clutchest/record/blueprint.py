@@ -84,25 +84,33 @@ def blueprint(
     lanes: Sequence[str],
     timeline: str,
     end: float,
+    *,
+    faults: bool = False,
 ) -> rrb.Blueprint:
     """The opening page (lanes and ``overview`` beside the report), then one tab per page.
 
-    ``end``: last time on ``timeline``, s.
+    ``end``: last time on ``timeline``, s.  With ``faults`` their log and freeze frame stand beside
+    the report.
     """
     views: list[tuple[rrb.View, float]] = [
         (p.view(), 2.0 + 0.5 * len(p.entities)) for p in overview
     ]
     if lanes:
         lane_view = rrb.StateTimelineView(
-            name=" and ".join(lanes),
+            name=" and ".join(lanes) if len(lanes) < 3 else "mode and monitors",
             origin="/",
             contents=[f"/{lane}" for lane in lanes],
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
         views.insert(1, (lane_view, 0.6 + 0.9 * len(lanes)))
+    words: rrb.View | rrb.Container = rrb.TextDocumentView(name="report", origin="/report")
+    if faults:
+        frame = rrb.TextDocumentView(name="freeze frame", origin="/fault/freeze_frame")
+        log = rrb.TextLogView(name="faults", origin="/fault/log")
+        words = rrb.Vertical(log, rrb.Tabs(frame, words, active_tab=0), row_shares=[1, 3])
     start = rrb.Horizontal(
         rrb.Vertical(*(view for view, _ in views), row_shares=[share for _, share in views]),
-        rrb.TextDocumentView(name="report", origin="/report"),
+        words,
         column_shares=[3, 1],
         name="overview",
     )

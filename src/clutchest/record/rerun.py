@@ -15,6 +15,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from clutchest.diagnosis.result import Diagnosis
 from clutchest.estimate.run import Run
 from clutchest.record.blueprint import (
     BOUND,
@@ -25,6 +26,8 @@ from clutchest.record.blueprint import (
     blueprint,
     panel,
 )
+from clutchest.record.diagnosis_recording import COLOURS as FAULT_COLOURS
+from clutchest.record.diagnosis_recording import entity, lanes_of, send_log
 from clutchest.record.quantities import (
     CLUTCH_TORQUE,
     SLIP_ENERGY,
@@ -40,8 +43,9 @@ _MOST_ROWS = 50_000  # per series and drive: 25 times the pixels of a wide scree
 BETWEEN = "between drives"
 
 
-def write_recording(run: Run, path: Path) -> None:
-    """Write ``run`` and the blueprint that shows it to ``path`` (``.rrd``).
+def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None:
+    """Write ``run`` and the blueprint that shows it to ``path`` (``.rrd``); with a ``diagnosis``
+    of it also ``fault/<monitor>`` (a lane), ``fault/log`` and ``fault/freeze_frame``.
 
     Entities: ``can/<signal>``, ``state/<name>`` (value and variance, grey while not valid),
     ``state/<name>/smoothed`` where the run was smoothed,
@@ -56,13 +60,22 @@ def write_recording(run: Run, path: Path) -> None:
     states = _send_states(stream, run, starts)
     residuals = _send_residuals(stream, run, starts)
     lanes = _send_lanes(stream, run, starts)
+    if diagnosis is not None:
+        lanes += _send_faults(stream, diagnosis, starts)
     stream.log(
         "report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN), static=True
     )
     speeds = [p for p in signals if p.unit == "rpm"]
     pages = {"signals": signals, "all states": states, "residuals": residuals}
     stream.send_blueprint(
-        blueprint(speeds + _worth_a_look(run, states), pages, lanes, TIMELINE, end)
+        blueprint(
+            speeds + _worth_a_look(run, states),
+            pages,
+            lanes,
+            TIMELINE,
+            end,
+            faults=diagnosis is not None,
+        )
     )
     stream.flush()
     stream.disconnect()
@@ -352,6 +365,20 @@ def _send_lanes(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -
         return ["mode"]
     send_lane(stream, "drive", drives, {})
     return ["mode", "drive"]
+
+
+def _send_faults(
+    stream: rr.RecordingStream, diagnosis: Diagnosis, starts: Sequence[float]
+) -> list[str]:
+    """A lane per monitor, the log of faults, and their freeze frames."""
+    shown = []
+    for name, drives in lanes_of(diagnosis).items():
+        changes = [(start + time, word) for start, drive in zip(starts, drives, strict=True)
+                   for time, word in drive]  # fmt: skip
+        send_lane(stream, entity(name), changes, FAULT_COLOURS)
+        shown.append(entity(name))
+    send_log(stream, diagnosis, starts)
+    return shown
 
 
 def send_lane(

@@ -31,7 +31,8 @@ MODES = {
     "gap": "s",
 }
 LIMITS = {"dry_clutch": {"wear": "mm"}, "alsd": {"wear": "m"}}
-MONITORS = ("false_alarms_per_1000h",)
+MONITORS = ("false_alarms_per_1000h", "codes")
+LARGEST_SPN, LARGEST_FMI = 524_287, 31
 
 _TOP = (
     "name",
@@ -117,11 +118,29 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         modes={key: quantity.value for key, quantity in modes.items()},
         limits=limits,
         monitors={
-            key: file.number(("monitors", key), value, 0.0) for key, value in monitors.items()
+            key: file.number(("monitors", key), value, 1e-6)
+            for key, value in monitors.items()
+            if key != "codes"
         },
+        codes=_codes(file, file.table(("monitors", "codes"), monitors.get("codes", {}))),
         effects_files=effects_files,
         checked=tuple(checked),
     )
+
+
+def _codes(file: TomlFile, table: dict[str, Any]) -> dict[str, tuple[int, int | None]]:
+    """Fault → SPN and, where given, FMI."""
+    codes = {}
+    for fault, value in table.items():
+        keys = ("monitors", "codes", fault)
+        entry = file.table(keys, value)
+        file.known(keys, entry, ("spn", "fmi"), "key")
+        if "spn" not in entry:
+            raise file.error(keys, f"monitors.codes.{fault} has no 'spn'")
+        spn = file.integer((*keys, "spn"), entry["spn"], LARGEST_SPN)
+        fmi = file.integer((*keys, "fmi"), entry["fmi"], LARGEST_FMI) if "fmi" in entry else None
+        codes[fault] = spn, fmi
+    return codes
 
 
 def _card(file: TomlFile, model: str) -> ModelCard:

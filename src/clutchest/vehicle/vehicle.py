@@ -83,7 +83,7 @@ class Vehicle:
     ``hash`` is over the file's content.  Two vehicles are equal when they say the same, wherever
     their files lie.  A DBC found neither beside the file nor among the shipped stands in ``dbc``
     as the bare name; it is looked for again when a log is read.  ``checked`` names the messages
-    whose counter and checksum are verified.
+    whose counter and checksum are verified; ``codes``: fault → SPN and FMI (None: the fault's own).
     """
 
     name: str
@@ -98,6 +98,7 @@ class Vehicle:
     modes: Mapping[str, float] = field(default_factory=dict)  # thresholds, SI and mm
     limits: Mapping[str, ParameterValue] = field(default_factory=dict)
     monitors: Mapping[str, float] = field(default_factory=dict)
+    codes: Mapping[str, tuple[int, int | None]] = field(default_factory=dict)
     effects_files: tuple[Path, ...] = ()
     checked: tuple[str, ...] = ()
 

@@ -1,0 +1,67 @@
+"""``diagnose``: fault tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, To, VehicleName
+from clutchest.cli.terminal import answer, progress
+
+
+def diagnose(
+    logs: Logs,
+    vehicle: VehicleName,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain",
+            help="Also what this drive could show at all, and what it could tell apart.",
+        ),
+    ] = False,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            show_default=False,
+            help="state.json of the drive before: its estimates carry over.",
+        ),
+    ] = None,
+    out: Out = DEFAULT_OUT,
+    start: From = None,
+    stop: To = None,
+    as_json: AsJson = False,
+) -> None:
+    """Test drives for faults: of messages, of signals, of the actuator and of the clutch.
+
+    Every monitor fails in a healthy vehicle as seldom as the vehicle file asks for
+    ([monitors] false_alarms_per_1000h).  One that could not have seen anything says so: not run.
+    Writes diagnosis.json and recording.rrd, in which each fault stands with what was known then.
+
+    \b
+    Example:
+      clutchest diagnose monday.log --vehicle truck --explain --out faults
+    """
+    with progress() as show:
+        show("loading", None)
+        from clutchest.diagnosis.diagnose import diagnose as test
+        from clutchest.estimate.replay import replay
+        from clutchest.reading import read_log
+        from clutchest.reading.window import Window
+        from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
+        from clutchest.record.files import read_state
+        from clutchest.vehicle import load_vehicle
+
+        car = load_vehicle(vehicle)
+        before = None if state is None else read_state(state)
+        show("reading", None)
+        signals = read_log(logs, car, Window.parse(start, stop))
+        found = test(replay(signals, car, state=before, progress=show), progress=show)
+        show("writing", None)
+        names = [path.name for path in write_diagnosis(found, out)]
+    answer(
+        found.summary(), as_json, lambda console: print_diagnosis(found, console, explain), out,
+        names,
+    )  # fmt: skip

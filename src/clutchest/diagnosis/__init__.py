@@ -1,0 +1,1 @@
+"""Fault tests: what a monitor watches, thresholds from a false-alarm rate, isolation, codes."""

@@ -1,0 +1,109 @@
+"""Trouble codes: debounce, status byte, suspect parameter number and failure mode.
+
+Status bits as ISO 14229-1 numbers them; SPN and FMI as in SAE J1939-73.  A fault has a number in
+J1939's proprietary range unless the vehicle file gives it another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from zlib import crc32
+
+from clutchest.diagnosis.faults import Alarm, kinds, model_faults
+from clutchest.vehicle import Vehicle
+
+PROPRIETARY = range(520_192, 524_288)  # SPNs that makers may use as they like
+CLUTCH = PROPRIETARY[0]  # the clutch as a whole: what cannot be narrowed down to one fault
+UNKNOWN_CAUSE = 11  # FMI
+WORN = 16  # FMI: above normal, moderately severe
+KINDS = ("missing", "late", "frozen", "counter", "checksum", "stuck", "noise", "drift",
+         "implausible", "sticking")  # fmt: skip
+BLOCK = 371  # numbers per kind, and for the clutch's own faults
+TICK = 0.1  # s between two reports of a test to its debounce counter
+FAILED, PASSED = 127, -128  # of the counter
+UP, DOWN = 127, -1  # a sequential test is sure when it fails, and forgets within 25.5 s
+
+TEST_FAILED, FAILED_THIS_CYCLE, PENDING, CONFIRMED = 1, 2, 4, 8
+NOT_COMPLETED_SINCE_CLEAR, FAILED_SINCE_CLEAR, NOT_COMPLETED_THIS_CYCLE = 16, 32, 64
+
+
+@dataclass(slots=True)
+class Debounce:
+    """The counter of one code and the status byte that follows from it."""
+
+    counter: int = 0
+    status: int = NOT_COMPLETED_SINCE_CLEAR | NOT_COMPLETED_THIS_CYCLE
+
+    def report(self, failed: bool) -> None:
+        """One verdict of the test, every ``TICK`` s."""
+        if failed:
+            self.counter = min(max(self.counter, 0) + UP, FAILED)
+        else:
+            self.counter = max(self.counter + DOWN, PASSED)
+        if self.counter == FAILED:
+            self.status |= (TEST_FAILED | FAILED_THIS_CYCLE | PENDING | CONFIRMED
+                            | FAILED_SINCE_CLEAR)  # fmt: skip
+        elif self.counter == PASSED:
+            self.status &= ~TEST_FAILED
+        if self.counter in (FAILED, PASSED):
+            self.status &= ~(NOT_COMPLETED_SINCE_CLEAR | NOT_COMPLETED_THIS_CYCLE)
+
+    def next_cycle(self) -> None:
+        """A new drive begins: what did not fail in the last one is pending no more."""
+        if not self.status & (FAILED_THIS_CYCLE | NOT_COMPLETED_THIS_CYCLE):
+            self.status &= ~PENDING
+        self.status = self.status & ~FAILED_THIS_CYCLE | NOT_COMPLETED_THIS_CYCLE
+        self.counter = 0
+
+
+def status_byte(drives: Sequence[tuple[float, Sequence[Alarm]]]) -> int:
+    """The status byte after drives of so many s, in each of which a test failed as its alarms
+    say."""
+    code = Debounce()
+    for number, (length, alarms) in enumerate(drives):
+        if number:
+            code.next_cycle()
+        for tick in range(1, int(length / TICK) + 1):
+            now = tick * TICK
+            code.report(any(a.detected <= now and (a.ended is None or now < a.ended)
+                            for a in alarms))  # fmt: skip
+        if any(a.detected > int(length / TICK) * TICK for a in alarms):
+            code.report(True)
+    return code.status
+
+
+def number_of(fault: str, vehicle: Vehicle, size: float = 0.0) -> tuple[int, int]:
+    """(SPN, FMI) of one fault; ``size`` says whether it is too much or too little."""
+    stated = vehicle.codes.get(fault)
+    kind = fault.split(":")[0]
+    fmi = UNKNOWN_CAUSE
+    for stream in kinds():
+        if stream.kind == kind:
+            fmi = stream.fmi
+    for of_model in model_faults(vehicle.model):
+        if of_model.name == fault:
+            fmi = of_model.fmi[0 if size >= 0.0 else 1]
+    if fault == "wear":
+        fmi = WORN
+    if stated is not None:
+        return stated[0], fmi if stated[1] is None else stated[1]
+    return PROPRIETARY[_place(fault)], fmi
+
+
+def _place(fault: str) -> int:
+    """A number of its own for every fault: its kind's block, and its subject's place in it.
+
+    Both come from names alone, so that they stay when faults and signals are added.
+    """
+    kind, _, subject = fault.partition(":")
+    block = KINDS.index(kind) if kind in KINDS else len(KINDS)
+    return 1 + block * BLOCK + crc32((subject or kind).encode()) % BLOCK
+
+
+def number_of_set(faults: Sequence[str], vehicle: Vehicle, size: float = 0.0) -> tuple[int, int]:
+    """(SPN, FMI) of a fault, or of a set that cannot be told apart: then none of a component."""
+    if len(faults) == 1:
+        return number_of(faults[0], vehicle, size)
+    stated = vehicle.codes.get("clutch")
+    return (stated[0] if stated else CLUTCH), UNKNOWN_CAUSE

@@ -1,0 +1,99 @@
+"""A message stays away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+
+from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
+from clutchest.diagnosis.faults.messages import messages_of
+from clutchest.diagnosis.sequential import BEYOND, COUNT, new_tail, tail_bound, tail_mean, tail_take
+from clutchest.vehicle import Vehicle
+
+UNKNOWN = 1.0  # s, taken for the period of a message that states none and has not come yet
+
+
+class Missing(StreamTest):
+    """No frame for longer than healthy gaps reach, as far as this message has shown them.
+
+    While the whole bus is silent nothing is missed: that is a gap of the log.
+    """
+
+    kind, fmi = "missing", 9
+
+    def __init__(self, subject: str, per_1000h: float) -> None:
+        super().__init__(subject, per_1000h)
+        self.tail: np.ndarray | None = None
+        self.last, self.last_alive, self.frames = 0.0, 0.0, 0
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
+        """See :meth:`StreamTest.of`."""
+        return [cls(message, per_1000h) for message in messages_of(vehicle)]
+
+    def take(self, batch: Batch) -> None:
+        """See :meth:`StreamTest.take`."""
+        traffic, alive = batch.traffic[self.subject], batch.alive[self.subject]
+        if self.tail is None:
+            self.tail = new_tail(traffic.period or UNKNOWN)
+        if len(traffic):
+            if self.failing:
+                self.heal(float(traffic.time[0]))
+                self.last, self.last_alive = float(traffic.time[0]), float(alive[0])
+            gaps = np.diff(alive, prepend=self.last_alive)
+            bounds = np.zeros(len(gaps))
+            _gaps(gaps, self.tail, self.per_1000h, bounds)
+            before = np.concatenate([[self.last], traffic.time[:-1]])
+            for k in np.flatnonzero(gaps > bounds):
+                begun, end = float(before[k]), float(traffic.time[k])
+                words = _words(gaps[k], bounds[k])
+                self.fail(Alarm(begun, begun + float(bounds[k]), end, what=words))
+            self.last, self.last_alive = float(traffic.time[-1]), float(alive[-1])
+            self.frames += len(traffic)
+        gap, bound = batch.alive_until - self.last_alive, self.bound
+        if gap > bound and not self.failing:
+            self.fail(Alarm(self.last, self.last + bound, what=_words(gap, bound)))
+        self.enabled = batch.alive_until
+
+    @property
+    def bound(self) -> float:
+        """The longest gap, s, that may be chance."""
+        assert self.tail is not None
+        return float(tail_bound(self.tail, _per_1000h(tail_mean(self.tail)) / self.per_1000h))
+
+    @property
+    def threshold(self) -> float | None:
+        """See :meth:`StreamTest.threshold`; s."""
+        return None if self.tail is None else self.bound
+
+    @property
+    def why(self) -> str:
+        """See :meth:`StreamTest.why`."""
+        if self.tail is None:
+            return "no frames: these are decoded signals"
+        count, peaks = int(self.tail[COUNT]), int(self.tail[BEYOND])
+        return (
+            f"a gap of more than {self.bound:.3g} s, from {count} gaps of "
+            f"{1e3 * tail_mean(self.tail):.3g} ms on average, {peaks} of them long"
+        )
+
+
+def _per_1000h(mean: float) -> float:
+    return 3.6e6 / mean
+
+
+def _words(gap: float, bound: float) -> str:
+    return f"no frame for {gap:.3g} s, expected one within {bound:.3g} s"
+
+
+@njit(cache=True)
+def _gaps(gaps, tail, per_1000h, bounds):  # type: ignore[no-untyped-def]
+    for k in range(len(gaps)):
+        mean = tail_mean(tail)
+        bounds[k] = np.inf
+        if gaps[k] > 3.0 * mean:
+            bounds[k] = tail_bound(tail, 3.6e6 / mean / per_1000h)
+        if gaps[k] <= bounds[k]:
+            tail_take(tail, gaps[k])

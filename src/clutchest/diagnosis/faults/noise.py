@@ -1,0 +1,127 @@
+"""A signal is noisier than it should be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
+from clutchest.diagnosis.faults.messages import lively
+from clutchest.diagnosis.sequential import new_tail, tail_bound, tail_mean, tail_take
+from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
+
+ORDER = 4  # of the differences: what moves smoothly leaves nothing in them
+BLOCK = 50  # differences whose median is one sample of the level
+MATTERS = 2.0  # times the usual variance: half of what twice the noise makes
+HOLE = 3.0  # sample periods
+SMOOTH = 4.0  # times what noise alone makes of second against fourth differences: motion
+_LONG = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_SHORT = np.array([1.0, -2.0, 1.0])
+_MEDIAN = 0.455  # of a chi-square of one degree of freedom
+
+
+class Noise(StreamTest):
+    """Page's sum over the level of noise beyond twice the usual variance; it must leave what the
+    level of this signal reaches.
+
+    The level is the median of squared fourth differences over what the stated noise makes of it.
+    Motion, too, leaves something in them, but more in second differences: where it does, noise
+    cannot be told.
+    """
+
+    kind, fmi = "noise", 2
+
+    def __init__(self, subject: str, per_1000h: float, std: float, ar: float) -> None:
+        super().__init__(subject, per_1000h)
+        self.std, self.ar, self.sum, self.begun = std, ar, 0.0, 0.0
+        self.tail, self.suspect = new_tail(1.0), list[float]()
+        self.kept = np.zeros((2, 0))
+        self.step, self.period, self.blocks = np.inf, 0.0, 0
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
+        """See :meth:`StreamTest.of`."""
+        return [
+            cls(name, per_1000h, vehicle.signals[name].noise, vehicle.signals[name].noise_ar)
+            for name in lively(vehicle)
+        ]
+
+    def take(self, batch: Batch) -> None:
+        """See :meth:`StreamTest.take`."""
+        if self.subject not in batch.signals:
+            return
+        signal = batch.signals[self.subject].only_valid()
+        time, value = np.concatenate([self.kept, [signal.time, signal.value]], axis=1)
+        count = (len(value) - ORDER) // BLOCK
+        if count < 1:
+            self.kept = np.array([time, value])
+            return
+        used = count * BLOCK
+        self.kept = np.array([time[used:], value[used:]])
+        time, value = time[: used + ORDER], value[: used + ORDER]
+        gaps, steps = np.diff(time), np.abs(np.diff(value))
+        self.period = self.period or float(np.median(gaps[:BLOCK]))
+        steps[steps == 0.0] = np.inf
+        step = np.minimum.accumulate(
+            np.append(self.step, steps[ORDER - 1 :].reshape(count, BLOCK).min(axis=1))
+        )[1:]
+        self.step = float(step[-1])
+        long = np.median(np.diff(value, 4).reshape(count, BLOCK) ** 2, axis=1)
+        short = np.median(np.diff(value, 2)[1:-1].reshape(count, BLOCK) ** 2, axis=1)
+        level, short = long / self._expected(_LONG, step), short / self._expected(_SHORT, step)
+        whole = gaps[ORDER - 1 :].reshape(count, BLOCK).max(axis=1) <= HOLE * self.period
+        begin, end = time[:used:BLOCK], time[BLOCK + ORDER - 1 :: BLOCK]
+        for k in np.flatnonzero(whole & (short <= SMOOTH * level)).tolist():
+            self._judge(float(begin[k]), float(end[k]), float(level[k]))
+
+    def _judge(self, begin: float, end: float, level: float) -> None:
+        """One more block, from ``begin`` to ``end`` s."""
+        self.blocks += 1
+        self.enabled += BLOCK * self.period
+        if self.sum <= 0.0:
+            self.sum, self.begun = 0.0, begin
+        bound = self._bound()
+        self.sum = min(self.sum + level - MATTERS * tail_mean(self.tail), 2.0 * bound)
+        if self.failing:
+            if self.sum <= 0.0:
+                self.heal(end)
+            return
+        self.suspect.append(max(level, 1.0))  # learned once it is known to be healthy
+        if self.sum <= 0.0:
+            for usual in self.suspect:
+                tail_take(self.tail, usual)
+            self.suspect.clear()
+        elif self.sum > bound:
+            times = np.sqrt(np.mean(self.suspect))
+            self.suspect.clear()
+            self.fail(Alarm(self.begun, end, what=f"{times:.2g} times the stated noise"))
+
+    def _expected(self, weights: Floats, step: Floats) -> Floats:
+        """Median of a squared difference by the stated noise and the bus's ``step`` (n)."""
+        step = np.where(np.isfinite(step), step, 0.0)
+        noise = _variance(weights, self.ar) * self.std**2
+        return _MEDIAN * (noise + float(weights @ weights) * step**2 / 12.0)
+
+    def _bound(self) -> float:
+        blocks = 3.6e6 / (BLOCK * max(self.period, 1e-6)) / self.per_1000h
+        return float(tail_bound(self.tail, blocks))
+
+    @property
+    def threshold(self) -> float | None:
+        """See :meth:`StreamTest.threshold`; variances, summed up."""
+        return self._bound() if self.blocks else None
+
+    @property
+    def why(self) -> str:
+        """See :meth:`StreamTest.why`."""
+        if not self.blocks:
+            return "too few samples without motion"
+        return f"twice a noise of {self.std:.3g}, over {self.blocks} stretches of {BLOCK} samples"
+
+
+def _variance(weights: Floats, ar: float) -> float:
+    """Of a difference with these weights of noise of variance 1 that remembers itself by ``ar``."""
+    lags = np.abs(np.subtract.outer(np.arange(len(weights)), np.arange(len(weights))))
+    return float(weights @ ar**lags @ weights)

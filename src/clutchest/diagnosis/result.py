@@ -1,0 +1,114 @@
+"""What a diagnosis says: every monitor, every fault, and what could be told apart at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from clutchest.diagnosis.isolation import Explanation
+from clutchest.estimate.run import Run
+from clutchest.signals import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Monitor:
+    """One monitor: ``status`` is ``passed``, ``failed`` or ``not run``; ``why`` says what was
+    watched, what was found, or why nothing could be.  ``drives`` says the status of each."""
+
+    name: str
+    status: str
+    why: str
+    threshold: float | None
+    false_alarms_per_1000h: float
+    drives: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault: ``set`` all that cannot be told apart, the likeliest, ``fault``, first.
+
+    ``first_detected_s`` and ``began_s`` on the clock of ``drive``, ``ended_s`` where it went away;
+    ``confidence``: one less the chance that a healthy vehicle shows as much.  ``freeze_frame``:
+    mode, states, inputs and ranked causes at that moment.
+    """
+
+    fault: str
+    set: tuple[str, ...]
+    drive: int
+    began_s: float
+    first_detected_s: float
+    ended_s: float | None
+    confidence: float
+    what: str
+    causes: tuple[Explanation, ...]
+    freeze_frame: Mapping[str, Any]
+    status_byte: int
+    spn: int
+    fmi: int
+
+    def summary(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` holds it."""
+        return {
+            "fault": self.fault, "set": list(self.set), "drive": self.drive,
+            "first_detected_s": self.first_detected_s, "began_s": self.began_s,
+            "ended_s": self.ended_s, "confidence": self.confidence, "what": self.what,
+            "causes": [
+                {"fault": c.fault, "size": c.size, "std": c.std, "unit": c.unit, "behind": c.behind}
+                for c in self.causes
+            ],
+            "freeze_frame": self.freeze_frame, "status_byte": self.status_byte,
+            "spn": self.spn, "fmi": self.fmi,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Isolability:
+    """What a drive can tell: by the equations alone, and in numbers.
+
+    ``structure``: fault → the sensors that show it, and through which states.  ``sizes`` (H) for
+    which ``d_prime``
+    (H, H + 1) says how far each fault lies from every other and, last column, from none, in
+    standard deviations; ``detectable`` (H), None where no plausible size shows.
+    """
+
+    faults: tuple[str, ...]
+    units: tuple[str, ...]
+    sizes: Floats
+    d_prime: Floats
+    detectable: tuple[float | None, ...]
+    structure: Mapping[str, tuple[str, ...]]
+
+    def summary(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` holds it."""
+        return {
+            "faults": list(self.faults), "units": list(self.units), "sizes": self.sizes,
+            "d_prime": self.d_prime[:, :-1], "d_prime_none": self.d_prime[:, -1],
+            "detectable_size": list(self.detectable),
+            "structure": {fault: list(shown) for fault, shown in self.structure.items()},
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The answer for one run; ``lanes``: monitor → (time s, word) per drive."""
+
+    run: Run
+    monitors: tuple[Monitor, ...]
+    faults: tuple[Fault, ...]
+    isolability: Isolability | None
+    provenance: Mapping[str, str]
+    lanes: Mapping[str, tuple[tuple[tuple[float, str], ...], ...]] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        """What ``diagnosis.json`` holds."""
+        return {
+            "monitors": [
+                {"name": m.name, "status": m.status, "why": m.why, "threshold": m.threshold,
+                 "false_alarms_per_1000h": m.false_alarms_per_1000h, "drives": list(m.drives)}
+                for m in self.monitors
+            ],
+            "faults": [fault.summary() for fault in self.faults],
+            "isolability": self.isolability.summary() if self.isolability else None,
+            "provenance": dict(self.provenance),
+        }  # fmt: skip

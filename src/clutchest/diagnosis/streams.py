@@ -1,0 +1,83 @@
+"""Tests of frames and single signals, batch after batch: what needs no equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest.diagnosis.faults import Batch, StreamTest, stream_tests
+from clutchest.signals import Floats, Signals, Traffic
+from clutchest.vehicle import Vehicle
+
+RATE = 1.0  # false alarms per 1000 h and monitor, where the vehicle file is silent
+SILENT = 2.0  # of the quickest message's longest usual gap: beyond, the whole bus is silent
+PATIENCE = 20  # frames from which that gap is known
+
+
+class Streams:
+    """All such tests of one drive.  Feed :meth:`take` with what is new, in order of time."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+        per_1000h = vehicle.monitors.get("false_alarms_per_1000h", RATE)
+        self.tests = stream_tests(vehicle, per_1000h)
+        self.frames = False  # whether there have been frames at all
+        self._last, self._alive, self._usual = 0.0, 0.0, 1.0
+
+    def take(self, new: Signals, until: float) -> list[StreamTest]:
+        """Judge the samples and frames of ``new``, which end by ``until`` s on the drive's clock.
+
+        Gives the tests that have begun to fail.  Times in ``new`` count from the drive's start.
+        """
+        self.frames |= any(len(t) for t in new.traffic.values())
+        batch = self._batch(new, until)
+        before = [len(test.alarms) for test in self.tests]
+        for test in self.tests:
+            if test.subject in new.traffic or test.subject not in _messages(self.tests):
+                test.take(batch)
+        return [t for t, count in zip(self.tests, before, strict=True) if len(t.alarms) > count]
+
+    def _batch(self, new: Signals, until: float) -> Batch:
+        times = [t.time for t in new.traffic.values() if len(t)]
+        every = np.unique(np.concatenate(times)) if times else np.zeros(0)
+        every = np.append(every, until) if not len(every) or until > every[-1] else every
+        gaps = np.diff(every, prepend=self._last)
+        if len(gaps) >= PATIENCE:
+            self._usual = float(np.percentile(gaps, 99))
+        clock = self._alive + np.cumsum(np.minimum(gaps, SILENT * self._usual))
+        points = np.concatenate([[self._last], every])
+        alive = np.concatenate([[self._alive], clock])
+
+        def on(traffic: Traffic) -> Floats:
+            return np.interp(traffic.time, points, alive)
+
+        self._last, self._alive = float(points[-1]), float(alive[-1])
+        return Batch(new.signals, new.traffic, until,
+                     {name: on(t) for name, t in new.traffic.items()}, self._alive)  # fmt: skip
+
+
+def _messages(tests: list[StreamTest]) -> set[str]:
+    return {t.subject for t in tests if t.kind in MESSAGE_KINDS}
+
+
+MESSAGE_KINDS = ("missing", "late", "frozen", "counter", "checksum")
+
+
+def part(signals: Signals, begin: float, end: float) -> Signals:
+    """What of ``signals`` lies from ``begin`` up to, but not including, ``end`` s; times stay."""
+
+    def rows(time: Floats) -> slice:
+        a, b = np.searchsorted(time, (begin, end))
+        return slice(int(a), int(b))
+
+    cut = {}
+    for name, s in signals.items():
+        own = rows(s.time)
+        cut[name] = replace(s, time=s.time[own], value=s.value[own], why=s.why[own])
+    traffic: Mapping[str, Traffic] = {
+        name: replace(t, time=t.time[own], same=t.same[own], step=t.step[own], sound=t.sound[own])
+        for name, t in signals.traffic.items() for own in [rows(t.time)]
+    }  # fmt: skip
+    return replace(signals, signals=cut, traffic=traffic)

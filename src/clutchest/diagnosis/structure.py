@@ -1,0 +1,65 @@
+"""What the equations alone say: which sensors a fault can show in at all, and by which way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.models.effects import Effect
+from clutchest.models.model import Model
+
+Bools = NDArray[np.bool_]
+
+
+def shown_in(
+    model: Model, effects: Sequence[tuple[str, Effect, str]]
+) -> Mapping[str, tuple[str, ...]]:
+    """Fault → the sensors that its gain reaches, each with the states through which it does.
+
+    ``effects``: (fault, effect, key of its gain).  A fault reaches a reading that depends on it,
+    and every one that depends on a state whose rate or start does, however indirectly and in
+    whatever mode.  Two faults that show in the same are told apart by how much and when, not by
+    where.
+    """
+    model = model.with_effects(tuple(dict.fromkeys(effect for _, effect, _ in effects)))
+    e = model.expressions()
+    numbers = [(effect.name, key) for effect, key in model.numbers]
+    n = len(model.states)
+    flows, seen = np.eye(n, dtype=bool), np.zeros((len(model.sensors), n), bool)
+    modes = []
+    for flags in product((0.0, 1.0), repeat=len(model.regime)):
+        rate, readings, first = (
+            ca.simplify(ca.substitute(x, e.w, ca.DM(flags)))
+            for x in (e.rate, e.readings, e.initial)
+        )
+        flows |= _depends(rate, e.x)
+        seen |= _depends(readings, e.x)
+        modes.append((rate, readings, first))
+    reach = np.linalg.matrix_power(flows.astype(float), n) > 0
+    found = {}
+    for fault, effect, key in effects:
+        g = e.g[numbers.index((effect.name, key))]
+        touched, direct = np.zeros(n, bool), np.zeros(len(model.sensors), bool)
+        for rate, readings, first in modes:
+            touched |= (_depends(rate, g) | _depends(first, g))[:, 0]
+            direct |= _depends(readings, g)[:, 0]
+        shown = []
+        for s, sensor in enumerate(model.sensors):
+            through = [
+                state.name for i, state in enumerate(model.states)
+                if touched[i] and (seen[s] & reach[:, i]).any()
+            ]  # fmt: skip
+            if direct[s] or (sensor.name in model.renewed and sensor.name in through):
+                shown.append(sensor.name)
+            elif through:
+                shown.append(f"{sensor.name} through {', '.join(through)}")
+        found[fault] = tuple(shown)
+    return found
+
+
+def _depends(expression: ca.SX, on: ca.SX) -> Bools:
+    return np.array(ca.DM(ca.jacobian_sparsity(expression, on), 1).full(), bool)

@@ -1,0 +1,132 @@
+"""Thresholds from a false-alarm rate, on residuals as coloured as they were measured.
+
+A test on block residuals depends on how much each block tells, which no formula for the run length
+knows.  So the test itself is run on drawn residuals: as much information per block as was measured,
+in the order in which it came, and normal numbers of the measured level that remember each other as
+much as measured.  Rates fall exponentially with the threshold; where the one asked for is rarer
+than what was drawn, the line through what was drawn is carried on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from clutchest.diagnosis.sequential import alarms, cusum, glr
+from clutchest.signals import Floats
+
+DRAWN = 400_000  # blocks
+STRETCH = 30  # blocks of measured information that stay together
+WINDOW = 64  # blocks that a fault may lie back
+FEWEST = 30  # alarms that make a point of the line
+FEW = 50  # blocks from which level and colour are measured
+SHRUNK = 100  # blocks that stand for "white"
+
+
+@dataclass(frozen=True, slots=True)
+class Colour:
+    """How residuals depart from white ones of variance 1: ``level`` their standard deviation (at
+    least 1), ``memory`` the correlation of one with the next (at least 0)."""
+
+    level: float = 1.0
+    memory: float = 0.0
+
+    @classmethod
+    def of(cls, z: Floats) -> Colour:
+        """From residuals (n) by their median size and by how often neighbours agree in sign: what
+        few faulty ones among them do does not count."""
+        if len(z) < FEW:
+            return cls()
+        level = 1.4826 * float(np.median(np.abs(z)))
+        signs = np.sign(z - np.median(z))
+        agree = float(np.mean(signs[1:] == signs[:-1]))
+        memory = np.sin(np.pi * (agree - 0.5)) * len(z) / (len(z) + SHRUNK)
+        return cls(max(level, 1.0), float(np.clip(memory, 0.0, 0.9)))
+
+
+Test = Callable[[Floats, Floats], Floats]  # (scores, information per block) → path
+
+
+def glr_path(score: Floats, information: Floats, low: float, high: float,
+             one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
+    """Log-likelihood ratio (n) of the likeliest fault and the block it began with (n), its size
+    from ``low`` to ``high`` either way."""
+    path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
+    glr(score, information, low, high, WINDOW, path, begun)
+    if not one_sided:
+        other, first = np.zeros(len(score)), np.zeros(len(score), np.int64)
+        glr(-score, information, low, high, WINDOW, other, first)
+        begun = np.where(other > path, first, begun)
+        path = np.maximum(path, other)
+    return path, begun
+
+
+def cusum_path(score: Floats, information: Floats, size: float,
+               one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
+    """The same for a fault of one ``size``, either way: Page's test."""
+    path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
+    drift = size**2 * information / 2.0
+    cusum(size * score - drift, 0.0, path, begun)
+    if not one_sided:
+        other, first = np.zeros(len(score)), np.zeros(len(score), np.int64)
+        cusum(-size * score - drift, 0.0, other, first)
+        begun = np.where(other > path, first, begun)
+        path = np.maximum(path, other)
+    return path, begun
+
+
+def drawn(
+    information: Floats, colour: Colour, blocks: int, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Scores and information (blocks) of a healthy vehicle: stretches of what was measured, and
+    normal residuals of this colour."""
+    length = min(STRETCH, len(information))
+    firsts = rng.integers(len(information), size=blocks // length + 1)
+    rows = (firsts[:, None] + np.arange(length)).reshape(-1)[:blocks] % len(information)
+    told = information[rows]
+    z = rng.standard_normal(blocks)
+    if colour.memory > 0.0:
+        _remember(z, colour.memory)
+    return colour.level * z * np.sqrt(told), told
+
+
+@njit(cache=True)
+def _remember(z, memory):  # type: ignore[no-untyped-def]
+    fresh = np.sqrt(1.0 - memory**2)
+    for k in range(1, len(z)):
+        z[k] = memory * z[k - 1] + fresh * z[k]
+
+
+def threshold(
+    test: Test, information: Floats, colour: Colour, per_block: float, seed: int = 1
+) -> float:
+    """What ``test`` exceeds ``per_block`` times a block in a healthy vehicle."""
+    rng = np.random.default_rng(seed)
+    path = test(*drawn(information, colour, DRAWN, rng))
+    return from_path(path, per_block)
+
+
+def from_path(path: Floats, per_block: float) -> float:
+    """The threshold that a long healthy ``path`` exceeds ``per_block`` times a block."""
+    levels, counts = [], []
+    for level in np.arange(0.5, float(path.max()), 0.25):
+        count = alarms(path, level, WINDOW)
+        levels.append(level)
+        counts.append(count)
+    found, number = np.array(levels), np.array(counts, float)
+    if not len(found):
+        return 0.5
+    wanted = per_block * len(path)
+    falling = found >= found[int(np.argmax(number))]  # low thresholds merge alarms into one
+    found, number = found[falling], number[falling]
+    if wanted >= FEWEST:
+        return float(np.interp(-wanted, -number, found))
+    enough = number >= FEWEST
+    tail = np.flatnonzero(enough)[-8:]
+    if len(tail) < 2:
+        return float(found[-1] + np.log(max(number[-1], 1.0) / wanted))
+    slope, at = np.polyfit(found[tail], np.log(number[tail]), 1)
+    return float((np.log(wanted) - at) / slope)

@@ -1,0 +1,130 @@
+"""From a drive to a diagnosis: faults put in by the generator, or done to the bus."""
+
+from dataclasses import replace
+
+import mangled
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.diagnosis.isolation import told_apart
+from clutchest.reading import load_database
+from clutchest.reading.mapping import signals_of
+from clutchest.record.files import json_text
+from clutchest.simulated import simulate_frames
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return clutchest.load_vehicle("truck")
+
+
+def diagnosed(truck, effects=None, scenario="city", seed=51, **options):
+    options.setdefault("duration", 600.0)
+    signals = clutchest.simulate(truck, scenario, seed, effects, **options)
+    return clutchest.diagnose(clutchest.replay(signals, truck))
+
+
+def verdict(diagnosis, name):
+    return next(m for m in diagnosis.monitors if m.name == name)
+
+
+@pytest.mark.slow
+class TestEquations:
+    """What only the equations show."""
+
+    def test_the_shipped_log_is_healthy_and_says_what_it_cannot_tell(self, truck):
+        found = clutchest.diagnose(clutchest.replay(clutchest.read_log("demo", truck), truck))
+        assert not found.faults
+        fade = verdict(found, "friction_fade")
+        assert fade.status == "not run" and "d′" in fade.why
+        assert verdict(found, "torque_bias").status == "passed"
+        assert verdict(found, "wear").status == "passed"
+
+    @pytest.mark.parametrize(
+        ("effect", "key", "size"),
+        [("torque_bias", "bias", 70.0), ("friction_level", "change", -0.25),
+         ("torque_gain", "change", 0.15)],
+    )  # fmt: skip
+    def test_the_fault_is_named_and_its_size_estimated(self, truck, effect, key, size):
+        found = diagnosed(truck, {effect: {key: size}})
+        assert [f.fault for f in found.faults] == [effect]
+        fault = found.faults[0]
+        assert fault.set == (effect,)
+        cause = fault.causes[0]
+        assert abs(cause.size - size) < 4 * cause.std + 0.1 * abs(size)
+        assert fault.freeze_frame["states"].keys() >= {"temp_disc", "friction"}
+        assert fault.status_byte & 1
+
+    def test_a_low_zero_position_may_be_wear(self, truck):
+        found = diagnosed(truck, {"position_offset": {"offset": -1.0}}, nominal=True)
+        assert [f.fault for f in found.faults] == ["position_offset"]
+        fault = found.faults[0]
+        assert set(fault.set) == {"position_offset", "wear"}
+        assert fault.fmi == 11
+        assert verdict(found, "wear").status == "passed"
+
+    def test_wear_beyond_its_limit(self, truck):
+        found = diagnosed(truck, {"wear": {"amount": 3.6}})
+        assert [f.fault for f in found.faults] == ["wear"]
+        assert set(found.faults[0].set) == {"wear", "position_offset"}
+
+    def test_heat_is_no_fault(self, truck):
+        effects = {
+            "coolant_coupling": {"change": 0.2},
+            "transmission_heat_path": {"conductance": 3.0},
+        }
+        found = diagnosed(truck, effects, scenario="heating")
+        assert not found.faults
+        assert verdict(found, "wear").status == "passed"
+
+    def test_what_a_drive_can_tell_is_known_without_a_fault(self, truck):
+        told = diagnosed(truck).isolability
+        row, column = told.faults.index("wear"), told.faults.index("position_offset")
+        assert told.d_prime[column, row] < 0.1 < 3.0 < told.d_prime[column, -1]
+        assert "engine_speed" in told.structure["torque_gain"]
+        assert "zero_position" in told.structure["position_offset"]
+        assert told.structure["friction_level"] != told.structure["position_offset"]
+
+    def test_a_stuck_sensor_is_not_blamed_on_the_clutch(self, truck):
+        frames, _ = simulate_frames(truck, "city", 51, duration=600.0)
+        broken = mangled.resummed(mangled.held(frames, mangled.ACTUATOR, 200.0, 260.0, slice(0, 2)))
+        signals = signals_of(broken, truck, load_database(truck))
+        found = clutchest.diagnose(clutchest.replay(signals, truck))
+        assert [f.fault for f in found.faults] == ["stuck:slave_position"]
+        assert found.faults[0].began_s == pytest.approx(200.0, abs=0.1)
+
+
+@pytest.fixture(scope="module")
+def run():
+    rig = clutchest.load_vehicle("alsd_rig")
+    return clutchest.replay(clutchest.read_log("alsd", rig), rig)
+
+
+class TestWithoutEquations:
+    """A clutch whose equations have no fault tests still has those of its bus."""
+
+    def test_a_healthy_log(self, run):
+        found = clutchest.diagnose(run)
+        assert not found.faults
+        assert {m.status for m in found.monitors} == {"passed", "not run"}
+        json_text(found.summary())
+
+    def test_each_status_and_its_reason(self, run):
+        for monitor in clutchest.diagnose(run).monitors:
+            assert monitor.why
+            assert (monitor.threshold is None) <= (monitor.status == "not run")
+            assert monitor.false_alarms_per_1000h == run.vehicle.monitors["false_alarms_per_1000h"]
+
+    def test_a_fault_has_a_freeze_frame_and_a_code(self, run):
+        angle = run.signals["motor_angle"]
+        held = np.where((angle.time > 5) & (angle.time < 6), 1.234, angle.value)
+        signals = replace(run.signals, signals={
+            **run.signals.signals, "motor_angle": replace(angle, value=held)})  # fmt: skip
+        found = clutchest.diagnose(replace(run, signals=signals))
+        assert [f.fault for f in found.faults] == ["stuck:motor_angle"]
+        fault = found.faults[0]
+        assert fault.freeze_frame["inputs"]["motor_angle"] == 1.234
+        assert 520_192 < fault.spn < 524_288 and fault.fmi == 2
+        assert 0.99 < fault.confidence < 1.0
+        assert told_apart(fault.causes) == ()

@@ -1,0 +1,143 @@
+"""Faults of frames and signals: each is found, soon, under its own name, and nothing else is."""
+
+from dataclasses import replace
+
+import mangled
+import numpy as np
+import pytest
+from mangled import ACTUATOR, COOLANT, EEC1, ETC1
+
+from clutchest.diagnosis.streams import Streams, part
+from clutchest.reading import load_database
+from clutchest.reading.mapping import signals_of
+from clutchest.simulated import simulate_frames
+from clutchest.vehicle import load_vehicle
+
+BEGIN, END = 60.0, 70.0
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return load_vehicle("truck")
+
+
+@pytest.fixture(scope="module")
+def frames(truck):
+    return simulate_frames(truck, "city", 5, duration=150.0)[0]
+
+
+def streams_of(truck, frames, step=None):
+    signals = signals_of(frames, truck, load_database(truck))
+    streams = Streams(truck)
+    if step is None:
+        streams.take(signals, signals.end)
+    else:
+        for begin in np.arange(0.0, signals.end + 1e-9, step):
+            end = min(begin + step, signals.end)
+            last = end == signals.end
+            streams.take(part(signals, begin, np.inf if last else end), end)
+    return streams
+
+
+def found(streams):
+    return {t.name: t.alarms[0] for t in streams.tests if t.alarms}
+
+
+HELD = {
+    "frozen:EEC1": lambda f: mangled.repeated(f, EEC1, BEGIN, END, slice(8, 8)),
+    "stuck:engine_speed": lambda f: mangled.held(f, EEC1, BEGIN, END, slice(3, 5)),
+    "stuck:slave_position": lambda f: mangled.resummed(
+        mangled.held(f, ACTUATOR, BEGIN, END, slice(0, 2))),
+    "missing:EEC1": lambda f: mangled.without(f, EEC1, BEGIN, END),
+    "missing:ET1": lambda f: mangled.without(f, COOLANT, BEGIN, np.inf),
+    "late:ETC1": lambda f: mangled.slowed(f, ETC1, BEGIN, 1.25),
+    "counter:ClutchActuator": lambda f: mangled.resummed(
+        mangled.held(f, ACTUATOR, BEGIN, END, slice(4, 5))),
+    "checksum:ClutchActuator": lambda f: mangled.flipped(f, ACTUATOR, BEGIN, END, 7, 0.3),
+    "noise:slave_position": lambda f: mangled.resummed(
+        mangled.shaken(f, ACTUATOR, BEGIN, slice(0, 2), 40.0)),
+    "noise:input_shaft_speed": lambda f: mangled.shaken(f, ETC1, BEGIN, slice(5, 7), 15.0),
+}  # fmt: skip
+# by when it must be known, s after it began
+WITHIN = {"missing:ET1": 40.0, "noise:slave_position": 15.0, "noise:input_shaft_speed": 15.0}
+BESIDE = {  # what it also looks like
+    "frozen:EEC1": {"stuck:engine_speed", "stuck:engine_torque"},
+    "stuck:slave_position": {"sticking:actuator"},
+}
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_a_fault_of_the_bus_is_found_under_its_name(truck, frames, name):
+    alarms = found(streams_of(truck, HELD[name](frames)))
+    assert name in alarms
+    assert set(alarms) <= {name} | BESIDE.get(name, set())
+    alarm = alarms[name]
+    assert BEGIN - 0.6 <= alarm.detected <= BEGIN + WITHIN.get(name, 1.0)
+    assert alarm.begun == pytest.approx(BEGIN, abs=1.1)
+    lasting = name.split(":")[0] in ("frozen", "stuck") or name == "missing:EEC1"
+    if lasting:
+        assert alarm.ended == pytest.approx(END, abs=0.2)
+
+
+def test_a_sound_bus_has_no_fault(truck, frames):
+    streams = streams_of(truck, frames)
+    assert not found(streams)
+    ran = {t.name for t in streams.tests if t.threshold is not None}
+    wanted = {"missing:EEC1", "frozen:ClutchActuator", "stuck:engine_torque", "sticking:actuator"}
+    wanted |= {"noise:slave_position", "implausible:coolant_temp", "counter:ClutchActuator"}
+    assert wanted <= ran
+
+
+@pytest.mark.parametrize("name", ["frozen:EEC1", "missing:EEC1", "counter:ClutchActuator",
+                                  "noise:slave_position", "late:ETC1"])  # fmt: skip
+def test_batches_do_not_matter(truck, frames, name):
+    broken = HELD[name](frames)
+    whole, pieces = found(streams_of(truck, broken)), found(streams_of(truck, broken, step=1.0))
+    assert set(whole) == set(pieces)
+    for fault, alarm in whole.items():
+        assert pieces[fault].detected == pytest.approx(alarm.detected, abs=0.06)
+        assert pieces[fault].begun == pytest.approx(alarm.begun, abs=0.06)
+
+
+def test_a_silent_bus_is_not_a_missing_message(truck, frames):
+    time = (frames.t_ns - frames.t_ns[0]) / 1e9
+    silent = frames.take((time < 60.0) | (time > 90.0))
+    assert not found(streams_of(truck, silent))
+
+
+def test_a_piston_that_sticks(truck, frames):
+    signals = signals_of(frames, truck, load_database(truck))
+    slave, motor = signals["slave_position"], signals["motor_position"]
+    moved = np.abs(np.diff(motor.value, prepend=motor.value[0])) > 0.03
+    first = float(motor.time[np.flatnonzero(moved & (motor.value > 4.0))[0]])
+    own = (slave.time > first) & (slave.time < first + 3.0)
+    value = slave.value.copy()
+    rng = np.random.default_rng(1)
+    value[own] = value[own][0] + rng.normal(0.0, 0.01, own.sum())
+    broken = replace(signals, signals={**signals.signals,
+                                       "slave_position": replace(slave, value=value)})  # fmt: skip
+    streams = Streams(truck)
+    streams.take(broken, broken.end)
+    alarms = found(streams)
+    assert set(alarms) == {"sticking:actuator"}
+    assert first - 0.1 <= alarms["sticking:actuator"].detected <= first + 3.5
+
+
+@pytest.mark.parametrize("value", [-80.0, 160.0])
+def test_a_temperature_that_cannot_be(truck, frames, value):
+    signals = signals_of(frames, truck, load_database(truck))
+    s = signals["coolant_temp"]
+    wrong = replace(s, value=np.where(s.time > BEGIN, value, s.value))
+    streams = Streams(truck)
+    streams.take(replace(signals, signals={**signals.signals, "coolant_temp": wrong}), signals.end)
+    alarm = found(streams)["implausible:coolant_temp"]
+    assert BEGIN <= alarm.detected <= BEGIN + 3.5
+
+
+def test_decoded_signals_have_no_frames_to_judge(truck, frames):
+    signals = replace(signals_of(frames, truck, load_database(truck)), traffic={})
+    streams = Streams(truck)
+    streams.take(signals, signals.end)
+    ran = {t.kind for t in streams.tests if t.threshold is not None}
+    assert not ran & {"missing", "late", "frozen", "counter", "checksum"}
+    assert {"stuck", "noise", "sticking", "implausible"} <= ran

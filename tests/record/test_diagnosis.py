@@ -1,0 +1,64 @@
+"""A diagnosis in files, in a terminal and in a recording."""
+
+import json
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+from rich.console import Console
+
+import clutchest
+from clutchest.diagnosis.isolation import Explanation
+from clutchest.diagnosis.result import Fault, Isolability
+from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    """A healthy one with a fault and a matrix written into it by hand."""
+    rig = clutchest.load_vehicle("alsd_rig")
+    run = clutchest.replay(clutchest.read_log("alsd", rig), rig)
+    found = clutchest.diagnose(run)
+    frame = {
+        "time": 3.0, "mode": "slipping", "clutch_torque": 100.0, "causes": ["angle_offset"],
+        "states": {"current": {"value": 1.0, "std": np.nan, "valid": False}},
+        "inputs": {"motor_angle": 2.0, "oil_temp": None},
+    }  # fmt: skip
+    causes = (Explanation("angle_offset", 0.1, 0.01, "rad", 3, 0.0),)
+    fault = Fault("angle_offset", ("angle_offset", "friction_level"), 0, 2.0, 3.0, None, 0.999,
+                  "angle_offset +0.1 rad", causes, frame, 0x2F, 520_192, 11)  # fmt: skip
+    matrix = Isolability(("a", "b"), ("rad", "1"), np.array([0.1, 0.2]),
+                         np.array([[0.0, 4.0, 5.0], [4.0, 0.0, 6.0]]), (0.1, None),
+                         {"a": ("angle",), "b": ()})  # fmt: skip
+    lanes = {**found.lanes, "angle_offset": (((0.0, "passed"), (3.0, "failed")),)}
+    return replace(found, faults=(fault,), isolability=matrix, lanes=lanes)
+
+
+def test_json_has_what_the_interface_names(diagnosis, tmp_path):
+    paths = write_diagnosis(diagnosis, tmp_path / "out")
+    assert [path.name for path in paths] == ["diagnosis.json", "recording.rrd"]
+    told = json.loads(paths[0].read_text(encoding="utf-8"))
+    for monitor in told["monitors"]:
+        assert {"name", "status", "why", "threshold", "false_alarms_per_1000h"} <= set(monitor)
+    fault = told["faults"][0]
+    assert {"fault", "set", "first_detected_s", "confidence", "freeze_frame", "status_byte", "spn",
+            "fmi"} <= set(fault)  # fmt: skip
+    assert fault["freeze_frame"]["states"]["current"]["std"] is None
+
+
+def test_the_recording_has_lanes_a_log_and_a_freeze_frame(diagnosis, tmp_path):
+    recording = write_diagnosis(diagnosis, tmp_path / "out")[1]
+    entities = {chunk.entity_path for chunk in RrdReader(recording).stream()}
+    assert {"/fault/log", "/fault/freeze_frame", "/fault/angle_offset",
+            "/fault/angle_offset/freeze_frame"} <= entities  # fmt: skip
+
+
+def test_the_terminal_names_the_set_and_explains(diagnosis):
+    console = Console(record=True, width=120, file=StringIO())
+    print_diagnosis(diagnosis, console, explain=True)
+    text = console.export_text()
+    assert "one of angle_offset, friction_level" in text
+    assert "SPN 520192, FMI 11" in text
+    assert "d′" in text and "never" in text
