@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 from scipy.stats import binomtest
 
 import clutchest
 from clutchest import cli
-from clutchest.identify import PROCEDURES, delay, procedure, sensor_noise
+from clutchest.identify import PROCEDURES, delay, equations, procedure, sensor_noise
 from clutchest.identify.delay import Stretch
 from clutchest.identify.window_likelihood import table, toeplitz_row
 from clutchest.signals import Signal
@@ -86,6 +88,12 @@ def test_readings_cut_off_at_zero_are_left_out():
     assert len(windows) and windows.values.min() > 30
 
 
+def test_a_window_is_chosen_by_its_neighbours():
+    windows = sensor_noise.Windows(np.zeros((6, sensor_noise.WINDOW)), np.array([0, 1, 2, 3, 5, 6]))
+    flag = np.array([True, False, True, True, True, True])
+    assert windows.between(flag).tolist() == [False, True, False, False, False, False]
+
+
 def test_gaps_and_a_clock_that_stutters_do_not_break_it():
     noise = np.random.default_rng(3).standard_normal(6000)
     time = np.cumsum(np.random.default_rng(4).uniform(0.006, 0.014, 6000))
@@ -114,6 +122,17 @@ def test_delay_and_its_error():
         errors.append((found.value - late) / found.std)
     assert abs(np.mean(errors)) < 3 / np.sqrt(20)
     assert 0.5 < np.std(errors) < 1.6
+
+
+def test_noise_by_itself_favours_no_delay():
+    """Between two rows of the grid it must be as large as on them."""
+    time = np.arange(0, 100, equations.STEP)
+    noise = gaussian_filter1d(ar1(len(time), 0.0, 1), equations.SMOOTH / equations.STEP)
+    rows = np.arange(200, len(time) - 200, 2)
+    drive = SimpleNamespace(time=time)
+    columns = equations._stretch(drive, rows, 0 * noise, noise, []).columns
+    on, between = (float(np.var(columns(tau)[0])) for tau in (0.0, equations.STEP / 2))
+    assert between == pytest.approx(on, rel=3e-3)  # straight lines: 2 % less
 
 
 def test_too_few_stretches_are_no_delay():
