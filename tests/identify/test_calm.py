@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from clutchest.identify.calm import REACH, calm
+from clutchest.identify.calm import REACH, calm, path
 
 T = np.arange(0.0, 60.0, 0.01)
 ALWAYS = np.ones(len(T), bool)
@@ -50,3 +50,24 @@ def test_it_is_the_noise_where_the_signal_matters_that_counts():
     quiet = T >= 30.0
     np.testing.assert_allclose(calm(T, noise + trapezium(), quiet)[quiet], trapezium()[quiet],
                                atol=1e-6)  # fmt: skip
+
+
+@pytest.mark.parametrize("ar", [0.0, 0.9])
+def test_what_is_dragged_along_travels_less_than_the_reading_at_rest(ar):
+    noise = coloured(np.random.default_rng(4), ar)
+    follows = path(T, 5.0 + noise, ALWAYS)
+    assert np.abs(np.diff(follows)).sum() < 0.8 * np.abs(np.diff(noise)).sum()
+
+
+def test_a_path_follows_moves_smaller_than_the_noise():
+    small = 0.8 * np.sin(2.0 * np.pi * T / 4.0)
+    noise = coloured(np.random.default_rng(5), 0.0)
+    follows, still = (of(T, small + noise, ALWAYS) for of in (path, calm))
+    assert np.std(follows - small) < np.std(noise)
+    assert follows @ small > 0.9 * small @ small > 2.0 * np.abs(still @ small)
+
+
+def test_a_path_turns_where_the_signal_turns():
+    noise = 0.1 * coloured(np.random.default_rng(6), 0.0)
+    follows = path(T, trapezium() + noise, ALWAYS)
+    assert np.abs(follows - trapezium() - noise).max() < 0.1

@@ -14,8 +14,8 @@ from clutchest.compute.lowered import (
     INPUTS,
     STATES,
     THETAS,
-    advance,
     dynamics,
+    follow,
     reading,
     reading_signature,
     transition,
@@ -36,9 +36,10 @@ def answer(
     States that are ``tracked`` (indices) are corrected by readings; of others nothing is unknown
     but θ.  Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``, and
     where tracked states stand at ``calm`` (K, n), not where noisy readings put them; ``slope``
-    (K, nu) is that of the inputs on the way to each event, without their noise.  Noise that stands
-    in an innovation and in its derivative alike would make every number that multiplies an input
-    seem smaller than it is.
+    (K, nu) is that of the inputs on the way to each event, without their noise, and that by which
+    step maps see them move: what has a play does not follow the noise of a reading.  Noise that
+    stands in an innovation and in its derivative alike would make every number that multiplies an
+    input seem smaller than it is.
 
     ``gain`` (K, n) of each reading and its predicted ``variance`` (K) are used where they are
     ``frozen``, so that innovations are a smooth function of θ; else filled.  Filled per event:
@@ -65,7 +66,7 @@ def answer(
                     xc[j] = x[j]
                 for j in tracked:
                     xc[j] = calm[k - 1, j]
-                advance(x, ua, ub, dt, w, p, g, xn)
+                follow(x, ua, ub, dt, w, p, g, slope[k], xn)
                 transition(xc, va, vb, dt, w, p, g, slope[k], Qs[row[k]], noise, F, Q, G)
                 if not frozen:
                     spread(P, F, Q, tracked)

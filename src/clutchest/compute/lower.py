@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from clutchest.compute.step import decays, heun
+from clutchest.compute.step import Step, decays, heun
 from clutchest.models.model import Expressions, Model
 
 START = "start"  # owner of a theta that is a state's first value
@@ -130,7 +130,10 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
                 if effect.name == owner and number == key:
                     late[model.input(signal), k] = slope[model.input(signal)]
 
-    def by_theta(of: ca.SX) -> ca.SX:
+    calm = heun(model, e, slope)
+    calmly = over | {"u1": calm.u1, "dt": calm.dt, "slope": slope}
+
+    def by_theta(of: ca.SX, taken: Step = taken) -> ca.SX:
         by_inputs = ca.jacobian(of, e.u) + ca.jacobian(of, taken.u1)
         return ca.jacobian(of, theta) + ca.mtimes(by_inputs, late)
 
@@ -156,11 +159,11 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         ),
         lower("step_signature", over | {"slope": slope},
               {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
-        lower("advance", over, {"xn": taken.x}),
+        lower("follow", calmly, {"xn": calm.x}),
         lower(
             "transition",
-            over | {"slope": slope, "q": taken.q, "noise": taken.noise},
-            {"F": ca.jacobian(taken.x, e.x), "Q": taken.Q, "G": by_theta(taken.x)},
+            calmly | {"q": calm.q, "noise": calm.noise},
+            {"F": ca.jacobian(calm.x, e.x), "Q": calm.Q, "G": by_theta(calm.x, calm)},
         ),
         lower("implied", at, {"v": e.implied}),
         lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),

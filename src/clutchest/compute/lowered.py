@@ -34,11 +34,18 @@ def advance(x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, xn: Any
     raise NotImplementedError
 
 
+def follow(
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, xn: Any
+) -> float:
+    """xn (n) = x after ``dt`` s; step maps see inputs that move by ``slope`` (nu) per s."""
+    raise NotImplementedError
+
+
 def transition(
     x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, q: Any, noise: Any,
     F: Any, Q: Any, G: Any,
 ) -> float:  # fmt: skip
-    """F, Q and G as ``step`` and ``step_signature`` have them."""
+    """F, Q and G of ``follow``, as ``step`` and ``step_signature`` have them."""
     raise NotImplementedError
 
 

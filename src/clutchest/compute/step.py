@@ -29,12 +29,13 @@ class Step:
     energy: ca.SX
 
 
-def heun(model: Model, e: Expressions) -> Step:
+def heun(model: Model, e: Expressions, slope: ca.SX | None = None) -> Step:
     """Heun's rule, second order and explicit; exponential where a state is ``stiff``.
 
     A stiff state relaxes by its own linear decay λ = ∂f_i/∂x_i, taken exactly (an exponential
     Runge–Kutta rule with the Jacobian's diagonal as linear part); at λ = 0 that is Heun's rule.
-    A step map acts on the guess and on the result alike.
+    A step map acts on the guess and on the result alike; where a ``slope`` (nu) of the inputs
+    is given, it sees them move by that and not as they are measured.
     """
     u1, dt = ca.SX.sym("u1", len(model.inputs)), ca.SX.sym("dt")
     q, noise = ca.SX.sym("q", 2 * len(model.states)), ca.SX.sym("noise", len(model.inputs))
@@ -43,6 +44,7 @@ def heun(model: Model, e: Expressions) -> Step:
     rates = ca.Function("rates", at, [e.rate, power])
     by_input = ca.Function("by_input", at, [ca.jacobian(e.rate, e.u)])
     mapped = ca.Function("mapped", [e.x, e.u0, e.u, e.p, e.g], [e.mapped])
+    before = e.u if slope is None else u1 - dt * slope
 
     f0, power0 = rates(*at)
     growth = decays(model, e)
@@ -53,10 +55,10 @@ def heun(model: Model, e: Expressions) -> Step:
         first[i], second[i] = _phi(rate * dt)
         once[i], _ = _phi(2 * rate * dt)
         drift[i] = rate
-    guess = mapped(e.x + dt * first * f0, e.u, u1, e.p, e.g)
+    guess = mapped(e.x + dt * first * f0, before, u1, e.p, e.g)
     f1, power1 = rates(guess, u1, e.w, e.p, e.g)
     bend = f1 - f0 - drift * (guess - e.x)
-    x = mapped(e.x + dt * (first * f0 + second * bend), e.u, u1, e.p, e.g)
+    x = mapped(e.x + dt * (first * f0 + second * bend), before, u1, e.p, e.g)
     lasting = ca.diag(ca.sqrt(once))  # what a stiff state forgets within the step is not gathered
     B0, B1 = lasting @ by_input(*at), lasting @ by_input(guess, u1, e.w, e.p, e.g)
     noises = ca.diag(noise)

@@ -17,6 +17,7 @@ GRID = 0.01  # s
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
+LEFT = 0.6  # of what a smooth has kept of it
 
 
 def calm(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
@@ -24,11 +25,27 @@ def calm(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
     the reach of its noise; that is measured ``where`` (K) the signal matters."""
     if not where.any():
         return value
-    off = np.abs(value - _smooth(t, value, WIDE))[where]
-    reach = REACH * QUARTER * float(np.quantile(off, 0.25))  # what bends is off by more than noise
+    reach = REACH * _noise(value - _smooth(t, value, WIDE), where)
     out = np.empty_like(value)
     _play(_smooth(t, value, NARROW), reach, out)
     return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
+
+
+def path(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
+    """The same for what drags something along: it follows moves that are smaller than its noise,
+    and never leaves the reading by more than a little, so that turns come in time."""
+    if not where.any():
+        return value
+    smooth = _smooth(t, value, NARROW)
+    reach = LEFT * _noise(smooth - _smooth(t, value, WIDE), where)
+    out = np.empty_like(value)
+    _play(smooth, reach, out)
+    return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
+
+
+def _noise(off: Floats, where: NDArray[np.bool_]) -> float:
+    """The standard deviation of what of ``off`` (K) is noise: what bends is off by more."""
+    return QUARTER * float(np.quantile(np.abs(off[where]), 0.25))
 
 
 def _smooth(t: Floats, value: Floats, window: float) -> Floats:

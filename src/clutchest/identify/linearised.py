@@ -9,9 +9,10 @@ as far as they like, and no adapting state swallows what a cause leaves in the d
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
@@ -26,7 +27,7 @@ from clutchest.estimate.whole_log import (
     delays,
     present_effects,
 )
-from clutchest.identify.calm import calm
+from clutchest.identify.calm import calm, path
 from clutchest.identify.condensed import condensed
 from clutchest.models import model_for
 from clutchest.models.effects import Effect
@@ -91,6 +92,7 @@ class LinearDrive:
             if sensor.name in model.renewed:  # a nimble filter: colour is taken out afterwards
                 R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
         line = replace(line, R=R)
+        self.sloped = _sloped(model)
         self.compiled, self.whole, self.line = compiled, line, condensed(line, model)
         self.nominal = nominal(compiled, line)
         self.start = fresh(vehicle, compiled, line)
@@ -181,7 +183,7 @@ class LinearDrive:
             started, self.start.P.copy(), S[:, active].copy(), active,
             np.zeros((len(u), 0)) if basis is None else basis,
             np.full(len(active), -1) if which is None else which,
-            line.t, line.sensor, line.z, line.R, u, true, self._slopes(true), self.calm,
+            line.t, line.sensor, line.z, line.R, u, true, self._slopes(measured), self.calm,
             np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
             self.frozen, self.gain, self.variance, states, innovations, answers,
         )  # fmt: skip
@@ -196,12 +198,12 @@ class LinearDrive:
         return innovations, answers
 
     def _slopes(self, inputs: Floats) -> Floats:
-        """Slopes (K, nu) of inputs that may be late on the way to each event, without those of
-        their noise."""
+        """Slopes (K, nu), on the way to each event, of inputs that may be late or that drag
+        something along, without those of their noise."""
         found, t = np.zeros_like(inputs), self.line.t
-        span, model = np.diff(t, prepend=t[0]), self.compiled.model
-        for j in {model.input(signal) for effect in model.effects for signal in effect.delays}:
-            rise = np.diff(calm(t, inputs[:, j], self.acts), prepend=inputs[0, j])
+        span = np.diff(t, prepend=t[0])
+        for j, still in self.sloped.items():
+            rise = np.diff(still(t, inputs[:, j], self.acts), prepend=inputs[0, j])
             np.divide(rise, span, out=found[:, j], where=span > 0.0)
         return found
 
@@ -237,6 +239,15 @@ class LinearDrive:
             rate[:, i] = np.interp(self.line.t, t, np.concatenate(rates))
             value[:, i] = np.interp(self.line.t, t, np.concatenate(still))
         return rate, value
+
+
+def _sloped(model: Model) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
+    """Indices of inputs that may be late, or that drag something along, to how they are freed of
+    their noise."""
+    e = model.expressions()
+    drags = np.flatnonzero(ca.which_depends(e.mapped, e.u0, 1, False))
+    late = {signal for effect in model.effects for signal in effect.delays}
+    return dict.fromkeys(map(model.input, late), calm) | dict.fromkeys(map(int, drags), path)
 
 
 class Problem:
