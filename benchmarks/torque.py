@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 import clutchest
 from clutchest.estimate.open_loop import open_loop
-from clutchest.estimate.timeline import slope
+from clutchest.estimate.samples import slope
 from clutchest.models.dry_clutch import (
     DRY_CLUTCH,
     following_speed,

@@ -28,7 +28,7 @@ from blind.drives import NOISES, Drive
 from blind.plan import Case
 from blind.sealed import unseal
 from blind.table import LEFT, NAMED, Row, share, show
-from clutchest.estimate.timeline import slope
+from clutchest.estimate.samples import slope
 from clutchest.models import model_for, resting
 from clutchest.signals import Floats, Signals
 

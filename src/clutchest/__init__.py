@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from clutchest.errors import ClutchestError
     from clutchest.estimate.replay import replay
     from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
+    from clutchest.monitor.monitor import Monitor
     from clutchest.reading import read_log
     from clutchest.record.files import write_run
     from clutchest.signals import Signal, Signals
@@ -35,6 +36,7 @@ _HOMES = {
     "Engagement": "clutchest.estimate.run",
     "Estimate": "clutchest.estimate.run",
     "Innovations": "clutchest.estimate.run",
+    "Monitor": "clutchest.monitor.monitor",
     "Run": "clutchest.estimate.run",
     "Signal": "clutchest.signals",
     "Signals": "clutchest.signals",
@@ -56,6 +58,7 @@ __all__ = [
     "Engagement",
     "Estimate",
     "Innovations",
+    "Monitor",
     "Run",
     "Signal",
     "Signals",

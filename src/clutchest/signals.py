@@ -13,6 +13,9 @@ from clutchest.errors import ClutchestError, nearest
 
 Floats = NDArray[np.float64]
 
+LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
+HEAD = 5.0  # s from its first sample, by which it is known where a signal comes from, and how often
+
 
 class Why(IntEnum):
     """Why a sample is not a number."""
@@ -64,6 +67,17 @@ class Signal:
         """The same signal without its invalid samples."""
         keep = self.valid
         return replace(self, time=self.time[keep], value=self.value[keep], why=self.why[keep])
+
+    def at(self, time: Floats, gap: float = LOST) -> Floats:
+        """Values at ``time`` (n,), of a signal without invalid samples: straight between samples no
+        further apart than ``gap`` s, else the last one, which is held; the first before it."""
+        value = np.interp(time, self.time, self.value)
+        holes = np.diff(self.time) > gap
+        if holes.any():
+            last = np.searchsorted(self.time, time, side="right") - 1
+            held = np.append(holes, False)[np.maximum(last, 0)] & (last >= 0)
+            value[held] = self.value[last[held]]
+        return value
 
     def __len__(self) -> int:
         return len(self.time)

@@ -7,7 +7,8 @@ import pytest
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.modes import Mode
-from clutchest.estimate.timeline import build, slope, told
+from clutchest.estimate.samples import slope, told
+from clutchest.estimate.timeline import build
 from clutchest.models.dry_clutch import DRY_CLUTCH
 from clutchest.signals import Signal, Signals, Why
 from clutchest.vehicle import load_vehicle
@@ -144,13 +145,14 @@ def test_readings_at_rest_are_averaged():
     rng = np.random.default_rng(3)
     time = np.concatenate([np.arange(0, 0.5, 0.01), np.arange(8.0, 8.17, 0.01)])
     value = rng.normal(38.0, 0.01, len(time))
-    t, z, R = told(Signal.of("", "", time, value), 0.01, 0.0, 0.08)
-    assert t == pytest.approx([0.08, 0.25, 0.42, 8.08])
-    assert z == pytest.approx(
+    found = told(Signal.of("", "", time, value), 0.01, 0.0, 0.08)
+    assert found.time == pytest.approx([0.08, 0.25, 0.42, 8.08])
+    assert found.value == pytest.approx(
         [value[a:b].mean() for a, b in ((0, 17), (17, 34), (34, 50), (50, 67))]
     )
-    assert R == pytest.approx(0.01**2 * np.array([1.0, 1.0, 17 / 16, 1.0]))
-    assert told(Signal.of("", "", time, value), 0.01, 0.95, 0.08)[2][0] == pytest.approx(
+    assert found.full.tolist() == [True, True, False, True]
+    assert found.variance == pytest.approx(0.01**2 * np.array([1.0, 1.0, 17 / 16, 1.0]))
+    assert told(Signal.of("", "", time, value), 0.01, 0.95, 0.08).variance[0] == pytest.approx(
         0.01**2 * 39 / 17
     )
 

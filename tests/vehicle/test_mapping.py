@@ -184,8 +184,7 @@ def drive() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 def test_a_launch_has_the_gear_in_which_it_ends() -> None:
     time, wheel, engine, locked_in = drive()
-    gear = engaged_gear(time, wheel, engine, GEARS)
-    assert gear is not None
+    gear = engaged_gear(time, wheel, engine, GEARS).gear
     assert (gear[locked_in >= 0] == locked_in[locked_in >= 0])[10:-10].mean() > 0.98
     assert set(gear[time < 6.8]) == {0}, "standing, slipping and locked in first"
     assert set(gear[time > 7.2]) == {2}, "the shift belongs to the gear to come"
@@ -195,15 +194,28 @@ def test_shuffle_of_the_driveline_does_not_hide_the_gear() -> None:
     time, wheel, engine, _ = drive()
     shaken = wheel * (1 + 0.08 * np.sin(2 * np.pi * 9 * time))
     shaken[::7] = np.nan
-    gear = engaged_gear(time, shaken, engine, GEARS)
-    assert gear is not None
+    gear = engaged_gear(time, shaken, engine, GEARS).gear
     assert set(gear[time < 6.8]) == {0} and set(gear[time > 7.2]) == {2}
 
 
 def test_never_locked_is_said() -> None:
     time = np.arange(0.0, 5.0, 0.01)
-    assert engaged_gear(time, np.zeros(500), np.full(500, 90.0), GEARS) is None
-    assert engaged_gear(time[:0], time[:0], time[:0], GEARS) is None
+    assert not engaged_gear(time, np.zeros(500), np.full(500, 90.0), GEARS).told
+    assert not engaged_gear(time[:0], time[:0], time[:0], GEARS).told
+
+
+def test_a_gear_counts_from_shortly_before_it_is_locked() -> None:
+    """What lies further ahead than a launch takes is not looked at: a bus that is still talking
+    could not be told either."""
+    time = np.arange(0.0, 30.0, 0.01)
+    wheel = np.interp(time, [0, 5, 10, 14, 15, 30], [8, 8, 0, 0, 1.5, 1.5])
+    engine = np.where(time < 5, 8.0 * 8, np.where(time < 21, 70.0, 1.5 * 8))
+    engine[time > 21] = np.maximum(engine[time > 21], 8 * 1.5 * 2.6)
+    wheel[time > 21] = engine[time > 21] / 8
+    gear = engaged_gear(time, wheel, engine, GEARS).gear
+    assert set(gear[time < 9.0]) == {1}, "second gear holds while the clutch is open"
+    assert set(gear[(time > 10) & (time < 17.5)]) == {0}, "who stood starts in first gear"
+    assert set(gear[time > 18.5]) == {1}, "locked in second at 21 s, which counts 3 s before"
 
 
 def through_wheels(truck, **changes: object):

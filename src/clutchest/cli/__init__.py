@@ -15,6 +15,8 @@ from clutchest.cli.diagnose import diagnose
 from clutchest.cli.discover import discover
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
+from clutchest.cli.monitor import monitor
+from clutchest.cli.play import play
 from clutchest.cli.replay import replay
 from clutchest.cli.reproduce import reproduce
 from clutchest.cli.simulate import simulate
@@ -28,7 +30,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Clutch temperatures, wear and friction from production CAN signals.",
 )
-for _verb in (replay, inspect, convert, simulate, identify, diagnose, discover, reproduce):
+for _verb in (replay, inspect, convert, simulate, identify, diagnose, discover, reproduce, monitor,
+              play):  # fmt: skip
     app.command()(_verb)
 
 

@@ -27,6 +27,27 @@ VehicleName = Annotated[
         help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270, alsd_rig, alsd_car.",
     ),
 ]
+Interface = Annotated[
+    str,
+    typer.Option(
+        "--interface",
+        "-i",
+        metavar="I",
+        show_default=False,
+        help="An interface of python-can: socketcan, pcan, kvaser, vector, slcan, …; udp_multicast "
+        "needs no hardware.",
+    ),
+]
+Channel = Annotated[
+    str | None,
+    typer.Option(
+        "--channel",
+        "-c",
+        metavar="C",
+        show_default=False,
+        help="Its channel: can0, PCAN_USBBUS1, …; may be left out where the interface has one.",
+    ),
+]
 From = Annotated[
     str | None,
     typer.Option(

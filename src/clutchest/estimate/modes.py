@@ -48,6 +48,16 @@ class Thresholds:
     guard: float = 0.1
     gap: float = 0.5
 
+    @property
+    def ahead(self) -> float:
+        """What is known this much later, s, does not change a regime any more."""
+        return self.lock_average / 2 + self.lock_time + self.guard
+
+    @property
+    def back(self) -> float:
+        """Nor does what was known this much earlier, s."""
+        return self.lock_average + self.lock_time + self.settle + 2 * self.guard
+
     @classmethod
     def of(cls, modes: Mapping[str, float]) -> Thresholds:
         """Those of a vehicle file, defaults where it is silent."""

@@ -102,21 +102,28 @@ class Run:
 
         frames = []
         for drive, track in enumerate(self.tracks):
-            columns: dict[str, Any] = {
-                "time": track.time,
-                "drive": np.full(len(track.time), drive, np.int32),
-                "mode": pd.Categorical.from_codes(track.mode, list(track.mode_names)),
-            }
-            for name, estimate in track.states.items():
-                columns[name] = estimate.value
-                columns[f"{name}_std"] = estimate.std
-                columns[f"{name}_valid"] = estimate.valid
-                if name in track.smoothed:
-                    columns[f"{name}_smoothed"] = track.smoothed[name].value
-                    columns[f"{name}_smoothed_std"] = track.smoothed[name].std
-            columns["clutch_torque"] = track.clutch_torque.value
-            columns["clutch_torque_std"] = track.clutch_torque.std
-            columns["slip_energy"] = track.slip_energy.value
-            columns["slip_energy_std"] = track.slip_energy.std
+            columns = columns_of(track, drive)
+            columns["mode"] = pd.Categorical.from_codes(track.mode, list(track.mode_names))
             frames.append(pd.DataFrame(columns))
         return pd.concat(frames, ignore_index=True)
+
+
+def columns_of(track: Track, drive: int) -> dict[str, Any]:
+    """The columns of ``estimates.parquet``, (m,) each; the mode as index into ``mode_names``."""
+    columns: dict[str, Any] = {
+        "time": track.time,
+        "drive": np.full(len(track.time), drive, np.int32),
+        "mode": track.mode,
+    }
+    for name, estimate in track.states.items():
+        columns[name] = estimate.value
+        columns[f"{name}_std"] = estimate.std
+        columns[f"{name}_valid"] = estimate.valid
+        if name in track.smoothed:
+            columns[f"{name}_smoothed"] = track.smoothed[name].value
+            columns[f"{name}_smoothed_std"] = track.smoothed[name].std
+    columns["clutch_torque"] = track.clutch_torque.value
+    columns["clutch_torque_std"] = track.clutch_torque.std
+    columns["slip_energy"] = track.slip_energy.value
+    columns["slip_energy_std"] = track.slip_energy.std
+    return columns

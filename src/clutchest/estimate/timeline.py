@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
+from clutchest.estimate.habits import Habit
 from clutchest.estimate.modes import FREE, SLIDING, Mode, Regimes, Thresholds, classify
+from clutchest.estimate.samples import Told, blind, slope, told, white_density
 from clutchest.estimate.spikes import without_spikes
 from clutchest.models.model import Model
-from clutchest.signals import Floats, Signal, Signals
+from clutchest.signals import LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
 COARSEST = 0.5  # s between samples of the model's anchor; a slip lasts little longer
-LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
-SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
 
 
@@ -63,32 +63,6 @@ def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Float
     return np.array(per_second + per_joule)
 
 
-def white_density(signal: Signal, noise: float, ar: float) -> float:
-    """Noise variance per s of a sampled input that is integrated over: σ² Ts (1 + ρ)/(1 − ρ)."""
-    period = float(np.median(np.diff(signal.time))) if len(signal) > 1 else 0.0
-    return noise**2 * period * (1 + ar) / (1 - ar)
-
-
-def slope(signal: Signal, noise: float, window: float = SLOPE_WINDOW) -> tuple[Signal, float]:
-    """Slope of a signal by straight lines through ``window`` s, and its standard deviation.
-
-    Outside the reach of a full window the nearest full one stands.
-    """
-    time, value = signal.time, signal.value
-    period = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-    count = int(np.clip(round(window / max(period, 1e-6)) | 1, 3, 101))
-    if len(time) < count:
-        return Signal.of("slope", "", time, np.zeros(len(time))), 0.0
-    t = np.lib.stride_tricks.sliding_window_view(time, count)
-    y = np.lib.stride_tricks.sliding_window_view(value, count)
-    centred = t - t.mean(axis=1, keepdims=True)
-    moment = np.maximum((centred**2).sum(axis=1), 1e-12)
-    slopes = (centred * y).sum(axis=1) / moment
-    half = count // 2
-    padded = np.pad(slopes, half, mode="edge")
-    return Signal.of("slope", "", time, padded), float(noise / np.sqrt(np.median(moment)))
-
-
 def build(
     signals: Signals, vehicle: Vehicle, model: Model, rate: float, delays: Mapping[str, float]
 ) -> Timeline:
@@ -97,23 +71,117 @@ def build(
     ``delays`` s by signal come on top of the vehicle file's.  Raises ClutchestError when a signal
     that the model cannot do without has no valid sample.
     """
+    setting = Setting(vehicle, model, rate, delays)
+    present, habits, warnings = _usable(signals, setting)
+    first = max(0.0, min(s.time[0] for s in present.values()))
+    end = max(signals.end, present[model.anchor].time[-1])
+    for name in setting.needed(present):
+        present[name] = held_on(present[name], signals.end - setting.late(name))
+    line = assemble(setting, present, habits, Stretch(first, end)).line
+    return replace(line, warnings=(*warnings, *_gaps(present, setting)))
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What a timeline is made by: outputs at ``rate`` Hz, ``delays`` s by signal on top of the
+    vehicle file's."""
+
+    vehicle: Vehicle
+    model: Model
+    rate: float
+    delays: Mapping[str, float]
+
+    def late(self, name: str) -> float:
+        """By how much a signal's samples come after what they tell of, s."""
+        mapped = self.vehicle.signals.get(name)
+        return (mapped.delay if mapped else 0.0) + self.delays.get(name, 0.0)
+
+    def noise(self, name: str) -> float:
+        """Standard deviation of a signal, SI."""
+        mapped = self.vehicle.signals.get(name)
+        return mapped.noise if mapped else 0.0
+
+    def colour(self, name: str) -> float:
+        """AR(1) coefficient of a signal's noise, per sample."""
+        mapped = self.vehicle.signals.get(name)
+        return mapped.noise_ar if mapped else 0.0
+
+    def cleaned(self, name: str, signal: Signal, habit: Habit) -> tuple[Signal, int]:
+        """The valid samples (``signal`` has no others), each at the time at which it was true,
+        without spikes; and how many spikes there were."""
+        signal, spikes = without_spikes(signal, self.noise(name), habit)
+        late = self.late(name)
+        return (replace(signal, time=signal.time - late) if late else signal), spikes
+
+    def fast(self, names: Container[str]) -> list[str]:
+        """The inputs among ``names`` that must not be missing for long."""
+        gap = Thresholds.of(self.vehicle.modes).gap
+        return [i.name for i in self.model.inputs
+                if i.gap <= gap and self.model.slopes.get(i.name, i.name) in names]  # fmt: skip
+
+    def needed(self, names: Container[str]) -> list[str]:
+        """The signals among ``names`` that tell which equations hold, or drive them fast."""
+        wanted = dict.fromkeys((self.model.anchor, *self.fast(names), *judged_by(self.vehicle)))
+        return [name for name in wanted if name in names]
+
+
+def held_on(signal: Signal, time: float) -> Signal:
+    """The signal, with its last value once more at ``time`` s if by then it has been silent for so
+    long that it counts as lost: what never comes back is away from its last sample on."""
+    if time - signal.time[-1] <= LOST:
+        return signal
+    return replace(signal, time=np.append(signal.time, time),
+                   value=np.append(signal.value, signal.value[-1]),
+                   why=np.append(signal.why, signal.why[-1]))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """From ``since`` to ``end``, s, of a drive.
+
+    ``averaged`` says of a sensor up to when its readings have been averaged already.
+    """
+
+    since: float
+    end: float
+    averaged: Mapping[int, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Assembled:
+    """A stretch's timeline, every time ``stamps`` (n,) at which its regime was judged, and by
+    sensor what averaging it told."""
+
+    line: Timeline
+    stamps: Floats
+    averages: Mapping[int, Told]
+
+
+def assemble(
+    setting: Setting, present: Mapping[str, Signal], habits: Mapping[str, Habit], stretch: Stretch
+) -> Assembled:
+    """The timeline of a stretch.
+
+    ``present`` are the cleaned signals with some samples before the stretch and behind it, as far
+    as there are any, ``habits`` their habits.
+    """
+    vehicle, model, rate = setting.vehicle, setting.model, setting.rate
     thresholds = Thresholds.of(vehicle.modes)
-    present, spikes = _usable(signals, vehicle, model, delays)
-    noise_of = {name: mapped.noise for name, mapped in vehicle.signals.items()}
-    colour_of = {name: mapped.noise_ar for name, mapped in vehicle.signals.items()}
+    present, since, end = dict(present), stretch.since, stretch.end
     anchor = present[model.anchor]
-    for name, of in model.slopes.items():
-        present[name], noise_of[name] = slope(present[of], noise_of[of])
-    fast = [i.name for i in model.inputs if i.name in present and i.gap <= thresholds.gap]
+    noises = {}
+    for name, source in model.slopes.items():
+        present[name], noises[name] = slope(
+            present[source], setting.noise(source), habit=habits[source], gap=thresholds.gap
+        )
+    fast = [name for name in setting.fast(present) if name in present]
 
     # every time at which something is measured, or wanted
-    first = max(0.0, min(s.time[0] for s in present.values()))
-    end = max(signals.end, anchor.time[-1])
-    grid = np.arange(np.ceil(first * rate) / rate, end + 1e-9, 1.0 / rate)
+    grid = np.arange(np.ceil(since * rate), np.floor((end + 1e-9) * rate) + 1) / rate
     if not len(grid):  # a log that ends before the first row of the grid still has an end
         grid = np.array([end])
     stamps = np.unique(np.concatenate([anchor.time, grid, *(present[n].time for n in fast)]))
-    stamps = stamps[(stamps >= first) & (stamps <= end)]
+    stamps = stamps[(stamps >= since) & (stamps <= end)]
     regime = regimes(stamps, present, vehicle, fast)
     acting = regime.flags(model.regime)
 
@@ -121,6 +189,7 @@ def build(
     bare = stamps[(regime.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, anchor.time)]
     times, sensors = [bare], [np.full(len(bare), -1, np.int8)]
     values, variances = [np.zeros(len(bare))], [np.zeros(len(bare))]
+    averages = {}
     for i, sensor in enumerate(model.sensors):
         name = sensor.column or sensor.name
         if name not in present:
@@ -128,25 +197,30 @@ def build(
         reading = present[name]
         if sensor.mode:
             reading = _where(reading, stamps, regime.mode == Mode[sensor.mode])
-        time, value, variance = told(reading, noise_of[name], colour_of[name], sensor.repeats)
-        times.append(time)
-        sensors.append(np.full(len(time), i, np.int8))
-        values.append(value)
-        variances.append(variance)
+        if i in stretch.averaged:
+            reading = _after(reading, stretch.averaged[i])
+        found = told(reading, setting.noise(name), setting.colour(name), sensor.repeats,
+                     habits[name])  # fmt: skip
+        if sensor.repeats:
+            averages[i] = found
+        times.append(found.time)
+        sensors.append(np.full(len(found.time), i, np.int8))
+        values.append(found.value)
+        variances.append(found.variance)
     t, sensor_of = np.concatenate(times), np.concatenate(sensors)
     order = np.lexsort((sensor_of, t))
-    order = order[(t[order] >= first) & (t[order] <= end)]
+    order = order[(t[order] >= since) & (t[order] <= end)]
     t, sensor_of = t[order], sensor_of[order]
 
     of = np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)
     sliding, flags = regime.sliding[of], _over_intervals(acting, of, model.regime)
     table = np.array(list(product((0.0, 1.0), repeat=len(model.regime))))
     place = 2 ** np.arange(len(model.regime))[::-1]
-    u, noise, variance = _inputs(t, model, present, noise_of, colour_of)
+    u, noise, variance = _inputs(t, setting, present, habits, noises)
     for name, source in model.slopes.items():  # a slope that no sample bears out is none
-        u[_blind(t, present[source], LOST), model.input(name)] = 0.0
+        u[blind(t, present[source], LOST), model.input(name)] = 0.0
     emit, on_grid = _outputs(t, sliding, grid)
-    return Timeline(
+    line = Timeline(
         t=t,
         sensor=sensor_of,
         z=np.concatenate(values)[order],
@@ -161,39 +235,47 @@ def build(
         grid=on_grid,
         noise=noise,
         variance=variance,
-        warnings=spikes + _gaps(present, fast, thresholds.gap),
+        warnings=(),
     )
+    return Assembled(line, stamps, averages)
 
 
 def _usable(
-    signals: Signals, vehicle: Vehicle, model: Model, delays: Mapping[str, float]
-) -> tuple[dict[str, Signal], tuple[str, ...]]:
-    """The valid samples of every signal, each at the time at which it was true; and warnings."""
-    needed = {i.name for i in model.inputs if i.default is None} - set(model.slopes)
-    present, warnings = {}, []
+    signals: Signals, setting: Setting
+) -> tuple[dict[str, Signal], dict[str, Habit], tuple[str, ...]]:
+    """The cleaned signals, their habits, and warnings."""
+    model = setting.model
+    present, habits, warnings = {}, {}, []
     for name in signals:
-        signal, mapped = signals[name].only_valid(), vehicle.signals.get(name)
-        late = (mapped.delay if mapped else 0.0) + delays.get(name, 0.0)
-        if len(signal):
-            signal, spikes = without_spikes(signal, mapped.noise if mapped else 0.0)
-            present[name] = replace(signal, time=signal.time - late) if late else signal
-            if spikes:
-                warnings.append(f"{name}: {spikes} single sample(s) far off both neighbours left "
-                                f"out, {100 * spikes / (spikes + len(signal)):.2g} %")  # fmt: skip
+        signal = signals[name].only_valid()
+        if not len(signal):
+            continue
+        habits[name] = Habit.of(signal)
+        present[name], spikes = setting.cleaned(name, signal, habits[name])
+        if spikes:
+            warnings.append(f"{name}: {spikes} single sample(s) far off both neighbours left "
+                            f"out, {100 * spikes / len(signal):.2g} %")  # fmt: skip
+    needed = {i.name for i in model.inputs if i.default is None} - set(model.slopes)
     missing = sorted((needed | {model.anchor}) - set(present))
     if missing:
         hints = "".join(f"; {warning}" for warning in signals.warnings[:4])
         raise ClutchestError(
-            f"no valid sample of {', '.join(missing)}: the model of '{vehicle.name}' needs it"
-            + hints
+            f"no valid sample of {', '.join(missing)}: the model of '{setting.vehicle.name}' "
+            f"needs it{hints}"
         )
-    anchor = present[model.anchor]
-    if len(anchor) > 1 and (period := float(np.median(np.diff(anchor.time)))) > COARSEST:
+    if len(present[model.anchor]) > 1 and (period := habits[model.anchor].period) > COARSEST:
         raise ClutchestError(
             f"{model.anchor} has a sample every {period:g} s, expected at least one every "
             f"{COARSEST:g} s; are the times in seconds?"
         )
-    return present, tuple(warnings)
+    return present, habits, tuple(warnings)
+
+
+def judged_by(vehicle: Vehicle) -> tuple[str, ...]:
+    """The signals that :func:`regimes` looks at."""
+    if "kiss_point" in vehicle.parameters:
+        return "engine_speed", "input_shaft_speed", "slave_position", "motor_position"
+    return "clutch_torque", "shaft_torque"
 
 
 def regimes(
@@ -208,12 +290,12 @@ def regimes(
     def at(name: str) -> Floats | None:
         if name not in present:
             return None
-        return np.interp(stamps, present[name].time, present[name].value)
+        return present[name].at(stamps)
 
-    blind, lost = np.zeros((2, len(stamps)), bool)
+    unseen, lost = np.zeros((2, len(stamps)), bool)
     for name in fast:
-        blind |= _blind(stamps, present[name], thresholds.gap)
-        lost |= _blind(stamps, present[name], LOST)
+        unseen |= blind(stamps, present[name], thresholds.gap)
+        lost |= blind(stamps, present[name], LOST)
     nominal = {key: value.value for key, value in vehicle.parameters.items()}
     if "kiss_point" not in nominal:  # such a clutch's own state says what it does
         return Regimes.pressing(
@@ -227,21 +309,11 @@ def regimes(
         None if shaft is None else speed - shaft,
         None if position is None else position - nominal["position_origin"],
         at("motor_position"),
-        blind,
+        unseen,
         nominal["kiss_point"],
         thresholds,
         lost,
     )
-
-
-def _blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
-    """Where the nearest samples on both sides lie further apart than ``gap`` s; ``time`` sorted."""
-    last = np.flatnonzero(np.diff(signal.time) > gap)  # samples before a hole
-    holes = np.zeros(len(time) + 1, np.int64)
-    np.add.at(holes, np.searchsorted(time, signal.time[last], "right"), 1)
-    np.add.at(holes, np.searchsorted(time, signal.time[last + 1], "right"), -1)
-    outside = (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
-    return (np.cumsum(holes[:-1]) > 0) | outside
 
 
 def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
@@ -251,46 +323,38 @@ def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
     return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
 
 
-def told(signal: Signal, noise: float, ar: float, repeats: float) -> tuple[Floats, Floats, Floats]:
-    """What the readings tell: times, values and variances of readings whose errors are white.
-
-    Coloured noise repeats itself: its readings count for less.  Those that a sensor ``repeats``
-    are averaged, and their average is no better than one of them.
-    """
-    if not len(signal):
-        return signal.time, signal.value, signal.value
-    steps = np.diff(signal.time)
-    period = max(float(np.median(steps)) if len(steps) else 1.0, 1e-3)
-    coloured = (1 + ar) / (1 - ar)
-    most = round(2.0 * repeats / period) | 1  # odd: the middle one is where the average holds
-    starts = np.flatnonzero(np.append(True, steps > 4.0 * period))
-    place = np.arange(len(signal)) - np.repeat(starts, np.diff(np.append(starts, len(signal))))
-    first = np.flatnonzero(place % most == 0)
-    count = np.diff(np.append(first, len(signal)))
-    value = np.add.reduceat(signal.value, first) / count
-    variance = noise**2 * np.maximum(coloured, most) / count
-    return signal.time[first + count // 2], value, variance
+def _after(signal: Signal, time: float) -> Signal:
+    """The samples behind ``time`` s."""
+    keep = signal.time > time
+    return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
 
 
 def _inputs(
     t: Floats,
-    model: Model,
+    setting: Setting,
     present: Mapping[str, Signal],
-    noise_of: Mapping[str, float],
-    colour_of: Mapping[str, float],
+    habits: Mapping[str, Habit],
+    noises: Mapping[str, float],
 ) -> tuple[Floats, Floats, Floats]:
-    """Inputs (K, nu) straight between their own stamps, with noise density and variance (nu)."""
+    """Inputs (K, nu) between their own stamps, with noise density and variance (nu).
+
+    ``noises`` are those of the slopes.  What may be missing for long changes slowly and holds its
+    last value, so that nobody waits for the next one.
+    """
+    model = setting.model
+    fast = setting.fast(present)
     u = np.empty((len(t), len(model.inputs)))
     noise, variance = np.zeros(len(model.inputs)), np.zeros(len(model.inputs))
     for j, item in enumerate(model.inputs):
         if item.name not in present:
             u[:, j] = item.default
             continue
-        signal, sigma = present[item.name], noise_of[item.name]
-        u[:, j] = np.interp(t, signal.time, signal.value)
+        signal, sigma = present[item.name], noises.get(item.name, setting.noise(item.name))
+        u[:, j] = signal.at(t, LOST if item.name in fast else 0.0)
         variance[j] = sigma**2
         if item.name not in model.slopes:  # a slope's noise cancels when it is summed up
-            noise[j] = white_density(signal, sigma, colour_of[item.name])
+            period = habits[item.name].period
+            noise[j] = white_density(sigma, setting.colour(item.name), period)
     return u, noise, variance
 
 
@@ -332,9 +396,11 @@ def _outputs(
     return np.where(emitted, np.cumsum(emitted) - 1, -1), on_grid[emitted]
 
 
-def _gaps(present: Mapping[str, Signal], fast: list[str], gap: float) -> tuple[str, ...]:
-    warnings = []
-    for name in fast:
+def _gaps(present: Mapping[str, Signal], setting: Setting) -> tuple[str, ...]:
+    gap, warnings = Thresholds.of(setting.vehicle.modes).gap, []
+    for name in setting.fast(present):
+        if name in setting.model.slopes:
+            continue
         holes = np.diff(present[name].time)
         holes = holes[holes > gap]
         if len(holes):

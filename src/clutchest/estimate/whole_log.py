@@ -166,6 +166,7 @@ def run(
     consider: bool = False,
     keep_gains: bool = False,
     frozen: Floats | None = None,
+    gained: Floats | None = None,
     progress: Progress | None = None,
 ) -> Filtered:
     """Filter one timeline from ``start``.
@@ -174,12 +175,13 @@ def run(
     them; without, the filter takes the parameters for true and only its stated uncertainty has
     the spreads (``with_signature``).  ``frozen`` gains (K, n) replace the filter's own, so that
     two runs differ by the model alone; ``keep_gains`` and ``keep_signature`` fill those arrays.
+    ``gained`` (2, n), the kernel's information so far, is carried on in place.
     """
     n, m, K = len(start.x), len(compiled.thetas), len(timeline.t)
     rows = int(timeline.emit.max(initial=-1)) + 1
     outputs = len(compiled.model.outputs)
     belief = start.copy()
-    gained = np.zeros((2, n))
+    gained = np.zeros((2, n)) if gained is None else gained
     considered = compiled.spread**2 if consider and with_signature else np.zeros(0)
     gains = np.zeros((K if keep_gains else 0, n)) if frozen is None else frozen
     out = (np.zeros((rows, n)), np.zeros((rows, n, n)), np.zeros((rows, n)),

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from clutchest.compute.lower import START
+from clutchest.estimate.samples import slope
 from clutchest.estimate.start import fresh, nominal, prior_std
-from clutchest.estimate.timeline import build, slope
+from clutchest.estimate.timeline import build
 from clutchest.estimate.whole_log import (
     Compiled,
     Progress,

@@ -3,32 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.signals import Floats
+from clutchest.signals import Floats, Signal
 
 TOLERANCE = 0.04  # of the ratio; neighbouring gears are at least 20 % apart
 WINDOW = 0.3  # s; averages out the driveline's shuffle, ±8 % at several Hz
 HOLD = 0.5  # s; an engine that merely passes through a gear's speed is quicker
+AHEAD = 3.0  # s, by which a gear counts before it is locked: a launch slips in the gear it ends in
+LOOK_AHEAD = AHEAD + HOLD + WINDOW / 2  # s; what comes later does not change a gear
 _ENGINE_RUNS = 30.0  # rad/s
 _WHEEL_TURNS = 1.0  # rad/s
 
 
+@dataclass(frozen=True, slots=True)
+class Engaged:
+    """Index into the gears for each sample (n,): ``gear``, and ``held``, which knows the past only;
+    ``told`` is whether any was ever locked."""
+
+    gear: NDArray[np.intp]
+    held: NDArray[np.intp]
+    told: bool
+
+
 def engaged_gear(
-    time: Floats, wheel: Floats, engine: Floats, gears: Sequence[float]
-) -> NDArray[np.intp] | None:
-    """Index into ``gears`` for each sample, shape (n,); None if no gear is ever locked.
+    time: Floats, wheel: Floats, engine: Floats, gears: Sequence[float], before: int = 0
+) -> Engaged:
+    """Which gear is engaged.
 
     ``wheel`` and ``engine`` rad/s at ``time`` s; NaN where unknown.  Where engine over wheel, both
     averaged over ``WINDOW``, stays within ``TOLERANCE`` of one ratio for ``HOLD``, the clutch is
-    locked in that gear.  Everything before a locked piece, back to the end of the previous one,
-    has the gear of the piece to come, so that a launch slips in the gear in which it ends; behind
-    the last piece its gear stays.
+    locked in that gear.  That gear counts from ``AHEAD`` before, so that a launch slips in the gear
+    in which it ends, and until another one counts or the wheels stand: who starts again does so in
+    first gear.  ``before`` is the gear held at the beginning.
     """
-    if not len(time):
-        return None
+    n = len(time)
+    nothing = np.zeros(n, np.intp)
+    if not n:
+        return Engaged(nothing, nothing, False)
     ratio = np.asarray(gears, np.float64)
     known = np.isfinite(wheel) & np.isfinite(engine)
     first = np.searchsorted(time, time - WINDOW / 2)
@@ -38,20 +53,40 @@ def engaged_gear(
         total = np.concatenate(([0.0], np.cumsum(np.where(known, values, 0.0))))
         return total[behind] - total[first]
 
-    count = np.maximum(summed(np.ones(len(time))), 1.0)
+    count = np.maximum(summed(np.ones(n)), 1.0)
     wheel, engine = summed(wheel) / count, summed(engine) / count
     turning = (wheel > _WHEEL_TURNS) & (engine > _ENGINE_RUNS)
-    quotient = np.divide(engine, wheel, out=np.full(len(time), np.inf), where=turning)
+    quotient = np.divide(engine, wheel, out=np.full(n, np.inf), where=turning)
     deviation = np.abs(quotient[:, None] / ratio - 1)
-    gear = np.argmin(deviation, axis=1)
-    fits = turning & (deviation[np.arange(len(time)), gear] < TOLERANCE)
-    label = np.where(fits, gear, -1)
+    closest = np.argmin(deviation, axis=1)
+    fits = turning & (deviation[np.arange(n), closest] < TOLERANCE)
+    label = np.where(fits, closest, -1)
 
     starts = np.concatenate(([0], np.flatnonzero(np.diff(label)) + 1))
-    ends = np.concatenate((starts[1:], [len(label)])) - 1
-    locked = np.flatnonzero((label[starts] >= 0) & (time[ends] - time[starts] >= HOLD))
-    if not len(locked):
-        return None
-    # For each run the next locked run, itself included; the last one for all that follow.
-    following = np.minimum(np.searchsorted(locked, np.arange(len(starts))), len(locked) - 1)
-    return np.repeat(label[starts[locked[following]]], ends - starts + 1)
+    ends = np.concatenate((starts[1:], [n])) - 1
+    lasting = (label[starts] >= 0) & (time[ends] - time[starts] >= HOLD)
+    locked = np.repeat(np.where(lasting, label[starts], -1), ends - starts + 1)
+
+    rows = np.arange(n)
+    last = np.maximum.accumulate(np.where(locked >= 0, rows, -1))
+    stood = np.maximum.accumulate(np.where(wheel <= _WHEEL_TURNS, rows, -1))
+    held = np.where(last >= 0, locked[last], before)
+    held = np.where(stood > last, 0, held)
+    coming = np.append(starts[lasting], n)[np.searchsorted(starts[lasting], rows)]
+    soon = np.minimum(coming, n - 1)
+    counts = (coming < n) & (time[soon] - time <= AHEAD) & (locked < 0)
+    return Engaged(np.where(counts, locked[soon], held), held, bool(lasting.any()))
+
+
+def through_gear(
+    wheel: Signal, engine: Signal | None, gears: Sequence[float]
+) -> tuple[Signal, bool]:
+    """Wheel speed times the ratio of the engaged gear, and whether any gear was ever locked.
+
+    Without an engine speed it is taken as the first one.
+    """
+    known = None if engine is None else engine.only_valid()
+    if known is None or not len(known):
+        return replace(wheel, value=wheel.value * gears[0]), False
+    found = engaged_gear(wheel.time, wheel.value, known.at(wheel.time), gears)
+    return replace(wheel, value=wheel.value * np.array(gears)[found.gear]), found.told

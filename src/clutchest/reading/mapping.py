@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import isclose
 
 import numpy as np
@@ -18,9 +19,9 @@ from clutchest.can.frames import Flag, Frames
 from clutchest.can.transport import belongs, may_carry, reassembled
 from clutchest.errors import ClutchestError
 from clutchest.models import card
-from clutchest.reading.gears import engaged_gear
+from clutchest.reading.gears import through_gear
 from clutchest.reading.traffic import traffic_of
-from clutchest.signals import Counts, Floats, Signal, Signals, Why
+from clutchest.signals import HEAD, Counts, Floats, Signal, Signals, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 
 
@@ -56,7 +57,7 @@ def signals_of(
     """
     wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     whole = reassembled(frames, wanted)
-    found = _Drive(whole, vehicle, database, sources).signals()
+    found = Decoding(whole, vehicle, database, sources).signals()
     return replace(found, traffic=traffic_of(whole, wanted, vehicle))
 
 
@@ -105,37 +106,37 @@ def _unit_complaint(bus: BusSignal, layout: SignalLayout) -> str:
 
 
 @dataclass
-class _Drive:
-    """The decoding of one drive; collects warnings as it goes."""
+class Decoding:
+    """The decoding of one drive, or of a piece of one; collects warnings as it goes.
+
+    ``senders`` says whom each bus signal of a canonical one is taken from, as far as that is
+    decided; t = 0 is at ``start_ns``, the first frame unless given.
+    """
 
     frames: Frames
     vehicle: Vehicle
     database: Database
-    sources: tuple[str, ...]
+    sources: tuple[str, ...] = ()
+    senders: dict[tuple[str, BusSignal], int] = field(default_factory=dict)
+    start_ns: int | None = None
     columns: dict[tuple[str, str], Column] = field(default_factory=dict)
     messages: dict[str, dict[str, int]] = field(default_factory=dict)
     rejected: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
 
     def signals(self) -> Signals:
+        """Everything, with an account of it; see :func:`signals_of`."""
         frames = self.frames
-        mapped = np.zeros(len(frames), bool)
-        wanted = mapped_messages(self.vehicle, self.database)
-        for name, layouts in wanted.items():
-            mapped[self._decode(self.database.message(name), layouts)] = True
+        mapped = self.decode()
         if not mapped.any():
             raise NoMappedFrame(
                 f"{' '.join(self.sources) or 'this log'}: no frame of "
-                f"{', '.join(wanted)}{self._seen()}"
+                f"{', '.join(self.wanted)}{self._seen()}"
             )
         self._count_unmapped(mapped)
-        made: dict[str, Signal] = {}
-        unit_of = dict(card(self.vehicle.model).columns)
-        # what goes through a gear needs the engine speed, wherever the file names it
-        for name, signal in sorted(self.vehicle.signals.items(), key=lambda s: bool(s[1].gears)):
-            samples = self._samples(signal, signal.bus)
-            if len(samples.rows):
-                made[name] = self._canonical(signal, samples, unit_of[name], made)
+        made, geared = self.canonical()
+        for name, signal in geared.items():
+            made[name] = self._through_gear(name, signal, made.get("engine_speed"))
         self.warnings += [
             f"message {name} has no frame in this log"
             f" ({', '.join(self._made_of(name))})" + self._seen()
@@ -154,6 +155,41 @@ class _Drive:
             warnings=(*self.database.warnings, *self.warnings),
             sources=self.sources,
         )
+
+    @cached_property
+    def wanted(self) -> dict[str, dict[str, SignalLayout]]:
+        """Message → signal → layout of all that the vehicle maps."""
+        return mapped_messages(self.vehicle, self.database)
+
+    def decode(self) -> NDArray[np.bool_]:
+        """Decode every mapped message; which frames (n,) are of one."""
+        mapped = np.zeros(len(self.frames), bool)
+        for name, layouts in self.wanted.items():
+            mapped[self._decode(self.database.message(name), layouts)] = True
+        return mapped
+
+    def canonical(self) -> tuple[dict[str, Signal], dict[str, Signal]]:
+        """The canonical signals, and the wheel speeds that become one by a gear nobody sends."""
+        made: dict[str, Signal] = {}
+        geared: dict[str, Signal] = {}
+        unit_of = dict(card(self.vehicle.model).columns)
+        for name, signal in self.vehicle.signals.items():
+            samples = self._samples(signal, signal.bus)
+            if len(samples.rows):
+                known = not signal.gears or self._tells_gear(signal)
+                found = self._canonical(signal, samples, unit_of[name])
+                (made if known else geared)[name] = found
+        return made, geared
+
+    def remembered(self) -> Frames:
+        """The last frame in which each companion of a signal said something: what is to come may
+        need it."""
+        rows = set()
+        for signal in self.vehicle.signals.values():
+            for bus in parts(signal)[1:]:
+                samples = self._samples(signal, bus)
+                rows.update(samples.rows[samples.why == Why.VALID][-1:].tolist())
+        return self.frames.take(np.array(sorted(rows), np.intp))
 
     # --- frames of one message ---------------------------------------------------------------
 
@@ -218,7 +254,8 @@ class _Drive:
     # --- one canonical signal ----------------------------------------------------------------
 
     def _samples(self, signal: SignalMap, bus: BusSignal) -> _Samples:
-        """Samples of ``bus`` from one sender: the one asked for, else the one with most to say."""
+        """Samples of ``bus`` from one sender: the one asked for, else the one that says most in the
+        first ``HEAD`` s."""
         column = self.columns[bus.message, bus.signal]
         message = self.database.message(bus.message)
         address = (
@@ -235,17 +272,19 @@ class _Drive:
             keep &= channel == signal.channel
         sender = channel.astype(np.uint32) << np.uint32(8) | address
         speaking = keep & (column.why == Why.VALID)
-        counts = np.bincount(sender[speaking])
-        senders = np.flatnonzero(counts)
-        said = counts[senders]
-        if len(senders):
-            chosen = int(senders[np.argmax(said)])
+        chosen = self.senders.get((signal.name, bus))
+        senders = np.unique(sender[speaking])
+        if chosen is None and len(senders):
+            t = self.frames.t_ns[column.rows[speaking]]
+            counts = np.bincount(sender[speaking][t <= t[0] + HEAD * 1e9])
+            chosen = self.senders[signal.name, bus] = int(np.argmax(counts))
+        if chosen is not None:
             keep &= sender == chosen
         if len(senders) > 1:
             listed = ", ".join(_sender(s, message) for s in senders.tolist())
             self.warnings.append(
                 f"{signal.name}: {bus.message}.{bus.signal} comes from several "
-                f"senders ({listed}); taken from {_sender(chosen, message)}"
+                f"senders ({listed}); taken from {_sender(chosen or 0, message)}"
             )
         if len(column.rows) and not keep.any():
             self.warnings.append(
@@ -289,10 +328,9 @@ class _Drive:
                         f"DBC's range ({end:g} {layout.unit})".rstrip()
                     )
 
-    def _canonical(
-        self, signal: SignalMap, samples: _Samples, unit: str, made: dict[str, Signal]
-    ) -> Signal:
-        time = (self.frames.t_ns[samples.rows] - self.frames.t_ns[0]) / 1e9
+    def _canonical(self, signal: SignalMap, samples: _Samples, unit: str) -> Signal:
+        start = self.frames.t_ns[0] if self.start_ns is None else self.start_ns
+        time = (self.frames.t_ns[samples.rows] - start) / 1e9
         value, why = samples.value, samples.why
         if signal.other:
             other = self._samples(signal, signal.other)
@@ -302,9 +340,17 @@ class _Drive:
             value = self._torque(signal, samples)
         else:
             value = units.convert(value, signal.bus.unit, unit)
-        if signal.gears:
-            value, why = self._through_gear(signal, samples, time, value, made)
+        if signal.gears and self._tells_gear(signal):
+            assert signal.gear is not None
+            gear, ratios = self._samples(signal, signal.gear).at(samples.rows), signal.gears
+            inside = (gear >= 1) & (gear <= len(ratios))
+            index = np.where(inside, gear, 1).astype(np.intp) - 1
+            value = value * np.array(ratios)[index]
+            why = np.where(inside, why, np.uint8(Why.NOT_AVAILABLE))
         return Signal.of(signal.name, unit, time, value, why)
+
+    def _tells_gear(self, signal: SignalMap) -> bool:
+        return bool(signal.gear) and self._samples(signal, signal.gear).any_valid()  # type: ignore[arg-type]
 
     def _torque(self, signal: SignalMap, samples: _Samples) -> Floats:
         """Nm from percent of the reference: actual + fraction − nominal friction."""
@@ -331,36 +377,14 @@ class _Drive:
                 )
         return percent * (signal.reference or 0.0) / 100
 
-    def _through_gear(
-        self,
-        signal: SignalMap,
-        samples: _Samples,
-        time: Floats,
-        wheel: Floats,
-        made: dict[str, Signal],
-    ) -> tuple[Floats, NDArray[np.uint8]]:
-        """Wheel speed times the ratio of the engaged gear."""
-        ratios = np.array(signal.gears)
-        if signal.gear:
-            number = self._samples(signal, signal.gear)
-            if number.any_valid():
-                gear = number.at(samples.rows)
-                inside = (gear >= 1) & (gear <= len(ratios))
-                index = np.where(inside, gear, 1).astype(np.intp) - 1
-                why = np.where(inside, samples.why, np.uint8(Why.NOT_AVAILABLE))
-                return wheel * ratios[index], why
-        engine = made["engine_speed"].only_valid() if "engine_speed" in made else None
-        gears = None
-        if engine is not None and len(engine):
-            gears = engaged_gear(
-                time, wheel, np.interp(time, engine.time, engine.value), signal.gears
-            )
-        if gears is None:
+    def _through_gear(self, name: str, wheel: Signal, engine: Signal | None) -> Signal:
+        """Wheel speed times the ratio of the gear that engine and wheels tell."""
+        shaft, told = through_gear(wheel, engine, self.vehicle.signals[name].gears)
+        if not told:
             self.warnings.append(
-                f"{signal.name}: engine and wheels are never locked in a gear; taken as first gear"
+                f"{name}: engine and wheels are never locked in a gear; taken as first gear"
             )
-            gears = np.zeros(len(time), np.intp)
-        return wheel * ratios[gears], samples.why
+        return shaft
 
 
 def _words(why: Why) -> str:

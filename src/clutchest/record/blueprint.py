@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from clutchest.models import ModelCard
 from clutchest.signals import Floats
 
 # Distinct on Rerun's dark ground, warm first: the first state of the dry clutch is its body.
@@ -123,4 +124,55 @@ def blueprint(
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused"),
         end=end,
+    )
+
+
+def live_blueprint(known: ModelCard, timeline: str) -> rrb.Blueprint:
+    """The last minutes of a drive that is going on: mode, temperatures, torque, and the rest behind
+    tabs; it follows the newest sample."""
+    temperatures = [s.name for s in known.states if s.unit == "°C"]
+    others = [s.name for s in known.states if s.unit != "°C"]
+
+    def view(title: str, entities: Sequence[str]) -> rrb.TimeSeriesView:
+        return rrb.TimeSeriesView(
+            name=title,
+            origin="/",
+            contents=[f"/{entity}" for entity in entities],
+            axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+            time_ranges=_last_minutes(timeline),
+        )
+
+    lanes = rrb.StateTimelineView(name="mode", origin="/", contents=["/mode"],
+                                  time_view=rrb.TimeAxis(link="LinkToGlobal"))  # fmt: skip
+    start = rrb.Vertical(
+        lanes,
+        view("temperatures [°C] ± 1σ", [f"state/{name}" for name in temperatures]),
+        view("clutch torque [Nm] ± 1σ", ["state/clutch_torque"]),
+        rrb.TextLogView(name="events", origin="/events"),
+        row_shares=[1.0, 3.0, 2.0, 1.5],
+        name="overview",
+    )
+    states = rrb.Vertical(*(view(name.replace("_", " "), [f"state/{name}"]) for name in others),
+                          name="all states")  # fmt: skip
+    signals = rrb.Vertical(
+        *(view(name.replace("_", " "), [f"can/{name}"]) for name, _ in known.columns[:8]),
+        name="signals",
+    )
+    residuals = rrb.Vertical(
+        *(view(s.name.replace("_", " "), [f"residual/{s.name}"]) for s in known.sensors),
+        name="residuals",
+    )
+    return rrb.Blueprint(
+        rrb.Tabs(start, states, signals, residuals, active_tab=0),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=timeline, play_state="following"),
+    )
+
+
+def _last_minutes(timeline: str) -> rrb.VisibleTimeRange:
+    return rrb.VisibleTimeRange(
+        timeline,
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-120.0),
+        end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
     )

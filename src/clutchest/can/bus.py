@@ -1,0 +1,210 @@
+"""Live buses: any interface of python-can, frames as columns with the best stamps there are."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clutchest.can import transport
+from clutchest.can.database import Message
+from clutchest.can.frames import Flag, Frames
+from clutchest.errors import ClutchestError
+
+if TYPE_CHECKING:
+    import can
+
+BUFFER = 8 << 20  # bytes a socket may hold: seconds of a full bus, where the default holds bursts
+MOST = 2000  # frames in one go
+_SO_RXQ_OVFL, _SO_RCVBUFFORCE, _SO_TIMESTAMPNS = 40, 33, 35
+_CLASSIC, _FD = 16, 72  # bytes of the kernel's struct can_frame and canfd_frame
+_TRANSPORT = ((0xEC0000, 0xFF0000), (0xEB0000, 0xFF0000))  # TP.CM and TP.DT, whoever sends them
+
+
+def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = ()) -> can.BusABC:
+    """A bus that lets the frames of ``messages`` in, all if there are none.
+
+    Raises ClutchestError that says what is missing.
+    """
+    import can
+
+    options: dict[str, Any] = {"can_filters": filters(messages) or None}
+    if channel is not None:
+        options["channel"] = channel
+    try:
+        bus = can.Bus(interface=interface, **options)
+    except (can.CanError, OSError, ImportError, ValueError, TypeError) as problem:
+        known = ", ".join(sorted(can.VALID_INTERFACES))
+        where = f"{interface}{f' {channel}' if channel else ''}"
+        reason = " ".join(str(problem).split()) or type(problem).__name__
+        cause = problem.__cause__
+        if cause is not None and str(cause) not in reason:
+            reason += f" ({cause})"
+        raise ClutchestError(f"bus {where}: cannot be opened: {reason}; "
+                             f"interfaces that python-can knows: {known}") from None  # fmt: skip
+    _widen(bus)
+    return bus
+
+
+def filters(messages: Iterable[Message]) -> list[dict[str, Any]]:
+    """What python-can needs to let these messages in, and the packets of those in packets."""
+    wanted = list(messages)
+    found = [{"can_id": m.id & m.id_mask, "can_mask": m.id_mask, "extended": m.extended}
+             for m in wanted]  # fmt: skip
+    if any(transport.may_carry(message) for message in wanted):
+        found += [{"can_id": i, "can_mask": mask, "extended": True} for i, mask in _TRANSPORT]
+    return found
+
+
+def _sockets(bus: can.BusABC) -> list[socket.socket]:
+    """The sockets of a bus that has any: python-can gives them no common name."""
+    inner = getattr(bus, "_multicast", None)
+    candidates = (getattr(bus, "socket", None), getattr(inner, "_socket", None))
+    return [s for s in candidates if isinstance(s, socket.socket)]
+
+
+def _widen(bus: can.BusABC) -> None:
+    """Room for bursts: what does not fit into a socket's buffer is lost without an error."""
+    for sock in _sockets(bus):
+        for option in (_SO_RCVBUFFORCE, socket.SO_RCVBUF):  # the first one needs the right to
+            try:
+                sock.setsockopt(socket.SOL_SOCKET, option, BUFFER)
+                break
+            except OSError:
+                continue
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """Frames with the stamps of the interface, and how many the kernel has dropped so far."""
+
+    frames: Frames
+    dropped: int = 0
+
+
+class Source:
+    """Reads a python-can bus, of whatever interface."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+
+    def read(self, timeout: float) -> Received | None:
+        """The frames that are there, waiting up to ``timeout`` s for the first one; None if none
+        came.  Raises can.CanError or OSError where the interface fails."""
+        message = self.bus.recv(timeout)
+        if message is None:
+            return None
+        found = [message]
+        while len(found) < MOST and (message := self.bus.recv(0)) is not None:
+            found.append(message)
+        return Received(frames_of(found))
+
+
+class SocketSource(Source):
+    """Reads SocketCAN's own socket: kernel stamps to the nanosecond, and the drops counted."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        super().__init__(bus)
+        self.socket = _sockets(bus)[0]
+        self.socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        self.dropped = 0
+        self._room = socket.CMSG_SPACE(16) + socket.CMSG_SPACE(4)
+
+    def read(self, timeout: float) -> Received | None:
+        """As :meth:`Source.read`."""
+        import select
+
+        if not select.select([self.socket], [], [], timeout)[0]:
+            return None
+        payloads: list[bytes] = []
+        stamps, sent = [], []
+        while len(payloads) < MOST:
+            try:
+                raw, extra, flags, _ = self.socket.recvmsg(_FD, self._room, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                break
+            stamp = 0
+            for _, kind, content in extra:
+                if kind == _SO_TIMESTAMPNS:
+                    seconds, ns = struct.unpack("=qq", content[:16])
+                    stamp = seconds * 10**9 + ns
+                elif kind == _SO_RXQ_OVFL:
+                    self.dropped = struct.unpack("=I", content[:4])[0]
+            payloads.append(raw)
+            stamps.append(stamp)
+            sent.append(bool(flags & socket.MSG_DONTROUTE))
+        if not payloads:
+            return None
+        return Received(_kernel_frames(payloads, stamps, sent), self.dropped)
+
+
+def source_of(bus: can.BusABC) -> Source:
+    """The best way to read this bus."""
+    is_socketcan = type(bus).__name__ == "SocketcanBus" and os.name == "posix"
+    return SocketSource(bus) if is_socketcan and _sockets(bus) else Source(bus)
+
+
+def _kernel_frames(payloads: Sequence[bytes], stamps: list[int], sent: list[bool]) -> Frames:
+    """Frames from the kernel's structures: id with flag bits, length, flags, two bytes, data."""
+    wide = any(len(raw) == _FD for raw in payloads)
+    size = _FD if wide else _CLASSIC
+    table = np.frombuffer(b"".join(raw.ljust(size, b"\0") for raw in payloads), np.uint8)
+    table = table.reshape(-1, size)
+    word = table[:, :4].copy().view(np.uint32)[:, 0]
+    fd = np.array([len(raw) == _FD for raw in payloads])
+    flags = np.where(word & 0x80000000, Flag.EXTENDED, 0) | np.where(
+        word & 0x40000000, Flag.REMOTE, 0
+    )
+    flags |= np.where(word & 0x20000000, Flag.ERROR, 0) | np.where(fd, Flag.FD, 0)
+    flags |= np.where(fd & (table[:, 5] & 1 > 0), Flag.BITRATE_SWITCH, 0)
+    flags |= np.where(fd & (table[:, 5] & 2 > 0), Flag.ERROR_STATE, 0)
+    flags |= np.where(sent, Flag.SENT, 0)
+    data = table[:, 8:].copy()
+    length = table[:, 4].copy()
+    data[np.arange(data.shape[1]) >= length[:, None]] = 0
+    mask = np.where(word & 0xA0000000, 0x1FFFFFFF, 0x7FF).astype(np.uint32)
+    return Frames(np.array(stamps, np.int64), np.zeros(len(payloads), np.uint8), word & mask,
+                  flags.astype(np.uint8), length, data)  # fmt: skip
+
+
+def frames_of(messages: Sequence[can.Message]) -> Frames:
+    """Columns of python-can's messages; stamps to 1 µs, which is what its numbers can hold."""
+    wide = any(len(m.data) > 8 for m in messages)
+    frames = Frames.empty(len(messages), 64 if wide else 8)
+    for k, m in enumerate(messages):
+        frames.t_ns[k] = round(m.timestamp * 1e6) * 1000
+        frames.id[k] = m.arbitration_id
+        frames.flags[k] = (
+            (Flag.EXTENDED if m.is_extended_id else 0) | (Flag.REMOTE if m.is_remote_frame else 0)
+            | (Flag.ERROR if m.is_error_frame else 0) | (Flag.FD if m.is_fd else 0)
+            | (Flag.BITRATE_SWITCH if m.bitrate_switch else 0)
+            | (Flag.ERROR_STATE if m.error_state_indicator else 0)
+            | (0 if m.is_rx else Flag.SENT)
+        )  # fmt: skip
+        if m.is_remote_frame:
+            frames.length[k] = m.dlc
+        else:
+            frames.length[k] = len(m.data)
+            frames.data[k, : len(m.data)] = np.frombuffer(m.data, np.uint8)
+    return frames
+
+
+def message_of(frames: Frames, row: int) -> can.Message:
+    """One frame as python-can sends it."""
+    import can
+
+    flags, length = int(frames.flags[row]), int(frames.length[row])
+    remote = bool(flags & Flag.REMOTE)
+    return can.Message(
+        arbitration_id=int(frames.id[row]), is_extended_id=bool(flags & Flag.EXTENDED),
+        is_remote_frame=remote, is_fd=bool(flags & Flag.FD),
+        bitrate_switch=bool(flags & Flag.BITRATE_SWITCH),
+        error_state_indicator=bool(flags & Flag.ERROR_STATE),
+        dlc=length if remote else None,
+        data=None if remote else frames.data[row, :length].tobytes(), check=True,
+    )  # fmt: skip

@@ -1,0 +1,151 @@
+"""``monitor``: estimates over a live bus."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, VehicleName
+from clutchest.cli.terminal import progress
+
+if TYPE_CHECKING:
+    from clutchest.estimate.live import Piece
+    from clutchest.monitor.monitor import Event, Monitor, Status
+
+REDRAW = 0.2  # s between two pictures of the panel
+
+
+def monitor(
+    interface: Interface,
+    vehicle: VehicleName,
+    channel: Channel = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0.0, show_default=False, help="Stop after so many seconds."),
+    ] = None,
+    out: Out = DEFAULT_OUT,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            show_default=False,
+            help="state.json of the drive before: its estimates carry over.",
+        ),
+    ] = None,
+    rate: Annotated[
+        float,
+        typer.Option(metavar="HZ", min=0.1, max=100.0, help="Rows per second of the estimates."),
+    ] = 10.0,
+    serve: Annotated[
+        bool,
+        typer.Option("--serve", help="Also serve a live Rerun viewer, to this machine only."),
+    ] = False,
+    port: Annotated[
+        int, typer.Option(metavar="N", min=1024, max=65534, help="Port of the viewer.")
+    ] = 9090,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object per line instead of the panel.")
+    ] = False,
+) -> None:
+    """Estimate temperatures, wear and friction while the clutch is driven.
+
+    Writes received.log (the frames with the stamps that were used), estimates.parquet,
+    events.jsonl, recording.rrd and state.json; what a kill leaves is repaired by the next start.
+    Ctrl-C ends the session.
+
+    \b
+    Example:
+      clutchest monitor --interface socketcan --channel can0 --vehicle truck
+      clutchest monitor --interface udp_multicast --vehicle truck --serve
+    """
+    os.environ.setdefault("RUST_LOG", "error")  # the recording's own remarks are not the user's
+    with progress() as show:
+        show("loading", None)
+        from clutchest.can.bus import open_bus
+        from clutchest.monitor.monitor import Monitor
+        from clutchest.record.files import read_state
+        from clutchest.vehicle import load_vehicle
+
+        car = load_vehicle(vehicle)
+        before = None if state is None else read_state(state)
+        watching = Monitor(
+            open_bus(interface, channel), car, out=out, rate=rate, state=before,
+            serve=(port - 1, port) if serve else None,
+            reopen=lambda: open_bus(interface, channel, watching.messages), progress=show,
+        )  # fmt: skip
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: watching.stop())
+    if as_json:
+        watching.run(duration, _lines)
+        return
+    if sys.stdout.isatty():
+        _watch(watching, duration)
+    else:
+        status = watching.run(duration, _words)
+        print(f"{status.frames} frames, {status.lost} lost, {status.rows} rows of estimates")
+    print(f"Written to {out}: {', '.join(watching.written)}")
+
+
+def _watch(watching: Monitor, duration: float | None) -> None:
+    """The panel, drawn anew right behind a piece, when there is time."""
+    from rich.console import Console
+    from rich.live import Live as Screen
+
+    from clutchest.monitor.panel import panel
+
+    drawn = 0.0
+    with Screen(console=Console(), auto_refresh=False, transient=False) as screen:
+
+        def show(status: Status, piece: Piece | None, events: Sequence[Event]) -> None:
+            nonlocal drawn
+            now = time.monotonic()
+            if now - drawn > REDRAW and (piece is not None or now - drawn > 2 * REDRAW):
+                drawn = now
+                screen.update(panel(status, watching.vehicle.model), refresh=True)
+
+        status = watching.run(duration, show)
+        screen.update(panel(status, watching.vehicle.model), refresh=True)
+
+
+def _words(status: Status, piece: Piece | None, events: Sequence[Event]) -> None:
+    from clutchest.monitor.panel import words
+
+    for event in events:
+        print(f"{event.time:9.1f} s  {event.kind}: {words(event)}", flush=True)
+
+
+def _lines(status: Status, piece: Piece | None, events: Sequence[Event]) -> None:
+    """Events and estimates as they come, one object per line."""
+    import json
+    from dataclasses import asdict
+
+    from clutchest.record.files import plain
+
+    lines = [asdict(event) for event in events]
+    if piece is not None:
+        lines += _rows(piece)
+    for line in lines:
+        sys.stdout.write(json.dumps(plain(line), ensure_ascii=False) + "\n")
+    if lines:
+        sys.stdout.flush()
+
+
+def _rows(piece: Piece) -> list[dict]:
+    track = piece.track
+    columns = {**track.states, "clutch_torque": track.clutch_torque,
+               "slip_energy": track.slip_energy}  # fmt: skip
+    return [
+        {
+            "time": float(at), "kind": "estimate", "name": track.mode_names[track.mode[k]],
+            "data": {name: {"value": e.value[k], "std": e.std[k], "valid": bool(e.valid[k])}
+                     for name, e in columns.items()},
+        }
+        for k, at in enumerate(track.time)
+    ]  # fmt: skip

@@ -1,0 +1,152 @@
+"""The kernel's rows as named estimates, modes and slip events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.estimate.modes import MODE_NAMES, Mode, runs
+from clutchest.estimate.observability import Information
+from clutchest.estimate.run import Engagement, Estimate, Innovations, Track
+from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.whole_log import Compiled, Filtered
+from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
+
+TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
+SLIDES = 0.98  # of the friction potential; surfaces that carry less are held by their bristles
+SHORTEST = 0.1  # s; a slip event is longer than this
+SMALLEST = 200.0  # J; and stronger than this and than its own uncertainty, or it is noise
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """What slip events are told by, on the grid and densely wherever the surfaces slide.
+
+    ``time`` (r,) s, ``mode`` (r,), ``torque`` (r, 2) Nm and variance, ``energy`` (r, 3 + m) and
+    ``gained`` (r, n) as the kernel has them, ``hottest`` (r,) °C of the friction surface.
+    """
+
+    time: Floats
+    mode: NDArray[np.uint8]
+    torque: Floats
+    energy: Floats
+    gained: Floats
+    hottest: Floats
+
+    @classmethod
+    def of(cls, compiled: Compiled, timeline: Timeline, filtered: Filtered) -> Rows:
+        """The rows of what was filtered, the mode as the model's torque has it."""
+        model = compiled.model
+        rows = np.flatnonzero(timeline.emit >= 0)
+        mode = timeline.mode[rows].copy()
+        torque = filtered.outputs[:, model.outputs.index("transmitted_torque")]
+        idle = np.abs(torque[:, 0]) < TORQUE_FLOOR
+        if "friction_potential" in model.outputs:  # what the surfaces could carry, and if they do
+            potential = filtered.outputs[:, model.outputs.index("friction_potential"), 0]
+            carried = np.abs(torque[:, 0]) > SLIDES * potential
+            known = mode != Mode.unknown
+            pressed = np.where(carried, Mode.slipping, Mode.locked)
+            mode[known] = np.where(potential < TORQUE_FLOOR, Mode.open, pressed)[known]
+        elif "slave_position" in {i.name for i in model.inputs}:
+            # pressed together or not is the model's word: the kiss point moves with heat and wear
+            apart = mode <= Mode.slipping
+            mode[apart] = np.where(idle[apart], Mode.open, Mode.slipping)
+        hottest = filtered.x[:, model.state(model.hottest)]
+        return cls(timeline.t[rows], mode, torque, filtered.energy, filtered.gained, hottest)
+
+    def then(self, later: Rows) -> Rows:
+        """These rows and those that follow them."""
+        return Rows(*(np.concatenate([getattr(self, f.name), getattr(later, f.name)])
+                      for f in fields(Rows)))  # fmt: skip
+
+    def since(self, row: int) -> Rows:
+        """The rows from one on."""
+        return Rows(*(getattr(self, f.name)[row:] for f in fields(Rows)))
+
+
+def track_of(
+    vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: Filtered,
+    rows: Rows | None = None, events: tuple[Engagement, ...] | None = None,
+) -> Track:  # fmt: skip
+    """The estimates of a drive, or of a piece of one, on the regular grid.
+
+    ``rows`` and slip ``events`` are made of what was filtered unless given.
+    """
+    model, grid = compiled.model, timeline.grid
+    rows = rows or Rows.of(compiled, timeline, filtered)
+    sensed = timeline.sensor >= 0
+    return Track(
+        time=rows.time[grid],
+        mode=rows.mode[grid],
+        mode_names=MODE_NAMES,
+        states=states_of(vehicle, compiled, filtered.x[grid], filtered.total[grid]),
+        clutch_torque=_estimate(rows.torque[grid, 0], rows.torque[grid, 1]),
+        slip_energy=_estimate(
+            filtered.energy[grid, 0],
+            filtered.energy[grid, 1],
+            "slip_energy" not in model.unobservable,
+        ),
+        innovations=Innovations(
+            tuple(sensor.name for sensor in model.sensors),
+            timeline.t[sensed],
+            timeline.sensor[sensed],
+            filtered.innovation[sensed, 0],
+            np.sqrt(filtered.innovation[sensed, 1]),
+        ),
+        engagements=engagements(compiled, rows) if events is None else events,
+        log_likelihood=filtered.log_likelihood,
+        information=Information.of(compiled, rows.time, rows.mode, filtered.gained),
+    )
+
+
+def states_of(
+    vehicle: Vehicle, compiled: Compiled, x: Floats, variance: Floats
+) -> dict[str, Estimate]:
+    """Columns of ``x`` and ``variance`` (r, n) by name, and whether they are narrow enough."""
+    states = {}
+    for i, state in enumerate(compiled.model.states):
+        std = np.sqrt(variance[:, i])
+        useful = vehicle.estimation.get(state.name, state).useful_std
+        if state.name in compiled.model.unobservable:  # a prior is no estimate
+            nothing = np.full(len(std), np.nan)
+            states[state.name] = Estimate(nothing, nothing, np.zeros(len(std), bool))
+        else:
+            states[state.name] = Estimate(x[:, i], std, std <= useful)
+    return states
+
+
+def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:
+    valid = np.isfinite(value) & known
+    std = np.sqrt(np.maximum(variance, 0.0))
+    return Estimate(np.where(valid, value, np.nan), np.where(valid, std, np.nan), valid)
+
+
+def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
+    """Slip events: runs of rows in which the clutch slips and passes torque."""
+    time = rows.time
+    information = Information.of(compiled, time, rows.mode, rows.gained)
+    found = []
+    for a, b in zip(*runs(rows.mode == Mode.slipping), strict=True):
+        first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
+        gained = rows.energy[last] - rows.energy[first]
+        duration = time[last] - time[first]
+        # the parameters' share of the variance from the difference of the energy's responses
+        variance = max(gained[2], 0.0) + float(np.sum((gained[3:] * compiled.spread) ** 2))
+        if duration < SHORTEST or gained[0] < max(SMALLEST, np.sqrt(variance)):
+            continue
+        passed = rows.torque[int(a) : int(b), 0]
+        found.append(
+            Engagement(
+                start_s=float(time[first]),
+                duration_s=float(duration),
+                energy_J=float(gained[0]),
+                energy_std_J=float(np.sqrt(variance)),
+                peak_torque=float(passed[np.argmax(np.abs(passed))]),
+                peak_temp_disc=float(rows.hottest[first : last + 1].max()),
+                information_bits=information.between(time[first], time[last]).total(),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,82 @@
+"""A thread that does nothing but listen, so that no frame waits for an estimate."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from clutchest.can.bus import Received, Source, source_of
+
+if TYPE_CHECKING:
+    import can
+
+WAIT = 0.1  # s after which the thread looks whether to stop
+RETRY = 0.5  # s between two attempts at an interface that is away
+_DOWN = 100  # ENETDOWN: the socket stays and hears again once the interface is up
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """The interface failed, ``what`` it said; or it is ``back``."""
+
+    what: str
+    back: bool = False
+
+
+class Listener(threading.Thread):
+    """Puts what a bus says into ``heard``: frames, and when the interface goes and comes back.
+
+    ``reopen`` makes a new bus when the old one is beyond use; without it the old one is asked
+    again and again.
+    """
+
+    def __init__(self, bus: can.BusABC, reopen: Callable[[], can.BusABC] | None) -> None:
+        super().__init__(daemon=True, name="listener")
+        self.heard: queue.SimpleQueue[Received | Trouble] = queue.SimpleQueue()
+        self._source: Source = source_of(bus)
+        self._reopen = reopen
+        self._done = threading.Event()
+        self._away = False
+
+    def run(self) -> None:
+        """Listen until told to stop."""
+        import can
+
+        while not self._done.is_set():
+            try:
+                received = self._source.read(WAIT)
+            except (can.CanError, OSError, ValueError) as problem:
+                self._trouble(problem)
+                continue
+            if received is not None:
+                if self._away:
+                    self._away = False
+                    self.heard.put(Trouble("", back=True))
+                self.heard.put(received)
+
+    def stop(self) -> None:
+        """Stop, and close the bus."""
+        self._done.set()
+        self.join(timeout=5 * WAIT)
+        self._source.bus.shutdown()
+
+    def _trouble(self, problem: Exception) -> None:
+        if not self._away:
+            self._away = True
+            self.heard.put(Trouble(" ".join(str(problem).split()) or type(problem).__name__))
+        code = getattr(problem, "errno", None) or getattr(problem, "error_code", None)
+        self._done.wait(RETRY)
+        if code == _DOWN or self._reopen is None or self._done.is_set():
+            return
+        import can
+        from clutchest.errors import ClutchestError
+
+        try:
+            bus = self._reopen()
+        except (ClutchestError, can.CanError, OSError):
+            return
+        self._source.bus.shutdown()
+        self._source = source_of(bus)

@@ -1,0 +1,326 @@
+"""The monitor: a bus in, estimates as soon as they are certain, events, and the files of both."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from clutchest.can.bus import Received, filters
+from clutchest.can.encode import check
+from clutchest.can.frames import Frames
+from clutchest.errors import ClutchestError
+from clutchest.estimate.live import Live, Piece, ready
+from clutchest.estimate.replay import provenance
+from clutchest.estimate.whole_log import Progress
+from clutchest.monitor.listener import Listener, Trouble
+from clutchest.monitor.silence import Silence
+from clutchest.monitor.stamps import Stamps
+from clutchest.monitor.store import Session
+from clutchest.reading.log import HOLE_S, load_database
+from clutchest.reading.mapping import mapped_messages
+from clutchest.vehicle import Vehicle, load_vehicle
+
+if TYPE_CHECKING:
+    import can
+
+TICK = 0.25  # s without a frame, after which the time that passes is told
+ON_ITS_WAY_NS = 300_000_000  # a frame may take this long from its stamp to here
+KEPT_S = 600.0  # s for which frames are held, should a signal be heard for the first time
+SHOWN = 12  # events that a panel remembers
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened: ``time`` s from the drive's first frame, ``kind`` mode, engagement,
+    fault, gap, reconnect or warning."""
+
+    time: float
+    kind: str
+    name: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Watcher(Protocol):
+    """What looks at every piece of a drive, and may have something to tell: a fault test."""
+
+    def watch(self, frames: Frames, piece: Piece | None, now: float) -> Iterable[Event]:
+        """Events that ``frames``, the newest, and ``piece``, what became certain, give reason to;
+        ``now`` s is the drive's time."""
+        ...
+
+
+@dataclass
+class Status:
+    """How it goes: what a panel shows."""
+
+    vehicle: str
+    frames: int = 0
+    lost: int = 0
+    rows: int = 0
+    now: float = 0.0
+    piece: Piece | None = None
+    events: deque[Event] = field(default_factory=lambda: deque(maxlen=SHOWN))
+    warnings: tuple[str, ...] = ()
+    away: str = ""
+    silent_s: float = 0.0
+    address: str = ""
+    latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+
+
+Show = Callable[[Status, Piece | None, Sequence[Event]], None]
+
+
+class Monitor:
+    """Watches a clutch over ``bus``, an open python-can bus; only mapped messages are let in.
+
+    ``out`` is the folder for ``received.log``, ``estimates.parquet``, ``events.jsonl``,
+    ``recording.rrd`` and ``state.json``; nothing is written without.  ``rate`` Hz of the estimates;
+    ``state`` as an earlier run left it; ``serve`` the ports of a live viewer, which only this
+    machine can reach; ``reopen`` makes a new bus when an interface is gone for good; ``watchers``
+    are asked at every piece.  The estimates are those of a replay of ``received.log``.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        vehicle: Vehicle | str | Path,
+        *,
+        out: Path | None = None,
+        rate: float = 10.0,
+        state: Mapping[str, Any] | None = None,
+        serve: tuple[int, int] | None = None,
+        reopen: Callable[[], can.BusABC] | None = None,
+        watchers: Sequence[Watcher] = (),
+        progress: Progress | None = None,
+    ) -> None:
+        self.vehicle = load_vehicle(vehicle)
+        self.database = load_database(self.vehicle)
+        self.messages = [self.database.message(name)
+                        for name in mapped_messages(self.vehicle, self.database)]  # fmt: skip
+        bus.set_filters(filters(self.messages))  # type: ignore[arg-type]
+        self._listener = Listener(bus, reopen)
+        self._listener.start()
+        ready(self.vehicle, progress)  # compiled before the first estimate is due
+        self.rate, self.state, self.watchers = rate, state, tuple(watchers)
+        self.status = Status(self.vehicle.name)
+        self.final: Mapping[str, Any] | None = None
+        self._stamps, self._silence = Stamps(), Silence(self.vehicle)
+        self._session = None if out is None else Session(out, provenance(self.vehicle, ""))
+        self._recording = None
+        if self._session is not None:
+            from clutchest.record.live_recording import LiveRecording
+
+            self._recording = LiveRecording(self._session.recording, self.vehicle, serve)
+            self.status.address = self._recording.address
+        self._drive, self._offset, self._mode = 0, 0.0, ""
+        self._start_ns: int | None = None
+        self._last_ns = 0
+        self._heard: list[Frames] = []
+        self._counted: dict[str, Frames] = {}
+        self._late_told = self._stopped = False
+        self._new: list[Event] = []
+        self._live = self._new_drive()
+
+    def stop(self) -> None:
+        """End :meth:`run` soon; safe from a signal handler and from other threads."""
+        self._stopped = True
+
+    def run(self, duration: float | None = None, show: Show | None = None) -> Status:
+        """Watch for ``duration`` s, or until stopped.
+
+        ``show`` is called with every piece, every event, and a few times a second in between.
+        """
+        end = None if duration is None else time.monotonic() + duration
+        for note in self._session.notes if self._session else ():
+            self._tell("warning", note)
+        try:
+            while not self._stopped and (end is None or time.monotonic() < end):
+                frames = self._listen()
+                piece = self._take(frames)
+                self._after(frames, piece, show)
+            self._listener.stop()
+            frames = self._listen(0.0)
+            self._after(frames, self._take(frames), show)
+            self._after(Frames.empty(), self._finish(), show)
+        finally:
+            self._close()
+        return self.status
+
+    def _listen(self, wait: float = TICK) -> Frames:
+        """The frames that have come, with the stamps that are used, already on disk."""
+        batches, heard = [], self._listener.heard
+        try:
+            item = heard.get(timeout=wait) if wait else heard.get_nowait()
+            while True:
+                if isinstance(item, Trouble):
+                    self._trouble(item)
+                else:
+                    batches.append(self._received(item))
+                item = heard.get_nowait()
+        except queue.Empty:
+            pass
+        frames = Frames.concatenate(batches)
+        if self._session is not None:
+            self._session.receive(frames)
+        return frames
+
+    def _received(self, received: Received) -> Frames:
+        frames = self._stamps.used(received.frames)
+        self.status.frames += len(frames)
+        for jump in self._stamps.jumps:
+            self._tell("warning", f"the interface's clock jumped by {jump:+.1f} s; taken out",
+                       {"jump_s": jump})  # fmt: skip
+        self._stamps.jumps.clear()
+        if (more := received.dropped - self.status.lost) > 0:
+            self.status.lost = received.dropped
+            self._tell("gap", "bus", {"frames_dropped": more,
+                                      "why": "the socket's buffer was full"})  # fmt: skip
+        return frames
+
+    def _take(self, frames: Frames) -> Piece | None:
+        """What has become certain by now."""
+        if len(frames):
+            if self._start_ns is not None and (
+                frames.t_ns[0] - self._last_ns > HOLE_S * 1e9
+            ):  # parked: the next drive begins as it would in a replay
+                self._after(Frames.empty(), self._finish(), None)
+                self._live = self._new_drive()
+            if self._start_ns is None:
+                self._start_ns = int(frames.t_ns[0])
+            self._last_ns = int(frames.t_ns[-1])
+            now_ns = int(frames.t_ns[-1])
+            self._keep(frames)
+        elif self._start_ns is None:
+            return None
+        else:
+            now_ns = self._stamps.now(ON_ITS_WAY_NS)
+        self.status.now = (now_ns - self._start_ns) / 1e9
+        self.status.silent_s = (now_ns - self._last_ns) / 1e9
+        piece = self._live.take(frames, now_ns)
+        if self._live.late and not self._late_told:
+            self._late_told = True
+            self._tell("warning", "a signal was heard for the first time so late that the estimates"
+                       " go on without it; a new start uses it")  # fmt: skip
+        return piece
+
+    def _keep(self, frames: Frames) -> None:
+        """Hold the beginning of a drive, in case that a mapped signal is still to come."""
+        assert self._start_ns is not None
+        if self._live.history is None:
+            return
+        if frames.t_ns[-1] - self._start_ns > KEPT_S * 1e9:
+            self._live.history = None
+            self._heard.clear()
+        else:
+            self._heard.append(frames)
+
+    def _new_drive(self) -> Live:
+        if self._start_ns is not None:
+            self.state = self.final
+            self._offset += self.status.now
+            self._drive += 1
+            self._start_ns, self._mode = None, ""
+        self._heard = []
+        return Live(self.vehicle, self.database, rate=self.rate, state=self.state,
+                    history=lambda: Frames.concatenate(self._heard))  # fmt: skip
+
+    def _after(self, frames: Frames, piece: Piece | None, show: Show | None) -> None:
+        """Everything that follows from new frames and from what became certain."""
+        if len(frames):
+            self._counters(frames)
+        if piece is not None:
+            self._told(piece)
+        for since, name, data in self._silence.of(frames, piece, self.status.now):
+            self._tell("gap", name, data, since)
+        for watcher in self.watchers:
+            for event in watcher.watch(frames, piece, self.status.now):
+                self._put(event)
+        if piece is not None:
+            self.status.latency_s.append((time.time_ns() - piece.released_ns) / 1e9)
+        if show is not None:
+            show(self.status, piece, self._new)
+        self._new = []
+
+    def _told(self, piece: Piece) -> None:
+        track = piece.track
+        self.status.rows += len(track.time)
+        self.status.piece = piece if len(track.time) or self.status.piece is None else (
+            self.status.piece)  # fmt: skip
+        if piece.begins:
+            self.status.warnings = piece.warnings
+            for warning in piece.warnings:
+                self._tell("warning", warning)
+        for at, code in zip(track.time, track.mode, strict=True):
+            mode = track.mode_names[code]
+            if mode != self._mode:
+                self._tell("mode", mode, {"before": self._mode or None}, float(at))
+                self._mode = mode
+        for engagement in track.engagements:
+            self._tell("engagement", "slip", asdict(engagement),
+                       engagement.start_s + engagement.duration_s)  # fmt: skip
+        if self._session is not None:
+            self._session.keep(track, self._drive, piece.begins)
+        if self._recording is not None:
+            if piece.begins and self._start_ns is not None and not self._drive:
+                self._recording.begin(self._start_ns, provenance(self.vehicle, ""))
+            self._recording.add(track, piece.signals, self._offset)
+
+    def _counters(self, frames: Frames) -> None:
+        """Frames of checked messages that the sender counted and nobody received."""
+        for message in self.messages:
+            if message.name not in self.vehicle.checked:
+                continue
+            rows = np.flatnonzero((frames.id & np.uint32(message.id_mask))
+                                  == (message.id & message.id_mask))  # fmt: skip
+            if not len(rows):
+                continue
+            new = frames.take(rows)
+            before = self._counted.get(message.name)
+            both = new if before is None else Frames.concatenate([before, new])
+            self._counted[message.name] = new.take(np.array([-1]))
+            if jumps := check(both, np.arange(len(both)), message).jumps:
+                self._tell("gap", message.name, {"counter_jumps": jumps})
+
+    def _trouble(self, trouble: Trouble) -> None:
+        if trouble.back:
+            self._tell("reconnect", "bus", {"after": self.status.away})
+            self.status.away = ""
+        else:
+            self.status.away = trouble.what
+            self._tell("warning", f"the interface failed: {trouble.what}")
+
+    def _tell(self, kind: str, name: str, data: Mapping[str, Any] | None = None,
+              at: float | None = None) -> None:  # fmt: skip
+        self._put(Event(self.status.now if at is None else at, kind, name, data or {}))
+
+    def _put(self, event: Event) -> None:
+        self._new.append(event)
+        self.status.events.append(event)
+        line = {**asdict(event), "drive": self._drive}
+        if self._session is not None:
+            self._session.tell(line)
+        if self._recording is not None:
+            self._recording.tell(line, self._offset)
+
+    def _finish(self) -> Piece | None:
+        """The last of a drive."""
+        try:
+            piece = self._live.finish()
+        except ClutchestError as problem:  # a session that heard too little is none the less one
+            self._tell("warning", str(problem))
+            return None
+        self.final = self._live.final()
+        return piece
+
+    def _close(self) -> None:
+        self._listener.stop()
+        if self._recording is not None:
+            self._recording.close()
+        self.written = [] if self._session is None else self._session.close(self.final)

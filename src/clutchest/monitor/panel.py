@@ -1,0 +1,114 @@
+"""The terminal panel: the clutch at a glance, and how well the bus is heard."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from clutchest.estimate.run import Estimate
+from clutchest.models import card
+from clutchest.monitor.monitor import Event, Status
+from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
+from clutchest.record.report import plus_minus
+
+_MODE = {"open": "bright_blue", "slipping": "bold bright_red", "locked": "green",
+         "retracted": "green", "unknown": "yellow"}  # fmt: skip
+_KIND = {"warning": "yellow", "gap": "yellow", "reconnect": "yellow", "fault": "bold bright_red"}
+_HOT = 20  # characters of a bar
+
+
+def panel(status: Status, model: str) -> RenderableType:
+    """What there is to see now."""
+    return Panel(
+        Group(_head(status), _estimates(status, model), _events(status)),
+        title=f"[bold]clutchest[/] · {escape(status.vehicle)}",
+        title_align="left",
+        subtitle=_foot(status),
+        subtitle_align="left",
+        border_style="dim",
+        width=100,
+    )
+
+
+def _head(status: Status) -> Text:
+    text = Text()
+    piece = status.piece
+    if piece is None or not len(piece.track.time):
+        waiting = "listening" if status.frames else "no frame yet"
+        return text.append(f"{waiting} … {status.now:.0f} s", style="yellow")
+    track = piece.track
+    mode = track.mode_names[track.mode[-1]]
+    text.append(f" {mode.upper()} ", style=f"reverse {_MODE.get(mode, '')}")
+    text.append(f"  at {track.time[-1]:.1f} s")
+    if status.away:
+        text.append(f"   bus away: {status.away}", style="yellow")
+    elif status.silent_s > 1.0:
+        text.append(f"   bus silent for {status.silent_s:.0f} s", style="yellow")
+    return text
+
+
+def _estimates(status: Status, model: str) -> Table:
+    table = Table("quantity", "value ± 1σ", "", expand=True, box=None, pad_edge=False)
+    piece = status.piece
+    if piece is None or not len(piece.track.time):
+        return table
+    track, known = piece.track, card(model)
+    quantities = {s.name: Quantity(s.name, s.unit, s.what) for s in known.states}
+    rows = [(CLUTCH_TORQUE, track.clutch_torque), (SLIP_ENERGY, track.slip_energy)]
+    rows += [(quantities[n], e) for n, e in track.states.items() if n in quantities]
+    for quantity, estimate in rows:
+        value, std = float(estimate.value[-1]), float(estimate.std[-1])
+        if not np.isfinite(value):
+            continue
+        valid = bool(estimate.valid[-1])
+        table.add_row(quantity.words, plus_minus(quantity, value, std), _note(estimate, quantity),
+                      style="" if valid else "dim")  # fmt: skip
+    return table
+
+
+def _note(estimate: Estimate, quantity: Quantity) -> Text:
+    """A bar for a temperature, words where an estimate is of no use."""
+    if not estimate.valid[-1]:
+        return Text("too uncertain to be of use")
+    if quantity.unit != "°C":
+        return Text("")
+    full = int(np.clip(estimate.value[-1] / 300.0 * _HOT, 0, _HOT))
+    colour = "green" if full < 8 else "yellow" if full < 14 else "bright_red"
+    return Text("█" * full + "·" * (_HOT - full), style=colour)
+
+
+def _events(status: Status) -> Table:
+    table = Table("s", "event", "", expand=True, box=None, pad_edge=False)
+    for event in list(status.events)[-6:]:
+        table.add_row(f"{event.time:.1f}", Text(event.kind, style=_KIND.get(event.kind, "")),
+                      Text(words(event)))  # fmt: skip
+    return table
+
+
+def words(event: Event) -> str:
+    """An event in a few words."""
+    data = event.data
+    if event.kind == "engagement":
+        return (f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ, disc "
+                f"{data['peak_temp_disc']:.0f} °C")  # fmt: skip
+    if event.kind == "gap" and "over" in data:
+        if not data["over"]:
+            return f"{event.name}: silent since {data['since_s']:.1f} s"
+        return f"{event.name}: nothing heard for {data['duration_s']:.1f} s"
+    if event.kind == "gap":
+        return f"{event.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in data.items())
+    return event.name
+
+
+def _foot(status: Status) -> str:
+    parts = [f"{status.frames} frames", f"{status.lost} lost"]
+    if len(status.latency_s) > 5:
+        parts.append(f"estimates {1e3 * float(np.median(status.latency_s)):.0f} ms after the frame "
+                     "that made them certain")  # fmt: skip
+    if status.address:
+        parts.append(escape(status.address))
+    return " · ".join(parts)

@@ -1,0 +1,48 @@
+"""Holes in what a drive hears: told when they are noticed, and when they are over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+from clutchest.can.frames import Frames
+from clutchest.estimate.live import Piece
+from clutchest.estimate.modes import Thresholds
+from clutchest.models import card
+from clutchest.signals import LOST
+from clutchest.vehicle import Vehicle
+
+
+class Silence:
+    """Looks for signals that may not be missing for long, and for a bus that says nothing."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._gap = Thresholds.of(vehicle.modes).gap
+        fast = {i.name for i in card(vehicle.model).inputs if i.gap <= self._gap}
+        self._names = [name for name in vehicle.signals if name in fast or name == "engine_speed"]
+        self._last: dict[str, float] = {}
+        self._bus = 0.0
+        self._quiet = False
+
+    def of(
+        self, frames: Frames, piece: Piece | None, now: float
+    ) -> Iterator[tuple[float, str, Mapping[str, Any]]]:
+        """(time, name, data) of every hole that begins to matter or is over."""
+        if len(frames):
+            if self._quiet:
+                yield now, "bus", {"over": True, "duration_s": now - self._bus}
+            self._bus, self._quiet = now, False
+        elif not self._quiet and now - self._bus > self._gap:
+            self._quiet = True
+            yield now, "bus", {"over": False, "since_s": self._bus}
+        for name in self._names if piece else ():
+            signal = piece.signals.get(name) if piece else None
+            if signal is None or not len(times := signal.time[signal.valid]):
+                continue
+            edges = [self._last.get(name, float(times[0])), *times.tolist()]
+            for a, b in pairwise(edges):
+                if b - a > self._gap:
+                    yield b, name, {"over": True, "since_s": a, "duration_s": b - a,
+                                    "bridged": b - a <= LOST}  # fmt: skip
+            self._last[name] = float(times[-1])

@@ -1,0 +1,152 @@
+"""Decoding of a drive that is going on, frames by frames, to the same numbers as at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clutchest.can import transport
+from clutchest.can.database import Database
+from clutchest.can.frames import Frames
+from clutchest.can.transport import reassembled
+from clutchest.reading.gears import LOOK_AHEAD, engaged_gear
+from clutchest.reading.mapping import Decoding, mapped_messages
+from clutchest.signals import LOST, Signal
+from clutchest.vehicle import BusSignal, Vehicle
+
+TRANSFER = 10_000_000_000  # ns; a message in packets takes no longer
+BEFORE = 1.0  # s kept behind the last gear that is known: pieces and averages reach that far
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """New samples by canonical name, and up to when, s, each signal is complete."""
+
+    signals: Mapping[str, Signal]
+    settled: Mapping[str, float]
+
+
+class Incoming:
+    """Decodes ``frames``, the drive so far, when it is made, and what follows by :meth:`take`.
+
+    Whom a signal is taken from, and how its gear is known, is decided by the drive so far; ``late``
+    turns True when something is heard for the first time later.  Frames come in order of time, no
+    two with the same stamp; t = 0 is at the first one.
+    """
+
+    def __init__(self, vehicle: Vehicle, database: Database, frames: Frames) -> None:
+        self.vehicle, self.database = vehicle, database
+        self.start_ns = int(frames.t_ns[0])
+        self._wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
+        self.late = False
+        self._senders: dict[tuple[str, BusSignal], int] = {}
+        self._decided = False
+        self._remembered = frames.take(np.zeros(0, np.intp))
+        self._geared: dict[str, _Geared] = {}
+        self.first = self.take(frames, int(frames.t_ns[-1]))
+        self.heard_s = {name: float(s.time[s.valid][0])
+                        for name, s in self.first.signals.items() if s.valid.any()}  # fmt: skip
+        self._decided = True
+
+    def take(self, frames: Frames, now_ns: int, last: bool = False) -> Decoded:
+        """What ``frames`` add; everything up to ``now_ns`` has come, and nothing will after the
+        ``last``."""
+        known = set(self._senders)
+        after = (int(frames.t_ns[0]) - self.start_ns) / 1e9 if len(frames) else np.inf
+        drive = Frames.concatenate([self._remembered, frames])
+        decoding = Decoding(
+            reassembled(drive, self._wanted), self.vehicle, self.database,
+            senders=self._senders, start_ns=self.start_ns,
+        )  # fmt: skip
+        decoding.decode()
+        made, wheels = decoding.canonical()
+        self.late |= self._decided and set(self._senders) != known
+        self._remembered = self._worth_remembering(decoding, drive, now_ns)
+        now = (now_ns - self.start_ns) / 1e9
+        signals = {name: _since(signal, after) for name, signal in made.items()}
+        settled = dict.fromkeys(self.vehicle.signals, now)
+        for name, wheel in wheels.items():
+            self._geared.setdefault(name, _Geared(self.vehicle.signals[name].gears))
+            self._geared[name].wheel.append(_since(wheel, after))
+        for name, geared in self._geared.items():
+            if "engine_speed" in signals:
+                geared.engine.append(signals["engine_speed"].only_valid())
+            signals[name], settled[name] = geared.take(now, last)
+        return Decoded(signals, settled)
+
+    def _worth_remembering(self, decoding: Decoding, frames: Frames, now_ns: int) -> Frames:
+        companions = decoding.remembered()
+        if not any(transport.may_carry(message) for message in self._wanted):
+            return companions
+        packets = transport.belongs(frames) & (frames.t_ns > now_ns - TRANSFER)
+        return Frames.concatenate([companions, frames.take(packets)]).sorted()
+
+
+def _since(signal: Signal, time: float) -> Signal:
+    """The samples from ``time`` s on: what was remembered has been taken already."""
+    first = int(np.searchsorted(signal.time, time))
+    if not first:
+        return signal
+    return replace(signal, time=signal.time[first:], value=signal.value[first:],
+                   why=signal.why[first:])  # fmt: skip
+
+
+class _Samples:
+    """Samples of one signal, of which the older ones are forgotten."""
+
+    def __init__(self) -> None:
+        self.signal: Signal | None = None
+
+    def append(self, new: Signal) -> None:
+        self.signal = new if self.signal is None else joined(self.signal, new)
+
+    def forget(self, before: float) -> None:
+        """All but the last sample before ``before`` s."""
+        if self.signal is not None and len(self.signal):
+            first = max(int(np.searchsorted(self.signal.time, before)) - 1, 0)
+            self.signal = _since(self.signal, float(self.signal.time[first]))
+
+
+class _Geared:
+    """A wheel speed that waits until its gear is known."""
+
+    def __init__(self, gears: tuple[float, ...]) -> None:
+        self.gears = np.array(gears)
+        self.wheel, self.engine = _Samples(), _Samples()
+        self.before, self.done = 0, -np.inf
+
+    def take(self, now: float, last: bool) -> tuple[Signal, float]:
+        """The shaft speed that is new, and up to when it is complete, s."""
+        wheel, engine = self.wheel.signal, self.engine.signal
+        assert wheel is not None
+        if engine is None or not len(engine):
+            seen, speed = now - LOST, np.full(len(wheel), np.nan)
+        else:  # behind the last engine speed nobody knows yet how it goes on
+            quiet = now - engine.time[-1] > LOST
+            seen, speed = now if quiet else float(engine.time[-1]), engine.at(wheel.time)
+        upto = now if last else max(seen - LOOK_AHEAD, self.done)
+        found = engaged_gear(wheel.time, wheel.value, speed, self.gears.tolist(), self.before)
+        new = slice(*np.searchsorted(wheel.time, [self.done, upto], side="right"))
+        value = wheel.value * self.gears[found.gear]
+        shaft = replace(wheel, time=wheel.time[new], value=value[new], why=wheel.why[new])
+        keep = max(int(np.searchsorted(wheel.time, upto - BEFORE)) - 1, 0)
+        if len(found.held):
+            self.before = int(found.held[keep])
+            self.wheel.forget(upto - BEFORE)
+        self.engine.forget(upto - BEFORE)
+        self.done = upto
+        return shaft, upto
+
+
+def joined(a: Signal, b: Signal) -> Signal:
+    """The samples of ``a`` and then those of ``b``."""
+    if not len(a) or not len(b):
+        return a if len(a) else b
+    return replace(
+        a,
+        time=np.concatenate((a.time, b.time)),
+        value=np.concatenate((a.value, b.value)),
+        why=np.concatenate((a.why, b.why)),
+    )

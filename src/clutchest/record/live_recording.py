@@ -1,0 +1,185 @@
+"""The recording of a drive that is going on: a file, and beside it a server for a viewer."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from clutchest.errors import ClutchestError
+from clutchest.estimate.run import Track
+from clutchest.models import card
+from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
+from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
+from clutchest.record.rerun import TIMELINE, index
+from clutchest.signals import Signal
+from clutchest.vehicle import Vehicle
+
+HERE = "127.0.0.1"
+MEMORY = "256MB"  # that the server keeps for viewers that come late
+_EVERY = 2.0  # s of the drive that are written in one go: a file of single rows is all overhead
+_LEVELS = {"warning": "WARN", "gap": "WARN", "fault": "ERROR"}
+
+
+class LiveRecording:
+    """Writes tracks, signals and events to ``path`` as they come.
+
+    With ``serve`` they also go to a server on this machine only, whose ``address`` a browser can
+    open; where no viewer can be started, ``note`` says so and the file is written all the same.
+    A file that is cut off can be read up to there; ``rerun rrd optimize`` gives it its end.
+    """
+
+    def __init__(self, path: Path, vehicle: Vehicle, serve: tuple[int, int] | None = None) -> None:
+        known = card(vehicle.model)
+        self._states = {s.name: Quantity(s.name, s.unit, s.what) for s in known.states}
+        self._states |= {q.name: q for q in (CLUTCH_TORQUE, SLIP_ENERGY)}
+        self._signals = {name: Quantity(name, unit) for name, unit in known.columns}
+        self._sensors = {s.name: Quantity(s.name, s.unit) for s in known.sensors}
+        self._held: dict[str, list[tuple[np.ndarray, ...]]] = defaultdict(list)
+        self._since: float | None = None
+        self._mode: str | None = None
+        self._viewer: subprocess.Popen | None = None
+        self._styled: set[str] = set()
+        self.address = self.note = ""
+        self._stream = rr.RecordingStream("clutchest", send_properties=False)
+        sinks: list[Any] = [rr.FileSink(path, write_footer=False)]
+        every = _EVERY
+        if serve is not None:
+            every = 0.5
+            try:
+                sinks.append(rr.GrpcServerSink(HERE, serve[0], server_memory_limit=MEMORY))
+            except Exception as problem:  # its own kinds; the file is what counts
+                raise ClutchestError(f"--serve: port {serve[0]} of {HERE}: {problem}") from None
+        self._every = every
+        self._stream.set_sinks(*sinks)
+        self._stream.send_recording_name(f"{vehicle.name}, live")
+        self._stream.send_blueprint(live_blueprint(known, TIMELINE))
+        self._lane("mode", MODE_COLOURS)
+        if serve is not None:
+            self._start_viewer(sinks[1].uri, serve[1])
+
+    def _start_viewer(self, uri: str, port: int) -> None:
+        command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", HERE,
+                   "--web-viewer-port", str(port), uri]  # fmt: skip
+        try:
+            self._viewer = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL, start_new_session=True,
+            )  # fmt: skip
+        except OSError as problem:
+            self.note = f"no viewer could be started ({problem}); the recording is written"
+            return
+        shown = uri.replace("+", "%2B").replace(":", "%3A").replace("/", "%2F")
+        self.address = f"http://{HERE}:{port}?url={shown}"
+
+    def begin(self, start_ns: int, provenance: Mapping[str, str]) -> None:
+        """What is known when a drive begins."""
+        self._stream.send_recording_start_time_nanos(start_ns)
+        self._stream.send_property("provenance", rr.AnyValues(True, **provenance))
+
+    def add(self, track: Track, signals: Mapping[str, Signal], offset: float) -> None:
+        """A piece of a drive that begins at ``offset`` s on the timeline."""
+        time = track.time + offset
+        for name, quantity in self._states.items():
+            estimate = track.states.get(name) or getattr(track, name, None)
+            if estimate is None or not np.isfinite(estimate.value).any():
+                continue
+            value, std = quantity.read(estimate.value), quantity.read_spread(estimate.std)
+            self._held[f"state/{name}"].append((time, value, std**2, estimate.valid))
+        for name, signal in signals.items():
+            valid = signal.only_valid()
+            if name in self._signals and len(valid):
+                value = self._signals[name].read(valid.value)
+                self._held[f"can/{name}"].append((valid.time + offset, value))
+        for name in track.innovations.names:
+            at, innovation, std = track.innovations.of(name)
+            if len(at):
+                quantity = self._sensors[name]
+                spread = 3 * quantity.read_spread(std)
+                both = np.column_stack([quantity.read_spread(innovation), spread, -spread])
+                self._held[f"residual/{name}"].append((at + offset, both))
+        for k in np.flatnonzero(np.diff(track.mode, prepend=255)):
+            mode = track.mode_names[track.mode[k]]
+            if mode != self._mode:
+                self._mode = mode
+                self._held["mode"].append((time[k : k + 1], np.array([mode])))
+        if len(time):
+            self._since = float(time[0]) if self._since is None else self._since
+            if time[-1] - self._since >= self._every:
+                self.write()
+
+    def tell(self, event: Mapping[str, Any], offset: float) -> None:
+        """An event into the log."""
+        self._stream.set_time(TIMELINE, duration=event["time"] + offset)
+        level = _LEVELS.get(event["kind"], "INFO")
+        words = f"{event['kind']}: {event['name']}"
+        self._stream.log("events", rr.TextLog(words, level=level))
+
+    def write(self) -> None:
+        """Send what is held back."""
+        for entity, pieces in self._held.items():
+            columns = [np.concatenate(column) for column in zip(*pieces, strict=True)]
+            time = index(columns[0])
+            kind, name = (*entity.split("/"), "")[:2]
+            self._style(kind, name, entity)
+            if kind == "state":
+                colour = np.where(columns[3], COLOURS[0], INVALID).astype(np.uint32)
+                rows = rr.Measurements.columns(values=columns[1], variances=columns[2],
+                                               colors=colour)  # fmt: skip
+            elif kind == "mode":
+                rows = rr.StateChange.columns(state=columns[1].tolist())
+            else:
+                rows = rr.Scalars.columns(scalars=columns[1])
+            self._stream.send_columns(entity, time, rows)
+        self._held.clear()
+        self._since = None
+
+    def close(self) -> None:
+        """Write the rest; the server and its viewer end."""
+        self.write()
+        self._stream.flush()
+        self._stream.disconnect()
+        if self._viewer is not None:
+            self._viewer.terminate()
+            try:
+                self._viewer.wait(timeout=2.0)
+            except subprocess.TimeoutExpired:
+                self._viewer.kill()
+
+    def _style(self, kind: str, name: str, entity: str) -> None:
+        if entity in self._styled:
+            return
+        self._styled.add(entity)
+        if kind == "state":
+            quantity = self._states[name]
+            look: Any = rr.Measurements.from_fields(
+                names=quantity.words, units=quantity.shown or None, widths=2.0
+            )
+        elif kind == "residual":
+            look = rr.SeriesLines(
+                names=["measured − predicted", "+3σ", "−3σ"],
+                colors=np.array([COLOURS[1], BOUND, BOUND], np.uint32),
+                widths=[1.2, 1.0, 1.0], aggregation_policy="MinMax",
+            )  # fmt: skip
+        elif kind == "can":
+            look = rr.SeriesLines(names=self._signals[name].words, widths=1.5,
+                                  aggregation_policy="MinMax")  # fmt: skip
+        else:
+            return
+        self._stream.log(entity, look, static=True)
+
+    def _lane(self, entity: str, colours: Mapping[str, int]) -> None:
+        self._stream.log(
+            entity,
+            rr.StateConfiguration(
+                values=list(colours), colors=np.array(list(colours.values()), np.uint32),
+                visible=[True] * len(colours),
+            ),
+            static=True,
+        )  # fmt: skip

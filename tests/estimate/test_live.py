@@ -1,0 +1,137 @@
+"""Estimates of a drive that is going on equal those of a replay of its frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.can.files import read_frames
+from clutchest.can.frames import Frames
+from clutchest.estimate.live import Live
+from clutchest.reading.log import load_database
+from clutchest.shipped import locate
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
+
+
+def frames_of(log, seconds=np.inf) -> Frames:
+    frames = read_frames(locate(str(log), "logs")).sorted()
+    t = frames.t_ns.copy()
+    for k in range(1, len(t)):  # as a monitor stamps them: no two alike
+        t[k] = max(t[k], t[k - 1] + 1000)
+    frames.t_ns[:] = t
+    return frames.take(t - t[0] < seconds * 1e9)
+
+
+def live(vehicle, frames, batches, **more):
+    """All pieces of a drive whose frames come in ``batches`` (indices at which one ends)."""
+    pieces, come = [], 0
+
+    def history():
+        return frames.take(np.arange(come))
+
+    drive = Live(vehicle, load_database(vehicle, [DATA]), history=history, **more)
+    for a, b in zip([0, *batches], [*batches, len(frames)], strict=True):
+        part, come = frames.take(np.arange(a, b)), b
+        if a and b > a:  # what a monitor sees of a silence: nothing, again and again
+            for now in range(int(frames.t_ns[a - 1]), int(part.t_ns[0]), 700_000_000):
+                pieces.append(drive.take(Frames.empty(), now))
+        if len(part):
+            pieces.append(drive.take(part, int(part.t_ns[-1])))
+    pieces.append(drive.finish())
+    return [p for p in pieces if p is not None], drive
+
+
+def replayed(vehicle, frames, tmp_path, **more):
+    from clutchest.can.files import write_frames
+
+    path = tmp_path / "received.log"
+    write_frames(frames, path)
+    return clutchest.replay(clutchest.read_log(path, vehicle), vehicle, **more)
+
+
+def assert_same(pieces, run):
+    """Every estimate within 1e-9 of its standard deviation, every mode and slip event the same."""
+    begin = max(k for k, p in enumerate(pieces) if p.begins)
+    tracks, (whole,) = [p.track for p in pieces[begin:]], run.tracks
+
+    def joined(of):
+        return np.concatenate([of(track) for track in tracks])
+
+    assert np.array_equal(joined(lambda t: t.time), whole.time)
+    assert np.array_equal(joined(lambda t: t.mode), whole.mode)
+    for name, expected in whole.states.items():
+        value = joined(lambda t, n=name: t.states[n].value)
+        std = joined(lambda t, n=name: t.states[n].std)
+        if np.isfinite(expected.value).any():
+            scale = np.maximum(np.abs(expected.value), expected.std)
+            assert np.all(np.abs(value - expected.value) <= 1e-9 * scale), name
+            assert np.all(np.abs(std - expected.std) <= 1e-9 * expected.std), name
+    torque = joined(lambda t: t.clutch_torque.value)
+    assert np.allclose(torque, whole.clutch_torque.value, rtol=1e-9, atol=1e-9, equal_nan=True)
+    z = joined(lambda t: t.innovations.innovation)
+    assert len(z) == len(whole.innovations.innovation)
+    assert sum((t.engagements for t in tracks), ()) == whole.engagements
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_truck(seed, tmp_path):
+    truck = clutchest.load_vehicle("truck")
+    frames = frames_of("demo", 60.0)
+    rng = np.random.default_rng(seed)
+    batches = np.unique(rng.integers(0, len(frames), [15, 60, 300][seed])).tolist()
+    pieces, drive = live(truck, frames, batches)
+    run = replayed(truck, frames, tmp_path)
+    assert_same(pieces, run)
+    assert drive.final()["x"] == pytest.approx(run.final["x"], rel=1e-9)
+
+
+def without(frames, start, stop, *ids):
+    """Frames without those of some ids (all, if none is named) from ``start`` to ``stop`` s."""
+    t = (frames.t_ns - frames.t_ns[0]) / 1e9
+    named = np.isin((frames.id >> 8) & 0xFFFF, ids) if ids else np.ones(len(t), bool)
+    return frames.take(~(named & (t >= start) & (t < stop)))
+
+
+EEC1, ETC1, ACTUATOR, ET1, AMB = 0xF004, 0xF002, 0xFF10, 0xFEEE, 0xFEF5
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda f: without(without(f, 8, 9.5, EEC1), 30, 31, ETC1),
+        lambda f: without(without(f, 12.2, 27.7, EEC1), 40, 55),
+        lambda f: without(without(f, 14, 26, ACTUATOR), 44, 60, ETC1),
+        lambda f: without(without(f, 0, 21, AMB), 0, 34, ET1),
+        lambda f: without(f, 0, 7.7, EEC1),
+        lambda f: without(f, 20, 99, ACTUATOR),
+    ],
+    ids=["short holes", "long holes", "one node away", "late signals", "a late engine", "lost"],
+)
+def test_holes(change, tmp_path):
+    truck, frames = clutchest.load_vehicle("truck"), change(frames_of("demo", 70.0))
+    rng = np.random.default_rng(4)
+    cuts = np.unique(rng.integers(0, len(frames), 60))
+    pieces, _ = live(truck, frames, cuts.tolist())
+    assert_same(pieces, replayed(truck, frames, tmp_path))
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real logs are not on this machine")
+@pytest.mark.parametrize(
+    ("vehicle", "log"), [("gt350", "gt350_launch.trc"), ("j1939_t270", "j1939_t270_drive.log")]
+)
+def test_real_drives(vehicle, log, tmp_path, monkeypatch):
+    """Inferred gears, a shuffling driveline, several senders, signals that come late."""
+    monkeypatch.chdir(DATA)  # its DBC does not travel with the package
+    car, frames = clutchest.load_vehicle(vehicle), frames_of(DATA / log)
+    rng = np.random.default_rng(1)
+    pieces, _ = live(car, frames, np.unique(rng.integers(0, len(frames), 80)).tolist())
+    assert_same(pieces, replayed(car, frames, tmp_path))
+
+
+def test_a_differential(tmp_path):
+    rig, frames = clutchest.load_vehicle("alsd_rig"), frames_of("alsd")
+    rng = np.random.default_rng(2)
+    pieces, _ = live(rig, frames, np.unique(rng.integers(0, len(frames), 12)).tolist())
+    assert_same(pieces, replayed(rig, frames, tmp_path))
