@@ -30,6 +30,9 @@ class Why(IntEnum):
     COUNTER = 7
 
 
+_VALID = np.uint8(Why.VALID)  # an enumeration is asked slowly
+
+
 @dataclass(frozen=True, slots=True)
 class Signal:
     """Samples of one quantity at their own times.
@@ -51,8 +54,8 @@ class Signal:
         """A signal from plain arrays; samples that are not finite become invalid, times sorted."""
         time, value = np.asarray(time, np.float64), np.array(value, np.float64)
         why = np.zeros(len(time), np.uint8) if why is None else np.array(why, np.uint8)
-        why[(why == Why.VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
-        value[why != Why.VALID] = np.nan
+        why[(why == _VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
+        value[why != _VALID] = np.nan
         if len(time) > 1 and np.any(np.diff(time) < 0):
             order = np.argsort(time, kind="stable")
             time, value, why = time[order], value[order], why[order]
@@ -61,11 +64,13 @@ class Signal:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """Where the sample is a number; shape (n,)."""
-        return self.why == Why.VALID
+        return self.why == _VALID
 
     def only_valid(self) -> Signal:
         """The same signal without its invalid samples."""
         keep = self.valid
+        if keep.all():
+            return self
         return replace(self, time=self.time[keep], value=self.value[keep], why=self.why[keep])
 
     def at(self, time: Floats, gap: float = LOST) -> Floats:

@@ -99,7 +99,12 @@ class Frames:
             if f.name not in ("data", "absolute", "rejected", "passed_over")
         }
         columns["data"] = np.concatenate(
-            [np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts]
+            [
+                p.data
+                if p.data.shape[1] == width
+                else np.pad(p.data, ((0, 0), (0, width - p.data.shape[1])))
+                for p in parts
+            ]
         )
         return cls(
             **columns,

@@ -41,7 +41,7 @@ from clutchest.estimate.whole_log import (
 )
 from clutchest.models import model_for
 from clutchest.reading.incoming import Decoded, Incoming, joined
-from clutchest.signals import HEAD, Floats, Signal
+from clutchest.signals import HEAD, LOST, Floats, Signal
 from clutchest.vehicle import Vehicle
 
 MARGIN = 1.0  # s more of the past than anything looks back
@@ -98,6 +98,13 @@ class Live:
     def begun(self) -> bool:
         """Whether it is known what can be estimated, and estimates come."""
         return self._drive is not None
+
+    @property
+    def due_ns(self) -> int | None:
+        """When the next row may become certain; None while nobody can say."""
+        if self._drive is None:
+            return None
+        return self._drive.incoming.start_ns + round(self._drive.due_s * 1e9)
 
     @property
     def late(self) -> bool:
@@ -179,7 +186,8 @@ class _Drive:
         self.thresholds = Thresholds.of(vehicle.modes)
         self.samples: dict[str, Signal] = {}
         self.unseen: dict[str, Signal] = {}  # since the last piece
-        self.lags: dict[str, tuple[Floats, int]] = {}  # times, and how many more must come
+        self.lags: dict[str, int] = {}  # how many samples beyond must come
+        self.times: dict[str, Floats] = {}  # when they came
         self.worth = -np.inf  # s; before, nothing new is certain
         self.habits: dict[str, Habit] = {}
         self.belief: Belief | None = None
@@ -202,6 +210,8 @@ class _Drive:
             elif begins and len(valid):
                 self.samples[name], self.habits[name] = valid, Habit.of(valid)
             self.unseen[name] = joined(self.unseen[name], signal) if name in self.unseen else signal
+        if not last and not self._may_tell(new.settled):
+            return None
         present, known = self._present(new.settled, last)
         if not last and known - self.thresholds.ahead < self.worth:
             return None
@@ -223,6 +233,23 @@ class _Drive:
         self._forget()
         return piece
 
+    def _may_tell(self, settled: Mapping[str, float]) -> bool:
+        """Whether enough samples have come for a new row, were all of them good: quick to say."""
+        for name, lag in self.lags.items():
+            time, late = self.samples[name].time, self.setting.late(name)
+            enough = len(time) > lag and time[-1 - lag] - late - self.thresholds.ahead >= self.worth
+            if not enough and settled[name] - time[-1] <= LOST:
+                return False
+        return True
+
+    @property
+    def due_s(self) -> float:
+        """When the next row may become certain, s on the drive's clock, if nothing is late."""
+        return self.worth + self.thresholds.ahead + max(
+            (lag * self.habits[name].period + self.setting.late(name)
+             for name, lag in self.lags.items()), default=0.0,
+        )  # fmt: skip
+
     def _present(self, settled: Mapping[str, float], last: bool) -> tuple[dict[str, Signal], float]:
         """The signals at hand, cleaned, and up to when, s, what drives the equations is known.
 
@@ -232,7 +259,8 @@ class _Drive:
         late = {name: self.setting.late(name) for name in self.samples}
         known = min(settled.values()) - max(late.values())
         sources = {of: slope_count(self.habits[of].period) for of in model.slopes.values()}
-        needed, self.lags = self.setting.needed(self.samples), {}
+        needed = self.setting.needed(self.samples)
+        self.lags, self.times = {}, {}
         for name, signal in self.samples.items():
             present[name], _ = self.setting.cleaned(name, signal, self.habits[name])
             if name not in needed:
@@ -244,7 +272,7 @@ class _Drive:
                 continue
             # the last sample may turn out a spike; a slope needs half its window beyond
             lag = sources[name] // 2 + 2 if name in sources else 1
-            self.lags[name] = time + late[name], lag
+            self.lags[name], self.times[name] = lag, time + late[name]
             sure = time[-1 - lag] if len(time) > lag else time[0]
             if name in sources:
                 begin = _last_begin(time, self.thresholds.gap)
@@ -286,8 +314,8 @@ class _Drive:
             within = (told.first <= row) & (row <= told.last)
             row = max(row, *told.last[within], row)
         until, moments = row + self.thresholds.ahead, [row]
-        for time, lag in self.lags.values():
-            place = int(np.searchsorted(time, until)) + lag
+        for name, time in self.times.items():
+            place = int(np.searchsorted(time, until + self.setting.late(name))) + self.lags[name]
             if place < len(time):
                 moments.append(float(time[place]))
         return self.incoming.start_ns + round(max(moments) * 1e9)

@@ -18,11 +18,13 @@ APART = 4.0  # periods; samples further apart do not belong together
 
 def blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
     """Where the nearest samples on both sides lie further apart than ``gap`` s; ``time`` sorted."""
+    outside = (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
     last = np.flatnonzero(np.diff(signal.time) > gap)  # samples before a hole
+    if not len(last):
+        return outside
     holes = np.zeros(len(time) + 1, np.int64)
     np.add.at(holes, np.searchsorted(time, signal.time[last], "right"), 1)
     np.add.at(holes, np.searchsorted(time, signal.time[last + 1], "right"), -1)
-    outside = (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
     return (np.cumsum(holes[:-1]) > 0) | outside
 
 

@@ -26,9 +26,9 @@ def without_spikes(signal: Signal, noise: float, habit: Habit | None = None) -> 
     step = np.diff(signal.time)
     close = step[1:] + step[:-1] < 4.0 * habit.period  # across a gap anything may happen
     far = sticking_out(signal.value) > max(FAR * noise, ROUGH * habit.rough)
-    spike = np.pad(close & far, 1)
-    if not spike.any():
+    if not (close & far).any():
         return signal, 0
+    spike = np.pad(close & far, 1)
     left = ~spike
     kept = replace(signal, time=signal.time[left], value=signal.value[left], why=signal.why[left])
     return kept, int(spike.sum())

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     import can
 
 TICK = 0.25  # s without a frame, after which the time that passes is told
+GATHER = 0.05  # s for which frames are gathered, as long as no estimate is due
+PROMPT = 0.008  # s before one is due, from which every frame is looked at at once
 ON_ITS_WAY_NS = 300_000_000  # a frame may take this long from its stamp to here
 KEPT_S = 600.0  # s for which frames are held, should a signal be heard for the first time
 SHOWN = 12  # events that a panel remembers
@@ -158,6 +160,8 @@ class Monitor:
         batches, heard = [], self._listener.heard
         try:
             item = heard.get(timeout=wait) if wait else heard.get_nowait()
+            if wait:
+                self._gather()
             while True:
                 if isinstance(item, Trouble):
                     self._trouble(item)
@@ -170,6 +174,13 @@ class Monitor:
         if self._session is not None:
             self._session.receive(frames)
         return frames
+
+    def _gather(self) -> None:
+        """Let frames come together while nothing is due: one batch costs what one frame does."""
+        due = self._live.due_ns
+        left = GATHER if due is None else (due - self._stamps.now(0)) / 1e9 - PROMPT
+        if left > 0:
+            time.sleep(min(left, GATHER))
 
     def _received(self, received: Received) -> Frames:
         frames = self._stamps.used(received.frames)
@@ -247,6 +258,8 @@ class Monitor:
         if show is not None:
             show(self.status, piece, self._new)
         self._new = []
+        if piece is not None:
+            self._record(piece)
 
     def _told(self, piece: Piece) -> None:
         track = piece.track
@@ -267,10 +280,14 @@ class Monitor:
                        engagement.start_s + engagement.duration_s)  # fmt: skip
         if self._session is not None:
             self._session.keep(track, self._drive, piece.begins)
-        if self._recording is not None:
-            if piece.begins and self._start_ns is not None and not self._drive:
-                self._recording.begin(self._start_ns, provenance(self.vehicle, ""))
-            self._recording.add(track, piece.signals, self._offset)
+
+    def _record(self, piece: Piece) -> None:
+        """Into the recording, which nobody waits for."""
+        if self._recording is None:
+            return
+        if piece.begins and self._start_ns is not None and not self._drive:
+            self._recording.begin(self._start_ns, provenance(self.vehicle, ""))
+        self._recording.add(piece.track, piece.signals, self._offset)
 
     def _counters(self, frames: Frames) -> None:
         """Frames of checked messages that the sender counted and nobody received."""

@@ -39,7 +39,8 @@ class Incoming:
     def __init__(self, vehicle: Vehicle, database: Database, frames: Frames) -> None:
         self.vehicle, self.database = vehicle, database
         self.start_ns = int(frames.t_ns[0])
-        self._wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
+        self._mapped = mapped_messages(vehicle, database)
+        self._wanted = [database.message(name) for name in self._mapped]
         self.late = False
         self._senders: dict[tuple[str, BusSignal], int] = {}
         self._decided = False
@@ -58,7 +59,7 @@ class Incoming:
         drive = Frames.concatenate([self._remembered, frames])
         decoding = Decoding(
             reassembled(drive, self._wanted), self.vehicle, self.database,
-            senders=self._senders, start_ns=self.start_ns,
+            senders=self._senders, start_ns=self.start_ns, accounts=False, wanted=self._mapped,
         )  # fmt: skip
         decoding.decode()
         made, wheels = decoding.canonical()

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from math import isclose
 
 import numpy as np
@@ -24,6 +23,8 @@ from clutchest.reading.traffic import traffic_of
 from clutchest.signals import HEAD, Counts, Floats, Signal, Signals, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 
+VALID = np.uint8(Why.VALID)
+
 
 class NoMappedFrame(ClutchestError):
     """A stretch of a log in which nothing is mapped."""
@@ -39,12 +40,15 @@ class _Samples:
 
     def at(self, rows: NDArray[np.intp]) -> Floats:
         """The last valid value at each of ``rows``; before the first one, the first."""
-        valid = self.why == Why.VALID
+        valid = self.why == VALID
         latest = np.searchsorted(self.rows[valid], rows, side="right") - 1
         return self.value[valid][np.maximum(latest, 0)]
 
     def any_valid(self) -> bool:
-        return bool(np.any(self.why == Why.VALID))
+        return bool(np.any(self.why == VALID))
+
+
+_NONE = _Samples(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.uint8))
 
 
 def signals_of(
@@ -109,8 +113,9 @@ def _unit_complaint(bus: BusSignal, layout: SignalLayout) -> str:
 class Decoding:
     """The decoding of one drive, or of a piece of one; collects warnings as it goes.
 
-    ``senders`` says whom each bus signal of a canonical one is taken from, as far as that is
-    decided; t = 0 is at ``start_ns``, the first frame unless given.
+    ``wanted`` is what :func:`mapped_messages` gives.  ``senders`` says whom each bus signal of a
+    canonical one is taken from, as far as that is decided; t = 0 is at ``start_ns``, the first
+    frame unless given.
     """
 
     frames: Frames
@@ -123,6 +128,12 @@ class Decoding:
     messages: dict[str, dict[str, int]] = field(default_factory=dict)
     rejected: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
+    samples: dict[tuple[str, BusSignal], _Samples] = field(default_factory=dict)
+    accounts: bool = True  # count what became of every frame, and warn
+    wanted: Mapping[str, Mapping[str, SignalLayout]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.wanted = self.wanted or mapped_messages(self.vehicle, self.database)
 
     def signals(self) -> Signals:
         """Everything, with an account of it; see :func:`signals_of`."""
@@ -156,11 +167,6 @@ class Decoding:
             sources=self.sources,
         )
 
-    @cached_property
-    def wanted(self) -> dict[str, dict[str, SignalLayout]]:
-        """Message → signal → layout of all that the vehicle maps."""
-        return mapped_messages(self.vehicle, self.database)
-
     def decode(self) -> NDArray[np.bool_]:
         """Decode every mapped message; which frames (n,) are of one."""
         mapped = np.zeros(len(self.frames), bool)
@@ -188,7 +194,7 @@ class Decoding:
         for signal in self.vehicle.signals.values():
             for bus in parts(signal)[1:]:
                 samples = self._samples(signal, bus)
-                rows.update(samples.rows[samples.why == Why.VALID][-1:].tolist())
+                rows.update(samples.rows[samples.why == VALID][-1:].tolist())
         return self.frames.take(np.array(sorted(rows), np.intp))
 
     # --- frames of one message ---------------------------------------------------------------
@@ -196,20 +202,32 @@ class Decoding:
     def _decode(self, message: Message, layouts: Iterable[str]) -> NDArray[np.intp]:
         """Decode what is needed of one message, count what became of its frames."""
         rows = rows_of(self.frames, message)
-        columns = decode(self.frames, rows, message, sorted(layouts))
         counts = self.messages[message.name] = {"frames": len(rows), "decoded": 0}
-        broken = np.zeros(len(rows), bool)
+        if not len(rows) and not self.accounts:
+            return rows
+        columns = decode(self.frames, rows, message, sorted(layouts))
+        broken = None
         if message.name in self.vehicle.checked and len(rows):
             verdict = check(self.frames, rows, message)
             broken, counts["counter jumps"] = ~verdict.checksum, verdict.jumps
+        for name, column in columns.items():
+            self.columns[message.name, name] = column
+            if broken is not None:
+                place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
+                column.why[broken[place] & (column.why == VALID)] = Why.CHECKSUM
+                column.value[column.why != VALID] = np.nan
+        if self.accounts:
+            self._account(rows, columns, counts)
+        return rows
+
+    def _account(self, rows: NDArray[np.intp], columns: Mapping[str, Column],
+                 counts: dict[str, int]) -> None:  # fmt: skip
+        """Count what became of the frames of one message."""
         good = np.zeros(len(rows), bool)
         reason = np.zeros(len(rows), np.uint8)
         seen: dict[Why, NDArray[np.bool_]] = {}
-        for name, column in columns.items():
+        for column in columns.values():
             place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
-            column.why[broken[place] & (column.why == Why.VALID)] = Why.CHECKSUM
-            column.value[column.why != Why.VALID] = np.nan
-            self.columns[message.name, name] = column
             good[place] |= column.why == Why.VALID
             reason[place] = np.where(column.why != Why.VALID, column.why, reason[place])
             for code in np.unique(column.why[column.why != Why.VALID]):
@@ -219,7 +237,6 @@ class Decoding:
         counts |= {_words(why): int(mask.sum()) for why, mask in sorted(seen.items())}
         for code, number in zip(*np.unique(reason[~good], return_counts=True), strict=True):
             self.rejected[_words(Why(code)) if code else "multiplexed otherwise"] += int(number)
-        return rows
 
     def _count_unmapped(self, mapped: NDArray[np.bool_]) -> None:
         for flag, reason in ((Flag.ERROR, "error frame"), (Flag.REMOTE, "remote frame")):
@@ -256,7 +273,15 @@ class Decoding:
     def _samples(self, signal: SignalMap, bus: BusSignal) -> _Samples:
         """Samples of ``bus`` from one sender: the one asked for, else the one that says most in the
         first ``HEAD`` s."""
-        column = self.columns[bus.message, bus.signal]
+        known = self.samples.get((signal.name, bus))
+        if known is None:
+            known = self.samples[signal.name, bus] = self._sampled(signal, bus)
+        return known
+
+    def _sampled(self, signal: SignalMap, bus: BusSignal) -> _Samples:
+        column = self.columns.get((bus.message, bus.signal))
+        if column is None or not len(column.rows):
+            return _NONE
         message = self.database.message(bus.message)
         address = (
             self.frames.id[column.rows] & np.uint32(0xFF)
@@ -271,29 +296,39 @@ class Decoding:
         if signal.channel is not None:
             keep &= channel == signal.channel
         sender = channel.astype(np.uint32) << np.uint32(8) | address
-        speaking = keep & (column.why == Why.VALID)
         chosen = self.senders.get((signal.name, bus))
-        senders = np.unique(sender[speaking])
-        if chosen is None and len(senders):
-            t = self.frames.t_ns[column.rows[speaking]]
-            counts = np.bincount(sender[speaking][t <= t[0] + HEAD * 1e9])
-            chosen = self.senders[signal.name, bus] = int(np.argmax(counts))
+        if chosen is None:
+            chosen = self._chosen(signal, bus, message, sender, column, keep)
         if chosen is not None:
             keep &= sender == chosen
-        if len(senders) > 1:
-            listed = ", ".join(_sender(s, message) for s in senders.tolist())
-            self.warnings.append(
-                f"{signal.name}: {bus.message}.{bus.signal} comes from several "
-                f"senders ({listed}); taken from {_sender(chosen or 0, message)}"
-            )
         if len(column.rows) and not keep.any():
             self.warnings.append(
                 f"{signal.name}: no frame of {bus.message} from the "
                 "source_address or channel asked for"
             )
-        samples = _Samples(column.rows[keep], column.value[keep].copy(), column.why[keep].copy())
+        samples = _Samples(column.rows[keep], column.value[keep], column.why[keep])
         self._judge(signal, bus, samples, message.signal(bus.signal))
         return samples
+
+    def _chosen(
+        self, signal: SignalMap, bus: BusSignal, message: Message,
+        sender: NDArray[np.uint32], column: Column, keep: NDArray[np.bool_],
+    ) -> int | None:  # fmt: skip
+        """The sender that says most in the first ``HEAD`` s; None if none says anything."""
+        speaking = keep & (column.why == VALID)
+        senders = np.unique(sender[speaking])
+        if not len(senders):
+            return None
+        t = self.frames.t_ns[column.rows[speaking]]
+        counts = np.bincount(sender[speaking][t <= t[0] + HEAD * 1e9])
+        chosen = self.senders[signal.name, bus] = int(np.argmax(counts))
+        if len(senders) > 1:
+            listed = ", ".join(_sender(s, message) for s in senders.tolist())
+            self.warnings.append(
+                f"{signal.name}: {bus.message}.{bus.signal} comes from several "
+                f"senders ({listed}); taken from {_sender(chosen, message)}"
+            )
+        return chosen
 
     def _judge(
         self, signal: SignalMap, bus: BusSignal, samples: _Samples, layout: SignalLayout
@@ -311,6 +346,8 @@ class Decoding:
                 self.warnings.append(
                     f"{where}: {outside.sum()} samples outside the vehicle file's min … max"
                 )
+        if not self.accounts:
+            return
         if len(samples.rows) and not samples.any_valid():
             codes, numbers = np.unique(samples.why, return_counts=True)
             self.warnings.append(
