@@ -13,6 +13,8 @@ import socket
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from PIL import Image
@@ -38,27 +40,34 @@ def main(log: str = "demo", vehicle: str = "truck") -> None:
     print(f"Written: {PICTURE}, {PICTURE.stat().st_size // 1024} KiB")
 
 
-def photograph(recording: Path) -> bytes:
-    """The viewer's whole window as PNG, once nothing in it moves any more."""
+@contextmanager
+def viewer() -> Iterator[ViewerClient]:
+    """A viewer without a window."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     command = Path(sys.executable).with_name("rerun")
-    viewer = ViewerClient.spawn(
+    client = ViewerClient.spawn(
         headless=True, port=port, hide_welcome_screen=True, executable_path=str(command)
     )
     try:
-        viewer.open(str(recording))
+        yield client
+    finally:
+        client.quit()
+
+
+def photograph(recording: Path) -> bytes:
+    """The viewer's whole window as PNG, once nothing in it moves any more."""
+    with viewer() as client:
+        client.open(str(recording))
         time.sleep(12.0)  # messages of the start have faded by then
-        last, until = viewer.take_screenshot(), time.monotonic() + SETTLES_WITHIN
+        last, until = client.take_screenshot(), time.monotonic() + SETTLES_WITHIN
         while time.monotonic() < until:
             time.sleep(1.0)
-            shot = viewer.take_screenshot()
+            shot = client.take_screenshot()
             if shot == last:
                 return shot
             last = shot
-    finally:
-        viewer.quit()
     sys.exit(f"the viewer still moves after {SETTLES_WITHIN:.0f} s")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import struct
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -81,9 +82,11 @@ def _widen(bus: can.BusABC) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """Frames with the stamps of the interface, and how many the kernel has dropped so far."""
+    """Frames with the stamps of the interface; when they were handed over, ns on the monotonic
+    clock; how many the kernel has dropped so far."""
 
     frames: Frames
+    at_ns: int
     dropped: int = 0
 
 
@@ -102,7 +105,7 @@ class Source:
         found = [message]
         while len(found) < MOST and (message := self.bus.recv(0)) is not None:
             found.append(message)
-        return Received(frames_of(found))
+        return Received(frames_of(found), time.monotonic_ns())
 
 
 class SocketSource(Source):
@@ -140,7 +143,7 @@ class SocketSource(Source):
             sent.append(bool(flags & socket.MSG_DONTROUTE))
         if not payloads:
             return None
-        return Received(_kernel_frames(payloads, stamps, sent), self.dropped)
+        return Received(_kernel_frames(payloads, stamps, sent), time.monotonic_ns(), self.dropped)
 
 
 def source_of(bus: can.BusABC) -> Source:

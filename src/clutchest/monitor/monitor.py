@@ -183,7 +183,7 @@ class Monitor:
             time.sleep(min(left, GATHER))
 
     def _received(self, received: Received) -> Frames:
-        frames = self._stamps.used(received.frames)
+        frames = self._stamps.used(received)
         self.status.frames += len(frames)
         for jump in self._stamps.jumps:
             self._tell("warning", f"the interface's clock jumped by {jump:+.1f} s; taken out",
@@ -264,8 +264,8 @@ class Monitor:
     def _told(self, piece: Piece) -> None:
         track = piece.track
         self.status.rows += len(track.time)
-        self.status.piece = piece if len(track.time) or self.status.piece is None else (
-            self.status.piece)  # fmt: skip
+        if len(track.time):
+            self.status.piece = piece
         if piece.begins:
             self.status.warnings = piece.warnings
             for warning in piece.warnings:

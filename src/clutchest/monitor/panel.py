@@ -24,7 +24,7 @@ _HOT = 20  # characters of a bar
 def panel(status: Status, model: str) -> RenderableType:
     """What there is to see now."""
     return Panel(
-        Group(_head(status), _estimates(status, model), _events(status)),
+        Group(_head(status), "", _estimates(status, model), "", _events(status)),
         title=f"[bold]clutchest[/] · {escape(status.vehicle)}",
         title_align="left",
         subtitle=_foot(status),
@@ -48,11 +48,13 @@ def _head(status: Status) -> Text:
         text.append(f"   bus away: {status.away}", style="yellow")
     elif status.silent_s > 1.0:
         text.append(f"   bus silent for {status.silent_s:.0f} s", style="yellow")
+    if status.address:
+        text.append(f"\n{status.address}", style="underline")
     return text
 
 
 def _estimates(status: Status, model: str) -> Table:
-    table = Table("quantity", "value ± 1σ", "", expand=True, box=None, pad_edge=False)
+    table = Table("quantity", "value ± 1σ", "", box=None, pad_edge=False, padding=(0, 4, 0, 0))
     piece = status.piece
     if piece is None or not len(piece.track.time):
         return table
@@ -82,7 +84,7 @@ def _note(estimate: Estimate, quantity: Quantity) -> Text:
 
 
 def _events(status: Status) -> Table:
-    table = Table("s", "event", "", expand=True, box=None, pad_edge=False)
+    table = Table("s", "event", "", box=None, pad_edge=False)
     for event in list(status.events)[-6:]:
         table.add_row(f"{event.time:.1f}", Text(event.kind, style=_KIND.get(event.kind, "")),
                       Text(words(event)))  # fmt: skip
@@ -109,6 +111,4 @@ def _foot(status: Status) -> str:
     if len(status.latency_s) > 5:
         parts.append(f"estimates {1e3 * float(np.median(status.latency_s)):.0f} ms after the frame "
                      "that made them certain")  # fmt: skip
-    if status.address:
-        parts.append(escape(status.address))
     return " · ".join(parts)

@@ -8,20 +8,23 @@ from dataclasses import replace
 
 import numpy as np
 
+from clutchest.can.bus import Received
 from clutchest.can.frames import Frames
 
 JUMP_NS = 1_000_000_000  # a clock that differs by more from one moment to the next was set
+LATE_NS = 5_000_000_000  # for so long at most are frames handed over late, one like the other
 TICK_NS = 1000  # stamps are whole µs, no two alike: as a candump log keeps them
 ABSOLUTE_NS = 10**18  # September 2001; a clock that shows less counts from its own start
-_FORGET = 0.05  # share by which the offset of two clocks follows each batch
+_FORGET = 0.01  # share by which the difference of two clocks follows each batch
 
 
 class Stamps:
     """Makes one clock of an interface's stamps.
 
     A stamp is compared with the time at which the frame was handed over, on a clock that nobody
-    sets.  The difference is a latency and changes slowly; a jump of it is one of the interface's
-    clock, and is taken out.  ``jumps`` holds each, s, until it is asked for.
+    sets.  The difference is a latency, which is small most of the time and now and then is not; a
+    jump of it is one of the interface's clock, and is taken out.  ``jumps`` holds each, s, until it
+    is asked for.
     """
 
     def __init__(
@@ -30,38 +33,53 @@ class Stamps:
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._monotonic_ns, self._clock_ns = monotonic_ns, clock_ns
-        self._offset: int | None = None
+        self._offset: int | None = None  # of the interface's clock, where nothing was late
+        self._late_since: int | None = None
         self._correction = 0
-        self._last, self._last_at = 0, 0
+        self._raw, self._last, self._last_at = 0, 0, 0
         self.jumps: list[float] = []
 
-    def used(self, frames: Frames) -> Frames:
+    def used(self, received: Received) -> Frames:
         """The frames with stamps that rise, whole µs; in the order in which they came."""
+        frames = received.frames
         if not len(frames):
             return frames
-        now = self._monotonic_ns()
-        raw = frames.t_ns
-        # what was handed over last has waited least
-        if self._offset is None:
-            self._offset = int(raw[-1]) - now
-            if raw[-1] < ABSOLUTE_NS:
-                self._correction = self._clock_ns() - int(raw[-1])
-        elif abs(off := int(raw[-1]) - now - self._offset) > JUMP_NS:
-            self.jumps.append(off / 1e9)
-            self._offset += off
-            self._correction -= off
-        else:
-            self._offset += round(_FORGET * off)
+        raw, at = frames.t_ns, received.at_ns
         steps = np.diff(raw)
-        if np.any(np.abs(steps) > JUMP_NS):  # the clock was set within the batch
-            steps = np.where(np.abs(steps) > JUMP_NS, TICK_NS, steps)
+        if np.any(np.abs(steps) > JUMP_NS):  # set within the batch: what came last counts
+            steps = np.where((steps > JUMP_NS) | (steps < 0), TICK_NS, steps)
             raw = raw[-1] - np.concatenate((np.cumsum(steps[::-1])[::-1], [0]))
+        self._follow(int(raw[0]), int(raw[-1]), at)
         t = (raw + self._correction) // TICK_NS
         order = np.arange(len(t))
         t = np.maximum.accumulate(np.maximum(t, self._last // TICK_NS + 1) - order) + order
-        self._last, self._last_at = int(t[-1]) * TICK_NS, now
+        self._raw, self._last, self._last_at = int(raw[-1]), int(t[-1]) * TICK_NS, at
         return replace(frames, t_ns=t * TICK_NS)
 
     def now(self, lag_ns: int) -> int:
         """The present on this clock, less ``lag_ns`` for what may be on its way; ns."""
         return max(self._last, self._last + self._monotonic_ns() - self._last_at - lag_ns)
+
+    def _follow(self, first: int, last: int, at: int) -> None:
+        """Tell a clock that was set from frames that are late."""
+        if self._offset is None:
+            self._offset = last - at
+            if last < ABSOLUTE_NS:
+                self._correction = self._clock_ns() - last
+            return
+        off = last - at - self._offset
+        if off > -JUMP_NS:
+            self._late_since = None
+        elif self._late_since is None:
+            self._late_since = at
+        back = first < self._raw - JUMP_NS
+        for_long = self._late_since is not None and at - self._late_since > LATE_NS
+        if off > JUMP_NS or back or for_long:
+            self.jumps.append(off / 1e9)
+            self._offset += off
+            self._correction -= off
+            self._late_since = None
+        elif off > 0:
+            self._offset += off
+        elif off > -JUMP_NS:
+            self._offset += round(_FORGET * off)

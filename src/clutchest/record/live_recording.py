@@ -129,7 +129,8 @@ class LiveRecording:
             kind, name = (*entity.split("/"), "")[:2]
             self._style(kind, name, entity)
             if kind == "state":
-                colour = np.where(columns[3], COLOURS[0], INVALID).astype(np.uint32)
+                own = COLOURS[list(self._states).index(name) % len(COLOURS)]
+                colour = np.where(columns[3], own, INVALID).astype(np.uint32)
                 rows = rr.Measurements.columns(values=columns[1], variances=columns[2],
                                                colors=colour)  # fmt: skip
             elif kind == "mode":
