@@ -93,6 +93,7 @@ class Live:
         self._waiting: list[Frames] = []
         self._asked_ns = self._last_ns = 0
         self._drive: _Drive | None = None
+        self.arrived: Mapping[str, Signal] = {}  # the samples that the last frames brought
 
     @property
     def begun(self) -> bool:
@@ -120,7 +121,9 @@ class Live:
                 self._waiting.append(frames)
             return self._begin(now_ns)
         incoming = self._drive.incoming
-        piece = self._drive.take(incoming.take(frames, now_ns))
+        new = incoming.take(frames, now_ns)
+        self.arrived = new.signals
+        piece = self._drive.take(new)
         if incoming.late and self.history is not None:
             self._drive, self._waiting = None, [self.history()]
             return self._begin(now_ns) or piece
@@ -134,6 +137,7 @@ class Live:
                 return None
             return self._started(Frames.concatenate(self._waiting), last=True)
         rest = self._drive.incoming.take(Frames.empty(), self._last_ns, last=True)
+        self.arrived = rest.signals
         return self._drive.take(rest, last=True)
 
     def final(self) -> dict[str, Any] | None:
@@ -166,6 +170,7 @@ class Live:
         self._drive = _Drive(self.vehicle, incoming, self.rate, self.state)
         self._waiting = []
         first = incoming.first
+        self.arrived = first.signals
         if last:
             rest = incoming.take(Frames.empty(), int(frames.t_ns[-1]), last=True)
             first = Decoded({n: joined(s, rest.signals[n]) if n in rest.signals else s

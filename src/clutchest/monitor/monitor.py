@@ -25,6 +25,7 @@ from clutchest.monitor.stamps import Stamps
 from clutchest.monitor.store import Session
 from clutchest.reading.log import HOLE_S, load_database
 from clutchest.reading.mapping import mapped_messages
+from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
@@ -50,11 +51,16 @@ class Event:
 
 
 class Watcher(Protocol):
-    """What looks at every piece of a drive, and may have something to tell: a fault test."""
+    """What looks at everything that a drive brings, and may have something to tell: fault tests."""
 
-    def watch(self, frames: Frames, piece: Piece | None, now: float) -> Iterable[Event]:
-        """Events that ``frames``, the newest, and ``piece``, what became certain, give reason to;
-        ``now`` s is the drive's time."""
+    def watch(
+        self, signals: Mapping[str, Signal], frames: Frames, start_ns: int, now: float
+    ) -> Iterable[Event]:
+        """Events that new ``signals`` and ``frames`` give reason to; all up to ``now`` s have come.
+
+        Times count from ``start_ns``, the stamp of the drive's first frame.  The first call of a
+        drive brings all of its beginning.
+        """
         ...
 
 
@@ -125,6 +131,7 @@ class Monitor:
         self._start_ns: int | None = None
         self._last_ns = 0
         self._heard: list[Frames] = []
+        self._unwatched: list[Frames] = []
         self._counted: dict[str, Frames] = {}
         self._late_told = self._stopped = False
         self._new: list[Event] = []
@@ -250,9 +257,7 @@ class Monitor:
             self._told(piece)
         for since, name, data in self._silence.of(frames, piece, self.status.now):
             self._tell("gap", name, data, since)
-        for watcher in self.watchers:
-            for event in watcher.watch(frames, piece, self.status.now):
-                self._put(event)
+        self._watch(frames)
         if piece is not None:
             self.status.latency_s.append((time.time_ns() - piece.released_ns) / 1e9)
         if show is not None:
@@ -260,6 +265,17 @@ class Monitor:
         self._new = []
         if piece is not None:
             self._record(piece)
+
+    def _watch(self, frames: Frames) -> None:
+        """What the watchers make of new frames, as soon as it is known what they mean."""
+        self._unwatched.append(frames)
+        if not self._live.begun or self._start_ns is None:
+            return
+        frames, self._unwatched = Frames.concatenate(self._unwatched), []
+        for watcher in self.watchers:
+            arrived, now = self._live.arrived, self.status.now
+            for event in watcher.watch(arrived, frames, self._start_ns, now):
+                self._put(event)
 
     def _told(self, piece: Piece) -> None:
         track = piece.track
