@@ -103,7 +103,7 @@ def _place(fault: str) -> int:
 
 def number_of_set(faults: Sequence[str], vehicle: Vehicle, size: float = 0.0) -> tuple[int, int]:
     """(SPN, FMI) of a fault, or of a set that cannot be told apart: then none of a component."""
-    if len(faults) == 1:
+    if len(faults) == 1 and faults[0] != "misfit":
         return number_of(faults[0], vehicle, size)
     stated = vehicle.codes.get("clutch")
     return (stated[0] if stated else CLUTCH), UNKNOWN_CAUSE

@@ -31,6 +31,7 @@ from clutchest.signals import Signals
 
 NEEDED = ("slave_position", "input_shaft_speed", "engine_torque", "engine_speed")
 UNHARMED = ("late", "counter", "sticking")  # faults that leave the signals' values true
+MISFIT = "misfit"  # what no known fault explains
 WORN = ("wear", "position_offset")  # the same to every signal
 AGAIN = 1.0  # s after a signal is back, until it is believed
 BRIDGED = 2.0  # s without a true signal that the equations can do without
@@ -213,10 +214,11 @@ def _model_faults(run: Run, drives: Sequence[Drive]) -> list[Fault]:
             if about_position:
                 continue
         if alarm is not None:
-            names = told_apart(causes)
+            names = told_apart(causes) or (MISFIT,)
             if "wear" in names:  # within its limit wear is no fault, but a reason to ask
                 names = ("position_offset", "wear", *(n for n in names if n not in WORN))
-            found.append(_fault(run, drives, number, names, alarm, causes, causes[0].size))
+            size = causes[0].size if causes else 0.0
+            found.append(_fault(run, drives, number, names, alarm, causes, size))
     first: dict[str, Fault] = {}
     for fault in found:  # one code for the same fault in several drives
         first.setdefault(fault.fault, fault)
@@ -227,6 +229,10 @@ def _model_alarm(drive: Drive) -> tuple[Alarm | None, tuple[Explanation, ...]]:
     """What the equations' tests found in a drive: one fault behind all of them."""
     watched = drive.watched
     failed = [j for j in watched.faults if j.detected is not None] if watched else []
+    if watched is not None and not failed and watched.misfit_detected is not None:
+        end = float(watched.blocks.end[watched.misfit_detected])
+        begin = float(watched.blocks.begin[watched.misfit_detected])
+        return Alarm(begin, end, what="the clutch does what no known fault explains"), ()
     if watched is None or not failed:
         return None, ()
     onsets = {int(j.onset[k]) if j.begins[k] > 1.0 else 0 for j in failed for k in [j.detected]}
@@ -312,6 +318,12 @@ def _monitors(run: Run, drives: Sequence[Drive], per_1000h: float) -> tuple[Moni
         at = watched.faults[k].begins_at if watched else None
         found.append(Monitor(fault.name, words[chosen][0], words[chosen][1], at, per_1000h,
                              tuple(w for w, _ in words)))  # fmt: skip
+    words = [_misfit_status(d) for d in drives]
+    chosen = _telling([w for w, _ in words])
+    watched = drives[chosen].watched
+    at = watched.misfit_at if watched else None
+    statuses = tuple(w for w, _ in words)
+    found.append(Monitor(MISFIT, *words[chosen], at, per_1000h, statuses))
     if "zero_position" in {state.name for state in model_for(run.vehicle.model, NEEDED).states}:
         words = [(d.wear[1], d.wear[2]) for d in drives]
         chosen = _telling([w for w, _ in words])
@@ -349,6 +361,15 @@ def _model_status(fault: ModelFault, k: int, drive: Drive) -> tuple[str, str]:
     return "passed", f"{judged.detectable:.2g}{shown} and more would show"
 
 
+def _misfit_status(drive: Drive) -> tuple[str, str]:
+    if drive.watched is None:
+        return "not run", drive.why_not
+    k = drive.watched.misfit_detected
+    if k is None:
+        return "passed", f"chi-square of each of {len(drive.watched.blocks)} slips and rests"
+    return "failed", f"further off at {drive.watched.blocks.end[k]:.1f} s than noise carries it"
+
+
 def _lanes(drives: Sequence[Drive]) -> dict[str, tuple[tuple[tuple[float, str], ...], ...]]:
     """The status of every monitor over time; those that never ran have none."""
     lanes: dict[str, list[tuple[tuple[float, str], ...]]] = {}
@@ -364,6 +385,10 @@ def _lanes(drives: Sequence[Drive]) -> dict[str, tuple[tuple[tuple[float, str], 
             end = d.watched.blocks.end  # type: ignore[union-attr]
             alarms = [] if k is None else [Alarm(0.0, float(end[k]))]
             lanes.setdefault(judged.fault.name, []).append(_changes(alarms))
+        if d.watched is not None:
+            k = d.watched.misfit_detected
+            alarms = [] if k is None else [Alarm(0.0, float(d.watched.blocks.end[k]))]
+            lanes.setdefault(MISFIT, []).append(_changes(alarms))
         if d.wear[1] != "not run":
             lanes.setdefault("wear", []).append(_changes([d.wear[0]] if d.wear[0] else []))
     return {name: tuple(of) for name, of in lanes.items() if len(of) == len(drives)}

@@ -5,6 +5,9 @@ within the last blocks (GLR), against a threshold drawn for this drive.  Was som
 the beginning*?  The likelihood of the whole drive with a fault of any plausible size over that
 without, which by Ville's inequality exceeds 1/α in a healthy vehicle with a chance of at most α,
 however long one watches.
+
+One more test asks nothing of faults: whether a block as a whole lies further off than noise carries
+it (chi-square of its squared innovations).  What no known fault explains shows there.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from clutchest.diagnosis.blocks import Blocks
 from clutchest.diagnosis.faults import ModelFault
@@ -61,7 +64,8 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """A drive's blocks, their residuals and what became of every fault."""
+    """A drive's blocks, their residuals and what became of every fault; ``misfit`` (B) minus the
+    logarithm of the chance of each block over its threshold ``misfit_at``."""
 
     blocks: Blocks
     residuals: Predicted
@@ -69,6 +73,14 @@ class Watched:
     faults: tuple[Judged, ...]
     colour: Colour
     hours: float
+    misfit: Floats
+    misfit_at: float
+
+    @property
+    def misfit_detected(self) -> int | None:
+        """The first block that no healthy clutch explains."""
+        rows = np.flatnonzero(self.misfit > 1.0)
+        return int(rows[0]) if len(rows) else None
 
 
 def watch(
@@ -78,7 +90,7 @@ def watch(
     columns = tuple(blocks.index(f.make().name, f.key) for f in faults)
     if not len(blocks):
         nothing = predicted(blocks, columns)
-        return Watched(blocks, nothing, columns, (), Colour(), hours)
+        return Watched(blocks, nothing, columns, (), Colour(), hours, np.zeros(0), np.inf)
     residuals = predicted(blocks, columns)
     whole = since(blocks, columns, residuals.before, 0, len(blocks))
     told = residuals.information
@@ -92,7 +104,9 @@ def watch(
                 whole.information[:, i, i], blocks.thetas[columns[i]].unit, colour, chance)
         for i, fault in enumerate(faults)
     ]  # fmt: skip
-    return Watched(blocks, residuals, columns, tuple(found), colour, hours)
+    misfit_at = log(len(blocks) / (2.0 * chance))
+    misfit = -chi2.logsf(residuals.surprise / colour.level**2, residuals.count) / misfit_at
+    return Watched(blocks, residuals, columns, tuple(found), colour, hours, misfit, misfit_at)
 
 
 def _judged(

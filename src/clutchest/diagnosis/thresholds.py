@@ -23,7 +23,7 @@ STRETCH = 30  # blocks of measured information that stay together
 WINDOW = 64  # blocks that a fault may lie back
 FEWEST = 30  # alarms that make a point of the line
 FEW = 50  # blocks from which level and colour are measured
-SHRUNK = 100  # blocks that stand for "white"
+SHRUNK = 300  # blocks that stand for "white and of variance 1", as the equations promise
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,12 @@ class Colour:
         few faulty ones among them do does not count."""
         if len(z) < FEW:
             return cls()
-        level = 1.4826 * float(np.median(np.abs(z)))
+        share = len(z) / (len(z) + SHRUNK)
+        size = 1.4826 * float(np.median(np.abs(z)))
+        level = float(np.sqrt(share * size**2 + 1.0 - share))
         signs = np.sign(z - np.median(z))
         agree = float(np.mean(signs[1:] == signs[:-1]))
-        memory = np.sin(np.pi * (agree - 0.5)) * len(z) / (len(z) + SHRUNK)
+        memory = np.sin(np.pi * (agree - 0.5)) * share
         return cls(max(level, 1.0), float(np.clip(memory, 0.0, 0.9)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,55 +16,80 @@ from clutchest.signals import Traffic
 from clutchest.vehicle import Vehicle
 
 
-def traffic_of(
-    frames: Frames, messages: Sequence[Message], vehicle: Vehicle, start_ns: int | None = None
-) -> dict[str, Traffic]:
-    """The traffic of every message, from the sender that the vehicle file asks for, else from the
-    one with most frames; t = 0 at ``start_ns``, the first frame unless given."""
-    first = int(frames.t_ns[0]) if start_ns is None and len(frames) else start_ns or 0
-    return {message.name: _traffic(frames, message, vehicle, first) for message in messages}
+def traffic_of(frames: Frames, messages: Sequence[Message], vehicle: Vehicle) -> dict[str, Traffic]:
+    """The traffic of every message in ``frames`` (sorted), from the sender that the vehicle file
+    asks for, else from the one with most frames; t = 0 at the first frame."""
+    first = int(frames.t_ns[0]) if len(frames) else 0
+    return ArrivingTraffic(messages, vehicle).take(frames, first)
 
 
-def _traffic(frames: Frames, message: Message, vehicle: Vehicle, first: int) -> Traffic:
-    rows = _of_one_sender(frames, rows_of(frames, message), message, vehicle)
+class ArrivingTraffic:
+    """The same of a drive that is going on, batch after batch of its frames.
+
+    Whose frames count is decided by the first batch in which a message comes.
+    """
+
+    def __init__(self, messages: Sequence[Message], vehicle: Vehicle) -> None:
+        self.messages, self.vehicle = messages, vehicle
+        self._sender: dict[str, int] = {}
+        self._last: dict[str, Frames] = {}
+
+    def take(self, frames: Frames, start_ns: int) -> dict[str, Traffic]:
+        """What ``frames`` (sorted) add; t = 0 at ``start_ns``."""
+        return {message.name: self._of(frames, message, start_ns) for message in self.messages}
+
+    def _of(self, frames: Frames, message: Message, start_ns: int) -> Traffic:
+        own = frames.take(self._rows(frames, message))
+        before = self._last.get(message.name)
+        known = 0 if before is None else 1
+        both = own if before is None else Frames.concatenate([before, own])
+        if len(own):
+            self._last[message.name] = own.take(np.array([-1]))
+        whole = _traffic(both, message, self.vehicle, start_ns)
+        return replace(
+            whole, time=whole.time[known:], same=whole.same[known:], step=whole.step[known:],
+            sound=whole.sound[known:],
+        )  # fmt: skip
+
+    def _rows(self, frames: Frames, message: Message) -> NDArray[np.intp]:
+        rows = rows_of(frames, message)
+        address = np.uint32(0xFF) if message.is_j1939 else np.uint32(0)
+        sender = frames.channel[rows].astype(np.uint32) << np.uint32(8) | frames.id[rows] & address
+        keep = np.ones(len(rows), bool)
+        for signal in self.vehicle.signals.values():
+            if signal.bus.message != message.name:
+                continue
+            if signal.channel is not None:
+                keep &= frames.channel[rows] == signal.channel
+            if signal.source_address is not None and message.is_j1939:
+                keep &= (sender & 0xFF) == signal.source_address
+        if not keep.any():
+            return rows[keep]
+        chosen = self._sender.setdefault(message.name, int(np.argmax(np.bincount(sender[keep]))))
+        return rows[keep & (sender == chosen)]
+
+
+def _traffic(frames: Frames, message: Message, vehicle: Vehicle, start_ns: int) -> Traffic:
+    """Of ``frames`` that are all of one message and sender."""
+    rows = np.arange(len(frames))
     same, step = np.zeros(len(rows), bool), np.full(len(rows), -1, np.int16)
     turns, counter = 0, counter_of(message)
-    checked = message.name in vehicle.checked
     if len(rows):
-        data = frames.data[rows] & contents(message, frames.data.shape[1])
+        data = frames.data & contents(message, frames.data.shape[1])
         same[1:] = np.all(data[1:] == data[:-1], axis=1)
     if counter is not None:
         layout, turns = counter
-        count = extract(frames.data[rows], layout).astype(np.int64)
+        count = extract(frames.data, layout).astype(np.int64)
         step[1:] = np.diff(count) % turns
     return Traffic(
-        time=(frames.t_ns[rows] - first) / 1e9,
+        time=(frames.t_ns - start_ns) / 1e9,
         same=same,
         step=step,
         turns=turns,
         sound=check(frames, rows, message).checksum,
         period=_period(message, vehicle),
-        checked=checked,
+        checked=message.name in vehicle.checked,
     )
-
-
-def _of_one_sender(
-    frames: Frames, rows: NDArray[np.intp], message: Message, vehicle: Vehicle
-) -> NDArray[np.intp]:
-    address = np.uint32(0xFF) if message.is_j1939 else np.uint32(0)
-    sender = frames.channel[rows].astype(np.uint32) << np.uint32(8) | frames.id[rows] & address
-    for signal in vehicle.signals.values():
-        if signal.bus.message != message.name:
-            continue
-        keep = np.ones(len(rows), bool)
-        if signal.channel is not None:
-            keep &= frames.channel[rows] == signal.channel
-        if signal.source_address is not None and message.is_j1939:
-            keep &= (sender & 0xFF) == signal.source_address
-        rows, sender = rows[keep], sender[keep]
-    if not len(rows):
-        return rows
-    return rows[sender == np.argmax(np.bincount(sender))]
 
 
 def _period(message: Message, vehicle: Vehicle) -> float | None:

@@ -1,0 +1,125 @@
+"""Fault tests: false alarms in healthy drives, delays beside an oracle, and who is blamed.
+
+    python benchmarks/faults --out faults-out
+
+keeps a record of every drive, so that it goes on where it was stopped; prints tables, writes them
+to ``faults.json`` and draws ``delays.png``.  An hour of driving takes about twenty seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from multiprocessing import Pool, cpu_count
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import healthy
+import injected
+import numpy as np
+import pictures
+import residuals
+
+import clutchest
+from clutchest.diagnosis.diagnose import effects_for
+from clutchest.diagnosis.faults import model_faults
+
+PARTS = ("healthy", "confounded", "residuals", "injected")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="fault tests: false alarms, delays, isolation")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
+    parser.add_argument(
+        "--drives", type=int, default=1000, help="healthy drives, half an hour each"
+    )
+    parser.add_argument("--confounded", type=int, default=60, help="drives with heat gone astray")
+    parser.add_argument("--injected", type=int, default=10, help="drives per fault")
+    parser.add_argument("--hours", type=float, default=20_000.0, help="drawn at residual level")
+    parser.add_argument("--trials", type=int, default=400, help="faults drawn per size")
+    parser.add_argument("--first", type=int, default=2000, help="first seed")
+    parser.add_argument("--vehicle", default="truck")
+    parser.add_argument("--jobs", type=int, default=cpu_count())
+    parser.add_argument("--out", type=Path, default=Path("faults-out"))
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / "faults.json"
+    found: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
+    folder = given.out / "drives"
+    folder.mkdir(exist_ok=True)
+
+    if "healthy" in given.parts:
+        tasks = [(given.vehicle, healthy.SCENARIOS[i % 3], given.first + i, 0, folder)
+                 for i in range(given.drives)]  # fmt: skip
+        paths = ran("healthy", healthy.record, tasks, given.jobs)
+        found["healthy"] = tally(paths)
+        print(json.dumps(found["healthy"], indent=1))
+    if "confounded" in given.parts:
+        tasks = [(given.vehicle, healthy.SCENARIOS[i % 3], given.first + i, 1 + i % 3, folder)
+                 for i in range(given.confounded)]  # fmt: skip
+        paths = ran("confounded", healthy.record, tasks, given.jobs)
+        found["confounded"] = tally(paths)
+        print(json.dumps(found["confounded"], indent=1))
+    if "residuals" in given.parts:
+        found["residuals"] = at_residual_level(given.vehicle, folder, given.hours, given.trials)
+        pictures.delays(found["residuals"], given.out / "delays.png")
+    if "injected" in given.parts:
+        drives = given.out / "injected"
+        drives.mkdir(exist_ok=True)
+        tasks = [(given.vehicle, fault, given.first + i, drives)
+                 for i in range(given.injected) for fault in injected.CASES]  # fmt: skip
+        found["injected"] = injected.table(ran("injected", injected.judged, tasks, given.jobs))
+        print(json.dumps(found["injected"], indent=1))
+    path.write_text(json.dumps(found, indent=1))
+
+
+def at_residual_level(vehicle: str, folder: Path, hours: float, trials: int) -> dict[str, Any]:
+    """Rates and delays of every fault by drawing; prints a line per fault and size."""
+    truck = clutchest.load_vehicle(vehicle)
+    records = residuals.loaded(folder)
+    units = {(e.name, n.key): n.upper for e in effects_for(truck.model) for n in e.gains}
+    found: dict[str, Any] = {}
+    for k, fault in enumerate(model_faults(truck.model)):
+        unit = units[fault.make().name, fault.key]
+        of = residuals.rates(records, fault, k, unit, hours, seed=100 + k)
+        of |= {"unit": fault.number.unit, "measured": residuals.measured(records, k)}
+        of["delays"] = residuals.delays(records, fault, k, unit, of, trials, seed=200 + k)
+        found[fault.name] = of
+        for test in ("glr", "cusum"):
+            print(f"{fault.name}: {test} {of[test]['alarms']} alarms in {hours:.0f} h, "
+                  f"{of[test]['expected']:.1f} expected", flush=True)  # fmt: skip
+        for row in of["delays"]:
+            print(f"  {row['size']:.3g}: oracle {60 * row['oracle_h']:.1f} min, "
+                  f"CUSUM ×{row['cusum_over_oracle']:.2f}, GLR ×{row['glr_over_oracle']:.2f}, "
+                  f"plain ×{row['plain_h'] / row['oracle_h']:.2f}", flush=True)  # fmt: skip
+    return found
+
+
+def tally(paths: list[Path]) -> dict[str, Any]:
+    """How often each monitor failed in how many hours."""
+    failed: Counter[str] = Counter()
+    for path in paths:
+        record = np.load(path)
+        failed.update(record["failed"].tolist())
+        failed.update(record["streams"].tolist())
+        failed.update(["misfit"] if record["misfit"] else [])
+    return {"hours": len(paths) * healthy.DURATION / 3600.0, "alarms": dict(failed)}
+
+
+def ran(what: str, of: Any, tasks: list[Any], jobs: int) -> list[Any]:
+    """``of`` every task in parallel, with progress on stderr."""
+    results = []
+    with Pool(jobs) as pool:
+        for result in pool.imap(of, tasks):
+            results.append(result)
+            print(f"\r{what}: {len(results)} of {len(tasks)}", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    return results
+
+
+if __name__ == "__main__":
+    main()
