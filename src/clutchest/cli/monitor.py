@@ -50,11 +50,14 @@ def monitor(
     port: Annotated[
         int, typer.Option(metavar="N", min=1024, max=65534, help="Port of the viewer.")
     ] = 9090,
+    send_dm1: Annotated[
+        bool, typer.Option("--send-dm1", help="Broadcast active trouble codes as J1939 DM1.")
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object per line instead of the panel.")
     ] = False,
 ) -> None:
-    """Estimate temperatures, wear and friction while the clutch is driven.
+    """Estimate temperatures, wear and friction while the clutch is driven, and test for faults.
 
     Writes received.log (the frames with the stamps that were used), estimates.parquet,
     events.jsonl, recording.rrd and state.json; what a kill leaves is repaired by the next start.
@@ -69,16 +72,22 @@ def monitor(
     with progress() as show:
         show("loading", None)
         from clutchest.can.bus import open_bus
+        from clutchest.monitor.faults import Faults
         from clutchest.monitor.monitor import Monitor
+        from clutchest.reading import load_database
         from clutchest.record.files import read_state
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)
         before = None if state is None else read_state(state)
+        faults = Faults(
+            car, load_database(car), (lambda frames: watching.send(frames)) if send_dm1 else None
+        )
         watching = Monitor(
             open_bus(interface, channel), car, out=out, rate=rate, state=before,
             serve=(port - 1, port) if serve else None,
-            reopen=lambda: open_bus(interface, channel, watching.messages), progress=show,
+            reopen=lambda: open_bus(interface, channel, watching.messages), watchers=[faults],
+            progress=show,
         )  # fmt: skip
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: watching.stop())

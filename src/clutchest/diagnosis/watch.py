@@ -86,9 +86,14 @@ class FaultWatch:
 
     def finish(self) -> list[Change]:
         """The equations' last word, on the whole drive."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+        self.close()
         return self._equations(looked_at(self._so_far(), self.vehicle))
+
+    def close(self) -> None:
+        """Let go of the process that looks at the equations."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
 
     @property
     def codes(self) -> list[Code]:

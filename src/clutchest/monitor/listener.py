@@ -5,10 +5,12 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from clutchest.can.bus import Received, Source, source_of
+from clutchest.can.bus import Received, Source, message_of, source_of
+from clutchest.can.frames import Frames
 
 if TYPE_CHECKING:
     import can
@@ -56,6 +58,14 @@ class Listener(threading.Thread):
                     self._away = False
                     self.heard.put(Trouble("", back=True))
                 self.heard.put(received)
+
+    def send(self, frames: Frames) -> None:
+        """Put frames on the bus, unless it is away."""
+        import can
+
+        with suppress(can.CanError, OSError, ValueError):
+            for row in range(len(frames)):
+                self._source.bus.send(message_of(frames, row), timeout=0.0)
 
     def stop(self) -> None:
         """Stop, and close the bus."""

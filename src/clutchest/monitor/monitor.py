@@ -63,6 +63,10 @@ class Watcher(Protocol):
         """
         ...
 
+    def close(self) -> None:
+        """The session ends."""
+        ...
+
 
 @dataclass
 class Status:
@@ -137,6 +141,10 @@ class Monitor:
         self._new: list[Event] = []
         self._live = self._new_drive()
 
+    def send(self, frames: Frames) -> None:
+        """Put frames on the bus; while the interface is away they are lost, as any node's are."""
+        self._listener.send(frames)
+
     def stop(self) -> None:
         """End :meth:`run` soon; safe from a signal handler and from other threads."""
         self._stopped = True
@@ -158,6 +166,8 @@ class Monitor:
             frames = self._listen(0.0)
             self._after(frames, self._take(frames), show)
             self._after(Frames.empty(), self._finish(), show)
+            if self._new and show is not None:
+                show(self.status, None, self._new)
         finally:
             self._close()
         return self.status
@@ -257,12 +267,12 @@ class Monitor:
             self._told(piece)
         for since, name, data in self._silence.of(frames, piece, self.status.now):
             self._tell("gap", name, data, since)
-        self._watch(frames)
         if piece is not None:
             self.status.latency_s.append((time.time_ns() - piece.released_ns) / 1e9)
         if show is not None:
             show(self.status, piece, self._new)
         self._new = []
+        self._watch(frames)  # what it finds is shown with the next piece: no estimate waits for it
         if piece is not None:
             self._record(piece)
 
@@ -353,6 +363,8 @@ class Monitor:
         return piece
 
     def _close(self) -> None:
+        for watcher in self.watchers:
+            watcher.close()
         self._listener.stop()
         if self._recording is not None:
             self._recording.close()
