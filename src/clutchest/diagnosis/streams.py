@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.diagnosis.faults import Batch, StreamTest, stream_tests
-from clutchest.signals import Floats, Signals, Traffic
+from clutchest.signals import Floats, Signal, Signals, Traffic
 from clutchest.vehicle import Vehicle
 
 RATE = 1.0  # false alarms per 1000 h and monitor, where the vehicle file is silent
@@ -56,6 +56,18 @@ class Streams:
         self._last, self._alive = float(points[-1]), float(alive[-1])
         return Batch(new.signals, new.traffic, until,
                      {name: on(t) for name, t in new.traffic.items()}, self._alive)  # fmt: skip
+
+
+def ready(vehicle: Vehicle) -> None:
+    """Compile all that these tests need, on a second of nothing in particular."""
+    time = np.arange(100.0) * 0.01
+    value: Floats = np.random.default_rng(1).standard_normal(len(time))
+    no, none = np.zeros(len(time), bool), np.full(len(time), -1, np.int16)
+    streams = Streams(vehicle)
+    traffic = Traffic(time, no, none, 16, ~no, 0.01, True)
+    messages = {test.subject for test in streams.tests if test.kind in MESSAGE_KINDS}
+    signals = {name: Signal.of(name, "", time, value) for name in vehicle.signals}
+    streams.take(Signals(signals, traffic=dict.fromkeys(messages, traffic)), 1.0)
 
 
 def _messages(tests: list[StreamTest]) -> set[str]:

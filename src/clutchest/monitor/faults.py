@@ -12,6 +12,7 @@ import numpy as np
 from clutchest.can.database import Database
 from clutchest.can.dm1 import EVERY_S, Code, frames_of
 from clutchest.can.frames import Frames
+from clutchest.diagnosis.streams import ready
 from clutchest.diagnosis.watch import REVIEW, Change, FaultWatch
 from clutchest.monitor.monitor import Event
 from clutchest.reading.incoming import joined
@@ -37,6 +38,7 @@ class Faults:
         review: float | None = REVIEW,
     ) -> None:
         self.vehicle, self.database, self.review = vehicle, database, review
+        ready(vehicle)  # compiled before the first frame is due
         self._send = send
         self._watch: FaultWatch | None = None
         self._start_ns = self._taken = 0.0
