@@ -50,6 +50,18 @@ def test_what_is_found_pays_on_another_drive(found):
 
 
 @pytest.mark.slow
+def test_without_another_log_parts_are_foretold_by_the_rest(found):
+    """On the drive itself it gains as on another of the same kind, and not everything it fits."""
+    alone = discover(drive(71, HIDDEN), TRUCK).gain
+    assert alone is not None and found.gain is not None
+    assert (alone.other_logs, found.gain.other_logs) == (False, True)
+    assert alone.ci95[0] > 0.0
+    assert alone.simulation_rmse_after < alone.simulation_rmse_before
+    gained = [gain.nll_before - gain.nll_after for gain in (alone, found.gain)]
+    assert 0.3 < gained[0] / gained[1] < 1.2  # the null, too, has been fitted to this drive
+
+
+@pytest.mark.slow
 def test_the_extended_vehicle_replays_with_the_cause(found, tmp_path):
     write_discovery(found, tmp_path / "found")
     extended = clutchest.load_vehicle(tmp_path / "found" / "extended.toml")

@@ -14,7 +14,7 @@ from clutchest import __version__
 from clutchest.discovery import patch
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.experiment import propose
-from clutchest.discovery.gain import of_curve, on_another
+from clutchest.discovery.gain import in_turns, of_curve, on_another
 from clutchest.discovery.identifiable import identifiability
 from clutchest.discovery.leftover import Curve, curves
 from clutchest.discovery.misfit import misfit
@@ -169,10 +169,12 @@ class _Finding:
         holdout: Sequence[Signals] | Signals | None,
     ) -> tuple[Gain | None, list[str]]:
         warnings = list(self.signals.warnings)
-        if verdict == "none" or holdout is None:
+        if verdict == "none" or (holdout is None and verdict == "unknown"):
             return None, warnings
         if self.progress:
             self.progress("measuring the gain on data held out", None)
+        if holdout is None:
+            return in_turns(search, search.best), warnings
         drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
         other = self.problem(replace(drives[0], later=tuple(drives[1:])))
         if verdict == "unknown":

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.discovery.drivers import drivers, hats
 from clutchest.discovery.leftover import Curve
@@ -18,6 +20,7 @@ from clutchest.signals import Floats
 
 BLOCK = 20.0  # s; what lies closer together is not independent
 RESAMPLED = 1000
+PARTS = 4  # of a log, foretold in turns
 
 
 def on_another(search: Search, best: Hypothesis, other: Problem) -> Gain:
@@ -34,53 +37,119 @@ def on_another(search: Search, best: Hypothesis, other: Problem) -> Gain:
         late = len(search.problem.timing)
         if late:
             theta[-late:] = hypothesis.look.theta[-late:]
-        starts = np.array([k for k, t in enumerate(other.thetas) if t.drive >= 0])
+        starts = _starts(other)
         if not looks:  # noise as what was found leaves it
             first = fitter.most_probable(starts, theta, hypothesis.look.shapes)
             fitter.focus([fitter.taught(first).psi])
         looks.append(fitter.most_probable(starts, theta, hypothesis.look.shapes))
-    after, before = looks
+    after, before = (_Foretold.of(other, look) for look in looks)
     assert fitter.span is not None
-    return gain(other, before, after, *_squares(before.r, after.r, fitter.span))
+    return _gain(other, before, after, fitter.span)
 
 
-def _squares(before: Floats, after: Floats, span: Floats) -> tuple[Floats, Floats]:
-    """Squares (K) of innovations before and after; what lies outside of the span (K, q) is noise
-    of the inputs and the same for both."""
-    inside = [span @ (span.T @ r) for r in (before, after)]
-    noise = (after - inside[1]) ** 2
-    return inside[0] ** 2 + noise, inside[1] ** 2 + noise
+def in_turns(search: Search, best: Hypothesis) -> Gain:
+    """Of a hypothesis on the log in which it was found, where there is no other: each part of the
+    log in turn is foretold by numbers of the vehicle fitted to the rest, what the drive started
+    from anew.  Which causes they are numbers of was decided on all of it."""
+    problem, fitter = search.problem, search.fitter
+    times = _one_after_another(problem, [d.t for d in problem.drives])
+    edges = np.quantile(times, np.linspace(0.0, 1.0, PARTS + 1))[1:-1]
+    part = np.searchsorted(edges, times)
+    found: list[_Foretold] = []
+    for hypothesis in (search.null, best):
+        look = fitter.look(hypothesis.look.theta, hypothesis.look.shapes)
+        parts: list[_Foretold] = []
+        for k in range(PARTS):
+            rest = fitter.without(part == k)
+            rest.focus([rest.again(look).psi])
+            fit = rest.improve(rest.again(look), search.free(hypothesis.chosen))
+            foretold = fitter.most_probable(_starts(problem), fit.theta, look.shapes)
+            parts.append(_Foretold.of(problem, foretold).part(k, edges))
+        found.append(_Foretold.joined(parts))
+    assert fitter.span is not None
+    return replace(_gain(problem, found[0], found[1], fitter.span), other_logs=False)
 
 
-def gain(problem: Problem, before: Look, after: Look, old: Floats, new: Floats) -> Gain:
-    """From squares of white innovations ``old`` and ``new`` (K)."""
-    difference = 0.5 * (old - new)
-    blocks = np.concatenate([
-        i * 10**6 + np.floor(d.t / BLOCK).astype(int) for i, d in enumerate(problem.drives)
-    ])  # fmt: skip
-    _, of = np.unique(blocks, return_inverse=True)
-    sums = np.bincount(of, difference)
-    rng = np.random.default_rng(0)
-    drawn = sums[rng.integers(len(sums), size=(RESAMPLED, len(sums)))].sum(axis=1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    raw_before, raw_after = (np.concatenate([rows.r for rows in look.raw])
-                             for look in (before, after))  # fmt: skip
-    errors = [_torque_error(problem, look) for look in (before, after)]
+def _starts(problem: Problem) -> NDArray[np.int64]:
+    """Indices of what drives start from."""
+    return np.array([k for k, t in enumerate(problem.thetas) if t.drive >= 0], np.int64)
+
+
+def _one_after_another(problem: Problem, times: Sequence[Floats]) -> Floats:
+    """Times of all drives on one axis, s, drive after drive."""
+    begins = np.cumsum([0.0, *(d.line.t[-1] + BLOCK for d in problem.drives)])
+    return np.concatenate([t + begin for t, begin in zip(times, begins, strict=False)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Foretold:
+    """What was foretold of readings (K) ``at`` times s: the ``white`` innovations and those over
+    their ``own`` standard deviations; how far the ``torque`` was missed, Nm, at ``torque_at`` s.
+    """
+
+    at: Floats
+    white: Floats
+    own: Floats
+    torque_at: Floats
+    torque: Floats
+
+    @classmethod
+    def of(cls, problem: Problem, look: Look) -> _Foretold:
+        """At one look."""
+        simulated = torques(problem, look)
+        return cls(
+            _one_after_another(problem, [d.t for d in problem.drives]),
+            look.r,
+            np.concatenate([rows.r for rows in look.raw]),
+            _one_after_another(problem, [t for t, _, _ in simulated]),
+            np.concatenate([measured - made for _, measured, made in simulated]),
+        )
+
+    def part(self, k: int, edges: Floats) -> _Foretold:
+        """The same in the ``k``-th of the spans between ``edges`` s; nothing elsewhere."""
+        mine, its = (np.searchsorted(edges, t) == k for t in (self.at, self.torque_at))
+        return _Foretold(self.at, self.white * mine, self.own * mine, self.torque_at,
+                         self.torque * its)  # fmt: skip
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Foretold]) -> _Foretold:
+        """Parts put together."""
+        white, own, torque = (
+            np.sum([getattr(one, name) for one in parts], axis=0)
+            for name in ("white", "own", "torque")
+        )
+        return cls(parts[0].at, white, own, parts[0].torque_at, torque)
+
+
+def _gain(problem: Problem, before: _Foretold, after: _Foretold, span: Floats) -> Gain:
+    """What lies outside of the ``span`` (K, q) is noise of the inputs and the same for both."""
+    inside = [span @ (span.T @ one.white) for one in (before, after)]
+    noise = (after.white - inside[1]) ** 2
+    old, new = inside[0] ** 2 + noise, inside[1] ** 2 + noise
+    low, high = _interval(0.5 * (old - new), before.at)
     return Gain(
-        rmse_before=float(np.sqrt(np.mean(raw_before**2))),
-        rmse_after=float(np.sqrt(np.mean(raw_after**2))),
+        rmse_before=_root_mean_square(before.own),
+        rmse_after=_root_mean_square(after.own),
         nll_before=float(0.5 * old.sum()),
         nll_after=float(0.5 * new.sum()),
-        simulation_rmse_before=errors[0],
-        simulation_rmse_after=errors[1],
-        ci95=(float(low), float(high)),
+        simulation_rmse_before=_root_mean_square(before.torque),
+        simulation_rmse_after=_root_mean_square(after.torque),
+        ci95=(low, high),
     )
 
 
-def _torque_error(problem: Problem, look: Look) -> float:
-    """Root mean square of measured less simulated clutch torque, Nm."""
-    joined = np.concatenate([(m - s) ** 2 for _, m, s in torques(problem, look)])
-    return float(np.sqrt(np.mean(joined))) if len(joined) else 0.0
+def _interval(gained: Floats, at: Floats) -> tuple[float, float]:
+    """Of the sum of what is ``gained`` (K) ``at`` times s, 95 %, by drawing blocks again."""
+    _, of = np.unique(np.floor(at / BLOCK), return_inverse=True)
+    sums = np.bincount(of, gained)
+    rng = np.random.default_rng(0)
+    drawn = sums[rng.integers(len(sums), size=(RESAMPLED, len(sums)))].sum(axis=1)
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _root_mean_square(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
@@ -89,7 +158,7 @@ def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
     fitter = Fitter(other)
     theta = np.zeros(len(other.thetas))
     theta[: other.shared] = search.null.look.theta[: search.problem.shared]
-    starts = np.array([k for k, t in enumerate(other.thetas) if t.drive >= 0])
+    starts = _starts(other)
     look = fitter.taught(fitter.most_probable(starts, theta, search.null.look.shapes))
     other.linearise(look.theta, look.shapes)
     probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.equation)
@@ -106,6 +175,7 @@ def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
                                     again.T @ r + look.theta[starts])  # fmt: skip
     fitter.focus([look.psi, change])
     assert fitter.span is not None
-    found = gain(other, look, look, *_squares(look.r, r, fitter.span))
-    scale = float(np.sqrt(np.sum(r**2) / np.sum(look.r**2)))
-    return replace(found, rmse_after=found.rmse_before * scale)
+    before = _Foretold.of(other, look)
+    shrunk = float(np.sqrt(np.sum(r**2) / np.sum(look.r**2)))
+    after = replace(before, white=r, own=before.own * shrunk)
+    return _gain(other, before, after, fitter.span)

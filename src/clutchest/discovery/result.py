@@ -76,7 +76,10 @@ class Identifiable:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Before and after, on data not used to find it; ``ci95`` of nll_before − nll_after."""
+    """Before and after, on data not used to find it; ``ci95`` of nll_before − nll_after.
+
+    ``other_logs``: on logs held out; else on parts of the log itself, each foretold by the rest.
+    """
 
     rmse_before: float
     rmse_after: float
@@ -85,6 +88,7 @@ class Gain:
     simulation_rmse_before: float
     simulation_rmse_after: float
     ci95: tuple[float, float]
+    other_logs: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +202,7 @@ class Discovery:
                     "rmse_before", "rmse_after", "nll_before", "nll_after",
                     "simulation_rmse_before", "simulation_rmse_after")},
                 "ci95": list(self.gain.ci95),
+                "other_logs": self.gain.other_logs,
             },
             "experiment": None if self.experiment is None else
             {"words": self.experiment.words, "scenario": self.experiment.scenario},

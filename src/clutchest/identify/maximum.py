@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -72,6 +73,15 @@ class Fitter:
         self.prior = np.zeros(len(problem.thetas))
         self.prior[problem.nuisances] = 1.0
         self.low, self.high = self._bounds()
+
+    def without(self, rows: NDArray[np.bool_]) -> Fitter:
+        """One that does not see these ``rows`` (K); the colour is the same."""
+        other, begin = copy(self), 0
+        other.weights = []
+        for weight in self.weights:
+            other.weights.append(weight * ~rows[begin : begin + len(weight)])
+            begin += len(weight)
+        return other
 
     def settle(self, theta: Floats) -> Look:
         """The most probable nuisances with gains as in ``theta``, and the colour of what is left:

@@ -23,7 +23,7 @@ from clutchest.vehicle.text import vehicle_text
 
 _MOST_RIVALS = 6
 _EQUATION = {"sensor": "the readings of", "timing": "the time stamps of"}
-NOTHING_HELD_OUT = "Not measured: no data were held out.  `--holdout LOG` gives some."
+NOTHING_HELD_OUT = "Not measured.  `--holdout LOG` gives data for it."
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
@@ -101,13 +101,14 @@ def rivals_rows(rivals: Sequence[Rival]) -> list[tuple[str, str, str]]:
 
 
 def gain_words(gain: Gain) -> str:
-    """What the extension is worth on held-out data, with its interval."""
+    """What the extension is worth on data not used to find it, with its interval."""
+    on = "On held-out data" if gain.other_logs else "With each part of the log foretold by the rest"
     low, high = gain.ci95
     value = gain.nll_before - gain.nll_after
     digits = 1 if high - low < 100 else 0
     pays = "" if low > 0 else "  The interval includes nought: the extension does not surely pay."
     return (
-        f"On held-out data ln(probability) rises by {value:.{digits}f} "
+        f"{on} ln(probability) rises by {value:.{digits}f} "
         f"[95 %: {low:.{digits}f} to {high:.{digits}f}], "
         f"the misfit goes from {gain.rmse_before:.3f} to {gain.rmse_after:.3f} standard "
         f"deviations, the open-loop torque error from {gain.simulation_rmse_before:.1f} to "
