@@ -147,8 +147,14 @@ def test_the_gain_says_whether_it_pays():
     assert "rises by 134.2 [95 %: 98.1 to 170.3]" in gain_words(GAIN)
     assert "nought" not in gain_words(GAIN)
     assert "[95 %: -1.2 to 2.3]" in gain_words(NO_GAIN) and "nought" in gain_words(NO_GAIN)
-    assert "no data were held out" in report(discovery("named", None))
-    assert "no data were held out" in printed(discovery("named", None))
+    assert "Not measured.  `--holdout LOG`" in report(discovery("named", None))
+    assert "Not measured.  `--holdout LOG`" in printed(discovery("named", None))
+
+
+def test_the_gain_says_on_what_it_was_measured():
+    assert gain_words(GAIN).startswith("On held-out data ln(probability) rises")
+    alone = gain_words(replace(GAIN, other_logs=False))
+    assert alone.startswith("With each part of the log foretold by the rest ln(probability) rises")
 
 
 def test_the_report_says_what_the_extended_vehicle_holds():
