@@ -130,6 +130,7 @@ def test_real_drives(vehicle, log, tmp_path, monkeypatch):
     assert_same(pieces, replayed(car, frames, tmp_path))
 
 
+@pytest.mark.slow
 def test_a_differential(tmp_path):
     rig, frames = clutchest.load_vehicle("alsd_rig"), frames_of("alsd")
     rng = np.random.default_rng(2)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import clutchest
 from vcan import machine_boot
 from vcan.machine import Machine
 
@@ -35,7 +36,8 @@ def natively() -> str:
 def test_on_a_real_bus(tmp_path, pytestconfig):
     why = natively()
     report = tmp_path / "report.xml"
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "vcan",
+    command = [sys.executable, "-m", "pytest", "-q", "--durations=0", "-m", "vcan",
+               "-p", "no:cacheprovider",
                "-o", "addopts=--strict-markers --import-mode=importlib",
                f"--junitxml={report}", f"--basetemp={tmp_path / 'inside'}",
                str(HERE / "on_vcan.py")]  # fmt: skip
@@ -53,6 +55,9 @@ def test_on_a_real_bus(tmp_path, pytestconfig):
             if os.environ.get("CLUTCHEST_VCAN") == "required":
                 pytest.fail(why)
             pytest.skip(why)
+        # compiled here, where it is quick, and kept: the machine's own files are gone with it
+        truck = clutchest.load_vehicle("truck")
+        clutchest.replay(clutchest.read_log("demo", truck), truck)
         code, said = machine.run(command, writable=[tmp_path], seconds=400.0)
     print(said)
     assert code == 0, said

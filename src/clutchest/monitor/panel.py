@@ -103,6 +103,10 @@ def words(event: Event) -> str:
         return f"{event.name}: nothing heard for {data['duration_s']:.1f} s"
     if event.kind == "gap":
         return f"{event.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in data.items())
+    if event.kind == "fault":
+        others = [name for name in data["set"] if name != event.name]
+        also = f", or {', '.join(others)}" if others else ""
+        return f"{event.name}{also}{'' if data['failed'] else ': over'}"
     return event.name
 
 
