@@ -74,3 +74,13 @@ def test_no_two_stamps_are_alike():
     second = stamps.used(batch([START + 1500, START + 1600], 10)).t_ns
     both = np.concatenate([first, second])
     assert (np.diff(both) >= 1000).all() and not (both % 1000).any()
+
+
+def test_what_was_promised_to_have_come_stays_so():
+    clock = Clock()
+    clock.run(1.0)
+    clock.at += 5 * S
+    promised = clock.stamps.promised(S)
+    assert promised == START + clock.at - S
+    late = clock.stamps.used(batch([START + 2 * S, START + 3 * S], clock.at)).t_ns
+    assert (late > promised).all() and (np.diff(late) > 0).all()

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 TICK = 0.25  # s without a frame, after which the time that passes is told
 GATHER = 0.05  # s for which frames are gathered, as long as no estimate is due
 PROMPT = 0.008  # s before one is due, from which every frame is looked at at once
-ON_ITS_WAY_NS = 300_000_000  # a frame may take this long from its stamp to here
+ON_ITS_WAY_NS = 1_000_000_000  # a frame may take this long from its stamp to here
 KEPT_S = 600.0  # s for which frames are held, should a signal be heard for the first time
 SHOWN = 12  # events that a panel remembers
 
@@ -228,7 +228,7 @@ class Monitor:
         elif self._start_ns is None:
             return None
         else:
-            now_ns = self._stamps.now(ON_ITS_WAY_NS)
+            now_ns = self._stamps.promised(ON_ITS_WAY_NS)
         self.status.now = (now_ns - self._start_ns) / 1e9
         self.status.silent_s = (now_ns - self._last_ns) / 1e9
         piece = self._live.take(frames, now_ns)

@@ -36,7 +36,7 @@ class Stamps:
         self._offset: int | None = None  # of the interface's clock, where nothing was late
         self._late_since: int | None = None
         self._correction = 0
-        self._raw, self._last, self._last_at = 0, 0, 0
+        self._raw, self._last, self._last_at, self._floor = 0, 0, 0, 0
         self.jumps: list[float] = []
 
     def used(self, received: Received) -> Frames:
@@ -52,13 +52,19 @@ class Stamps:
         self._follow(int(raw[0]), int(raw[-1]), at)
         t = (raw + self._correction) // TICK_NS
         order = np.arange(len(t))
-        t = np.maximum.accumulate(np.maximum(t, self._last // TICK_NS + 1) - order) + order
+        least = max(self._last, self._floor) // TICK_NS + 1
+        t = np.maximum.accumulate(np.maximum(t, least) - order) + order
         self._raw, self._last, self._last_at = int(raw[-1]), int(t[-1]) * TICK_NS, at
         return replace(frames, t_ns=t * TICK_NS)
 
     def now(self, lag_ns: int) -> int:
         """The present on this clock, less ``lag_ns`` for what may be on its way; ns."""
         return max(self._last, self._last + self._monotonic_ns() - self._last_at - lag_ns)
+
+    def promised(self, lag_ns: int) -> int:
+        """As :meth:`now`; whatever comes later gets a later stamp."""
+        self._floor = self.now(lag_ns)
+        return self._floor
 
     def _follow(self, first: int, last: int, at: int) -> None:
         """Tell a clock that was set from frames that are late."""
