@@ -110,7 +110,7 @@ def test_nothing_is_lost_beside_foreign_traffic(tmp_path, drive, truck):
         if status.frames >= mapped:
             watching.stop()
 
-    status = watching.run(60.0, show)
+    status = watching.run(150.0, show)
     noise.kill()
     sender.join(10)
     assert status.frames == mapped and status.lost == 0

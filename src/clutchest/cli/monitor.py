@@ -80,15 +80,15 @@ def monitor(
 
         car = load_vehicle(vehicle)
         before = None if state is None else read_state(state)
-        faults = Faults(
-            car, load_database(car), (lambda frames: watching.send(frames)) if send_dm1 else None
-        )
         watching = Monitor(
             open_bus(interface, channel), car, out=out, rate=rate, state=before,
             serve=(port - 1, port) if serve else None,
-            reopen=lambda: open_bus(interface, channel, watching.messages), watchers=[faults],
-            progress=show,
+            reopen=lambda: open_bus(interface, channel, watching.messages), progress=show,
         )  # fmt: skip
+        # a bus that is not there is said before anything is compiled for it, and one that is there
+        # is listened to meanwhile
+        show("compiling the fault tests, once on this machine", None)
+        watching.watchers = (Faults(car, load_database(car), watching.send if send_dm1 else None),)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: watching.stop())
     if as_json:
