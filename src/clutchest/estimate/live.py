@@ -108,6 +108,11 @@ class Live:
         return self._drive.incoming.start_ns + round(self._drive.due_s * 1e9)
 
     @property
+    def complete(self) -> bool:
+        """Whether nothing mapped is left to be heard for the first time."""
+        return self._drive is not None and self._drive.incoming.complete
+
+    @property
     def late(self) -> bool:
         """Whether something was heard for the first time that the estimates do not use."""
         return self._drive is not None and self._drive.incoming.late

@@ -243,7 +243,7 @@ class Monitor:
         assert self._start_ns is not None
         if self._live.history is None:
             return
-        if frames.t_ns[-1] - self._start_ns > KEPT_S * 1e9:
+        if self._live.complete or frames.t_ns[-1] - self._start_ns > KEPT_S * 1e9:
             self._live.history = None
             self._heard.clear()
         else:

@@ -12,7 +12,7 @@ from clutchest.can.database import Database
 from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
 from clutchest.reading.gears import LOOK_AHEAD, engaged_gear
-from clutchest.reading.mapping import Decoding, mapped_messages
+from clutchest.reading.mapping import Decoding, mapped_messages, parts
 from clutchest.signals import LOST, Signal
 from clutchest.vehicle import BusSignal, Vehicle
 
@@ -50,6 +50,12 @@ class Incoming:
         self.heard_s = {name: float(s.time[s.valid][0])
                         for name, s in self.first.signals.items() if s.valid.any()}  # fmt: skip
         self._decided = True
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything that the vehicle file maps has been heard."""
+        wanted = [(name, bus) for name, s in self.vehicle.signals.items() for bus in parts(s)]
+        return set(wanted) <= set(self._senders)
 
     def take(self, frames: Frames, now_ns: int, last: bool = False) -> Decoded:
         """What ``frames`` add; everything up to ``now_ns`` has come, and nothing will after the
