@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchest.diagnosis.equations import LEAST
 from clutchest.diagnosis.faults import ModelFault
 from clutchest.diagnosis.sequential import alarms, debounced
 from clutchest.diagnosis.thresholds import (
@@ -69,8 +70,8 @@ def rates(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, u
     per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
     per_block = PER_1000H / 1000.0 / per_hour
     seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
-    low, one_sided = fault.size / unit, fault.number.one_sided
-    size = low
+    size, one_sided = fault.size / unit, fault.number.one_sided
+    low = LEAST * size
     tests: dict[str, Path_] = {
         "glr": lambda s, i: glr_path(s, i, low, 1.0, one_sided)[0],
         "cusum": lambda s, i: cusum_path(s, i, size, one_sided)[0],
@@ -115,10 +116,11 @@ def delays(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, 
     per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
     per_block = PER_1000H / 1000.0 / per_hour
     seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
-    low, one_sided = fault.size / unit, fault.number.one_sided
+    smallest, one_sided = fault.size / unit, fault.number.one_sided
+    low = LEAST * smallest
     rows, glr_at, plain_at = [], found["glr"]["threshold"], found["plain"]["threshold"]
     for fraction in FRACTIONS:
-        b = min(fraction * low, 1.0)
+        b = min(fraction * smallest, 1.0)
         long = strung(records, k, 3_000_000, rng)
         healthy = np.sqrt(long) * rng.standard_normal(len(long))
         oracle = from_path(cusum_path(healthy, long, b, True)[0], per_block)

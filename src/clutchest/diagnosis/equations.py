@@ -25,6 +25,7 @@ from clutchest.diagnosis.thresholds import Colour, glr_path, threshold
 from clutchest.signals import Floats
 
 SHORTEST = 0.25  # h; a shorter drive counts as this long
+LEAST = 0.25  # of the smallest size that matters: what the GLR looks for
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +115,7 @@ def _judged(
     colour: Colour, chance: float,
 ) -> Judged:  # fmt: skip
     number = fault.number
-    low, one_sided = fault.size / unit, number.one_sided
+    low, one_sided = LEAST * fault.size / unit, number.one_sided
     begins_at = threshold(
         lambda s, i: glr_path(s, i, low, 1.0, one_sided)[0], told, colour, chance / len(z)
     ) if told.max() > 0.0 else np.inf  # fmt: skip

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.diagnosis.faults import Batch, StreamTest, stream_tests
+from clutchest.diagnosis.faults.missing import Missing
 from clutchest.signals import Floats, Signal, Signals, Traffic
 from clutchest.vehicle import Vehicle
 
 RATE = 1.0  # false alarms per 1000 h and monitor, where the vehicle file is silent
-SILENT = 2.0  # of the quickest message's longest usual gap: beyond, the whole bus is silent
+# Of the longest usual gap between any two frames; at most half of what a message may stay away:
+SILENT = 2.0  # beyond, the whole bus is silent
 PATIENCE = 20  # frames from which that gap is known
 
 
@@ -42,20 +44,22 @@ class Streams:
     def _batch(self, new: Signals, until: float) -> Batch:
         times = [t.time for t in new.traffic.values() if len(t)]
         every = np.unique(np.concatenate(times)) if times else np.zeros(0)
-        every = np.append(every, until) if not len(every) or until > every[-1] else every
         gaps = np.diff(every, prepend=self._last)
         if len(gaps) >= PATIENCE:
             self._usual = float(np.percentile(gaps, 99))
-        clock = self._alive + np.cumsum(np.minimum(gaps, SILENT * self._usual))
+        bounds = [t.bound for t in self.tests if isinstance(t, Missing) and t.tail is not None]
+        longest = min([SILENT * self._usual, *(bound / 2.0 for bound in bounds)])
         points = np.concatenate([[self._last], every])
-        alive = np.concatenate([[self._alive], clock])
+        alive = self._alive + np.concatenate([[0.0], np.cumsum(np.minimum(gaps, longest))])
+        self._last, self._alive = float(points[-1]), float(alive[-1])
+        silent = min(max(until - self._last, 0.0), longest)
 
         def on(traffic: Traffic) -> Floats:
             return np.interp(traffic.time, points, alive)
 
-        self._last, self._alive = float(points[-1]), float(alive[-1])
         return Batch(new.signals, new.traffic, until,
-                     {name: on(t) for name, t in new.traffic.items()}, self._alive)  # fmt: skip
+                     {name: on(t) for name, t in new.traffic.items()},
+                     self._alive + silent)  # fmt: skip
 
 
 def ready(vehicle: Vehicle) -> None:

@@ -8,25 +8,26 @@ from numpy.typing import NDArray
 from clutchest.diagnosis.faults.wrong_frames import WrongFrames
 from clutchest.signals import Traffic
 
-SURE = 0.35  # of a period: how far off its beat a frame may be and still say how many went before
+ROOM = 0.6  # of a period, for every frame that is said to have been lost
 
 
 class Counter(WrongFrames):
-    """The counter goes on by another number than frames have come or been lost.
+    """The counter stands still, or goes on by more frames than the time since the last one has room
+    for.
 
-    Lost frames make it jump too, by as many as the time since the last one has room for.
+    By one it may go on at any time: frames that waited somewhere come close together.
     """
 
     kind = "counter"
 
     def wrong(self, traffic: Traffic, alive: NDArray) -> tuple[NDArray, NDArray]:
         """See :meth:`WrongFrames.wrong`."""
-        if len(traffic) < 2 or not traffic.turns:
-            return np.zeros(0, np.intp), np.zeros(0, bool)
-        gaps = np.diff(alive)
-        passed = gaps / np.median(gaps)
-        whole = np.rint(passed)
-        sure = (np.abs(passed - whole) < SURE) & (whole >= 1) & (whole < traffic.turns)
-        sure &= traffic.step[1:] >= 0
-        rows = np.flatnonzero(sure)
-        return rows + 1, traffic.step[1:][rows] != whole[rows]
+        rows = np.flatnonzero(traffic.step >= 0) if traffic.turns else np.zeros(0, np.intp)
+        if not len(rows):
+            return rows, np.zeros(0, bool)
+        before = np.concatenate([[self.last], alive[:-1]])
+        gaps, step = (alive - before)[rows], traffic.step[rows]
+        self.last = float(alive[-1])
+        period = traffic.period or self.period or float(np.median(gaps))
+        lost = step.astype(float) - 1.0
+        return rows, (step == 0) | (gaps < ROOM * lost * period)

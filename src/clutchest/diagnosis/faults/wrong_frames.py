@@ -27,7 +27,7 @@ class WrongFrames(StreamTest):
 
     def __init__(self, subject: str, per_1000h: float, has: bool) -> None:
         super().__init__(subject, per_1000h)
-        self.has, self.state, self.period = has, np.zeros(5), 0.0
+        self.has, self.state, self.period, self.last = has, np.zeros(5), 0.0, 0.0
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
