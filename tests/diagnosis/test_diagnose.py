@@ -56,6 +56,22 @@ class TestEquations:
         assert fault.freeze_frame["states"].keys() >= {"temp_disc", "friction"}
         assert fault.status_byte & 1
 
+    def test_what_begins_in_mid_drive_is_found_soon_after(self, truck):
+        signals = clutchest.simulate(truck, "city", 52, duration=600.0)
+        torque = signals["engine_torque"]
+        value = torque.value + 60.0 * (torque.time > 350.0)
+        signals = replace(signals, signals={
+            **signals.signals, "engine_torque": replace(torque, value=value)})  # fmt: skip
+        run = clutchest.replay(signals, truck)
+        (fault,) = clutchest.diagnose(run).faults
+        assert fault.set == ("torque_bias",)
+        track = run.tracks[0]  # while the clutch is locked nothing tells of the report's error
+        apart = np.isin(track.mode, [track.mode_names.index(m) for m in ("open", "slipping")])
+        first = track.time[apart & (track.time > 350.0)][0]
+        assert first - 1.0 < fault.first_detected_s < first + 15.0
+        assert fault.began_s == pytest.approx(first, abs=10.0)
+        assert fault.causes[0].size == pytest.approx(60.0, abs=15.0)
+
     def test_a_low_zero_position_may_be_wear(self, truck):
         found = diagnosed(truck, {"position_offset": {"offset": -1.0}}, nominal=True)
         assert [f.fault for f in found.faults] == ["position_offset"]

@@ -13,6 +13,7 @@ from clutchest.record.quantities import Quantity
 
 COLOURS = {"passed": 0x2F5D50FF, "failed": 0xE4572EFF}
 MOST_LANES = 8  # more would be too thin to read
+HINT = "Click the time of a fault above: what was known then stands here."
 
 
 def lanes_of(diagnosis: Diagnosis) -> dict[str, tuple[tuple[tuple[float, str], ...], ...]]:
@@ -29,6 +30,9 @@ def entity(name: str) -> str:
 
 def send_log(stream: rr.RecordingStream, diagnosis: Diagnosis, starts: Sequence[float]) -> None:
     """One line per fault at the moment it was found, and its freeze frame as a page."""
+    words = HINT if diagnosis.faults else "No fault was found."
+    stream.set_time("time", duration=np.timedelta64(0, "ns"))
+    stream.log("fault/freeze_frame", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN))
     for fault in diagnosis.faults:
         at = starts[fault.drive] + fault.first_detected_s
         stream.set_time("time", duration=np.timedelta64(round(at * 1e9), "ns"))
