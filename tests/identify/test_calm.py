@@ -56,7 +56,7 @@ def test_it_is_the_noise_where_the_signal_matters_that_counts():
 def test_what_is_dragged_along_travels_less_than_the_reading_at_rest(ar):
     noise = coloured(np.random.default_rng(4), ar)
     follows = path(T, 5.0 + noise, ALWAYS)
-    assert np.abs(np.diff(follows)).sum() < 0.8 * np.abs(np.diff(noise)).sum()
+    assert np.abs(np.diff(follows)).sum() < 0.2 * np.abs(np.diff(noise)).sum()
 
 
 def test_a_path_follows_moves_smaller_than_the_noise():
@@ -64,10 +64,10 @@ def test_a_path_follows_moves_smaller_than_the_noise():
     noise = coloured(np.random.default_rng(5), 0.0)
     follows, still = (of(T, small + noise, ALWAYS) for of in (path, calm))
     assert np.std(follows - small) < np.std(noise)
-    assert follows @ small > 0.9 * small @ small > 2.0 * np.abs(still @ small)
+    assert follows @ small > 0.6 * small @ small > 2.0 * np.abs(still @ small)
 
 
 def test_a_path_turns_where_the_signal_turns():
     noise = 0.1 * coloured(np.random.default_rng(6), 0.0)
     follows = path(T, trapezium() + noise, ALWAYS)
-    assert np.abs(follows - trapezium() - noise).max() < 0.1
+    assert np.abs(follows - trapezium()).max() < np.abs(noise).max()

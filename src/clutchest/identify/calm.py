@@ -17,7 +17,7 @@ GRID = 0.01  # s
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
-LEFT = 0.6  # of what a smooth has kept of it
+LEFT = 3.0  # of what a smooth has kept of it
 
 
 def calm(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
@@ -32,8 +32,8 @@ def calm(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
 
 
 def path(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
-    """The same for what drags something along: it follows moves that are smaller than its noise,
-    and never leaves the reading by more than a little, so that turns come in time."""
+    """The same for what drags something along: it follows moves as small as the noise, and stays
+    near the reading, so that turns come in time."""
     if not where.any():
         return value
     smooth = _smooth(t, value, NARROW)
