@@ -12,34 +12,20 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
-from multiprocessing import Pool, cpu_count
+from multiprocessing import cpu_count
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent.parent))  # the torque's benchmark is a file beside
+sys.path.insert(0, str(Path(__file__).parent.parent))  # what benchmarks share is a file beside
 
 import own_model
 import pictures
 import recovery
+from parallel import ran
 
 import generator
 
 PARTS = ("own-model", "generator", "recovery")
-Task = tuple[Any, ...]
-
-
-def ran(
-    what: str, of: Callable[[Any], dict[str, Any]], tasks: Sequence[Task], jobs: int
-) -> list[dict[str, Any]]:
-    """``of`` every task in parallel, in the order of the tasks, with progress on stderr."""
-    results = []
-    with Pool(jobs) as pool:
-        for result in pool.imap(of, tasks):
-            results.append(result)
-            print(f"\r{what}: {len(results)} of {len(tasks)}", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
-    return results
 
 
 def main() -> None:

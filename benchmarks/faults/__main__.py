@@ -12,20 +12,21 @@ import argparse
 import json
 import sys
 from collections import Counter
-from multiprocessing import Pool, cpu_count
+from multiprocessing import cpu_count
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent.parent))  # what benchmarks share is a file beside
 
 import healthy
 import injected
 import numpy as np
 import pictures
 import residuals
+from parallel import ran
 
 import clutchest
-from clutchest.diagnosis.diagnose import effects_for
+from clutchest.diagnosis.drive import effects_for
 from clutchest.diagnosis.faults import model_faults
 
 PARTS = ("healthy", "confounded", "residuals", "injected")
@@ -108,17 +109,6 @@ def tally(paths: list[Path]) -> dict[str, Any]:
         failed.update(record["streams"].tolist())
         failed.update(["misfit"] if record["misfit"] else [])
     return {"hours": len(paths) * healthy.DURATION / 3600.0, "alarms": dict(failed)}
-
-
-def ran(what: str, of: Any, tasks: list[Any], jobs: int) -> list[Any]:
-    """``of`` every task in parallel, with progress on stderr."""
-    results = []
-    with Pool(jobs) as pool:
-        for result in pool.imap(of, tasks):
-            results.append(result)
-            print(f"\r{what}: {len(results)} of {len(tasks)}", end="", file=sys.stderr, flush=True)
-    print(file=sys.stderr)
-    return results
 
 
 if __name__ == "__main__":

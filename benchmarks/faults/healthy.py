@@ -8,7 +8,7 @@ import numpy as np
 
 import clutchest
 from clutchest.diagnosis.blocks import blocks_of
-from clutchest.diagnosis.diagnose import effects_for
+from clutchest.diagnosis.drive import effects_for
 from clutchest.diagnosis.equations import watch
 from clutchest.diagnosis.faults import model_faults
 from clutchest.diagnosis.predicted import since

@@ -7,6 +7,7 @@ real one did; the monitors' own thresholds were found with shorter stretches and
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -62,35 +63,57 @@ def measured(records: Sequence[dict[str, np.ndarray]], k: int) -> dict[str, floa
     }  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Setting:
+    """What the tests of one fault have in common: blocks ``per_hour``, false alarms ``per_block``,
+    the information ``seen`` in each block, and the smallest ``size`` that matters, in units."""
+
+    per_hour: float
+    per_block: float
+    seen: np.ndarray
+    size: float
+    one_sided: bool
+
+    @classmethod
+    def of(
+        cls, records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, unit: float
+    ) -> Setting:
+        """Of the ``k``-th fault in the records of whole drives."""
+        per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
+        seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
+        return cls(per_hour, PER_1000H / 1000.0 / per_hour, seen, fault.size / unit,
+                   fault.number.one_sided)  # fmt: skip
+
+    @property
+    def low(self) -> float:
+        """The size at which the GLR begins to look."""
+        return LEAST * self.size
+
+
 def rates(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, unit: float,
           hours: float, seed: int) -> dict[str, Any]:  # fmt: skip
     """Thresholds as a monitor finds them, and how often a healthy truck exceeds them in so many
     drawn hours."""
-    rng = np.random.default_rng(seed)
-    per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
-    per_block = PER_1000H / 1000.0 / per_hour
-    seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
-    size, one_sided = fault.size / unit, fault.number.one_sided
-    low = LEAST * size
+    rng, of = np.random.default_rng(seed), Setting.of(records, fault, k, unit)
     tests: dict[str, Path_] = {
-        "glr": lambda s, i: glr_path(s, i, low, 1.0, one_sided)[0],
-        "cusum": lambda s, i: cusum_path(s, i, size, one_sided)[0],
+        "glr": lambda s, i: glr_path(s, i, of.low, 1.0, of.one_sided)[0],
+        "cusum": lambda s, i: cusum_path(s, i, of.size, of.one_sided)[0],
     }
-    blocks = int(hours * per_hour)
+    blocks = int(hours * of.per_hour)
     information = strung(records, k, blocks, rng)
     score = np.sqrt(information) * rng.standard_normal(blocks)
     enabled = float(np.mean(information > 1e-6))
     found: dict[str, Any] = {"drawn_hours": hours, "enabled_share": enabled}
     for name, test in tests.items():
-        h = threshold(test, seen, Colour(), per_block)
+        h = threshold(test, of.seen, Colour(), of.per_block)
         count = alarms(test(score, information), h, WINDOW)
-        expected = per_block * blocks
+        expected = of.per_block * blocks
         found[name] = {
             "threshold": h, "alarms": int(count), "expected": expected,
             "per_1000_clock_hours": 1000.0 * count / hours,
             "per_1000_enabled_hours": 1000.0 * count / max(hours * enabled, 1e-9),
         }  # fmt: skip
-    plain = _plain_threshold(information, rng, per_block)
+    plain = _plain_threshold(information, rng, of.per_block)
     found["plain"] = {"threshold": plain, "on_end": ON_END}
     return found
 
@@ -112,20 +135,15 @@ def delays(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, 
     The oracle is Page's test with the true size and sign, its threshold found on draws of its own
     with whole drives' information, so that it alarms as seldom as the monitors do.
     """
-    rng = np.random.default_rng(seed)
-    per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
-    per_block = PER_1000H / 1000.0 / per_hour
-    seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
-    smallest, one_sided = fault.size / unit, fault.number.one_sided
-    low = LEAST * smallest
+    rng, of = np.random.default_rng(seed), Setting.of(records, fault, k, unit)
     rows, glr_at, plain_at = [], found["glr"]["threshold"], found["plain"]["threshold"]
     for fraction in FRACTIONS:
-        b = min(fraction * smallest, 1.0)
+        b = min(fraction * of.size, 1.0)
         long = strung(records, k, 3_000_000, rng)
         healthy = np.sqrt(long) * rng.standard_normal(len(long))
-        oracle = from_path(cusum_path(healthy, long, b, True)[0], per_block)
-        known = threshold(lambda s, i, b=b: cusum_path(s, i, b, one_sided)[0], seen, Colour(),
-                          per_block)  # fmt: skip
+        oracle = from_path(cusum_path(healthy, long, b, True)[0], of.per_block)
+        known = threshold(lambda s, i, b=b: cusum_path(s, i, b, of.one_sided)[0], of.seen, Colour(),
+                          of.per_block)  # fmt: skip
         taken: dict[str, list[float]] = {"glr": [], "cusum": [], "plain": [], "oracle": []}
         horizon = 4000
         for _ in range(trials):
@@ -137,19 +155,19 @@ def delays(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, 
             plain = np.zeros(len(z))
             debounced(z, plain_at, ON_END, plain)
             paths = {
-                "glr": glr_path(score, information, low, 1.0, one_sided)[0] / glr_at,
-                "cusum": cusum_path(score, information, b, one_sided)[0] / known,
+                "glr": glr_path(score, information, of.low, 1.0, of.one_sided)[0] / glr_at,
+                "cusum": cusum_path(score, information, b, of.one_sided)[0] / known,
                 "oracle": cusum_path(score, information, b, True)[0] / oracle,
                 "plain": plain,
             }  # fmt: skip
             for name, path in paths.items():
                 at = np.flatnonzero(path[SETTLED:] >= 1.0)
-                taken[name].append((float(at[0]) + 1.0 if len(at) else horizon) / per_hour)
+                taken[name].append((float(at[0]) + 1.0 if len(at) else horizon) / of.per_hour)
         row = {"size": b * unit, "oracle_threshold": oracle, "cusum_threshold": known}
         for name, hours in taken.items():
             row[f"{name}_h"] = float(np.mean(hours))
             row[f"{name}_se_h"] = float(np.std(hours) / np.sqrt(len(hours)))
-            row[f"{name}_missed"] = float(np.mean(np.array(hours) >= horizon / per_hour))
+            row[f"{name}_missed"] = float(np.mean(np.array(hours) >= horizon / of.per_hour))
         row["cusum_over_oracle"] = row["cusum_h"] / row["oracle_h"]
         row["glr_over_oracle"] = row["glr_h"] / row["oracle_h"]
         rows.append(row)

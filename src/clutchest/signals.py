@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError, nearest
 
 Floats = NDArray[np.float64]
+Rows = NDArray[np.bool_] | NDArray[np.intp] | slice  # which samples: a mask, indices, or from … to
 
 LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
 HEAD = 5.0  # s from its first sample, by which it is known where a signal comes from, and how often
@@ -69,9 +70,27 @@ class Signal:
     def only_valid(self) -> Signal:
         """The same signal without its invalid samples."""
         keep = self.valid
-        if keep.all():
-            return self
-        return replace(self, time=self.time[keep], value=self.value[keep], why=self.why[keep])
+        return self if keep.all() else self.take(keep)
+
+    def take(self, rows: Rows) -> Signal:
+        """The samples of ``rows``."""
+        return replace(self, time=self.time[rows], value=self.value[rows], why=self.why[rows])
+
+    def then(self, later: Signal) -> Signal:
+        """These samples and behind them those of ``later``."""
+        return Signal.joined((self, later))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Signal]) -> Signal:
+        """The samples of all ``parts``, at least one, which follow each other in time."""
+        some = [part for part in parts if len(part)]
+        if len(some) < 2:
+            return some[0] if some else parts[-1]
+        time, value, why = (
+            np.concatenate([getattr(part, column) for part in some])
+            for column in ("time", "value", "why")
+        )
+        return cls(some[0].name, some[0].unit, time, value, why)
 
     def at(self, time: Floats, gap: float = LOST) -> Floats:
         """Values at ``time`` (n,), of a signal without invalid samples: straight between samples no
@@ -116,6 +135,11 @@ class Traffic:
     sound: NDArray[np.bool_]
     period: float | None = None
     checked: bool = False
+
+    def take(self, rows: Rows) -> Traffic:
+        """The frames of ``rows``."""
+        return replace(self, time=self.time[rows], same=self.same[rows], step=self.step[rows],
+                       sound=self.sound[rows])  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.time)

@@ -138,7 +138,7 @@ def shifted(signals: Signals, seconds: float) -> Signals:
 def until(signal, end):
     """The samples up to ``end`` s."""
     keep = signal.time < end
-    return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
+    return signal.take(keep)
 
 
 def after(signal, start):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, To, VehicleName
+from clutchest.cli.estimating import estimated
+from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, State, To, VehicleName
 from clutchest.cli.terminal import answer, progress
 
 
@@ -21,14 +21,7 @@ def diagnose(
             help="Also what this drive could show at all, and what it could tell apart.",
         ),
     ] = False,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            show_default=False,
-            help="state.json of the drive before: its estimates carry over.",
-        ),
-    ] = None,
+    state: State = None,
     out: Out = DEFAULT_OUT,
     start: From = None,
     stop: To = None,
@@ -47,18 +40,9 @@ def diagnose(
     with progress() as show:
         show("loading", None)
         from clutchest.diagnosis.diagnose import diagnose as test
-        from clutchest.estimate.replay import replay
-        from clutchest.reading import read_log
-        from clutchest.reading.window import Window
         from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
-        from clutchest.record.files import read_state
-        from clutchest.vehicle import load_vehicle
 
-        car = load_vehicle(vehicle)
-        before = None if state is None else read_state(state)
-        show("reading", None)
-        signals = read_log(logs, car, Window.parse(start, stop))
-        found = test(replay(signals, car, state=before, progress=show), progress=show)
+        found = test(estimated(logs, vehicle, start, stop, state, show), progress=show)
         show("writing", None)
         names = [path.name for path in write_diagnosis(found, out)]
     answer(

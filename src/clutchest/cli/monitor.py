@@ -7,12 +7,11 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, VehicleName
+from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, VehicleName
 from clutchest.cli.terminal import progress
 
 if TYPE_CHECKING:
@@ -31,14 +30,7 @@ def monitor(
         typer.Option(metavar="S", min=0.0, show_default=False, help="Stop after so many seconds."),
     ] = None,
     out: Out = DEFAULT_OUT,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            show_default=False,
-            help="state.json of the drive before: its estimates carry over.",
-        ),
-    ] = None,
+    state: State = None,
     rate: Annotated[
         float,
         typer.Option(metavar="HZ", min=0.1, max=100.0, help="Rows per second of the estimates."),

@@ -27,6 +27,14 @@ VehicleName = Annotated[
         help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270, alsd_rig, alsd_car.",
     ),
 ]
+State = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        show_default=False,
+        help="state.json of the drive before: its estimates carry over.",
+    ),
+]
 Interface = Annotated[
     str,
     typer.Option(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, To, VehicleName
+from clutchest.cli.estimating import estimated
+from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, State, To, VehicleName
 from clutchest.cli.terminal import answer, progress
 
 
@@ -15,14 +15,7 @@ def replay(
     logs: Logs,
     vehicle: VehicleName,
     out: Out = DEFAULT_OUT,
-    state: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            show_default=False,
-            help="state.json of the drive before: its estimates carry over.",
-        ),
-    ] = None,
+    state: State = None,
     rate: Annotated[
         float,
         typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
@@ -51,23 +44,10 @@ def replay(
     """
     with progress() as show:
         show("loading", None)
-        from clutchest.errors import ClutchestError
-        from clutchest.estimate.replay import replay as estimate
-        from clutchest.estimate.start import StateError
-        from clutchest.reading import read_log
-        from clutchest.reading.window import Window
-        from clutchest.record.files import read_state, write_run
+        from clutchest.record.files import write_run
         from clutchest.record.terminal import print_run
-        from clutchest.vehicle import load_vehicle
 
-        car = load_vehicle(vehicle)
-        before = None if state is None else read_state(state)
-        show("reading", None)
-        signals = read_log(logs, car, Window.parse(start, stop))
-        try:
-            run = estimate(signals, car, rate=rate, state=before, smooth=smooth, progress=show)
-        except StateError as problem:
-            raise ClutchestError(f"{state}: {problem}") from None
+        run = estimated(logs, vehicle, start, stop, state, show, rate=rate, smooth=smooth)
         show("writing", None)
         written = write_run(run, out, innovations=innovations)
     names = [path.name for path in written]

@@ -130,7 +130,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
                 if effect.name == owner and number == key:
                     late[model.input(signal), k] = slope[model.input(signal)]
 
-    calm = heun(model, e, slope)
+    calm = heun(model, e, slope) if e.dragging else taken
     calmly = over | {"u1": calm.u1, "dt": calm.dt, "slope": slope}
 
     def by_theta(of: ca.SX, taken: Step = taken) -> ca.SX:

@@ -16,6 +16,7 @@ from clutchest.vehicle import Vehicle
 PROPRIETARY = range(520_192, 524_288)  # SPNs that makers may use as they like
 CLUTCH = PROPRIETARY[0]  # the clutch as a whole: what cannot be narrowed down to one fault
 UNKNOWN_CAUSE = 11  # FMI
+MISFIT = "misfit"  # what no known fault explains
 WORN = 16  # FMI: above normal, moderately severe
 KINDS = ("missing", "late", "frozen", "counter", "checksum", "stuck", "noise", "drift",
          "implausible", "sticking")  # fmt: skip
@@ -103,7 +104,7 @@ def _place(fault: str) -> int:
 
 def number_of_set(faults: Sequence[str], vehicle: Vehicle, size: float = 0.0) -> tuple[int, int]:
     """(SPN, FMI) of a fault, or of a set that cannot be told apart: then none of a component."""
-    if len(faults) == 1 and faults[0] != "misfit":
+    if len(faults) == 1 and faults[0] != MISFIT:
         return number_of(faults[0], vehicle, size)
     stated = vehicle.codes.get("clutch")
     return (stated[0] if stated else CLUTCH), UNKNOWN_CAUSE

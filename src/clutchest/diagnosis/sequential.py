@@ -68,6 +68,31 @@ def cusum(gains, start, path, begun):  # type: ignore[no-untyped-def]
     return max(level, 0.0)
 
 
+LEVEL, BEGUN, FAILING = range(3)  # of a climb; whoever carries more puts it behind
+
+
+@njit(cache=True)
+def climb(state, gain, bound, time, changes, n):  # type: ignore[no-untyped-def]
+    """Page's sum, one ``gain`` at ``time`` s at a time, at most twice its ``bound``: it fails above
+    it and heals at nought.
+
+    ``state`` is carried on; of the n ``changes`` so far (·, 2), one more is (begun, time) where it
+    fails and (nan, time) where it heals.  Returns how many there are.
+    """
+    if state[LEVEL] <= 0.0:
+        state[LEVEL], state[BEGUN] = 0.0, time
+    state[LEVEL] = min(state[LEVEL] + gain, 2.0 * bound)
+    if state[LEVEL] > bound and not state[FAILING]:
+        state[FAILING] = 1.0
+        changes[n] = state[BEGUN], time
+        return n + 1
+    if state[FAILING] and state[LEVEL] <= 0.0:
+        state[FAILING] = 0.0
+        changes[n] = np.nan, time
+        return n + 1
+    return n
+
+
 @njit(cache=True)
 def glr(score, information, low, high, window, path, begun):  # type: ignore[no-untyped-def]
     """The likeliest fault of a size from ``low`` to ``high`` that began within the last ``window``

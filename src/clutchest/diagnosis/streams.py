@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,13 +17,17 @@ SILENT = 2.0  # beyond, the whole bus is silent
 PATIENCE = 20  # frames from which that gap is known
 
 
+def false_alarms(vehicle: Vehicle) -> float:
+    """Per 1000 h and monitor, as the vehicle file allows them."""
+    return vehicle.monitors.get("false_alarms_per_1000h", RATE)
+
+
 class Streams:
     """All such tests of one drive.  Feed :meth:`take` with what is new, in order of time."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
-        per_1000h = vehicle.monitors.get("false_alarms_per_1000h", RATE)
-        self.tests = stream_tests(vehicle, per_1000h)
+        self.tests = stream_tests(vehicle, false_alarms(vehicle))
         self.frames = False  # whether there have been frames at all
         self._last, self._alive, self._usual = 0.0, 0.0, 1.0
 
@@ -37,7 +40,7 @@ class Streams:
         batch = self._batch(new, until)
         before = [len(test.alarms) for test in self.tests]
         for test in self.tests:
-            if test.subject in new.traffic or test.subject not in _messages(self.tests):
+            if not test.of_message or test.subject in new.traffic:
                 test.take(batch)
         return [t for t, count in zip(self.tests, before, strict=True) if len(t.alarms) > count]
 
@@ -69,16 +72,9 @@ def ready(vehicle: Vehicle) -> None:
     no, none = np.zeros(len(time), bool), np.full(len(time), -1, np.int16)
     streams = Streams(vehicle)
     traffic = Traffic(time, no, none, 16, ~no, 0.01, True)
-    messages = {test.subject for test in streams.tests if test.kind in MESSAGE_KINDS}
+    messages = {test.subject for test in streams.tests if test.of_message}
     signals = {name: Signal.of(name, "", time, value) for name in vehicle.signals}
     streams.take(Signals(signals, traffic=dict.fromkeys(messages, traffic)), 1.0)
-
-
-def _messages(tests: list[StreamTest]) -> set[str]:
-    return {t.subject for t in tests if t.kind in MESSAGE_KINDS}
-
-
-MESSAGE_KINDS = ("missing", "late", "frozen", "counter", "checksum")
 
 
 def part(signals: Signals, begin: float, end: float) -> Signals:
@@ -88,12 +84,8 @@ def part(signals: Signals, begin: float, end: float) -> Signals:
         a, b = np.searchsorted(time, (begin, end))
         return slice(int(a), int(b))
 
-    cut = {}
-    for name, s in signals.items():
-        own = rows(s.time)
-        cut[name] = replace(s, time=s.time[own], value=s.value[own], why=s.why[own])
-    traffic: Mapping[str, Traffic] = {
-        name: replace(t, time=t.time[own], same=t.same[own], step=t.step[own], sound=t.sound[own])
-        for name, t in signals.traffic.items() for own in [rows(t.time)]
-    }  # fmt: skip
-    return replace(signals, signals=cut, traffic=traffic)
+    return replace(
+        signals,
+        signals={name: s.take(rows(s.time)) for name, s in signals.items()},
+        traffic={name: t.take(rows(t.time)) for name, t in signals.traffic.items()},
+    )

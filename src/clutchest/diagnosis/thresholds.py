@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -56,28 +57,32 @@ def glr_path(score: Floats, information: Floats, low: float, high: float,
              one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
     """Log-likelihood ratio (n) of the likeliest fault and the block it began with (n), its size
     from ``low`` to ``high`` either way."""
-    path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
-    glr(score, information, low, high, WINDOW, path, begun)
-    if not one_sided:
-        other, first = np.zeros(len(score)), np.zeros(len(score), np.int64)
-        glr(-score, information, low, high, WINDOW, other, first)
-        begun = np.where(other > path, first, begun)
-        path = np.maximum(path, other)
-    return path, begun
+    return _likelier(
+        score, one_sided,
+        lambda s, path, begun: glr(s, information, low, high, WINDOW, path, begun),
+    )  # fmt: skip
 
 
 def cusum_path(score: Floats, information: Floats, size: float,
                one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
     """The same for a fault of one ``size``, either way: Page's test."""
-    path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
     drift = size**2 * information / 2.0
-    cusum(size * score - drift, 0.0, path, begun)
-    if not one_sided:
-        other, first = np.zeros(len(score)), np.zeros(len(score), np.int64)
-        cusum(-size * score - drift, 0.0, other, first)
-        begun = np.where(other > path, first, begun)
-        path = np.maximum(path, other)
-    return path, begun
+    return _likelier(
+        score, one_sided, lambda s, path, begun: cusum(size * s - drift, 0.0, path, begun)
+    )
+
+
+def _likelier(
+    score: Floats, one_sided: bool, test: Callable[[Floats, Floats, np.ndarray], Any]
+) -> tuple[Floats, np.ndarray]:
+    """Of a test of ``score`` (n) that fills a path and where it began, or of it either way."""
+    path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
+    test(score, path, begun)
+    if one_sided:
+        return path, begun
+    other, first = np.zeros(len(score)), np.zeros(len(score), np.int64)
+    test(-score, other, first)
+    return np.maximum(path, other), np.where(other > path, first, begun)
 
 
 def drawn(

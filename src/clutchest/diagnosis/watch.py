@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 from typing import Any
 
-import numpy as np
-
 from clutchest.can.database import Database
 from clutchest.can.dm1 import Code
 from clutchest.can.frames import Frames
@@ -137,15 +135,7 @@ class FaultWatch:
         return found
 
     def _so_far(self) -> Signals:
-        whole = {
-            name: Signal(
-                name, parts[0].unit, *(
-                    np.concatenate([getattr(part, column) for part in parts])
-                    for column in ("time", "value", "why")
-                )
-            )
-            for name, parts in self._kept.items()
-        }  # fmt: skip
+        whole = {name: Signal.joined(parts) for name, parts in self._kept.items()}
         return Signals(whole, end=self._now)
 
 

@@ -40,7 +40,7 @@ from clutchest.estimate.whole_log import (
     run,
 )
 from clutchest.models import model_for
-from clutchest.reading.incoming import Decoded, Incoming, joined
+from clutchest.reading.incoming import Decoded, Incoming
 from clutchest.signals import HEAD, LOST, Floats, Signal
 from clutchest.vehicle import Vehicle
 
@@ -178,7 +178,7 @@ class Live:
         self.arrived = first.signals
         if last:
             rest = incoming.take(Frames.empty(), int(frames.t_ns[-1]), last=True)
-            first = Decoded({n: joined(s, rest.signals[n]) if n in rest.signals else s
+            first = Decoded({n: s.then(rest.signals[n]) if n in rest.signals else s
                              for n, s in first.signals.items()}, rest.settled)  # fmt: skip
         return self._drive.take(first, last)
 
@@ -216,10 +216,10 @@ class _Drive:
         for name, signal in new.signals.items():
             valid = signal.only_valid()
             if name in self.samples:
-                self.samples[name] = joined(self.samples[name], valid)
+                self.samples[name] = self.samples[name].then(valid)
             elif begins and len(valid):
                 self.samples[name], self.habits[name] = valid, Habit.of(valid)
-            self.unseen[name] = joined(self.unseen[name], signal) if name in self.unseen else signal
+            self.unseen[name] = self.unseen[name].then(signal) if name in self.unseen else signal
         if not last and not self._may_tell(new.settled):
             return None
         present, known = self._present(new.settled, last)
@@ -378,10 +378,7 @@ class _Drive:
             late = self.setting.late(name)
             first = int(np.searchsorted(signal.time, since + late)) - longest - 2
             if first > 0:
-                self.samples[name] = replace(
-                    signal, time=signal.time[first:], value=signal.value[first:],
-                    why=signal.why[first:],
-                )  # fmt: skip
+                self.samples[name] = signal.take(slice(first, None))
 
     def final(self) -> dict[str, Any] | None:
         """As :func:`clutchest.estimate.start.leave` has it."""

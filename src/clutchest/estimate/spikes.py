@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from clutchest.estimate.habits import Habit, sticking_out
@@ -30,5 +28,4 @@ def without_spikes(signal: Signal, noise: float, habit: Habit | None = None) -> 
         return signal, 0
     spike = np.pad(close & far, 1)
     left = ~spike
-    kept = replace(signal, time=signal.time[left], value=signal.value[left], why=signal.why[left])
-    return kept, int(spike.sum())
+    return signal.take(left), int(spike.sum())

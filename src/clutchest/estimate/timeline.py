@@ -320,13 +320,13 @@ def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
     """The samples of ``signal`` that fall on stamps with the flag."""
     rows = np.clip(np.searchsorted(stamps, signal.time), 0, len(stamps) - 1)
     keep = flag[rows] & (signal.time <= stamps[-1])
-    return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
+    return signal.take(keep)
 
 
 def _after(signal: Signal, time: float) -> Signal:
     """The samples behind ``time`` s."""
     keep = signal.time > time
-    return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
+    return signal.take(keep)
 
 
 def _inputs(

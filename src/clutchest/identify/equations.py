@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,7 +92,7 @@ class Drive:
 
 def _clean(signal: Signal) -> Signal:
     keep = ~far_off(signal.value)
-    return replace(signal, time=signal.time[keep], value=signal.value[keep], why=signal.why[keep])
+    return signal.take(keep)
 
 
 def _smooth(value: Floats, width: float) -> Floats:

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
@@ -245,10 +244,9 @@ class LinearDrive:
 def _sloped(model: Model) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
     """Indices of inputs that may be late, or that drag something along, to how they are freed of
     their noise."""
-    e = model.expressions()
-    drags = np.flatnonzero(ca.which_depends(e.mapped, e.u0, 1, False))
     late = {signal for effect in model.effects for signal in effect.delays}
-    return dict.fromkeys(map(model.input, late), calm) | dict.fromkeys(map(int, drags), path)
+    dragging = model.expressions().dragging
+    return dict.fromkeys(map(model.input, late), calm) | dict.fromkeys(dragging, path)
 
 
 class Problem:

@@ -72,6 +72,12 @@ class Expressions:
     implied: ca.SX
     quantities: Quantities
 
+    @property
+    def dragging(self) -> list[int]:
+        """Indices of the inputs that the step map sees move."""
+        sees = ca.which_depends(self.mapped, self.u0, 1, False)
+        return [j for j, seen in enumerate(sees) if seen]
+
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""

@@ -15,7 +15,6 @@ from clutchest.can.frames import Frames
 from clutchest.diagnosis.streams import ready
 from clutchest.diagnosis.watch import REVIEW, Change, FaultWatch
 from clutchest.monitor.monitor import Event
-from clutchest.reading.incoming import joined
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
 
@@ -56,7 +55,7 @@ class Faults:
             self._begin(start_ns)
         for name, signal in signals.items():
             before = self._signals.get(name)
-            self._signals[name] = signal if before is None else joined(before, signal)
+            self._signals[name] = signal if before is None else before.then(signal)
         self._frames.append(frames)
         found: list[Event] = []
         if now - self._taken >= GATHER:

@@ -94,10 +94,7 @@ class Incoming:
 def _since(signal: Signal, time: float) -> Signal:
     """The samples from ``time`` s on: what was remembered has been taken already."""
     first = int(np.searchsorted(signal.time, time))
-    if not first:
-        return signal
-    return replace(signal, time=signal.time[first:], value=signal.value[first:],
-                   why=signal.why[first:])  # fmt: skip
+    return signal.take(slice(first, None)) if first else signal
 
 
 class _Samples:
@@ -107,7 +104,7 @@ class _Samples:
         self.signal: Signal | None = None
 
     def append(self, new: Signal) -> None:
-        self.signal = new if self.signal is None else joined(self.signal, new)
+        self.signal = new if self.signal is None else self.signal.then(new)
 
     def forget(self, before: float) -> None:
         """All but the last sample before ``before`` s."""
@@ -136,8 +133,7 @@ class _Geared:
         upto = now if last else max(seen - LOOK_AHEAD, self.done)
         found = engaged_gear(wheel.time, wheel.value, speed, self.gears.tolist(), self.before)
         new = slice(*np.searchsorted(wheel.time, [self.done, upto], side="right"))
-        value = wheel.value * self.gears[found.gear]
-        shaft = replace(wheel, time=wheel.time[new], value=value[new], why=wheel.why[new])
+        shaft = replace(wheel, value=wheel.value * self.gears[found.gear]).take(new)
         keep = max(int(np.searchsorted(wheel.time, upto - BEFORE)) - 1, 0)
         if len(found.held):
             self.before = int(found.held[keep])
@@ -145,15 +141,3 @@ class _Geared:
         self.engine.forget(upto - BEFORE)
         self.done = upto
         return shaft, upto
-
-
-def joined(a: Signal, b: Signal) -> Signal:
-    """The samples of ``a`` and then those of ``b``."""
-    if not len(a) or not len(b):
-        return a if len(a) else b
-    return replace(
-        a,
-        time=np.concatenate((a.time, b.time)),
-        value=np.concatenate((a.value, b.value)),
-        why=np.concatenate((a.why, b.why)),
-    )

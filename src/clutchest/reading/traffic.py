@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +44,7 @@ class ArrivingTraffic:
         both = own if before is None else Frames.concatenate([before, own])
         if len(own):
             self._last[message.name] = own.take(np.array([-1]))
-        whole = _traffic(both, message, self.vehicle, start_ns)
-        return replace(
-            whole, time=whole.time[known:], same=whole.same[known:], step=whole.step[known:],
-            sound=whole.sound[known:],
-        )  # fmt: skip
+        return _traffic(both, message, self.vehicle, start_ns).take(slice(known, None))
 
     def _rows(self, frames: Frames, message: Message) -> NDArray[np.intp]:
         rows = rows_of(frames, message)

@@ -107,5 +107,5 @@ def _ns(moment: Moment, first_ns: int) -> int:
 
 def _between(signal: Signal, start: float, stop: float) -> Signal:
     first, last = np.searchsorted(signal.time, (start, stop))
-    return replace(signal, time=signal.time[first:last] - start, value=signal.value[first:last],
-                   why=signal.why[first:last])  # fmt: skip
+    inside = signal.take(slice(first, last))
+    return replace(inside, time=inside.time - start)

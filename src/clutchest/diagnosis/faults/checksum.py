@@ -13,6 +13,7 @@ class Checksum(WrongFrames):
     """The checksum is not that of the payload."""
 
     kind = "checksum"
+    behind = ("missing",)
 
     def wrong(self, traffic: Traffic, alive: NDArray) -> tuple[NDArray, NDArray]:
         """See :meth:`WrongFrames.wrong`."""

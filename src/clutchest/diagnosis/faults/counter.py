@@ -19,6 +19,7 @@ class Counter(WrongFrames):
     """
 
     kind = "counter"
+    harmless = True
 
     def wrong(self, traffic: Traffic, alive: NDArray) -> tuple[NDArray, NDArray]:
         """See :meth:`WrongFrames.wrong`."""

@@ -7,9 +7,11 @@ A new fault is a new file in this folder with one class.  Tests of frames and of
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
+
+import numpy as np
 
 from clutchest.models.effects import Effect, Number, library
 from clutchest.signals import Floats, Signal, Traffic
@@ -48,11 +50,16 @@ class StreamTest(ABC):
     """One test that takes what is new and carries its state on.
 
     ``name`` as interface names the fault; ``per_1000h`` false alarms; ``alarms`` so far;
-    ``enabled`` s during which the test could have seen the fault.
+    ``enabled`` s during which the test could have seen the fault.  ``of_message``: the subject is a
+    message, not a signal; ``harmless``: signals stay true for all that; ``behind``: kinds of a
+    message's fault that show in this test too.
     """
 
     kind: ClassVar[str]
     fmi: ClassVar[int]
+    of_message: ClassVar[bool] = False
+    harmless: ClassVar[bool] = False
+    behind: ClassVar[tuple[str, ...]] = ("missing", "frozen")
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         self.subject, self.per_1000h = subject, per_1000h
@@ -96,6 +103,15 @@ class StreamTest(ABC):
         """It is there no more."""
         if self.failing:
             self.alarms[-1].ended = time
+
+    def change(self, changes: Floats, what: Callable[[float, float], str]) -> None:
+        """Fail and heal as :func:`~clutchest.diagnosis.sequential.climb` tells by ``changes``
+        (n, 2); ``what`` is wrong from … to, in words."""
+        for begun, now in changes.tolist():
+            if np.isfinite(begun):
+                self.fail(Alarm(begun, now, what=what(begun, now)))
+            else:
+                self.heal(now)
 
 
 class ModelFault:

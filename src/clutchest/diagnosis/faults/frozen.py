@@ -6,20 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
+from clutchest.diagnosis.faults.fault import Batch, StreamTest
 from clutchest.diagnosis.faults.messages import lively, messages_of, moving
-from clutchest.diagnosis.faults.repeats import Repeats
+from clutchest.diagnosis.faults.repeats import SAMPLES, SPAN, RepeatTest
 from clutchest.vehicle import Vehicle
 
 
-class Frozen(StreamTest):
+class Frozen(RepeatTest):
     """The payload, counter and checksum left out, repeats for longer than it does in health."""
 
     kind, fmi = "frozen", 19
+    of_message = True
+    behind = ("missing",)
 
     def __init__(self, subject: str, per_1000h: float, carries: Sequence[str]) -> None:
         super().__init__(subject, per_1000h)
-        self.carries, self.repeats = tuple(carries), Repeats()
+        self.carries = tuple(carries)
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
@@ -39,21 +41,13 @@ class Frozen(StreamTest):
                 signal = batch.signals[name].only_valid()
                 alive = signal.time[moving(name, signal.value)]
                 judged |= np.isin(traffic.time, alive)
-        for begun, detected, ended in self.repeats.take(
-            traffic.time, traffic.same, judged, self.per_1000h
-        ):
-            if ended < np.inf:
-                self.heal(ended)
-            else:
-                count = round((detected - begun) / max(self.repeats.state[4], 1e-9)
-                              * self.repeats.state[3])  # fmt: skip
-                self.fail(Alarm(begun, detected, what=f"{count + 1} equal payloads on end"))
-        self.enabled = self.repeats.enabled
 
-    @property
-    def threshold(self) -> float | None:
-        """See :meth:`StreamTest.threshold`; frames."""
-        return self.repeats.bound if self.enabled else None
+        def what(begun: float, detected: float) -> str:
+            state = self.repeats.state
+            count = round((detected - begun) / max(state[SPAN], 1e-9) * state[SAMPLES])
+            return f"{count + 1} equal payloads on end"
+
+        self.judge(traffic.time, traffic.same, judged, what)
 
     @property
     def why(self) -> str:

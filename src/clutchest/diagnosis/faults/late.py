@@ -7,9 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
+from clutchest.diagnosis.faults.fault import Batch, StreamTest
 from clutchest.diagnosis.faults.messages import messages_of
-from clutchest.diagnosis.sequential import COUNT, new_tail, tail_bound, tail_mean, tail_take
+from clutchest.diagnosis.sequential import (
+    COUNT,
+    FAILING,
+    climb,
+    new_tail,
+    tail_bound,
+    tail_mean,
+    tail_take,
+)
 from clutchest.vehicle import Vehicle
 
 SMALLEST = 0.1  # of the period: the lateness that matters
@@ -17,7 +25,7 @@ JITTER = 0.05  # of the period, before any has been seen
 LEARN = 20  # intervals whose median is the period where none is stated
 LOST = 1.75  # periods: a frame has been lost rather than late, unless it happens all the time
 FORGET = 0.05  # of what is known of that, per frame
-LEVEL, BEGUN, LATE, OFTEN = range(4)
+OFTEN = FAILING + 1  # of the state: how often frames have been lost of late
 
 
 class Late(StreamTest):
@@ -25,10 +33,12 @@ class Late(StreamTest):
     it must leave what the jitter of this message reaches."""
 
     kind, fmi = "late", 9
+    of_message = harmless = True
+    behind = ("missing",)
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.tail, self.state = new_tail(JITTER), np.zeros(4)
+        self.tail, self.state = new_tail(JITTER), np.zeros(OFTEN + 1)
         self.period: float | None = None
         self.first: list[float] = []
         self.last: float | None = None
@@ -57,16 +67,16 @@ class Late(StreamTest):
             if len(self.first) < LEARN:
                 return
             self.period = float(np.median(self.first))
+        period = self.period
         self.enabled += float(gaps.sum())
         changes = np.zeros((len(gaps), 2))
-        n = _late(time, gaps / self.period, self.tail, self.state, self._count(), changes)
-        for begun, now in changes[:n].tolist():
-            if np.isfinite(begun):
-                mean = float(np.mean(gaps[(time >= begun) & (time <= now)]))
-                self.fail(Alarm(begun, now, what=f"a frame every {1e3 * mean:.3g} ms, expected "
-                                f"every {1e3 * self.period:.3g} ms"))  # fmt: skip
-            else:
-                self.heal(now)
+        n = _late(time, gaps / period, self.tail, self.state, self._count(), changes)
+
+        def what(begun: float, now: float) -> str:
+            mean = float(np.mean(gaps[(time >= begun) & (time <= now)]))
+            return f"a frame every {1e3 * mean:.3g} ms, expected every {1e3 * period:.3g} ms"
+
+        self.change(changes[:n], what)
 
     def _count(self) -> float:
         return 3.6e6 / (self.period or 1.0) / self.per_1000h
@@ -97,18 +107,7 @@ def _late(time, ratio, tail, state, count, changes):  # type: ignore[no-untyped-
         if lost and state[OFTEN] < 0.5:
             continue
         late = min(ratio[k] - 1.0, 1.0)
-        bound = tail_bound(tail, count)
-        if state[LEVEL] <= 0.0:
-            state[LEVEL], state[BEGUN] = 0.0, time[k]
-        state[LEVEL] = min(state[LEVEL] + late - SMALLEST / 2.0, 2.0 * bound)
-        if state[LEVEL] > bound and not state[LATE]:
-            state[LATE] = 1.0
-            changes[n] = state[BEGUN], time[k]
-            n += 1
-        elif state[LATE] and state[LEVEL] <= 0.0:
-            state[LATE] = 0.0
-            changes[n] = np.nan, time[k]
-            n += 1
-        if not state[LATE]:
+        n = climb(state, late - SMALLEST / 2.0, tail_bound(tail, count), time[k], changes, n)
+        if not state[FAILING]:
             tail_take(tail, abs(late))
     return n

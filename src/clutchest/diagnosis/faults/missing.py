@@ -22,6 +22,8 @@ class Missing(StreamTest):
     """
 
     kind, fmi = "missing", 9
+    of_message = True
+    behind = ()
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)

@@ -1,11 +1,14 @@
-"""Runs of samples that are all the same, and how long healthy ones get."""
+"""Runs of samples that are all the same, how long healthy ones get, and the tests on them."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from clutchest.diagnosis.faults.fault import Alarm, StreamTest
 from clutchest.diagnosis.sequential import (
     COUNT,
     EDGE,
@@ -57,6 +60,31 @@ class Repeats:
         """What is known of healthy runs."""
         return (f"more than {self.bound:.3g} equal samples on end, from {int(self.tail[COUNT])} "
                 f"runs of {tail_mean(self.tail):.2g} on average")  # fmt: skip
+
+
+class RepeatTest(StreamTest):
+    """A test that fails where too many samples or payloads on end are all the same."""
+
+    def __init__(self, subject: str, per_1000h: float) -> None:
+        super().__init__(subject, per_1000h)
+        self.repeats = Repeats()
+
+    def judge(
+        self, time: Floats, same: NDArray[np.bool_], judged: NDArray[np.bool_],
+        what: Callable[[float, float], str],
+    ) -> None:  # fmt: skip
+        """Take what is new as :meth:`Repeats.take` does; ``what`` is wrong from … to, in words."""
+        for begun, detected, ended in self.repeats.take(time, same, judged, self.per_1000h):
+            if ended < np.inf:
+                self.heal(ended)
+            else:
+                self.fail(Alarm(begun, detected, what=what(begun, detected)))
+        self.enabled = self.repeats.enabled
+
+    @property
+    def threshold(self) -> float | None:
+        """See :meth:`StreamTest.threshold`; samples or payloads."""
+        return self.repeats.bound if self.enabled else None
 
 
 @njit(cache=True)

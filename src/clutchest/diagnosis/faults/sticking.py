@@ -21,6 +21,7 @@ class Sticking(StreamTest):
     move of the motor to the next; a threshold of ln(moves) by Lorden's inequality."""
 
     kind, fmi = "sticking", 7
+    harmless = True
 
     def __init__(self, per_1000h: float, std: float) -> None:
         super().__init__("actuator", per_1000h)

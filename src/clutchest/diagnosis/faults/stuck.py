@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
+from clutchest.diagnosis.faults.fault import Batch, StreamTest
 from clutchest.diagnosis.faults.messages import lively, moving
-from clutchest.diagnosis.faults.repeats import Repeats
+from clutchest.diagnosis.faults.repeats import RepeatTest
 from clutchest.vehicle import Vehicle
 
 
-class Stuck(StreamTest):
+class Stuck(RepeatTest):
     """The same value again and again, where noise alone would move it.
 
     A speed of nought and a motor at its stop are at rest, and a temperature may stand still: there
@@ -23,7 +23,7 @@ class Stuck(StreamTest):
 
     def __init__(self, subject: str, per_1000h: float, lively: bool) -> None:
         super().__init__(subject, per_1000h)
-        self.lively, self.repeats, self.last = lively, Repeats(), np.nan
+        self.lively, self.last = lively, np.nan
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
@@ -41,18 +41,12 @@ class Stuck(StreamTest):
         same = np.diff(signal.value, prepend=self.last) == 0.0
         self.last = float(signal.value[-1])
         judged = moving(self.subject, signal.value)
-        for begun, detected, ended in self.repeats.take(signal.time, same, judged, self.per_1000h):
-            if ended < np.inf:
-                self.heal(ended)
-            else:
-                value = signal.value[np.searchsorted(signal.time, detected)]
-                self.fail(Alarm(begun, detected, what=f"stays at {value:.6g} {signal.unit}"))
-        self.enabled = self.repeats.enabled
 
-    @property
-    def threshold(self) -> float | None:
-        """See :meth:`StreamTest.threshold`; samples."""
-        return self.repeats.bound if self.enabled else None
+        def what(begun: float, detected: float) -> str:
+            value = signal.value[np.searchsorted(signal.time, detected)]
+            return f"stays at {value:.6g} {signal.unit}"
+
+        self.judge(signal.time, same, judged, what)
 
     @property
     def why(self) -> str:

@@ -10,13 +10,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
+from clutchest.diagnosis.faults.fault import Batch, StreamTest
+from clutchest.diagnosis.sequential import FAILING, climb
 from clutchest.signals import Traffic
 from clutchest.vehicle import Vehicle
 
 OFTEN = 0.1  # share of wrong frames that matters
 SEEN = 1000.0  # frames that stand for what has not been seen yet: half of one of them wrong
-LEVEL, BEGUN, FAILING, FRAMES, WRONG = range(5)
+FRAMES, WRONG = FAILING + 1, FAILING + 2  # of the state: healthy ones so far
 
 
 class WrongFrames(StreamTest):
@@ -24,10 +25,11 @@ class WrongFrames(StreamTest):
     a threshold of ln(frames) is exceeded at most once in so many healthy frames."""
 
     fmi = 19
+    of_message = True
 
     def __init__(self, subject: str, per_1000h: float, has: bool) -> None:
         super().__init__(subject, per_1000h)
-        self.has, self.state, self.period, self.last = has, np.zeros(5), 0.0, 0.0
+        self.has, self.state, self.period, self.last = has, np.zeros(WRONG + 1), 0.0, 0.0
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
@@ -49,12 +51,9 @@ class WrongFrames(StreamTest):
         self.period = self.enabled / max(self.state[FRAMES] + len(rows), 1.0)
         changes = np.zeros((len(rows), 2))
         n = _bernoulli(time, wrong, self.state, self._bound(), changes)
-        for begun, now in changes[:n].tolist():
-            if np.isfinite(begun):
-                count = int(np.sum(wrong[(time >= begun) & (time <= now)]))
-                self.fail(Alarm(begun, now, what=f"{count} wrong frames"))
-            else:
-                self.heal(now)
+        self.change(changes[:n], lambda begun, now: (
+            f"{int(np.sum(wrong[(time >= begun) & (time <= now)]))} wrong frames"
+        ))  # fmt: skip
 
     def _bound(self) -> float:
         return log(max(3.6e6 / max(self.period, 1e-6) / self.per_1000h, 2.0))
@@ -77,21 +76,8 @@ def _bernoulli(time, wrong, state, bound, changes):  # type: ignore[no-untyped-d
     n = 0
     for k in range(len(time)):
         usual = min((state[WRONG] + 0.5) / (state[FRAMES] + SEEN), OFTEN / 2.0)
-        if state[LEVEL] <= 0.0:
-            state[LEVEL], state[BEGUN] = 0.0, time[k]
-        if wrong[k]:
-            state[LEVEL] += np.log(OFTEN / usual)
-        else:
-            state[LEVEL] += np.log((1.0 - OFTEN) / (1.0 - usual))
-        state[LEVEL] = min(state[LEVEL], 2.0 * bound)
-        if state[LEVEL] > bound and not state[FAILING]:
-            state[FAILING] = 1.0
-            changes[n] = state[BEGUN], time[k]
-            n += 1
-        elif state[FAILING] and state[LEVEL] <= 0.0:
-            state[FAILING] = 0.0
-            changes[n] = np.nan, time[k]
-            n += 1
+        share, before = (OFTEN, usual) if wrong[k] else (1.0 - OFTEN, 1.0 - usual)
+        n = climb(state, np.log(share / before), bound, time[k], changes, n)
         if not state[FAILING]:
             state[FRAMES] += 1.0
             state[WRONG] += wrong[k]
