@@ -8,7 +8,8 @@ and other effects of the library free of charge within their plausible sizes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import ChainMap
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from types import MappingProxyType
@@ -117,12 +118,12 @@ class Oracle:
     def nearest(self, twin: Twin, beside: Sequence[str] = ()) -> dict[str, float]:
         """d′ of a twin from every effect of the library acting with ``beside``, in the shape that
         comes closest: name → distance.  Far ones to first order, and every choice of a shape."""
-        found, base = {}, self._fit(twin, beside)
-        for name in self.effects:
-            if name not in beside:
-                tried = ((self._first_order(twin, base, (name, *beside), shapes), shapes)
-                         for shapes in (NOMINAL, *grid(self.effects[name])))  # fmt: skip
-                found[name] = min(tried, key=itemgetter(0))
+        base = self._fit(twin, beside)
+        found: dict[str, tuple[float, Shapes]] = {}
+        for look, turn in self._turns(twin.problem, base.theta, beside):
+            for name, shapes in turn.items():
+                tried = self._beyond(self._step(look, self._columns((name, *beside)))[1]), shapes
+                found[name] = min(found.get(name, tried), tried, key=itemgetter(0))
         told = {name: distance for name, (distance, _) in found.items()}
         begin = Twin(twin.problem, base.theta)
         for i, name in enumerate(sorted(told, key=told.__getitem__)):
@@ -131,9 +132,16 @@ class Oracle:
                 told[name] = min(told[name], self._beyond(whole.cost))
         return told
 
-    def _first_order(self, twin: Twin, base: Look, causes: Sequence[str], shapes: Shapes) -> float:
-        look = self._look(twin.problem, base.theta, shapes) if shapes else base
-        return self._beyond(self._step(look, self._columns(causes))[1])
+    def _turns(
+        self, problem: Problem, theta: Floats, beside: Sequence[str] = ()
+    ) -> Iterator[tuple[Look, dict[str, Shapes]]]:
+        """Looks at ``theta`` and the shapes that each serves, by effect: every value of every
+        effect's once; those of ``beside`` stay as they are."""
+        grids = {name: (NOMINAL, *grid(effect)) for name, effect in self.effects.items()
+                 if name not in beside}  # fmt: skip
+        for k in range(max(map(len, grids.values()))):
+            turn = {name: shapes[k] for name, shapes in grids.items() if k < len(shapes)}
+            yield self._look(problem, theta, dict(ChainMap(*map(dict, turn.values())))), turn
 
     def _beyond(self, cost: float) -> float:
         return float(np.sqrt(max(cost - self.clean.cost, 0.0)))
@@ -189,9 +197,12 @@ class Oracle:
         """d′ of the gain ``effect.key`` at its largest plausible size, to first order; with every
         gain of the effect ``beside`` free."""
         look = self._look(self.exact.problem, self.centre, shapes) if shapes else self.clean
+        return self._left(look, gain, [beside] if beside else [])
+
+    def _left(self, look: Look, gain: str, beside: Sequence[str] = ()) -> float:
         owner, key = gain.split(".")
         index = next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == (owner, key))
-        others = self._columns([beside] if beside else [])
+        others = self._columns(beside)
         free = np.concatenate([self.nuisances, others])
         own, column = look.psi[:, free], look.psi[:, index]
         prior = np.r_[np.ones(len(self.nuisances)), np.full(len(others), 1e-9)]
@@ -202,14 +213,12 @@ class Oracle:
 
     def excited(self) -> dict[str, float]:
         """``effect.gain`` → d′ at its largest plausible size, in the shape that shows most."""
-        return {
-            f"{name}.{number.key}": max(
-                self.per_largest(f"{name}.{number.key}", shapes=shapes)
-                for shapes in (NOMINAL, *grid(effect))
-            )
-            for name, effect in self.effects.items()
-            for number in effect.gains
-        }
+        most: dict[str, float] = {}
+        for look, turn in self._turns(self.exact.problem, self.centre):
+            for gain in (f"{name}.{number.key}" for name in turn
+                         for number in self.effects[name].gains):  # fmt: skip
+                most[gain] = max(most.get(gain, 0.0), self._left(look, gain))
+        return most
 
     def _range(self, index: int) -> tuple[float, float]:
         """The plausible range of a gain in its own unit."""
