@@ -60,7 +60,8 @@ def discovered(logs: Sequence[Path], folder: Path, out: Path) -> Record:
     with words.open("w") as errors:
         process = subprocess.Popen([sys.executable, str(MEASURED), str(took), *command],
                                    stdout=subprocess.DEVNULL, stderr=errors,
-                                   start_new_session=True)  # fmt: skip
+                                   start_new_session=True,
+                                   env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})  # fmt: skip
         try:
             process.wait(LONGEST)
         except subprocess.TimeoutExpired:

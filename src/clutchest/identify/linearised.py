@@ -92,7 +92,6 @@ class LinearDrive:
             if sensor.name in model.renewed:  # a nimble filter: colour is taken out afterwards
                 R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
         line = replace(line, R=R)
-        self.sloped = _sloped(model)
         self.compiled, self.whole, self.line = compiled, line, condensed(line, model)
         self.nominal = nominal(compiled, line)
         self.start = fresh(vehicle, compiled, line)
@@ -104,6 +103,8 @@ class LinearDrive:
         self.slope, self.calm = self._tracked()
         self.states = np.zeros((len(self.line.t), len(model.states)))
         self.smooth = self._smooth(signals)
+        self.still = {j: freed(self.line.t, self.smooth[:, j], self.acts)
+                      for j, freed in _sloped(model).items()}  # fmt: skip
         self.moved = np.zeros_like(self.smooth)  # by what the run before implies
         self.expected = self.smooth.copy()
         # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
@@ -167,10 +168,11 @@ class LinearDrive:
         """
         line, functions = self.line, self.compiled.functions
         u, n, m = line.u.copy(), len(x), len(self.compiled.thetas)
-        measured = self.smooth.copy()
+        measured, still = self.smooth.copy(), dict(self.still)
         for name, delay in late.items():
             j = self.compiled.model.input(name)
             measured[:, j] = np.interp(line.t + delay, line.t, self.smooth[:, j])
+            still[j] = np.interp(line.t + delay, line.t, self.still[j])
             # only the smooth part is shifted: between its samples noise would seem smaller
             u[:, j] += measured[:, j] - self.smooth[:, j]
         true = measured + self.moved
@@ -183,7 +185,7 @@ class LinearDrive:
             started, self.start.P.copy(), S[:, active].copy(), active,
             np.zeros((len(u), 0)) if basis is None else basis,
             np.full(len(active), -1) if which is None else which,
-            line.t, line.sensor, line.z, line.R, u, true, self._slopes(measured), self.calm,
+            line.t, line.sensor, line.z, line.R, u, true, self._slopes(still), self.calm,
             np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
             self.frozen, self.gain, self.variance, states, innovations, answers,
         )  # fmt: skip
@@ -197,14 +199,12 @@ class LinearDrive:
         self.expected = measured + self.moved
         return innovations, answers
 
-    def _slopes(self, inputs: Floats) -> Floats:
-        """Slopes (K, nu), on the way to each event, of inputs that may be late or that drag
-        something along, without those of their noise."""
-        found, t = np.zeros_like(inputs), self.line.t
+    def _slopes(self, still: Mapping[int, Floats]) -> Floats:
+        """Slopes (K, nu), on the way to each event, of the inputs that are given freed of noise."""
+        found, t = np.zeros_like(self.smooth), self.line.t
         span = np.diff(t, prepend=t[0])
-        for j, still in self.sloped.items():
-            rise = np.diff(still(t, inputs[:, j], self.acts), prepend=inputs[0, j])
-            np.divide(rise, span, out=found[:, j], where=span > 0.0)
+        for j, value in still.items():
+            np.divide(np.diff(value, prepend=value[0]), span, out=found[:, j], where=span > 0.0)
         return found
 
     def _smooth(self, signals: Signals) -> Floats:
