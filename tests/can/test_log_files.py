@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import gc
 import gzip
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -225,18 +227,47 @@ def test_broken_lines_are_counted_and_the_rest_kept(suffix, breakage, tmp_path):
     assert_equal(replace(given, rejected=()), frames.take(~np.isin(np.arange(60), broken)))
 
 
-@pytest.mark.parametrize("suffix", [".blf", ".log.gz"])
-def test_a_file_that_ends_early_keeps_what_it_has(suffix, tmp_path):
+@pytest.mark.parametrize("zipped", [False, True], ids=["", "gz"])
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".trc", ".csv", ".blf"])
+def test_a_file_that_ends_early_keeps_what_it_has(suffix, zipped, tmp_path):
     frames = random_frames(20_000, seed=9)
+    if suffix == ".csv":
+        frames = without_channels(frames)
     path = tmp_path / f"a{suffix}"
     write_frames(frames, path)
+    content = gzip.compress(path.read_bytes()) if zipped else path.read_bytes()
+    for share in (0.1, 2 / 3, 0.99):
+        path.write_bytes(content[: int(share * len(content))])
+        given = read_frames(path)
+        n = len(given)
+        assert abs(n - share * len(frames)) < 0.01 * len(frames)
+        assert sum(count for _, count in given.rejected) >= 1
+        assert_equal(replace(given, rejected=()), frames.take(np.arange(n)))
+
+
+@pytest.mark.parametrize("damage", ["cut", "overwritten"])
+@pytest.mark.parametrize("share", [0.1, 2 / 3, 0.99])
+def test_a_damaged_sqlite_log_keeps_what_it_has(share, damage, tmp_path):
+    frames = without_channels(random_frames(20_000, seed=9))
+    rows = zip((frames.t_ns / 1e9).tolist(), frames.id.tolist(), (frames.flags & 1).tolist(),
+               frames.length.tolist(),
+               (bytes(data[:n]) for data, n in zip(frames.data, frames.length, strict=True)),
+               strict=True)  # fmt: skip
+    path = tmp_path / "a.db"
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER,"
+                         " remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)")  # fmt: skip
+        database.executemany("INSERT INTO messages VALUES (?, ?, ?, 0, 0, ?, ?)", rows)
     content = path.read_bytes()
-    path.write_bytes(content[: len(content) * 2 // 3])
+    at = int(share * len(content))
+    path.write_bytes(
+        content[:at] + (b"" if damage == "cut" else b"\xff" * 5000 + content[at + 5000 :])
+    )
     given = read_frames(path)
-    n = len(given)
-    assert 0.3 * len(frames) < n < 0.8 * len(frames)
-    assert sum(count for _, count in given.rejected) >= 1
-    assert_equal(replace(given, rejected=()), frames.take(np.arange(n)))
+    assert given.rejected == (("file is damaged or ends early", 1),)
+    assert len(given) > (share if damage == "cut" else 1.0) * len(frames) - 400
+    assert_equal(replace(given, rejected=()),
+                 frames.take(np.searchsorted(frames.t_ns, given.t_ns)))  # fmt: skip
 
 
 @pytest.mark.filterwarnings("error")  # nor may asammdf leave a traceback behind

@@ -11,6 +11,7 @@ import numpy as np
 
 from clutchest.can.files import write_frames
 from clutchest.can.frames import Flag
+from logger_mf4 import logged
 from samples import random_frames
 
 SEEDS = Path(__file__).parent / "seeds"
@@ -26,6 +27,9 @@ def main() -> None:
             frames.flags[classic[1]], frames.length[classic[1]] = Flag.ERROR, 0
             frames.data[classic[1]] = 0
         write_frames(frames, SEEDS / f"written{suffix}")
+    path = SEEDS / "logger.mf4"
+    path.write_bytes(logged(random_frames(12, seed=1), path, "deflated")[0])
+    path.with_name("plain.mf4").unlink()
     # The objects themselves, so that damage reaches them.
     import zlib
 

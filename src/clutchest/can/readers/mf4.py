@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import redirect_stdout
 from dataclasses import replace
-from io import BytesIO
-from pathlib import Path
+from io import BytesIO, StringIO
 from traceback import walk_tb
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from asammdf import MDF
@@ -15,7 +15,7 @@ from asammdf.blocks.mdf_v4 import MDF4
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import LAST_S
+from clutchest.can.readers import LAST_S, mf4_mend
 from clutchest.can.readers.scan import LENGTHS
 from clutchest.can.readers.stream import Source, quiet
 from clutchest.errors import ClutchestError
@@ -38,11 +38,14 @@ _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFr
 
 
 def read(source: Source) -> Iterator[Frames]:
-    """All CAN frames of an MDF4 file, by time, in one block."""
+    """All CAN frames of an MDF4 file, by time, in one block.
+
+    One that ends early is mended as far as it goes.
+    """
     if source.head[8:9] != b"4":
         raise ClutchestError(f"{source.path}: bus logging needs version 4 of MDF")
     try:
-        with quiet("asammdf"):
+        with quiet("asammdf"), redirect_stdout(StringIO()):  # it prints what it stumbles over
             frames = _frames(source)
     except ClutchestError:
         raise
@@ -53,7 +56,31 @@ def read(source: Source) -> Iterator[Frames]:
 
 
 def _frames(source: Source) -> Frames:
-    file = BytesIO(source.everything(_LARGEST_ZIPPED)) if source.zipped else source.path
+    if source.zipped:
+        return _as_it_is(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
+    with source.path.open("rb") as file:
+        return _as_it_is(source, file)
+
+
+def _as_it_is(source: Source, file: IO[bytes]) -> Frames:
+    """What is there, with what is lost counted."""
+    if not mf4_mend.described(file):
+        raise ClutchestError(f"{source.path}: the file ends early, and with its end what describes "
+                             "its frames is lost")  # fmt: skip
+    whole = mf4_mend.mended(file)
+    if whole is None:
+        file.seek(0)
+        frames = _groups(file if source.zipped else source.path)
+    else:
+        with whole.file:
+            frames = _groups(whole.file)
+        end = f" behind {(frames.t_ns[-1] - frames.t_ns[0]) / 1e9:.3f} s" if len(frames) else ""
+        lost = (f"file ends early, frames{end} are lost", max(whole.lost, 1))
+        frames = replace(frames, rejected=(*frames.rejected, lost))
+    return frames
+
+
+def _groups(file: Any) -> Frames:
     with _opened(file) as mdf:
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
@@ -66,7 +93,7 @@ def _frames(source: Source) -> Frames:
     return Frames.concatenate(parts).sorted() if parts else Frames.empty()
 
 
-def _opened(file: Path | BytesIO) -> MDF:
+def _opened(file: Any) -> MDF:
     try:
         return MDF(file)
     except Exception as error:

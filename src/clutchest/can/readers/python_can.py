@@ -6,6 +6,7 @@ python-can holds times as float64 seconds, so stamps are good to 1 µs and are r
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import entry_points
@@ -16,8 +17,8 @@ import numpy as np
 from can.io.player import MESSAGE_READERS
 
 from can import LogReader, Message, SqliteReader
-from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import counts_from_epoch
+from clutchest.can.frames import Flag, Frames, Tally
+from clutchest.can.readers import counts_from_epoch, sqlite_pages
 from clutchest.can.readers.stream import Source, quiet
 from clutchest.errors import ClutchestError
 
@@ -38,32 +39,64 @@ def _suffixes() -> frozenset[str]:
 
 
 def read(source: Source) -> Iterator[Frames]:
-    """Frames as python-can reads them; what stands before a damaged place is kept."""
+    """Frames as python-can reads them; what stands before a damaged place is kept, and in SQLite
+    what stands behind it."""
     if source.zipped:
         raise ClutchestError(f"{source.path}: this format cannot be read gzipped, unpack it first")
     is_sqlite = source.head[:15] == b"SQLite format 3"
-    absolute, reading = None, True
+    absolute, count = None, 0
+    for columns, rejected in _columns(source, is_sqlite):
+        frames = columns.frames(rejected)
+        count += len(frames)
+        if absolute is None and len(frames):
+            absolute = counts_from_epoch(frames.t_ns)
+        yield replace(frames, absolute=absolute is not False)
+        if rejected and is_sqlite:
+            for more in _rest(source, count):
+                yield replace(more.frames(()), absolute=absolute is not False)
+
+
+def _columns(source: Source, is_sqlite: bool) -> Iterator[tuple[_Columns, Tally]]:
+    """Blocks of messages, and what is wrong behind each."""
     with quiet("can"):
         try:
             reader = SqliteReader(source.path) if is_sqlite else LogReader(source.path)
         except Exception as error:  # every format's library has its own
+            if is_sqlite:
+                yield _Columns(), ((_BROKEN, 1),)
+                return
             raise ClutchestError(f"{source.path}: the file is damaged "
                                  f"({type(error).__name__}: {error})") from None  # fmt: skip
         with reader:
-            messages = iter(reader)
+            messages, reading = iter(reader), True
             while reading:
-                columns = _Columns()
+                columns, broken = _Columns(), False
                 try:
                     for message in islice(messages, _BLOCK):
                         columns.add(message)
                     reading = len(columns.rows) == _BLOCK
-                    rejected = {}
                 except Exception:
-                    reading, rejected = False, {_BROKEN: 1}
-                frames = columns.frames(tuple(rejected.items()))
-                if absolute is None and len(frames):
-                    absolute = counts_from_epoch(frames.t_ns)
-                yield replace(frames, absolute=absolute is not False)
+                    reading, broken = False, True
+                yield columns, ((_BROKEN, 1),) if broken else ()
+
+
+def _rest(source: Source, count: int) -> Iterator[_Columns]:
+    """The messages behind the first ``count``, from the pages that are whole."""
+    columns = _Columns()
+    for rowid, values in sqlite_pages.rows(source):
+        if rowid <= count or len(values) != 7 or not isinstance(values[6], bytes):
+            continue
+        stamp, identifier, extended, remote, error, dlc, data = values
+        with suppress(TypeError, ValueError):  # not a frame
+            columns.add(Message(
+                timestamp=float(stamp), arbitration_id=identifier, is_extended_id=bool(extended),
+                is_remote_frame=bool(remote), is_error_frame=bool(error), dlc=dlc, data=data,
+                is_fd=len(data) > 8, check=True,
+            ))  # fmt: skip
+        if len(columns.rows) == _BLOCK:
+            yield columns
+            columns = _Columns()
+    yield columns
 
 
 class _Columns:
@@ -96,7 +129,7 @@ class _Columns:
                           length, max(channel, 0)))  # fmt: skip
         self.payloads.append(data)
 
-    def frames(self, rejected: tuple[tuple[str, int], ...]) -> Frames:
+    def frames(self, rejected: Tally) -> Frames:
         width = 8 if all(len(data) <= 8 for data in self.payloads) else 64
         columns = np.array(self.rows, np.int64).reshape(-1, 5).T
         data = np.frombuffer(b"".join(data.ljust(width, b"\0") for data in self.payloads), np.uint8)
