@@ -17,8 +17,8 @@ from clutchest.discovery.result import VERDICTS, Experiment, Identifiable
 from clutchest.errors import ClutchestError
 from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
+from clutchest.record.discovery_terminal import print_discovery, print_identifiable
 from clutchest.record.misfit_pictures import draw_misfit, most_telling, pieces, worst_stretch
-from clutchest.record.terminal import print_discovery, print_identifiable
 from clutchest.vehicle import load_vehicle
 from discoveries import FADE, GAIN, NO_GAIN, PATCH, discovery, misfit
 

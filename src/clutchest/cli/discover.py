@@ -52,11 +52,11 @@ def discover(
         show("loading", None)
         from rich.console import Console
 
-        from clutchest.discovery import discover as search
+        from clutchest.discovery.find import discover as search
         from clutchest.models.effects import effects_of_file
         from clutchest.reading import read_log
         from clutchest.record.discovery import write_discovery
-        from clutchest.record.terminal import print_discovery, print_identifiable
+        from clutchest.record.discovery_terminal import print_discovery, print_identifiable
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from clutchest.diagnosis.isolation import Explanation
-from clutchest.estimate.run import Run
 from clutchest.signals import Floats
+
+if TYPE_CHECKING:
+    from clutchest.diagnosis.isolation import Explanation
+    from clutchest.estimate.run import Run
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,1 @@
 """Discovery: what the simulation gets wrong, why, what to add, and how much that gains."""
-
-from clutchest.discovery.find import discover
-
-__all__ = ["discover"]

@@ -1,4 +1,4 @@
-"""What a run, a first look at a log or a discovery says in a terminal, in a few lines."""
+"""What a run or a first look at a log says in a terminal, in a few lines."""
 
 from __future__ import annotations
 
@@ -9,18 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from clutchest.discovery.result import Discovery, Identifiable
 from clutchest.estimate.run import Run
 from clutchest.reading.inspection import Inspection
-from clutchest.record.discovery import (
-    NOTHING_HELD_OUT,
-    causes_rows,
-    gain_words,
-    next_commands,
-    rivals_rows,
-    unexcited_words,
-    whereabouts,
-)
 from clutchest.record.quantities import Quantity, states_of
 from clutchest.record.report import BITS, informed, plus_minus
 
@@ -49,10 +39,11 @@ def print_run(run: Run, console: Console) -> None:
         console.print(escape(words))
     for reason, count in summary["frames_rejected"].items():
         console.print(f"not used: {count} × {escape(reason)}")
-    _print_warnings([str(text) for text in summary["warnings"]], "summary.json", console)
+    print_warnings([str(text) for text in summary["warnings"]], "summary.json", console)
 
 
-def _print_warnings(warnings: Sequence[str], rest_in: str, console: Console) -> None:
+def print_warnings(warnings: Sequence[str], rest_in: str, console: Console) -> None:
+    """Print the first warnings, and in which file the others are."""
     for text in warnings[:_MOST_WARNINGS]:
         console.print(f"[yellow]warning:[/] {escape(text)}")
     if len(warnings) > _MOST_WARNINGS:
@@ -124,51 +115,3 @@ def print_inspection(found: Inspection, console: Console) -> None:
         console.print(f"not read: {count} × {reason}")
     for what in found.missing:
         console.print(f"missing: {escape(what)}")
-
-
-def print_discovery(discovery: Discovery, console: Console) -> None:
-    """Print the verdict and its causes, the rivals, what the extension is worth, and what to do
-    next."""
-    console.print(f"[bold]{escape(discovery.sentence)}[/]")
-    if words := whereabouts(discovery):
-        console.print(escape(words))
-    if discovery.causes:
-        heading = (
-            "candidates, not to be told apart" if discovery.verdict == "ambiguous" else "causes"
-        )
-        table = Table("effect", "fitted ± 1σ", "gain in −2 ln p", "chance by noise alone",
-                      title=heading, title_justify="left")  # fmt: skip
-        for row in causes_rows(discovery):
-            table.add_row(*map(escape, row))
-        console.print(table)
-    for name, numbers, why in rivals_rows(discovery.rivals):
-        console.print(escape(f"not {name} ({numbers}): {why}"))
-    if discovery.gain:
-        console.print(escape(gain_words(discovery.gain)))
-    elif discovery.verdict != "none":
-        console.print(escape(f"Gain: {NOTHING_HELD_OUT}"))
-    console.print(escape(unexcited_words(discovery)))
-    if discovery.experiment:
-        console.print(escape(f"Next: {discovery.experiment.words}"))
-    for command in next_commands(discovery):
-        console.print(f"  {escape(command)}", soft_wrap=True)
-    _print_warnings(discovery.warnings, "report.md", console)
-
-
-def print_identifiable(tells: Sequence[Identifiable], console: Console) -> None:
-    """Print what a log can tell of every cause."""
-    table = Table(
-        "effect", "shows from", "plausible up to", "", "nearest rival", "apart by d′",
-        title="what this log can tell", title_justify="left",
-    )  # fmt: skip
-    for i in tells:
-        table.add_row(
-            i.effect,
-            "never" if i.detectable_size is None else f"{i.detectable_size:.3g}",
-            f"{i.plausible_size:.3g}",
-            "" if i.unit == "1" else escape(i.unit),
-            i.nearest or "",
-            "" if i.d_prime_nearest is None else f"{i.d_prime_nearest:.1f}",
-            style=None if i.excited else "dim",
-        )
-    console.print(table)
