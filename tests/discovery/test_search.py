@@ -62,6 +62,16 @@ def test_a_hidden_cause_is_found_alone(hidden):
     assert hidden.p_of["friction_speed"] < 1e-4
 
 
+def test_a_cause_that_joined_first_goes_when_another_does_without_it():
+    # so large that at first, linearised without it, others answer for it
+    search = searched(1, {"heat_capacity_disc": {"change": -0.49}}, "slip-steps")
+    assert frozenset(("heat_capacity_disc",)) == search.best.names
+    assert len(search.best.chosen) == 1
+    stage = [{c.name for c in chosen} for chosen in search.tried]
+    assert any(len(names) > 1 for names in stage)  # else nothing was let go, and nothing is tested
+    assert all(len(h.chosen) == 1 for h in search.rivals)
+
+
 def test_rivals_are_fits_that_lost(hidden):
     best, rivals = hidden.best, hidden.rivals
     assert rivals

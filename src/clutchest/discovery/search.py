@@ -47,7 +47,7 @@ class Search:
 
     ``null`` the model as it is, ``first`` the scores of all causes against it; ``best`` the causes
     found (none at first), ``rivals`` hypotheses of the same size, best first; ``p_of`` by effect
-    the family-wise p-value with which it joined.
+    the family-wise p-value with which it joined; ``tried`` what has been fitted.
     """
 
     problem: Problem
@@ -58,6 +58,7 @@ class Search:
     best: Hypothesis
     rivals: list[Hypothesis] = field(default_factory=list)
     p_of: dict[str, float] = field(default_factory=dict)
+    tried: set[frozenset[Candidate]] = field(default_factory=set)
 
     @classmethod
     def begin(cls, problem: Problem, progress: Progress | None = None) -> Search:
@@ -128,7 +129,19 @@ class Search:
             if not grown or self.best.cost - min(h.cost for h in grown) < self._least_gain():
                 break
             grown.sort(key=lambda h: h.cost)
-            self.best, self.rivals = grown[0], grown[1:]
+            fewer, self.best, self.rivals = [self.best, *self.rivals], grown[0], grown[1:]
+            spared = self._spared()
+            if spared:
+                self.best, self.rivals = spared, [h for h in fewer if h.names != spared.names]
+
+    def _spared(self) -> Hypothesis | None:
+        """The best without a cause that brings too little beside those which joined after it: by
+        first order, the wrong one may come first."""
+        rests = [tuple(c for c in self.best.chosen if c is not gone)
+                 for gone in self.best.chosen[:-1]]  # fmt: skip
+        fits = sorted((self.fitted(rest, self.best.look) for rest in rests), key=lambda h: h.cost)
+        enough = self.best.cost + self._least_gain()
+        return fits[0] if fits and fits[0].cost < enough else None
 
     def _least_gain(self) -> float:
         """In −2 ln(probability), what one more cause must bring."""
@@ -148,8 +161,9 @@ class Search:
             enough = squares.max() - CLOSE - 0.4 * max(squares.max() - 2.0 * CLOSE, 0.0)
             for i in [i for i in np.argsort(-squares)[:LEADERS] if squares[i] >= enough]:
                 chosen = (*parent.chosen, others[i])
-                if any(set(h.chosen) == set(chosen) for h in found):
+                if frozenset(chosen) in self.tried:
                     continue
+                self.tried.add(frozenset(chosen))
                 found.append(self.fitted(chosen, parent.look))
                 self.p_of.setdefault(others[i].name, float(scores.p_among_all(p[i])))
         return found
