@@ -117,6 +117,54 @@ def test_holes(change, tmp_path):
     assert_same(pieces, replayed(truck, frames, tmp_path))
 
 
+def delivered(frames, start, stop):
+    """Frames as a bus brings them that stands still from ``start`` to ``stop`` s: what was sent
+    meanwhile comes at once, and is stamped so."""
+    after = (frames.t_ns - frames.t_ns[0]) / 1e9
+    t = np.where((after >= start) & (after < stop), frames.t_ns[0] + int(stop * 1e9), frames.t_ns)
+    place = 1000 * np.arange(len(t))
+    frames.t_ns[:] = np.maximum.accumulate(t - place) + place
+    return frames
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda f: delivered(f, 1.3, 4.8),
+        lambda f: without(f, 0.9, 8.0),
+        lambda f: delivered(delivered(f, 11.0, 15.7), 20.0, 21.5),
+    ],
+    ids=["while habits are learnt", "nothing at first", "while driving"],
+)
+def test_a_bus_that_stands_still(change, tmp_path):
+    """Samples microseconds apart, and a beginning that is known but for a moment."""
+    truck, frames = clutchest.load_vehicle("truck"), change(frames_of("demo", 30.0))
+    t = (frames.t_ns - frames.t_ns[0]) / 1e9
+    cuts = np.unique(np.searchsorted(t, np.arange(0.02, 30.0, 0.033)))
+    pieces, _ = live(truck, frames, cuts[cuts < len(t)].tolist())
+    assert_same(pieces, replayed(truck, frames, tmp_path))
+
+
+@pytest.mark.parametrize("silence", [4.0, 12.0, 25.0])
+def test_the_end_of_a_silence(silence, tmp_path):
+    """A session that ends while the bus says nothing has all that a replay has."""
+    truck, frames = clutchest.load_vehicle("truck"), frames_of("demo", 20.0)
+    drive = Live(truck, load_database(truck))
+    last = int(frames.t_ns[-1])
+    pieces = [drive.take(frames, last)]
+    for now in np.arange(0.25, silence, 0.25):
+        pieces.append(drive.take(Frames.empty(), last + int(now * 1e9)))
+    pieces.append(drive.finish())
+    time = np.concatenate([p.track.time for p in pieces if p])
+    whole = replayed(truck, frames, tmp_path).tracks[0]
+    before = whole.time < whole.time[-1] - 0.5  # how a silence begins, nobody can tell of a log
+    assert np.array_equal(time[: len(whole.time)], whole.time)
+    assert time[-1] >= whole.time[-1] + (silence - 0.5 if silence > 10.0 else 0.0)
+    for name, expected in whole.states.items():
+        value = np.concatenate([p.track.states[name].value for p in pieces if p])
+        assert np.array_equal(value[: len(before)][before], expected.value[before]), name
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real logs are not on this machine")
 @pytest.mark.parametrize(
     ("vehicle", "log"), [("gt350", "gt350_launch.trc"), ("j1939_t270", "j1939_t270_drive.log")]

@@ -19,7 +19,7 @@ from clutchest.estimate.habits import Habit
 from clutchest.estimate.modes import Mode, Thresholds
 from clutchest.estimate.replay import left_out
 from clutchest.estimate.run import Engagement, Track
-from clutchest.estimate.samples import APART, slope_count
+from clutchest.estimate.samples import APART, Told, slope_count
 from clutchest.estimate.start import History, carried_on, fresh, leave
 from clutchest.estimate.timeline import (
     Assembled,
@@ -91,7 +91,7 @@ class Live:
         self.vehicle, self.database, self.rate = vehicle, database, rate
         self.state, self.history = state, history
         self._waiting: list[Frames] = []
-        self._asked_ns = self._last_ns = 0
+        self._asked_ns = self._last_ns = self._now_ns = 0
         self._drive: _Drive | None = None
         self.arrived: Mapping[str, Signal] = {}  # the samples that the last frames brought
 
@@ -119,6 +119,7 @@ class Live:
 
     def take(self, frames: Frames, now_ns: int) -> Piece | None:
         """What ``frames`` make certain; all up to ``now_ns`` have come, on their clock."""
+        self._now_ns = now_ns
         if len(frames):
             self._last_ns = int(frames.t_ns[-1])
         if self._drive is None:
@@ -135,13 +136,18 @@ class Live:
         return piece
 
     def finish(self) -> Piece | None:
-        """The rest, up to the last frame.  Raises ClutchestError if a signal that the model needs
-        never came."""
+        """The rest, up to the last frame, or as far as a silence behind it has been told of already.
+
+        Raises ClutchestError if a signal that the model needs never came.
+        """
         if self._drive is None:
             if not self._waiting:
                 return None
             return self._started(Frames.concatenate(self._waiting), last=True)
-        rest = self._drive.incoming.take(Frames.empty(), self._last_ns, last=True)
+        incoming = self._drive.incoming
+        silent = self._drive.done > (self._last_ns - incoming.start_ns) / 1e9
+        upto = self._now_ns if silent else self._last_ns
+        rest = incoming.take(Frames.empty(), upto, last=True)
         self.arrived = rest.signals
         return self._drive.take(rest, last=True)
 
@@ -202,6 +208,7 @@ class _Drive:
         self.habits: dict[str, Habit] = {}
         self.belief: Belief | None = None
         self.gained = np.zeros((2, len(self.compiled.model.states)))
+        self.begin = 0.0  # s, of the estimates
         self.done = -np.inf  # events before are filtered
         self.averaged: dict[int, float] = {}
         self.recent: Rows | None = None  # since the last slip event ended
@@ -228,9 +235,9 @@ class _Drive:
         end = max(new.settled.values())
         if last:
             end = max(end, float(present[self.setting.model.anchor].time[-1]))
-        since = max(0.0, min(float(s.time[0]) for s in present.values()))
-        if self.belief is not None:
-            since = self.done - self.back
+        if self.belief is None:
+            self.begin = max(0.0, min(float(s.time[0]) for s in present.values()))
+        since = max(self.begin, self.done - self.back)
         found = assemble(self.setting, present, self.habits,
                          Stretch(since, end, self.averaged))  # fmt: skip
         before = self._certain(found, known, last)
@@ -312,11 +319,18 @@ class _Drive:
         self.worth = (np.floor(before * rate) + 1) / rate
         for i, told in found.averages.items():
             open_ = told.first[~closed[i] | (told.time >= before)]
-            self.averaged[i] = float(np.nextafter(min(open_.min(initial=before), before), -np.inf))
+            self.averaged[i] = float(np.nextafter(self._anew(told, open_, before), -np.inf))
             if len(open_) and open_[0] <= before:  # nothing before the whole of it is there
                 repeats = self.setting.model.sensors[i].repeats
                 self.worth = max(self.worth, float(open_[0]) + 2 * repeats)
         return before
+
+    def _anew(self, told: Told, open_: Floats, before: float) -> float:
+        """From where readings are averaged again, s: from the first average that is still open, or
+        from the one before it, which may be the last event that has been filtered."""
+        first = float(min(open_.min(initial=before), before))
+        taken = told.first[(told.first < first) & (told.first >= before - self.back)]
+        return float(taken.max(initial=-np.inf)) if len(taken) else first
 
     def _released_ns(self, row: float, found: Assembled) -> int:
         """When the frame came by which a row at this time, s, is certain."""
