@@ -136,7 +136,7 @@ class Live:
         return piece
 
     def finish(self) -> Piece | None:
-        """The rest, up to the last frame, or as far as a silence behind it has been told of already.
+        """The rest, up to the last frame, or as far as a silence behind it has been told of.
 
         Raises ClutchestError if a signal that the model needs never came.
         """

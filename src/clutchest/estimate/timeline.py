@@ -108,10 +108,22 @@ class Setting:
 
     def cleaned(self, name: str, signal: Signal, habit: Habit) -> tuple[Signal, int]:
         """The valid samples (``signal`` has no others), each at the time at which it was true,
-        without spikes; and how many spikes there were."""
-        signal, spikes = without_spikes(signal, self.noise(name), habit)
+        without spikes; and how many spikes there were.
+
+        An input that holds its last value keeps its spikes: nobody waits for the next sample,
+        which alone could tell.
+        """
+        spikes = 0
+        if not self.held(name):
+            signal, spikes = without_spikes(signal, self.noise(name), habit)
         late = self.late(name)
         return (replace(signal, time=signal.time - late) if late else signal), spikes
+
+    def held(self, name: str) -> bool:
+        """Whether a signal is an input that changes slowly and holds its last value."""
+        gap = Thresholds.of(self.vehicle.modes).gap
+        slow = any(i.name == name and i.gap > gap for i in self.model.inputs)
+        return slow and name not in self.needed((name,))
 
     def fast(self, names: Container[str]) -> list[str]:
         """The inputs among ``names`` that must not be missing for long."""
