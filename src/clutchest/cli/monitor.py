@@ -15,7 +15,7 @@ from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, V
 from clutchest.cli.terminal import progress
 
 if TYPE_CHECKING:
-    from clutchest.estimate.live import Piece
+    from clutchest.estimate.drive import Piece
     from clutchest.monitor.monitor import Event, Monitor, Status
 
 REDRAW = 0.2  # s between two pictures of the panel

@@ -42,12 +42,15 @@ class Information:
 
     @classmethod
     def of(
-        cls, compiled: Compiled, time: Floats, mode: NDArray[np.uint8], gained: Floats
-    ) -> Information:
-        """From the kernel's running sum ``gained`` (r, states), nats."""
+        cls, compiled: Compiled, time: Floats, mode: NDArray[np.uint8], gained: Floats,
+        before: Floats | float = 0.0,
+    ) -> Information:  # fmt: skip
+        """From the kernel's running sum ``gained`` (r, states), nats, ``before`` (states) the first
+        row."""
         states, hidden = compiled.model.states, compiled.model.unobservable
         told = [i for i, state in enumerate(states) if state.name not in hidden]
-        bits = np.diff(gained[:, told], axis=0, prepend=0.0) / log(2.0)
+        first = np.broadcast_to(before, len(states))[None, told]
+        bits = np.diff(gained[:, told], axis=0, prepend=first) / log(2.0)
         return cls(tuple(states[i].name for i in told), time, mode, bits)
 
     def between(self, start: float, end: float) -> Information:

@@ -9,19 +9,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from clutchest import __version__
 from clutchest.errors import ClutchestError
-from clutchest.estimate.run import Run
+from clutchest.estimate.drive import Drive, begun
+from clutchest.estimate.run import Run, Track
 from clutchest.estimate.smooth import smoothed
-from clutchest.estimate.start import History, carried_on, fresh, leave
+from clutchest.estimate.start import History, leave
 from clutchest.estimate.summary import Part, summarise
-from clutchest.estimate.timeline import build
-from clutchest.estimate.track import states_of, track_of
-from clutchest.estimate.whole_log import Compiled, Progress, compile_model, delays, run
+from clutchest.estimate.timeline import build, warnings_of
+from clutchest.estimate.track import joined, states_of, track_of
+from clutchest.estimate.whole_log import Progress, compile_model, delays, run
 from clutchest.models import model_for
-from clutchest.signals import Signals
+from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
+STRETCH = 600.0  # s that are filtered together
 FASTEST = 1000.0  # Hz, of the output grid
 
 
@@ -45,33 +49,12 @@ def replay(
     vehicle = load_vehicle(vehicle)
     if not 0.0 < rate <= FASTEST:
         raise ClutchestError(f"rate {rate:g} Hz: expected more than 0, at most {FASTEST:g}")
-    tracks, parts, digest = [], [], ""
+    tracks, parts = [], []
+    estimate = _whole if smooth else _in_stretches
     for drive in signals.drives:
-        usable = {name for name in drive if drive[name].valid.any()}
-        model = model_for(vehicle.model, usable)
-        compiled = compile_model(vehicle, model, progress=progress)
-        timeline = build(drive, vehicle, compiled.model, rate, delays(vehicle))
-        warnings = list(timeline.warnings)
-        warnings += left_out(vehicle, compiled)
-        if state is None:
-            start = fresh(vehicle, compiled, timeline)
-        else:
-            start, warning = carried_on(vehicle, compiled, timeline, state, drive.start_ns)
-            warnings += [warning] if warning else []
-        filtered = run(compiled, timeline, start, consider=True, progress=progress)
-        track = track_of(vehicle, compiled, timeline, filtered)
-        if smooth:
-            over = smoothed(compiled, timeline, start, filtered, progress)
-            track = replace(track, smoothed=states_of(vehicle, compiled, over.x, over.variance))
-        history = History.of(state).after(
-            float(timeline.t[-1] - timeline.t[0]),
-            len(track.engagements),
-            max(float(filtered.final.E[0] - start.E[0]), 0.0),
-        )
-        state = leave(vehicle, compiled, timeline, filtered.final, drive.start_ns, history)
+        track, part, state = estimate(drive, vehicle, rate, state, progress)
         tracks.append(track)
-        parts.append(Part(drive, compiled, timeline, filtered, warnings, history))
-        digest = compiled.digest
+        parts.append(part)
     assert state is not None  # a log has at least one drive
     return Run(
         vehicle=vehicle,
@@ -79,15 +62,63 @@ def replay(
         tracks=tuple(tracks),
         summary=summarise(vehicle, tracks, parts),
         final=state,
-        provenance=provenance(vehicle, digest),
+        provenance=provenance(vehicle, parts[-1].compiled.digest),
     )
 
 
-def left_out(vehicle: Vehicle, compiled: Compiled) -> list[str]:
-    """A warning where effects of the vehicle file are not in the model."""
-    present = {effect.name for effect in compiled.model.effects}
-    names = [name for name in vehicle.effects if name not in present]
-    return [f"without {', '.join(names)}: the signals at hand do not show it"] if names else []
+def _in_stretches(
+    signals: Signals, vehicle: Vehicle, rate: float, state: Mapping[str, Any] | None,
+    progress: Progress | None,
+) -> tuple[Track, Part, Mapping[str, Any]]:  # fmt: skip
+    """One drive, stretch by stretch: what the filter needs and makes on its way takes no more
+    memory in a longer log."""
+    usable = {name: signal for name, signal in signals.items() if signal.valid.any()}
+    drive = Drive(vehicle, usable, signals.start_ns, rate, state, progress)
+    warnings = list(warnings_of(signals, drive.setting))
+    heard = max(float(signal.time[signal.valid][0]) for signal in usable.values())
+    stops = np.arange(max(heard + HEAD, STRETCH), signals.end - HEAD, STRETCH)
+    tracks, done = [], -np.inf
+    for stop in (*stops.tolist(), np.inf):
+        if progress:
+            progress("filtering", max(done, 0.0) / max(signals.end, 1e-9))
+        last = stop == np.inf
+        new = {name: signal.take(slice(*np.searchsorted(signal.time, (done, stop))))
+               for name, signal in usable.items()}  # fmt: skip
+        piece = drive.take(new, dict.fromkeys(new, signals.end if last else stop), last)
+        if piece is not None:
+            tracks.append(piece.track)
+            warnings += piece.warnings
+        done = stop
+    if progress:
+        progress("filtering", 1.0)
+    left = drive.final()
+    assert left is not None and drive.belief is not None  # a drive has an event at its end
+    part = Part(signals, drive.compiled, drive.span_s, drive.belief, drive.own, warnings,
+                drive.past)  # fmt: skip
+    return joined(tracks), part, left
+
+
+def _whole(
+    signals: Signals, vehicle: Vehicle, rate: float, state: Mapping[str, Any] | None,
+    progress: Progress | None,
+) -> tuple[Track, Part, Mapping[str, Any]]:  # fmt: skip
+    """One drive at once, since a smoother goes back over all of it."""
+    usable = {name for name in signals if signals[name].valid.any()}
+    compiled = compile_model(vehicle, model_for(vehicle.model, usable), progress=progress)
+    timeline = build(signals, vehicle, compiled.model, rate, delays(vehicle))
+    start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)
+    filtered = run(compiled, timeline, start, consider=True, progress=progress)
+    track = track_of(vehicle, compiled, timeline, filtered)
+    over = smoothed(compiled, timeline, start, filtered, progress)
+    track = replace(track, smoothed=states_of(vehicle, compiled, over.x, over.variance))
+    span = float(timeline.t[-1] - timeline.t[0])
+    history = History.of(state).after(
+        span, len(track.engagements), max(float(filtered.final.E[0] - start.E[0]), 0.0)
+    )
+    part = Part(signals, compiled, span, filtered.final, filtered.P[-1].diagonal(),
+                [*timeline.warnings, *warnings], history)  # fmt: skip
+    left = leave(vehicle, compiled, timeline, filtered.final, signals.start_ns, history)
+    return track, part, left
 
 
 def provenance(vehicle: Vehicle, digest: str) -> dict[str, str]:

@@ -20,9 +20,8 @@ from clutchest.estimate.observability import (
 )
 from clutchest.estimate.run import Track
 from clutchest.estimate.start import History
-from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.wear import wear_trend
-from clutchest.estimate.whole_log import Compiled, Filtered
+from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.symbols import State
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
@@ -30,12 +29,15 @@ from clutchest.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What the summary needs of one drive beside its track; ``history`` with it included."""
+    """What the summary needs of one drive beside its track: ``span_s`` from its first event to the
+    last, ``final`` belief, at the last row the variance (n) that is the filter's ``own``, without
+    the parameters' share, and ``history`` with this drive."""
 
     drive: Signals
     compiled: Compiled
-    timeline: Timeline
-    filtered: Filtered
+    span_s: float
+    final: Belief
+    own: Floats
     warnings: list[str]
     history: History
 
@@ -66,11 +68,11 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "frames_decoded": sum(p.drive.counts.decoded for p in parts),
         "frames_rejected": rejected,
         "messages": messages,
-        "duration_s": float(sum(p.timeline.t[-1] - p.timeline.t[0] for p in parts)),
+        "duration_s": float(sum(p.span_s for p in parts)),
         "drives": len(tracks),
         "modes_s": _modes(tracks),
         "states": _states(vehicle, tracks, end),
-        "wear": wear_trend(vehicle, end.compiled, end.filtered.final, end.history),
+        "wear": wear_trend(vehicle, end.compiled, end.final, end.history),
         "sensors": _sensors(tracks),
         "engagements": [
             {"drive": number, **asdict(engagement)}
@@ -112,7 +114,7 @@ def _modes(tracks: Sequence[Track]) -> dict[str, float]:
 def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, dict[str, Any]]:
     """Final values, standard deviations, whether to trust them, and what would tell more."""
     model, track = part.compiled.model, tracks[-1]
-    together = moving_together(part.compiled, part.filtered.final)
+    together = moving_together(part.compiled, part.final)
     found = {}
     for i, state in enumerate(model.states):
         estimate = track.states[state.name]
@@ -137,7 +139,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
         else:
             bits = _bits(tracks, state.name)
             partners = together[state.name]
-            own = float(np.sqrt(part.filtered.P[-1, i, i]))
+            own = float(np.sqrt(part.own[i]))
             told |= {
                 "why": None if valid else _too_wide(state, std, own, bits["total"], partners),
                 "needs": None if valid else needs(model.name, state, partners),

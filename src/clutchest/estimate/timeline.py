@@ -75,10 +75,22 @@ def build(
     present, habits, warnings = _usable(signals, setting)
     first = max(0.0, min(s.time[0] for s in present.values()))
     end = max(signals.end, present[model.anchor].time[-1])
-    for name in setting.needed(present):
-        present[name] = held_on(present[name], signals.end - setting.late(name))
+    present = _held(present, signals.end, setting)
     line = assemble(setting, present, habits, Stretch(first, end)).line
     return replace(line, warnings=(*warnings, *_gaps(present, setting)))
+
+
+def warnings_of(signals: Signals, setting: Setting) -> tuple[str, ...]:
+    """What :func:`build` warns of, without building.  Raises ClutchestError where it does."""
+    present, _, warnings = _usable(signals, setting)
+    return (*warnings, *_gaps(_held(present, signals.end, setting), setting))
+
+
+def _held(present: Mapping[str, Signal], end: float, setting: Setting) -> dict[str, Signal]:
+    """The signals, those that are needed held on to the log's ``end``, s."""
+    needed = setting.needed(present)
+    return {name: held_on(signal, end - setting.late(name)) if name in needed else signal
+            for name, signal in present.items()}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

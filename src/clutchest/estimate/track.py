@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -70,10 +71,12 @@ class Rows:
 def track_of(
     vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: Filtered,
     rows: Rows | None = None, events: tuple[Engagement, ...] | None = None,
+    before: Floats | float = 0.0,
 ) -> Track:  # fmt: skip
     """The estimates of a drive, or of a piece of one, on the regular grid.
 
-    ``rows`` and slip ``events`` are made of what was filtered unless given.
+    ``rows`` and slip ``events`` are made of what was filtered unless given; ``before`` is what its
+    last row had ``gained`` (n) when a piece begins.
     """
     model, grid = compiled.model, timeline.grid
     rows = rows or Rows.of(compiled, timeline, filtered)
@@ -98,7 +101,43 @@ def track_of(
         ),
         engagements=engagements(compiled, rows) if events is None else events,
         log_likelihood=filtered.log_likelihood,
-        information=Information.of(compiled, rows.time, rows.mode, filtered.gained),
+        information=Information.of(compiled, rows.time, rows.mode, filtered.gained, before),
+    )
+
+
+def joined(tracks: Sequence[Track]) -> Track:
+    """The pieces of one drive, at least one, as a whole."""
+    first = tracks[0]
+
+    def estimate(parts: Sequence[Estimate]) -> Estimate:
+        return Estimate(*(np.concatenate([getattr(part, f.name) for part in parts])
+                          for f in fields(Estimate)))  # fmt: skip
+
+    def column(of: Callable[[Track], NDArray]) -> NDArray:
+        return np.concatenate([of(track) for track in tracks])
+
+    return Track(
+        time=column(lambda t: t.time),
+        mode=column(lambda t: t.mode),
+        mode_names=first.mode_names,
+        states={name: estimate([t.states[name] for t in tracks]) for name in first.states},
+        clutch_torque=estimate([t.clutch_torque for t in tracks]),
+        slip_energy=estimate([t.slip_energy for t in tracks]),
+        innovations=Innovations(
+            first.innovations.names,
+            column(lambda t: t.innovations.time),
+            column(lambda t: t.innovations.sensor),
+            column(lambda t: t.innovations.innovation),
+            column(lambda t: t.innovations.std),
+        ),
+        engagements=tuple(event for track in tracks for event in track.engagements),
+        log_likelihood=sum(track.log_likelihood for track in tracks),
+        information=Information(
+            first.information.names,
+            column(lambda t: t.information.time),
+            column(lambda t: t.information.mode),
+            column(lambda t: t.information.bits),
+        ),
     )
 
 

@@ -16,7 +16,8 @@ from clutchest.can.bus import Received, filters
 from clutchest.can.encode import check
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.estimate.live import Live, Piece, ready
+from clutchest.estimate.drive import Piece
+from clutchest.estimate.live import Live, ready
 from clutchest.estimate.replay import provenance
 from clutchest.estimate.whole_log import Progress
 from clutchest.monitor.listener import Listener, Trouble

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from clutchest.can.frames import Frames
-from clutchest.estimate.live import Piece
+from clutchest.estimate.drive import Piece
 from clutchest.estimate.modes import Thresholds
 from clutchest.models import card
 from clutchest.signals import LOST
