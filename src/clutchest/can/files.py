@@ -74,7 +74,7 @@ def blocks_of(source: Source) -> Iterator[Frames]:
 
 def read_frames(path: Path) -> Frames:
     """All frames of a log at once; see :func:`read_blocks`."""
-    return Frames.concatenate(list(read_blocks(path)))
+    return Frames.concatenate(read_blocks(path))
 
 
 def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:

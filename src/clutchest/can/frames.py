@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from enum import IntFlag
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,32 +87,31 @@ class Frames:
         return self.take(np.argsort(self.t_ns, kind="stable"))
 
     @classmethod
-    def concatenate(cls, parts: Sequence[Frames]) -> Frames:
-        """All rows of ``parts``, one after the other; a narrow payload is padded with zeros."""
-        if not parts:
+    def concatenate(cls, parts: Iterable[Frames]) -> Frames:
+        """All rows of ``parts``, one after the other; a narrow payload is padded with zeros.
+
+        Column by column, so that parts that nobody else holds are let go on the way.
+        """
+        given: dict[str, list] = {f.name: [] for f in fields(cls)}
+        for part in parts:
+            for name, values in given.items():
+                values.append(getattr(part, name))
+        if not given["t_ns"]:
             return cls.empty()
-        if len(parts) == 1:
-            return parts[0]
-        width = max(part.data.shape[1] for part in parts)
-        columns = {
-            f.name: np.concatenate([getattr(p, f.name) for p in parts])
-            for f in fields(cls)
-            if f.name not in ("data", "absolute", "rejected", "passed_over")
+        width = max(data.shape[1] for data in given["data"])
+        given["data"] = [
+            data if data.shape[1] == width else np.pad(data, ((0, 0), (0, width - data.shape[1])))
+            for data in given["data"]
+        ]
+        whole: dict[str, Any] = {
+            "absolute": all(given.pop("absolute")),
+            "rejected": added_up(given.pop("rejected")),
+            "passed_over": added_up(given.pop("passed_over")),
         }
-        columns["data"] = np.concatenate(
-            [
-                p.data
-                if p.data.shape[1] == width
-                else np.pad(p.data, ((0, 0), (0, width - p.data.shape[1])))
-                for p in parts
-            ]
-        )
-        return cls(
-            **columns,
-            absolute=all(p.absolute for p in parts),
-            rejected=added_up(p.rejected for p in parts),
-            passed_over=added_up(p.passed_over for p in parts),
-        )
+        for name in list(given):
+            columns = given.pop(name)
+            whole[name] = columns[0] if len(columns) == 1 else np.concatenate(columns)
+        return cls(**whole)
 
 
 def added_up(tallies: Iterable[Tally]) -> Tally:

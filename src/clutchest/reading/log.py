@@ -150,7 +150,7 @@ def _table(path: Path, columns: dict[str, str]) -> _Piece:
 def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
     """What is wanted of a log, which itself may be larger than memory."""
     sieve = Sieve(wanted, int(HOLE_S * 1e9))
-    frames = Frames.concatenate([sieve.sift(block) for block in files.read_blocks(path)])
+    frames = Frames.concatenate(sieve.sift(block) for block in files.read_blocks(path))
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
     back = np.diff(frames.t_ns)
     back = back[back < 0]

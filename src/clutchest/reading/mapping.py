@@ -20,7 +20,7 @@ from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.gears import through_gear
 from clutchest.reading.traffic import traffic_of
-from clutchest.signals import HEAD, Counts, Floats, Signal, Signals, Why
+from clutchest.signals import HEAD, Counts, Floats, Signal, Signals, Traffic, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 
 VALID = np.uint8(Why.VALID)
@@ -48,6 +48,7 @@ class _Samples:
         return bool(np.any(self.why == VALID))
 
 
+_NO_RAW = np.zeros(0, np.uint64)
 _NONE = _Samples(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.uint8))
 
 
@@ -62,7 +63,16 @@ def signals_of(
     wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     whole = reassembled(frames, wanted)
     found = Decoding(whole, vehicle, database, sources).signals()
-    return replace(found, traffic=traffic_of(whole, wanted, vehicle))
+    traffic = traffic_of(whole, wanted, vehicle)
+    return replace(found, traffic={n: _sharing(t, found) for n, t in traffic.items()})
+
+
+def _sharing(traffic: Traffic, signals: Signals) -> Traffic:
+    """``traffic`` that shares its times with the signals that its frames carried."""
+    for signal in signals.values():
+        if np.array_equal(signal.time, traffic.time):
+            return replace(traffic, time=signal.time)
+    return traffic
 
 
 def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str, SignalLayout]]:
@@ -129,6 +139,7 @@ class Decoding:
     rejected: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
     samples: dict[tuple[str, BusSignal], _Samples] = field(default_factory=dict)
+    times: list[tuple[NDArray[np.intp], Floats]] = field(default_factory=list)  # of rows, s
     accounts: bool = True  # count what became of every frame, and warn
     wanted: Mapping[str, Mapping[str, SignalLayout]] = field(default_factory=dict)
 
@@ -185,7 +196,18 @@ class Decoding:
                 known = not signal.gears or self._tells_gear(signal)
                 found = self._canonical(signal, samples, unit_of[name])
                 (made if known else geared)[name] = found
+            if self.accounts:
+                self._forget(name)
         return made, geared
+
+    def _forget(self, done: str) -> None:
+        """Let go of what no signal behind the one that is ``done`` is made of."""
+        names = list(self.vehicle.signals)
+        later = names[names.index(done) + 1 :]
+        needed = {(bus.message, bus.signal) for name in later
+                  for bus in parts(self.vehicle.signals[name])}  # fmt: skip
+        self.columns = {key: column for key, column in self.columns.items() if key in needed}
+        self.samples = {key: found for key, found in self.samples.items() if key[0] in later}
 
     def remembered(self) -> Frames:
         """The last frame in which each companion of a signal said something: what is to come may
@@ -211,7 +233,7 @@ class Decoding:
             verdict = check(self.frames, rows, message)
             broken, counts["counter jumps"] = ~verdict.checksum, verdict.jumps
         for name, column in columns.items():
-            self.columns[message.name, name] = column
+            self.columns[message.name, name] = replace(column, raw=_NO_RAW)  # it has been judged
             if broken is not None:
                 place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
                 column.why[broken[place] & (column.why == VALID)] = Why.CHECKSUM
@@ -306,9 +328,10 @@ class Decoding:
                 f"{signal.name}: no frame of {bus.message} from the "
                 "source_address or channel asked for"
             )
-        samples = _Samples(column.rows[keep], column.value[keep], column.why[keep])
-        self._judge(signal, bus, samples, message.signal(bus.signal))
-        return samples
+        samples = _Samples(column.rows, column.value, column.why)
+        if not keep.all():
+            samples = _Samples(column.rows[keep], column.value[keep], column.why[keep])
+        return self._judged(signal, bus, samples, message.signal(bus.signal))
 
     def _chosen(
         self, signal: SignalMap, bus: BusSignal, message: Message,
@@ -316,7 +339,7 @@ class Decoding:
     ) -> int | None:  # fmt: skip
         """The sender that says most in the first ``HEAD`` s; None if none says anything."""
         speaking = keep & (column.why == VALID)
-        senders = np.unique(sender[speaking])
+        senders = np.flatnonzero(np.bincount(sender[speaking]))
         if not len(senders):
             return None
         t = self.frames.t_ns[column.rows[speaking]]
@@ -330,10 +353,11 @@ class Decoding:
             )
         return chosen
 
-    def _judge(
+    def _judged(
         self, signal: SignalMap, bus: BusSignal, samples: _Samples, layout: SignalLayout
-    ) -> None:
-        """Apply the file's plausible range; warn of what is clipped or never there."""
+    ) -> _Samples:
+        """The samples within the file's plausible range; warns of what is clipped or never
+        there."""
         where = f"{signal.name}: {bus.message}.{bus.signal}"
         if bus is signal.bus:
             outside = np.zeros(len(samples.rows), bool)
@@ -342,12 +366,13 @@ class Decoding:
             if signal.maximum is not None:
                 outside |= samples.value > signal.maximum
             if outside.any():
-                samples.why[outside], samples.value[outside] = Why.OUT_OF_RANGE, np.nan
+                why = np.where(outside, np.uint8(Why.OUT_OF_RANGE), samples.why)
+                samples = _Samples(samples.rows, np.where(outside, np.nan, samples.value), why)
                 self.warnings.append(
                     f"{where}: {outside.sum()} samples outside the vehicle file's min … max"
                 )
         if not self.accounts:
-            return
+            return samples
         if len(samples.rows) and not samples.any_valid():
             codes, numbers = np.unique(samples.why, return_counts=True)
             self.warnings.append(
@@ -364,10 +389,10 @@ class Decoding:
                         f"{where}: {clipped} samples at the {edge} end of the "
                         f"DBC's range ({end:g} {layout.unit})".rstrip()
                     )
+        return samples
 
     def _canonical(self, signal: SignalMap, samples: _Samples, unit: str) -> Signal:
-        start = self.frames.t_ns[0] if self.start_ns is None else self.start_ns
-        time = (self.frames.t_ns[samples.rows] - start) / 1e9
+        time = self._time(samples.rows)
         value, why = samples.value, samples.why
         if signal.other:
             other = self._samples(signal, signal.other)
@@ -385,6 +410,16 @@ class Decoding:
             value = value * np.array(ratios)[index]
             why = np.where(inside, why, np.uint8(Why.NOT_AVAILABLE))
         return Signal.of(signal.name, unit, time, value, why)
+
+    def _time(self, rows: NDArray[np.intp]) -> Floats:
+        """The times of ``rows``; signals of one message share theirs."""
+        for known, time in self.times:
+            if known is rows:
+                return time
+        start = self.frames.t_ns[0] if self.start_ns is None else self.start_ns
+        time = (self.frames.t_ns[rows] - start) / 1e9
+        self.times.append((rows, time))
+        return time
 
     def _tells_gear(self, signal: SignalMap) -> bool:
         return bool(signal.gear) and self._samples(signal, signal.gear).any_valid()  # type: ignore[arg-type]

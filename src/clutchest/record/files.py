@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.run import Run
+from clutchest.estimate.run import Run, columns_of
 
 INNOVATIONS = "innovations.parquet"
+_PORTION = 100_000  # rows of a table that are written together
 
 
 def json_text(value: Any) -> str:
@@ -33,12 +35,12 @@ def write_run(run: Run, out: Path, innovations: bool = False) -> list[Path]:
     from clutchest.record.rerun import write_recording
 
     with finished_into(out) as folder:
-        _write_table(run.to_pandas(), folder / "estimates.parquet", run.provenance)
+        _write_tables(_estimates(run), folder / "estimates.parquet", run.provenance)
         (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
         (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
         write_recording(run, folder / "recording.rrd")
         if innovations:
-            _write_table(_innovations(run), folder / INNOVATIONS, run.provenance)
+            _write_tables(_innovations(run), folder / INNOVATIONS, run.provenance)
         names = sorted(path.name for path in folder.iterdir())
     if not innovations:
         # Those of an earlier run would not belong to the estimates beside them.
@@ -102,34 +104,46 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _innovations(run: Run) -> Any:
-    import pandas as pd
+def _estimates(run: Run) -> Iterator[dict[str, Any]]:
+    """The columns of every drive; the mode by its name."""
+    for drive, track in enumerate(run.tracks):
+        columns = columns_of(track, drive)
+        yield {**columns, "mode": _named(track.mode, track.mode_names)}
 
-    frames = []
+
+def _innovations(run: Run) -> Iterator[dict[str, Any]]:
     for drive, track in enumerate(run.tracks):
         events = track.innovations
-        frames.append(
-            pd.DataFrame(
-                {
-                    "time": events.time,
-                    "drive": np.full(len(events.time), drive, np.int32),
-                    "sensor": pd.Categorical.from_codes(events.sensor, list(events.names)),
-                    "innovation": events.innovation,
-                    "std": events.std,
-                }
-            )
-        )
-    return pd.concat(frames, ignore_index=True)
+        yield {
+            "time": events.time,
+            "drive": np.full(len(events.time), drive, np.int32),
+            "sensor": _named(events.sensor, events.names),
+            "innovation": events.innovation,
+            "std": events.std,
+        }
 
 
-def _write_table(table: Any, path: Path, provenance: Mapping[str, str]) -> None:
-    """A data frame as Parquet; ``provenance`` joins the metadata, one key each."""
+def _named(codes: NDArray, names: Sequence[str]) -> Any:
+    """Names as the ``codes`` (n,) of a few."""
+    import pyarrow as pa
+
+    return pa.DictionaryArray.from_arrays(codes.astype(np.int8), list(names))
+
+
+def _write_tables(
+    tables: Iterable[Mapping[str, Any]], path: Path, provenance: Mapping[str, str]
+) -> None:
+    """Columns of one drive after the other as Parquet, a portion at a time; ``provenance`` joins
+    the metadata, one key each."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    columns = pa.Table.from_pandas(table, preserve_index=False)
-    metadata = {
-        **(columns.schema.metadata or {}),
-        **{key.encode(): value.encode() for key, value in provenance.items()},
-    }
-    pq.write_table(columns.replace_schema_metadata(metadata), path)
+    with ExitStack() as stack:
+        writer = None
+        for columns in tables:
+            table = pa.table(dict(columns))
+            if writer is None:
+                schema = table.schema.with_metadata(dict(provenance))
+                writer = stack.enter_context(pq.ParquetWriter(path, schema))
+            for portion in table.to_batches(_PORTION):
+                writer.write_batch(portion)
