@@ -66,8 +66,8 @@ class Frames:
     def __len__(self) -> int:
         return len(self.t_ns)
 
-    def take(self, rows: NDArray) -> Frames:
-        """The given rows (indices or a mask)."""
+    def take(self, rows: NDArray | slice) -> Frames:
+        """The given rows (indices, a mask, or from … to)."""
         return Frames(
             self.t_ns[rows],
             self.channel[rows],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import isclose
 
@@ -63,8 +63,9 @@ def signals_of(
     wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     whole = reassembled(frames, wanted)
     found = Decoding(whole, vehicle, database, sources).signals()
-    traffic = traffic_of(whole, wanted, vehicle)
-    return replace(found, traffic={n: _sharing(t, found) for n, t in traffic.items()})
+    traffic = {message.name: _sharing(traffic_of(whole, message, vehicle), found)
+               for message in wanted}  # fmt: skip
+    return replace(found, traffic=traffic)
 
 
 def _sharing(traffic: Traffic, signals: Signals) -> Traffic:
@@ -134,6 +135,7 @@ class Decoding:
     sources: tuple[str, ...] = ()
     senders: dict[tuple[str, BusSignal], int] = field(default_factory=dict)
     start_ns: int | None = None
+    rows: dict[str, NDArray[np.intp]] = field(default_factory=dict)  # of messages not yet decoded
     columns: dict[tuple[str, str], Column] = field(default_factory=dict)
     messages: dict[str, dict[str, int]] = field(default_factory=dict)
     rejected: Counter[str] = field(default_factory=Counter)
@@ -179,10 +181,12 @@ class Decoding:
         )
 
     def decode(self) -> NDArray[np.bool_]:
-        """Decode every mapped message; which frames (n,) are of one."""
+        """Find every mapped message; which frames (n,) are of one."""
         mapped = np.zeros(len(self.frames), bool)
-        for name, layouts in self.wanted.items():
-            mapped[self._decode(self.database.message(name), layouts)] = True
+        for name in self.wanted:
+            rows = self.rows[name] = rows_of(self.frames, self.database.message(name))
+            self.messages[name] = {"frames": len(rows), "decoded": 0}
+            mapped[rows] = True
         return mapped
 
     def canonical(self) -> tuple[dict[str, Signal], dict[str, Signal]]:
@@ -198,6 +202,8 @@ class Decoding:
                 (made if known else geared)[name] = found
             if self.accounts:
                 self._forget(name)
+        for message in list(self.rows):  # of which no signal needed anything
+            self._decode(message)
         return made, geared
 
     def _forget(self, done: str) -> None:
@@ -208,6 +214,8 @@ class Decoding:
                   for bus in parts(self.vehicle.signals[name])}  # fmt: skip
         self.columns = {key: column for key, column in self.columns.items() if key in needed}
         self.samples = {key: found for key, found in self.samples.items() if key[0] in later}
+        held = [column.rows for column in self.columns.values()]
+        self.times = [pair for pair in self.times if any(pair[0] is rows for rows in held)]
 
     def remembered(self) -> Frames:
         """The last frame in which each companion of a signal said something: what is to come may
@@ -221,26 +229,25 @@ class Decoding:
 
     # --- frames of one message ---------------------------------------------------------------
 
-    def _decode(self, message: Message, layouts: Iterable[str]) -> NDArray[np.intp]:
+    def _decode(self, name: str) -> None:
         """Decode what is needed of one message, count what became of its frames."""
-        rows = rows_of(self.frames, message)
-        counts = self.messages[message.name] = {"frames": len(rows), "decoded": 0}
+        message, rows = self.database.message(name), self.rows.pop(name)
         if not len(rows) and not self.accounts:
-            return rows
-        columns = decode(self.frames, rows, message, sorted(layouts))
+            return
+        counts = self.messages[name]
+        columns = decode(self.frames, rows, message, sorted(self.wanted[name]))
         broken = None
         if message.name in self.vehicle.checked and len(rows):
             verdict = check(self.frames, rows, message)
             broken, counts["counter jumps"] = ~verdict.checksum, verdict.jumps
-        for name, column in columns.items():
-            self.columns[message.name, name] = replace(column, raw=_NO_RAW)  # it has been judged
+        for signal, column in columns.items():
+            self.columns[name, signal] = replace(column, raw=_NO_RAW)  # it has been judged
             if broken is not None:
                 place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
                 column.why[broken[place] & (column.why == VALID)] = Why.CHECKSUM
                 column.value[column.why != VALID] = np.nan
         if self.accounts:
             self._account(rows, columns, counts)
-        return rows
 
     def _account(self, rows: NDArray[np.intp], columns: Mapping[str, Column],
                  counts: dict[str, int]) -> None:  # fmt: skip
@@ -301,6 +308,8 @@ class Decoding:
         return known
 
     def _sampled(self, signal: SignalMap, bus: BusSignal) -> _Samples:
+        if bus.message in self.rows:
+            self._decode(bus.message)
         column = self.columns.get((bus.message, bus.signal))
         if column is None or not len(column.rows):
             return _NONE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,14 @@ from clutchest.can.frames import Frames
 from clutchest.signals import Traffic
 from clutchest.vehicle import Vehicle
 
+_PORTION = 100_000  # frames that are looked at together
 
-def traffic_of(frames: Frames, messages: Sequence[Message], vehicle: Vehicle) -> dict[str, Traffic]:
-    """The traffic of every message in ``frames`` (sorted), from the sender that the vehicle file
-    asks for, else from the one with most frames; t = 0 at the first frame."""
+
+def traffic_of(frames: Frames, message: Message, vehicle: Vehicle) -> Traffic:
+    """The traffic of a message in ``frames`` (sorted), from the sender that the vehicle file asks
+    for, else from the one with most frames; t = 0 at the first frame."""
     first = int(frames.t_ns[0]) if len(frames) else 0
-    return ArrivingTraffic(messages, vehicle).take(frames, first)
+    return ArrivingTraffic([message], vehicle).take(frames, first)[message.name]
 
 
 class ArrivingTraffic:
@@ -44,7 +47,11 @@ class ArrivingTraffic:
         both = own if before is None else Frames.concatenate([before, own])
         if len(own):
             self._last[message.name] = own.take(np.array([-1]))
-        return _traffic(both, message, self.vehicle, start_ns).take(slice(known, None))
+        parts = [_traffic(both.take(slice(max(first - 1, 0), first + _PORTION)), message,
+                          self.vehicle, start_ns).take(slice(int(first > 0), None))
+                 for first in range(0, max(len(both), 1), _PORTION)]  # fmt: skip
+        whole = parts[0] if len(parts) == 1 else _joined(parts)
+        return whole.take(slice(known, None))
 
     def _rows(self, frames: Frames, message: Message) -> NDArray[np.intp]:
         rows = rows_of(frames, message)
@@ -85,6 +92,16 @@ def _traffic(frames: Frames, message: Message, vehicle: Vehicle, start_ns: int) 
         period=_period(message, vehicle),
         checked=message.name in vehicle.checked,
     )
+
+
+def _joined(parts: Sequence[Traffic]) -> Traffic:
+    """Traffic that follows each other."""
+
+    def column(name: str) -> NDArray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return replace(parts[0], time=column("time"), same=column("same"), step=column("step"),
+                   sound=column("sound"))  # fmt: skip
 
 
 def _period(message: Message, vehicle: Vehicle) -> float | None:
