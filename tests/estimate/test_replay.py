@@ -122,6 +122,30 @@ def test_a_log_in_pieces_gives_the_same_answer(drives, monkeypatch):
     assert np.array_equal(whole.tracks[0].slip_energy.value, pieces.tracks[0].slip_energy.value)
 
 
+def test_a_drive_in_stretches_is_the_whole_drive(monkeypatch):
+    """Filtered a stretch at a time, or at once as the smoother needs it: the same to the last
+    bit, sums over the whole log but for their rounding."""
+    monkeypatch.setattr("clutchest.estimate.replay.STRETCH", 17.0)
+    signals = clutchest.read_log("demo", "truck")
+    parts = clutchest.replay(signals, "truck")
+    whole = clutchest.replay(signals, "truck", smooth=True)
+    (a,), (b,) = parts.tracks, whole.tracks
+    for name, estimate in b.states.items():
+        for column in ("value", "std", "valid"):
+            np.testing.assert_array_equal(getattr(a.states[name], column),
+                                          getattr(estimate, column))  # fmt: skip
+    for name in ("time", "mode"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    for name in ("time", "sensor", "innovation", "std"):
+        np.testing.assert_array_equal(getattr(a.innovations, name), getattr(b.innovations, name))
+    np.testing.assert_array_equal(a.information.bits, b.information.bits)
+    assert a.engagements == b.engagements and len(a.engagements) == 4
+    assert parts.final == whole.final
+    told = dict(parts.summary)
+    assert told.pop("log_likelihood") == pytest.approx(whole.summary["log_likelihood"], rel=1e-12)
+    assert told == {key: whole.summary[key] for key in told}
+
+
 def test_outliers_do_little_harm():
     signals = clutchest.simulate(TRUCK, "launches", 3, duration=600.0, outliers=0.02)
     run = clutchest.replay(signals, TRUCK)
