@@ -21,7 +21,7 @@ from scipy.optimize import lsq_linear
 from blind.drives import Drive
 from blind.outsiders import Outsider
 from clutchest.errors import ClutchestError
-from clutchest.identify.colour import Colour, Stretches
+from clutchest.identify.colour import Colour
 from clutchest.identify.linearised import LinearDrive, Problem, Shapes
 from clutchest.models.effects import Effect, library
 from clutchest.signals import Floats, Signals
@@ -96,7 +96,7 @@ class Oracle:
         [rows], [drive] = problem.linearise(theta, shapes), problem.drives
         white = np.column_stack([rows.r, rows.psi])
         if self.colour is not None:
-            white = self.colour.whiten(Stretches.of(drive.t, drive.sensor, drive.row), white)
+            white = self.colour.whiten(drive.stretches, white)
             white = white[_telling(drive)]
         pull = np.zeros(len(theta))
         pull[self.nuisances] = (theta - self.centre)[self.nuisances]
@@ -105,8 +105,7 @@ class Oracle:
     def _colour_of(self, problem: Problem, theta: Floats) -> Colour:
         """That of the noise: of what no nuisance explains of a drive without a cause."""
         [drive], [rows] = problem.drives, problem.linearise(theta, NOMINAL)
-        stretches = Stretches.of(drive.t, drive.sensor, drive.row)
-        return Colour.fit([stretches], [np.clip(rows.r, -FAR, FAR)])
+        return Colour.fit([drive.stretches], [np.clip(rows.r, -FAR, FAR)])
 
     # --- distances ---------------------------------------------------------------------------
 

@@ -57,7 +57,7 @@ def search(monkeypatch):
 
     made = Search()
     # by sys.modules: the attribute of that name may be the function
-    monkeypatch.setattr(import_module("clutchest.discovery"), "discover", made)
+    monkeypatch.setattr(import_module("clutchest.discovery.find"), "discover", made)
     return made
 
 

@@ -68,19 +68,11 @@ def test_what_stays_is_what_it_was(line):
     assert np.all(np.diff(short.t) > 0)
     of = np.searchsorted(line.t, short.t)
     np.testing.assert_array_equal(line.t[of], short.t)
-    for name in ("sensor", "u", "row", "mode", "emit"):
+    for name in ("sensor", "u", "row", "mode"):
         np.testing.assert_array_equal(getattr(line, name)[of], getattr(short, name), name)
     plain = short.sensor != ZERO
     np.testing.assert_array_equal(line.z[of][plain], short.z[plain])
     np.testing.assert_array_equal(line.R[of][plain], short.R[plain])
-
-
-def test_output_rows_stay(line):
-    emit = np.full(len(line.t), -1)
-    wanted = np.flatnonzero(line.sensor == SPEED)[::500]
-    emit[wanted] = np.arange(len(wanted))
-    short = condensed(replace(line, emit=emit), DRY_CLUTCH)
-    np.testing.assert_array_equal(short.emit[short.emit >= 0], np.arange(len(wanted)))
 
 
 def test_means_lie_within_their_stretch(line):

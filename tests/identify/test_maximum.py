@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 import clutchest
+from clutchest.identify.colour import Stretches
 from clutchest.identify.linearised import Problem, Rows, Theta
 from clutchest.identify.maximum import SETTLED, Fitter
 from clutchest.models.effects import Number, library
@@ -43,7 +44,8 @@ class MadeUp:
                         for name, ends in self.bounds.items()}  # fmt: skip
         count = len(self.data)
         nothing = np.zeros(count, int)
-        self.drives = [SimpleNamespace(t=np.arange(count) * PERIOD, sensor=nothing, row=nothing)]
+        time = np.arange(count) * PERIOD
+        self.drives = [SimpleNamespace(t=time, stretches=Stretches.of(time, nothing, nothing))]
 
     def linearise(
         self, theta: Floats, shapes: object, active: NDArray[np.int64] | None = None

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.colour import Colour, Stretches
+from clutchest.identify.colour import Colour
 from clutchest.identify.linearised import LinearDrive, Problem, Rows, Theta
 from clutchest.identify.maximum import Fitter
 from clutchest.models.effects import Effect
@@ -83,7 +83,7 @@ def blocks_of(
 
 def _blocks(drive: LinearDrive, thetas: tuple[Theta, ...], rows: Rows) -> Blocks:
     which = pieces(drive.t)
-    stretches = Stretches.of(drive.t, drive.sensor, drive.row)
+    stretches = drive.stretches
     rest, level = _local(rows, which)
     colour = Colour.fit([stretches], [rest * level])
     near = np.abs(colour.whiten(stretches, rest)) < FAR

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 
 from clutchest.identify.linearised import LinearDrive, Problem
 from clutchest.identify.maximum import Look
+from clutchest.identify.sliding import while_sliding
 from clutchest.signals import Floats
 
 NAMES = ("measured_torque", "clutch_torque")
@@ -25,22 +25,11 @@ def torques(problem: Problem, look: Look) -> list[Torques]:
 
 
 def _of_drive(problem: Problem, look: Look, own: LinearDrive) -> Torques:
-    model, line = problem.compiled.model, own.line
     p, g, _ = problem.numbers(look.theta, look.shapes)
-    e = model.expressions()
-    if not set(NAMES) <= set(e.quantities.names()):
-        return np.zeros(0), np.zeros(0), np.zeros(0)
-    wanted = ca.vertcat(*(getattr(e.quantities, name) for name in NAMES))
-    rows = np.flatnonzero(own.acts & line.W[line.row].all(axis=1))
-    if not len(rows):
-        return np.zeros(0), np.zeros(0), np.zeros(0)
     nominal = problem.compiled.p  # what was measured does not change with what is believed
     off = np.zeros_like(g)
-    still = [i for i, (effect, n) in enumerate(model.numbers)
+    still = [i for i, (effect, n) in enumerate(problem.compiled.model.numbers)
              if any(s.key == n and s.shape for s in effect.parameters)]  # fmt: skip
     off[still] = problem.compiled.g[still]
-
-    def evaluated(p_: Floats, g_: Floats) -> Floats:
-        return e.along(wanted, own.states[rows], line.u[rows], line.W[line.row[rows]], p_, g_)
-
-    return line.t[rows], evaluated(nominal, off)[0], evaluated(p, g)[1]
+    time, (measured, simulated) = while_sliding(own, NAMES, (nominal, off), (p, g))
+    return time, measured[0], simulated[1]

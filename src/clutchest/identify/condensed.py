@@ -24,10 +24,9 @@ NEAR = 0.3  # s before and after a regime in which they tell more, all readings 
 def condensed(line: Timeline, model: Model) -> Timeline:
     """The same drive with fewer events; means of readings at rest carry their smaller variance."""
     free = line.W[line.row].any(axis=1)  # some equation beyond heat flow acts
-    close = _gap(line.t, line.t[free]) <= NEAR
+    close = gap(line.t, line.t[free]) <= NEAR
     keep, z, R = close & ~_spare(line, model), line.z.copy(), line.R.copy()
     keep[[0, -1]] = True
-    keep |= line.emit >= 0
     for i, sensor in enumerate(model.sensors):
         if sensor.mode:  # read in one mode only, where nothing else happens
             of = np.flatnonzero(line.sensor == i)
@@ -46,11 +45,11 @@ def _spare(line: Timeline, model: Model) -> NDArray[np.bool_]:
     if "engaged" not in model.regime:  # a clutch that always drags
         return np.zeros(len(line.t), bool)
     grips = line.W[line.row, model.regime.index("engaged")] > 0.0
-    apart = _gap(line.t, line.t[grips]) > NEAR
-    return ~reads & apart & (_gap(line.t, line.t[reads]) <= SOON)
+    apart = gap(line.t, line.t[grips]) > NEAR
+    return ~reads & apart & (gap(line.t, line.t[reads]) <= SOON)
 
 
-def _gap(t: Floats, others: Floats) -> Floats:
+def gap(t: Floats, others: Floats) -> Floats:
     """From each of ``t`` (K), s, to the nearest of ``others``; both in order."""
     if not len(others):
         return np.full(len(t), np.inf)

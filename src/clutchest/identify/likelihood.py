@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -21,6 +20,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.sliding import while_sliding
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains
 from clutchest.signals import Floats, Signals
@@ -160,10 +160,5 @@ def along(
     p, g, _ = problem.numbers(posterior.theta, {})
     for key, value in others.items():
         p[[q.key for q in problem.compiled.model.parameters].index(key)] = value
-    e = problem.compiled.model.expressions()
-    rows = np.flatnonzero(own.acts & own.line.W[own.line.row].all(axis=1))
-    wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
-    if not len(rows):
-        return np.zeros(0), np.zeros((len(names), 0))
-    flags = own.line.W[own.line.row[rows]]
-    return own.line.t[rows], e.along(wanted, own.states[rows], own.line.u[rows], flags, p, g)
+    time, [values] = while_sliding(own, names, (p, g))
+    return time, values

@@ -28,7 +28,9 @@ from clutchest.estimate.whole_log import (
     present_effects,
 )
 from clutchest.identify.calm import calm, path
+from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
+from clutchest.identify.thinned import thinned
 from clutchest.models import model_for
 from clutchest.models.effects import Effect
 from clutchest.models.model import Model
@@ -77,7 +79,7 @@ class LinearDrive:
     """One drive, to be linearised anywhere; ``units`` (m) of the compiled model's thetas.
 
     Of its readings that tell of θ: ``t`` s, ``sensor`` index, ``row`` the regime's, ``mode``, and
-    ``std`` of the innovation; shape (K,) each.
+    ``std`` of the innovation, shape (K,) each; ``stretches``, how they hang together.
     """
 
     def __init__(
@@ -92,7 +94,9 @@ class LinearDrive:
             if sensor.name in model.renewed:  # a nimble filter: colour is taken out afterwards
                 R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
         line = replace(line, R=R)
-        self.compiled, self.whole, self.line = compiled, line, condensed(line, model)
+        noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
+        self.compiled, self.whole = compiled, line
+        self.line, means = thinned(condensed(line, model), model, noise)
         self.nominal = nominal(compiled, line)
         self.start = fresh(vehicle, compiled, line)
         self.start.P[~self.tracked] = 0.0
@@ -102,9 +106,13 @@ class LinearDrive:
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
         self.slope, self.calm = self._tracked()
         self.states = np.zeros((len(self.line.t), len(model.states)))
-        self.smooth = self._smooth(signals)
-        self.still = {j: freed(self.line.t, self.smooth[:, j], self.acts)
-                      for j, freed in _sloped(model).items()}  # fmt: skip
+        self.course = self._courses(signals)
+        self.smooth = np.column_stack([np.interp(self.line.t, *c) for c in self.course])
+        self.still = {}
+        for j, freed in _sloped(model).items():
+            time, value = self.course[j]
+            acts = np.interp(time, self.line.t, self.acts) > 0.5
+            self.still[j] = time, freed(time, value, acts)
         self.moved = np.zeros_like(self.smooth)  # by what the run before implies
         self.expected = self.smooth.copy()
         # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
@@ -125,6 +133,7 @@ class LinearDrive:
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
+        self.stretches = Stretches.of(self.t, self.sensor, 2 * self.row + means[self.rows])
         self.std = std[self.rows]
 
     def _bent(self, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
@@ -168,11 +177,10 @@ class LinearDrive:
         """
         line, functions = self.line, self.compiled.functions
         u, n, m = line.u.copy(), len(x), len(self.compiled.thetas)
-        measured, still = self.smooth.copy(), dict(self.still)
+        measured = self.smooth.copy()
         for name, delay in late.items():
             j = self.compiled.model.input(name)
-            measured[:, j] = np.interp(line.t + delay, line.t, self.smooth[:, j])
-            still[j] = np.interp(line.t + delay, line.t, self.still[j])
+            measured[:, j] = np.interp(line.t + delay, *self.course[j])
             # only the smooth part is shifted: between its samples noise would seem smaller
             u[:, j] += measured[:, j] - self.smooth[:, j]
         true = measured + self.moved
@@ -185,7 +193,7 @@ class LinearDrive:
             started, self.start.P.copy(), S[:, active].copy(), active,
             np.zeros((len(u), 0)) if basis is None else basis,
             np.full(len(active), -1) if which is None else which,
-            line.t, line.sensor, line.z, line.R, u, true, self._slopes(still), self.calm,
+            line.t, line.sensor, line.z, line.R, u, true, self._slopes(late), self.calm,
             np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
             self.frozen, self.gain, self.variance, states, innovations, answers,
         )  # fmt: skip
@@ -199,25 +207,29 @@ class LinearDrive:
         self.expected = measured + self.moved
         return innovations, answers
 
-    def _slopes(self, still: Mapping[int, Floats]) -> Floats:
-        """Slopes (K, nu), on the way to each event, of the inputs that are given freed of noise."""
+    def _slopes(self, late: Mapping[str, float]) -> Floats:
+        """Slopes (K, nu), on the way to each event, of inputs that may be late or that drag
+        something along, without those of their noise."""
         found, t = np.zeros_like(self.smooth), self.line.t
         span = np.diff(t, prepend=t[0])
-        for j, value in still.items():
+        for j, course in self.still.items():
+            value = np.interp(t + late.get(self.compiled.model.inputs[j].name, 0.0), *course)
             np.divide(np.diff(value, prepend=value[0]), span, out=found[:, j], where=span > 0.0)
         return found
 
-    def _smooth(self, signals: Signals) -> Floats:
-        """Inputs (K, nu) without their fastest noise: parabolas through ``WINDOW`` s."""
-        found = self.line.u.copy()
+    def _courses(self, signals: Signals) -> list[tuple[Floats, Floats]]:
+        """Times and values of every input without its fastest noise: parabolas through ``WINDOW``
+        s.  With samples as close as the signal's, so that it can be shifted in time."""
+        found = []
         for j, item in enumerate(self.compiled.model.inputs):
-            if item.name not in signals or not self.line.noise[j]:
-                continue
-            time = signals[item.name].time
-            value = np.interp(time, self.whole.t, self.whole.u[:, j])
-            count = round(WINDOW / max(float(np.median(np.diff(time))), 1e-3)) // 2 * 2 + 1
-            if 5 <= count <= len(time):
-                found[:, j] = np.interp(self.line.t, time, savgol_filter(value, count, 2))
+            time, value = self.line.t, self.line.u[:, j]
+            if item.name in signals and self.line.noise[j]:
+                own = signals[item.name].time
+                count = round(WINDOW / max(float(np.median(np.diff(own))), 1e-3)) // 2 * 2 + 1
+                if 5 <= count <= len(own):
+                    read = np.interp(own, self.whole.t, self.whole.u[:, j])
+                    time, value = own, savgol_filter(read, count, 2)
+            found.append((time, value))
         return found
 
     def _tracked(self) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.identify.colour import Colour, Stretches
+from clutchest.identify.colour import Colour
 from clutchest.identify.linearised import Problem, Rows, Shapes
 from clutchest.signals import Floats
 
@@ -66,7 +66,7 @@ class Fitter:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.stretches = [Stretches.of(d.t, d.sensor, d.row) for d in problem.drives]
+        self.stretches = [d.stretches for d in problem.drives]
         self.colour = Colour.white(self.stretches)
         self.weights = [np.ones(len(d.t)) for d in problem.drives]  # 0: not counted
         self.span: Floats | None = None  # (K, q), orthonormal
