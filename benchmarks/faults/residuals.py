@@ -15,7 +15,7 @@ import numpy as np
 
 from clutchest.diagnosis.equations import LEAST
 from clutchest.diagnosis.faults import ModelFault
-from clutchest.diagnosis.sequential import alarms, debounced
+from clutchest.diagnosis.sequential import debounced, peaks
 from clutchest.diagnosis.thresholds import (
     WINDOW,
     Colour,
@@ -106,10 +106,10 @@ def rates(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, u
     found: dict[str, Any] = {"drawn_hours": hours, "enabled_share": enabled}
     for name, test in tests.items():
         h = threshold(test, of.seen, Colour(), of.per_block)
-        count = alarms(test(score, information), h, WINDOW)
+        count = len(peaks(test(score, information), h, WINDOW))
         expected = of.per_block * blocks
         found[name] = {
-            "threshold": h, "alarms": int(count), "expected": expected,
+            "threshold": h, "alarms": count, "expected": expected,
             "per_1000_clock_hours": 1000.0 * count / hours,
             "per_1000_enabled_hours": 1000.0 * count / max(hours * enabled, 1e-9),
         }  # fmt: skip

@@ -42,8 +42,8 @@ def test_a_rate_holds_on_draws_that_made_no_threshold(colour):
 
     h = threshold(test, information, colour, rate)
     blocks = 2_000_000
-    count = sequential.alarms(test(*drawn(information, colour, blocks, np.random.default_rng(11))),
-                              h, thresholds.WINDOW)  # fmt: skip
+    path = test(*drawn(information, colour, blocks, np.random.default_rng(11)))
+    count = len(sequential.peaks(path, h, thresholds.WINDOW))
     assert 0.5 < count / (rate * blocks) < 2.0  # 40 expected
 
 

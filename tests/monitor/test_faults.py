@@ -6,6 +6,7 @@ import pytest
 
 import clutchest
 from clutchest.can.dm1 import read_payload
+from clutchest.diagnosis import watch
 from clutchest.diagnosis.codes import number_of
 from clutchest.diagnosis.streams import part
 from clutchest.monitor import faults
@@ -38,7 +39,7 @@ def test_a_fault_is_an_event_and_a_code_on_the_bus(truck, monkeypatch):
     broken = mangled.without(frames, mangled.ETC1, 10.0, 20.0)
     sent, clock = [], [0.0]
     monkeypatch.setattr(faults.time, "monotonic", lambda: clock[-1])
-    watcher = Faults(truck, load_database(truck), lambda f: sent.append((clock[-1], f)), None)
+    watcher = Faults(truck, load_database(truck), lambda f: sent.append((clock[-1], f)))
     events = driven(truck, broken, watcher, clock)
     assert [(e.kind, e.name, e.data["failed"]) for e in events] == [
         ("fault", "missing:ETC1", True), ("fault", "missing:ETC1", False),
@@ -66,3 +67,17 @@ def test_a_new_drive_begins_anew(truck):
     assert len(driven(truck, broken, watcher, [])) == 1
     later, _ = simulate_frames(truck, "city", 6, duration=20.0)
     assert not driven(truck, later, watcher, [])
+
+
+def test_the_last_word_is_an_event(truck, monkeypatch):
+    """What had not been judged yet, and what the equations show of the whole drive."""
+    frames, _ = simulate_frames(truck, "city", 5, duration=20.0)
+    said = {"fault": "torque_bias", "first_detected_s": 12.0, "set": ["torque_bias"],
+            "causes": [{"size": 40.0}]}  # fmt: skip
+    monkeypatch.setattr(watch, "looked_at", lambda *_: watch.Look([said], 1.0))
+    watcher = Faults(truck, load_database(truck), None)
+    assert not driven(truck, frames, watcher, [])
+    (event,) = watcher.finish(20.0)
+    assert (event.kind, event.name, event.time) == ("fault", "torque_bias", 12.0)
+    assert event.data["failed"] and event.data["size"] == 40.0
+    assert not list(watcher.finish(20.0)), "once"

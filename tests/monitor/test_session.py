@@ -89,7 +89,7 @@ def sessions(tmp_path_factory, port):
         twice = start("twice", "monitor", "--vehicle", "truck", "--out", whole)
         twice.wait(60)
         first.send_signal(signal.SIGINT)
-        first.wait(60)
+        first.wait(180)  # a last look at the equations, which may have to be compiled
     finally:
         for process in (player, first, second):
             process.kill()

@@ -66,6 +66,7 @@ def monitor(
         from clutchest.can.bus import open_bus
         from clutchest.monitor.faults import Faults
         from clutchest.monitor.monitor import Monitor
+        from clutchest.monitor.store import RECEIVED
         from clutchest.reading import load_database
         from clutchest.record.files import read_state
         from clutchest.vehicle import load_vehicle
@@ -80,9 +81,10 @@ def monitor(
         # a bus that is not there is said before anything is compiled for it, and one that is there
         # is listened to meanwhile
         show("compiling the fault tests, once on this machine", None)
-        watching.watchers = (Faults(car, load_database(car), watching.send if send_dm1 else None),)
+        send = watching.send if send_dm1 else None
+        watching.watchers = (Faults(car, load_database(car), send, log=out / RECEIVED),)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: watching.stop())
+        signal.signal(number, lambda *_: _end(watching))
     if as_json:
         watching.run(duration, _lines)
         return
@@ -92,6 +94,15 @@ def monitor(
         status = watching.run(duration, _words)
         print(f"{status.frames} frames, {status.lost} lost, {status.rows} rows of estimates")
     print(f"Written to {out}: {', '.join(watching.written)}")
+
+
+def _end(watching: Monitor) -> None:
+    """End the session; asked for a second time, without the last look at the equations."""
+    if watching.stopped:
+        raise KeyboardInterrupt
+    if sys.stderr.isatty():
+        print("a last look at the equations; Ctrl-C again skips it", file=sys.stderr)
+    watching.stop()
 
 
 def _watch(watching: Monitor, duration: float | None) -> None:

@@ -94,9 +94,10 @@ def climb(state, gain, bound, time, changes, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def glr(score, information, low, high, window, path, begun):  # type: ignore[no-untyped-def]
-    """The likeliest fault of a size from ``low`` to ``high`` that began within the last ``window``
-    samples: its log-likelihood ratio ``path`` (n) and first sample ``begun`` (n).
+def glr(score, information, low, high, one_sided, window, path, begun):  # type: ignore[no-untyped-def]
+    """The likeliest fault of a size from ``low`` to ``high``, either way unless ``one_sided``, that
+    began within the last ``window`` samples: its log-likelihood ratio ``path`` (n) and first sample
+    ``begun`` (n).
 
     Sample k of ``score`` (n) has mean b·information and variance ``information`` (n) under a fault
     of size b.
@@ -108,8 +109,9 @@ def glr(score, information, low, high, window, path, begun):  # type: ignore[no-
             u += score[j]
             i += information[j]
             if i > 0.0:
-                b = min(max(u / i, low), high)
-                ratio = b * u - b * b * i / 2.0
+                v = u if one_sided else abs(u)
+                b = min(max(v / i, low), high)
+                ratio = b * v - b * b * i / 2.0
                 if ratio > best:
                     best, first = ratio, j
         path[k], begun[k] = best, first
@@ -126,13 +128,15 @@ def debounced(z, threshold, count, path):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def alarms(path, threshold, apart):  # type: ignore[no-untyped-def]
-    """How often ``path`` exceeds ``threshold`` anew, at least ``apart`` samples after the last
-    time that it did."""
-    found, last = 0, -apart - 1
+def peaks(path, threshold, apart):  # type: ignore[no-untyped-def]
+    """How high ``path`` rises each time that it exceeds ``threshold`` anew, at least ``apart``
+    samples after the last time that it did."""
+    found = np.zeros(len(path))
+    n, last = 0, -apart - 1
     for k in range(len(path)):
         if path[k] > threshold:
             if k - last > apart:
-                found += 1
+                n += 1
+            found[n - 1] = max(found[n - 1], path[k])
             last = k
-    return found
+    return found[:n]

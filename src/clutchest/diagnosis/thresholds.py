@@ -3,26 +3,26 @@
 A test on block residuals depends on how much each block tells, which no formula for the run length
 knows.  So the test itself is run on drawn residuals: as much information per block as was measured,
 in the order in which it came, and normal numbers of the measured level that remember each other as
-much as measured.  Rates fall exponentially with the threshold; where the one asked for is rarer
-than what was drawn, the line through what was drawn is carried on.
+much as measured.  Peaks of a likelihood ratio fall off exponentially; where the rate asked for is
+rarer than what was drawn, the exponential of all high peaks is carried on, as flat as they allow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit
 
-from clutchest.diagnosis.sequential import alarms, cusum, glr
+from clutchest.diagnosis.sequential import cusum, glr, peaks
 from clutchest.signals import Floats
 
-DRAWN = 400_000  # blocks
+DRAWN = 800_000  # blocks
 STRETCH = 30  # blocks of measured information that stay together
 WINDOW = 64  # blocks that a fault may lie back
-FEWEST = 30  # alarms that make a point of the line
+FEWEST = 100  # alarms that are counted rather than extrapolated to
+ALONE = 0.1  # share of the blocks that peaks and what lies close to them may take up
 FEW = 50  # blocks from which level and colour are measured
 SHRUNK = 300  # blocks that stand for "white and of variance 1", as the equations promise
 
@@ -57,31 +57,21 @@ def glr_path(score: Floats, information: Floats, low: float, high: float,
              one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
     """Log-likelihood ratio (n) of the likeliest fault and the block it began with (n), its size
     from ``low`` to ``high`` either way."""
-    return _likelier(
-        score, one_sided,
-        lambda s, path, begun: glr(s, information, low, high, WINDOW, path, begun),
-    )  # fmt: skip
+    path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
+    glr(score, information, low, high, one_sided, WINDOW, path, begun)
+    return path, begun
 
 
 def cusum_path(score: Floats, information: Floats, size: float,
                one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
     """The same for a fault of one ``size``, either way: Page's test."""
     drift = size**2 * information / 2.0
-    return _likelier(
-        score, one_sided, lambda s, path, begun: cusum(size * s - drift, 0.0, path, begun)
-    )
-
-
-def _likelier(
-    score: Floats, one_sided: bool, test: Callable[[Floats, Floats, np.ndarray], Any]
-) -> tuple[Floats, np.ndarray]:
-    """Of a test of ``score`` (n) that fills a path and where it began, or of it either way."""
     path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
-    test(score, path, begun)
+    cusum(size * score - drift, 0.0, path, begun)
     if one_sided:
         return path, begun
     other, first = np.zeros(len(score)), np.zeros(len(score), np.int64)
-    test(-score, other, first)
+    cusum(-size * score - drift, 0.0, other, first)
     return np.maximum(path, other), np.where(other > path, first, begun)
 
 
@@ -118,22 +108,17 @@ def threshold(
 
 def from_path(path: Floats, per_block: float) -> float:
     """The threshold that a long healthy ``path`` exceeds ``per_block`` times a block."""
-    levels, counts = [], []
-    for level in np.arange(0.5, float(path.max()), 0.25):
-        count = alarms(path, level, WINDOW)
-        levels.append(level)
-        counts.append(count)
-    found, number = np.array(levels), np.array(counts, float)
-    if not len(found):
-        return 0.5
     wanted = per_block * len(path)
-    falling = found >= found[int(np.argmax(number))]  # low thresholds merge alarms into one
-    found, number = found[falling], number[falling]
+    levels = np.arange(0.0, float(path.max()) - 0.5, 0.5)
+    if not len(levels):
+        return 0.5
+    risen = [peaks(path, level, WINDOW) for level in levels]
+    many = np.array([len(found) for found in risen])
+    # the lowest level whose peaks stand alone; below the level of most of them they run together
+    alone = (many * WINDOW < ALONE * len(path)) & (levels >= levels[np.argmax(many)])
+    base, found = levels[np.argmax(alone)], risen[int(np.argmax(alone))]
     if wanted >= FEWEST:
-        return float(np.interp(-wanted, -number, found))
-    enough = number >= FEWEST
-    tail = np.flatnonzero(enough)[-8:]
-    if len(tail) < 2:
-        return float(found[-1] + np.log(max(number[-1], 1.0) / wanted))
-    slope, at = np.polyfit(found[tail], np.log(number[tail]), 1)
-    return float((np.log(wanted) - at) / slope)
+        return float(np.sort(found)[-min(round(wanted), len(found))])
+    # exponential (maximum likelihood), its mean excess longer by one standard error
+    excess = float(np.mean(found - base)) * (1.0 + 1.0 / np.sqrt(len(found)))
+    return float(base + excess * np.log(max(len(found) / wanted, 1.0)))

@@ -1,8 +1,9 @@
 """Fault tests over a drive while it lasts.
 
-Frames and signals are judged as they come.  What only the equations show is looked at every few
-minutes, in a process of its own: all of the drive so far, as a replay would, so that what is found
-live is what ``diagnose`` finds in the log.
+Frames and signals are judged as they come.  What only the equations show is looked at in a process
+of its own: all of the drive so far, as a replay would, so that what is found live is what
+``diagnose`` finds in the log.  A look takes the longer the longer the drive is: the next one waits
+until all of them together take no more than a share of one processor.  The last one is at the end.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from collections.abc import Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing import get_context
+from pathlib import Path
+from time import process_time
 from typing import Any
 
 from clutchest.can.database import Database
@@ -21,10 +24,11 @@ from clutchest.diagnosis.streams import Streams
 from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import mapped_messages
 from clutchest.reading.traffic import ArrivingTraffic
-from clutchest.signals import Signal, Signals
+from clutchest.signals import LOST, Signal, Signals
 from clutchest.vehicle import Vehicle
 
-REVIEW = 300.0  # s of driving between two looks at the equations
+FIRST = 60.0  # s of driving before the first look at the equations
+SHARE = 0.1  # of one processor, that looks at the equations may take
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +45,27 @@ class Change:
 class FaultWatch:
     """All monitors of one drive.  Call :meth:`take` with every batch, :meth:`finish` at its end.
 
-    ``review`` s of driving between two looks at the equations; None: none before the end.
+    ``share`` of one processor for looks at the equations while the drive lasts; None: none before
+    the end.  ``log`` is a file that holds every frame by the time it is taken here, with the same
+    stamps; without one the drive's signals are held in memory.
     """
 
     def __init__(
-        self, vehicle: Vehicle, database: Database, *, review: float | None = REVIEW
-    ) -> None:
-        self.vehicle, self.review = vehicle, review
+        self, vehicle: Vehicle, database: Database, *, share: float | None = SHARE,
+        log: Path | None = None,
+    ) -> None:  # fmt: skip
+        self.vehicle, self.share, self.log = vehicle, share, log
         messages = [database.message(name) for name in mapped_messages(vehicle, database)]
         self.streams = Streams(vehicle)
         self.active: dict[str, Change] = {}
         self._traffic = ArrivingTraffic(messages, vehicle)
         self._kept: dict[str, list[Signal]] = {}
         self._told: set[str] = set()
-        self._reviewed, self._now = 0.0, 0.0
+        self._start_ns = 0
+        self._now = self._heard = self._looked = 0.0
+        self._due = FIRST
         self._pool: ProcessPoolExecutor | None = None
-        self._answer: Future[list[dict[str, Any]]] | None = None
+        self._answer: Future[Look] | None = None
 
     def take(
         self, signals: Mapping[str, Signal], frames: Frames, start_ns: int, until: float
@@ -65,33 +74,57 @@ class FaultWatch:
 
         Times of signals count from ``start_ns``, the stamp of the drive's first frame.
         """
-        self._now = until
-        for name, signal in signals.items():
-            self._kept.setdefault(name, []).append(signal)
+        self._now, self._start_ns = until, start_ns
+        if len(frames):
+            self._heard = (int(frames.t_ns[-1]) - start_ns) / 1e9
+        if self.log is None:
+            for name, signal in signals.items():
+                self._kept.setdefault(name, []).append(signal)
         new = Signals(signals, traffic=self._traffic.take(frames, start_ns), end=until)
         self.streams.take(new, until)
         found = self._changes()
         if self._answer is not None and self._answer.done():
-            found += self._equations(self._answer.result())
-            self._answer = None
-        due = self.review is not None and until - self._reviewed > self.review
-        if due and self._answer is None:
-            self._reviewed = until
-            if self._pool is None:
-                self._pool = ProcessPoolExecutor(1, get_context("spawn"))
-            self._answer = self._pool.submit(looked_at, self._so_far(), self.vehicle)
+            found += self._answered()
+        if self._answer is None and self.share is not None and self._worth_a_look():
+            self._ask()
         return found
 
     def finish(self) -> list[Change]:
         """The equations' last word, on the whole drive."""
+        found = [] if self._answer is None else self._answered()
+        if self._heard > self._looked:
+            if self._pool is None:
+                found += self._equations(looked_at(*self._so_far()).faults)
+            else:
+                self._ask()
+                found += self._answered()
         self.close()
-        return self._equations(looked_at(self._so_far(), self.vehicle))
+        return found
 
     def close(self) -> None:
         """Let go of the process that looks at the equations."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
+
+    def _worth_a_look(self) -> bool:
+        """Whether it is time, or the vehicle rests and there is news of it."""
+        if self._heard <= self._looked or self._now < FIRST:
+            return False
+        return self._now >= self._due or self._now - self._heard > LOST
+
+    def _ask(self) -> None:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(1, get_context("spawn"))
+        self._looked = self._heard
+        self._answer = self._pool.submit(looked_at, *self._so_far())
+
+    def _answered(self) -> list[Change]:
+        assert self._answer is not None
+        look, self._answer = self._answer.result(), None
+        if self.share is not None:
+            self._due = self._looked + look.cost / self.share
+        return self._equations(look.faults)
 
     @property
     def codes(self) -> list[Code]:
@@ -134,17 +167,39 @@ class FaultWatch:
             found.append(change)
         return found
 
-    def _so_far(self) -> Signals:
+    def _so_far(self) -> tuple[Vehicle, Signals | Path, int]:
+        if self.log is not None:
+            return self.vehicle, self.log, self._start_ns
         whole = {name: Signal.joined(parts) for name, parts in self._kept.items()}
-        return Signals(whole, end=self._now)
+        self._kept = {name: [signal] for name, signal in whole.items()}
+        return self.vehicle, Signals(whole, end=self._now), self._start_ns
 
 
-def looked_at(signals: Signals, vehicle: Vehicle) -> list[dict[str, Any]]:
-    """The faults of a drive as ``diagnosis.json`` lists them; none where it tells too little."""
+@dataclass(frozen=True, slots=True)
+class Look:
+    """``faults`` of a drive as ``diagnosis.json`` lists them, and what it took, ``cost`` s of one
+    processor."""
+
+    faults: list[dict[str, Any]]
+    cost: float
+
+
+def looked_at(vehicle: Vehicle, drive: Signals | Path, start_ns: int) -> Look:
+    """The faults of a drive, or of what a log has from ``start_ns`` on; none where that tells too
+    little."""
+    from clutchest.can.files import read_frames
     from clutchest.diagnosis.diagnose import diagnose
     from clutchest.estimate.replay import replay
+    from clutchest.reading.log import load_database
+    from clutchest.reading.mapping import signals_of
 
+    begun = process_time()
     try:
-        return [fault.summary() for fault in diagnose(replay(signals, vehicle)).faults]
+        if isinstance(drive, Path):
+            frames = read_frames(drive)
+            frames = frames.take(frames.t_ns >= start_ns)
+            drive = signals_of(frames, vehicle, load_database(vehicle))
+        faults = [fault.summary() for fault in diagnose(replay(drive, vehicle)).faults]
     except ClutchestError:
-        return []
+        faults = []
+    return Look(faults, process_time() - begun)

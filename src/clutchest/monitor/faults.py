@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from clutchest.can.database import Database
 from clutchest.can.dm1 import EVERY_S, Code, frames_of
 from clutchest.can.frames import Frames
 from clutchest.diagnosis.streams import ready
-from clutchest.diagnosis.watch import REVIEW, Change, FaultWatch
+from clutchest.diagnosis.watch import SHARE, Change, FaultWatch
 from clutchest.monitor.monitor import Event
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
@@ -26,7 +27,8 @@ class Faults:
     """A :class:`~clutchest.monitor.monitor.Watcher`: events of kind ``fault``.
 
     With ``send`` active codes are broadcast as DM1, once a second and whenever they change; a
-    broadcast that says "none" follows the last one.
+    broadcast that says "none" follows the last one.  ``share`` and ``log`` as
+    :class:`~clutchest.diagnosis.watch.FaultWatch` has them.
     """
 
     def __init__(
@@ -34,13 +36,14 @@ class Faults:
         vehicle: Vehicle,
         database: Database,
         send: Callable[[Frames], None] | None = None,
-        review: float | None = REVIEW,
+        share: float | None = SHARE,
+        log: Path | None = None,
     ) -> None:
-        self.vehicle, self.database, self.review = vehicle, database, review
+        self.vehicle, self.database, self.share, self.log = vehicle, database, share, log
         ready(vehicle)  # compiled before the first frame is due
         self._send = send
         self._watch: FaultWatch | None = None
-        self._start_ns = self._taken = 0.0
+        self._start_ns, self._taken = 0, 0.0
         self._signals: dict[str, Signal] = {}
         self._frames: list[Frames] = []
         self._codes: list[Code] = []
@@ -57,14 +60,17 @@ class Faults:
             before = self._signals.get(name)
             self._signals[name] = signal if before is None else before.then(signal)
         self._frames.append(frames)
-        found: list[Event] = []
-        if now - self._taken >= GATHER:
-            assert self._watch is not None
-            both = Frames.concatenate(self._frames)
-            found = [_event(c) for c in self._watch.take(self._signals, both, start_ns, now)]
-            self._signals, self._frames, self._taken = {}, [], now
+        found = self._taken_in(now) if now - self._taken >= GATHER else []
         if self._send is not None:
             self._tell_bus(time.monotonic())
+        return found
+
+    def finish(self, now: float) -> Iterable[Event]:
+        """See :class:`~clutchest.monitor.monitor.Watcher`."""
+        if self._watch is None:
+            return []
+        found = self._taken_in(now) + [_event(c) for c in self._watch.finish()]
+        self._watch = None
         return found
 
     def close(self) -> None:
@@ -72,9 +78,17 @@ class Faults:
         if self._watch is not None:
             self._watch.close()
 
+    def _taken_in(self, now: float) -> list[Event]:
+        """What comes of everything since the last time, up to ``now`` s."""
+        assert self._watch is not None
+        both = Frames.concatenate(self._frames)
+        changes = self._watch.take(self._signals, both, self._start_ns, now)
+        self._signals, self._frames, self._taken = {}, [], now
+        return [_event(change) for change in changes]
+
     def _begin(self, start_ns: int) -> None:
         self.close()
-        self._watch = FaultWatch(self.vehicle, self.database, review=self.review)
+        self._watch = FaultWatch(self.vehicle, self.database, share=self.share, log=self.log)
         self._start_ns, self._taken = start_ns, 0.0
         self._signals, self._frames = {}, []
 

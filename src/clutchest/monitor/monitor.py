@@ -6,6 +6,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -62,6 +63,10 @@ class Watcher(Protocol):
         Times count from ``start_ns``, the stamp of the drive's first frame.  The first call of a
         drive brings all of its beginning.
         """
+        ...
+
+    def finish(self, now: float) -> Iterable[Event]:
+        """Events that the whole drive gives reason to, which ends at ``now`` s; may take long."""
         ...
 
     def close(self) -> None:
@@ -138,7 +143,7 @@ class Monitor:
         self._heard: list[Frames] = []
         self._unwatched: list[Frames] = []
         self._counted: dict[str, Frames] = {}
-        self._late_told = self._stopped = False
+        self._late_told = self.stopped = False
         self._new: list[Event] = []
         self._live = self._new_drive()
 
@@ -148,7 +153,7 @@ class Monitor:
 
     def stop(self) -> None:
         """End :meth:`run` soon; safe from a signal handler and from other threads."""
-        self._stopped = True
+        self.stopped = True
 
     def run(self, duration: float | None = None, show: Show | None = None) -> Status:
         """Watch for ``duration`` s, or until stopped.
@@ -159,14 +164,15 @@ class Monitor:
         for note in self._session.notes if self._session else ():
             self._tell("warning", note)
         try:
-            while not self._stopped and (end is None or time.monotonic() < end):
+            while not self.stopped and (end is None or time.monotonic() < end):
                 frames = self._listen()
                 piece = self._take(frames)
                 self._after(frames, piece, show)
             self._listener.stop()
             frames = self._listen(0.0)
             self._after(frames, self._take(frames), show)
-            self._after(Frames.empty(), self._finish(), show)
+            with suppress(KeyboardInterrupt):  # of somebody who does not wait for the last look
+                self._end_drive(show)
             if self._new and show is not None:
                 show(self.status, None, self._new)
         finally:
@@ -219,7 +225,7 @@ class Monitor:
             if self._start_ns is not None and (
                 frames.t_ns[0] - self._last_ns > HOLE_S * 1e9
             ):  # parked: the next drive begins as it would in a replay
-                self._after(Frames.empty(), self._finish(), None)
+                self._end_drive(None)
                 self._live = self._new_drive()
             if self._start_ns is None:
                 self._start_ns = int(frames.t_ns[0])
@@ -352,6 +358,12 @@ class Monitor:
             self._session.tell(line)
         if self._recording is not None:
             self._recording.tell(line, self._offset)
+
+    def _end_drive(self, show: Show | None) -> None:
+        self._after(Frames.empty(), self._finish(), show)
+        for watcher in self.watchers if self._start_ns is not None else ():
+            for event in watcher.finish(self.status.now):
+                self._put(event)
 
     def _finish(self) -> Piece | None:
         """The last of a drive."""
