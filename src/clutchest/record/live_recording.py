@@ -17,13 +17,14 @@ from clutchest.estimate.run import Track
 from clutchest.models import card
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
 from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
-from clutchest.record.rerun import TIMELINE, index
+from clutchest.record.rerun import TIMELINE, index, outline
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
 
 HERE = "127.0.0.1"
 MEMORY = "256MB"  # that the server keeps for viewers that come late
 _EVERY = 2.0  # s of the drive that are written in one go: a file of single rows is all overhead
+_PER_S = 20  # rows of a line: the lowest and highest of a tenth of a second, as fine as estimates
 _LEVELS = {"warning": "WARN", "gap": "WARN", "fault": "ERROR"}
 
 
@@ -125,8 +126,12 @@ class LiveRecording:
         """Send what is held back."""
         for entity, pieces in self._held.items():
             columns = [np.concatenate(column) for column in zip(*pieces, strict=True)]
-            time = index(columns[0])
             kind, name = (*entity.split("/"), "")[:2]
+            if kind in ("can", "residual"):  # spikes outlive it
+                most = round(_PER_S * max(float(np.ptp(columns[0])), 1.0 / _PER_S))
+                line = columns[1] if kind == "can" else columns[1][:, 0]
+                columns = [column[outline(line, most)] for column in columns]
+            time = index(columns[0])
             self._style(kind, name, entity)
             if kind == "state":
                 own = COLOURS[list(self._states).index(name) % len(COLOURS)]
