@@ -22,6 +22,7 @@ import healthy
 import injected
 import numpy as np
 import pictures
+import recorded
 import residuals
 from parallel import ran
 
@@ -29,7 +30,7 @@ import clutchest
 from clutchest.diagnosis.drive import effects_for
 from clutchest.diagnosis.faults import model_faults
 
-PARTS = ("healthy", "confounded", "residuals", "injected")
+PARTS = ("healthy", "confounded", "residuals", "injected", "recorded")
 
 
 def main() -> None:
@@ -42,6 +43,10 @@ def main() -> None:
     parser.add_argument("--injected", type=int, default=10, help="drives per fault")
     parser.add_argument("--hours", type=float, default=20_000.0, help="drawn at residual level")
     parser.add_argument("--trials", type=int, default=400, help="faults drawn per size")
+    parser.add_argument(
+        "--logs", type=Path, help="where the recorded drives and their DBCs are: without, none"
+    )
+    parser.add_argument("--onsets", type=int, default=5, help="recorded drives per fault")
     parser.add_argument("--first", type=int, default=2000, help="first seed")
     parser.add_argument("--vehicle", default="truck")
     parser.add_argument("--jobs", type=int, default=cpu_count())
@@ -75,6 +80,8 @@ def main() -> None:
                  for i in range(given.injected) for fault in injected.CASES]  # fmt: skip
         found["injected"] = injected.table(ran("injected", injected.judged, tasks, given.jobs))
         print(json.dumps(found["injected"], indent=1))
+    if "recorded" in given.parts and given.logs is not None:
+        found["recorded"] = recorded.table(given.logs, given.onsets)
     path.write_text(json.dumps(found, indent=1))
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from clutchest.can.database import load
 from clutchest.can.decode import decode, rows_of
-from clutchest.can.encode import check, encode
+from clutchest.can.encode import check, encode, rewritten
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.shipped import locate
@@ -35,6 +35,19 @@ def test_what_is_encoded_is_decoded(truck):
         columns = decode(frames, rows, message, list(message.signals))
         for name, column in columns.items():
             np.testing.assert_array_equal(column.value, values[name], err_msg=name)
+
+
+def test_one_signal_is_rewritten_and_nothing_else(truck):
+    rng, rows = np.random.default_rng(0), np.arange(10, 20)
+    for message in truck.messages.values():
+        values = {name: rng.integers(0, 2 ** min(x.width - 1, 7), len(T)) * x.scale + x.offset
+                  for name, x in message.signals.items()}  # fmt: skip
+        frames = encode(message, values, T)
+        for name, layout in message.signals.items():
+            changed = rewritten(frames, rows, message, name, layout.scale + layout.offset)
+            expected = {n: v.copy() for n, v in values.items()}
+            expected[name][rows] = layout.scale + layout.offset
+            assert np.array_equal(changed.data, encode(message, expected, T).data), name
 
 
 @pytest.mark.parametrize("source", ["everything", "hdt_clutch"])

@@ -13,7 +13,7 @@ the pattern of SAE J1939's own message checksums (payload, counter and id summed
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -83,6 +83,19 @@ def encode(message: Message, values: Mapping[str, ArrayLike], t_ns: ArrayLike,
             data = _insert(data, layout, _checksum(data, ids, layout))
     return Frames(t_ns, np.full(n, channel, np.uint8), ids, np.full(n, flags, np.uint8),
                   np.full(n, message.length, np.uint8), data)  # fmt: skip
+
+
+def rewritten(frames: Frames, rows: Rows, message: Message, name: str,
+              values: ArrayLike) -> Frames:  # fmt: skip
+    """``frames`` with one signal of ``message`` in ``rows`` (n,) at ``values`` (n,), bus units.
+
+    All other bits stay, checksums too.  Values saturate as :func:`encode` has it.
+    """
+    layout = message.signal(name)
+    raw = _raw(message, layout, np.broadcast_to(np.asarray(values, np.float64), len(rows)))
+    data = frames.data.copy()
+    data[rows] = _insert(data[rows], layout, raw)
+    return replace(frames, data=data)
 
 
 def check(frames: Frames, rows: Rows, message: Message) -> Check:
