@@ -83,7 +83,7 @@ def sessions(tmp_path_factory, port):
     second = start("second", "monitor", "--vehicle", "truck", "--out", cut, "--json")
     player = start("player", "play", "demo", "--speed", 4)
     try:
-        wait_for(lambda: told_by(cut) > 20_000)
+        wait_for(lambda: told_by(cut) > 20_000 and said("second"))
         second.kill()
         wait_for(lambda: told_by(whole) > 30_000)
         twice = start("twice", "monitor", "--vehicle", "truck", "--out", whole)
