@@ -57,7 +57,7 @@ class Signal:
         why = np.zeros(len(time), np.uint8) if why is None else np.array(why, np.uint8)
         why[(why == _VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
         value[why != _VALID] = np.nan
-        if len(time) > 1 and np.any(np.diff(time) < 0):
+        if len(time) > 1 and np.any(time[1:] < time[:-1]):
             order = np.argsort(time, kind="stable")
             time, value, why = time[order], value[order], why[order]
         return cls(name, unit, time, value, why)
@@ -96,7 +96,7 @@ class Signal:
         """Values at ``time`` (n,), of a signal without invalid samples: straight between samples no
         further apart than ``gap`` s, else the last one, which is held; the first before it."""
         value = np.interp(time, self.time, self.value)
-        holes = np.diff(self.time) > gap
+        holes = self.time[1:] - self.time[:-1] > gap
         if holes.any():
             last = np.searchsorted(self.time, time, side="right") - 1
             held = np.append(holes, False)[np.maximum(last, 0)] & (last >= 0)

@@ -79,7 +79,7 @@ class Drive:
         self.setting = Setting(vehicle, self.compiled.model, rate, delays(vehicle))
         self.thresholds = Thresholds.of(vehicle.modes)
         self.samples: dict[str, Signal] = {}
-        self.unseen: dict[str, Signal] = {}  # since the last piece
+        self.unseen: dict[str, list[Signal]] = {}  # since the last piece
         self.lags: dict[str, int] = {}  # how many samples beyond must come
         self.times: dict[str, Floats] = {}  # when they came
         self.worth = -np.inf  # s; before, nothing new is certain
@@ -109,7 +109,7 @@ class Drive:
                 self.samples[name] = self.samples[name].then(valid)
             elif begins and len(valid):
                 self.samples[name], self.habits[name] = valid, Habit.of(valid)
-            self.unseen[name] = self.unseen[name].then(signal) if name in self.unseen else signal
+            self.unseen.setdefault(name, []).append(signal)
         if not last and not self._may_tell(settled):
             return None
         present, known = self._present(settled, last)
@@ -127,7 +127,8 @@ class Drive:
         line = _cut(found.line, self.done, before)
         if line is None:
             return None
-        signals, self.unseen = self.unseen, {}
+        signals = {name: Signal.joined(parts) for name, parts in self.unseen.items()}
+        self.unseen = {}
         piece = self._filter(found, line, signals, last)
         self.done = before
         self._forget()

@@ -19,7 +19,7 @@ APART = 4.0  # periods; samples further apart do not belong together
 def blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
     """Where the nearest samples on both sides lie further apart than ``gap`` s; ``time`` sorted."""
     outside = (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
-    last = np.flatnonzero(np.diff(signal.time) > gap)  # samples before a hole
+    last = np.flatnonzero(signal.time[1:] - signal.time[:-1] > gap)  # samples before a hole
     if not len(last):
         return outside
     holes = np.zeros(len(time) + 1, np.int64)
@@ -55,7 +55,7 @@ def slope(
     period = (habit or Habit.of(signal)).period
     count = slope_count(period, window)
     slopes = np.zeros(len(time))
-    edges = [0, *(np.flatnonzero(np.diff(time) > gap) + 1).tolist(), len(time)]
+    edges = [0, *(np.flatnonzero(time[1:] - time[:-1] > gap) + 1).tolist(), len(time)]
     for a, b in pairwise(edges):
         if b - a >= count:
             slopes[a:b] = _lines(time[a:b], value[a:b], count)

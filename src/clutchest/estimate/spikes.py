@@ -21,7 +21,7 @@ def without_spikes(signal: Signal, noise: float, habit: Habit | None = None) -> 
     if len(signal) < 3 or noise <= 0.0:
         return signal, 0
     habit = habit or Habit.of(signal)
-    step = np.diff(signal.time)
+    step = signal.time[1:] - signal.time[:-1]
     close = step[1:] + step[:-1] < 4.0 * habit.period  # across a gap anything may happen
     far = sticking_out(signal.value) > max(FAR * noise, ROUGH * habit.rough)
     if not (close & far).any():

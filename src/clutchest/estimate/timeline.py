@@ -210,7 +210,7 @@ def assemble(
     acting = regime.flags(model.regime)
 
     # events: sensor samples, kinks of the inputs while they matter, outputs
-    bare = stamps[(regime.sliding | np.isin(stamps, grid)) & ~np.isin(stamps, anchor.time)]
+    bare = stamps[(regime.sliding | _among(stamps, grid)) & ~_among(stamps, anchor.time)]
     times, sensors = [bare], [np.full(len(bare), -1, np.int8)]
     values, variances = [np.zeros(len(bare))], [np.zeros(len(bare))]
     averages = {}
@@ -382,6 +382,12 @@ def _inputs(
     return u, noise, variance
 
 
+def _among(values: Floats, some: Floats) -> NDArray[np.bool_]:
+    """Which of ``values`` (n) are among the ascending ``some``, at least one."""
+    place = np.minimum(np.searchsorted(some, values), len(some) - 1)
+    return np.asarray(some[place] == values)
+
+
 def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
     """Process noise, variance per s, of every state in every regime; shape (rows of flags, 2n)."""
     Q = np.tile(process_noise(vehicle, model), (len(flags), 1))
@@ -412,7 +418,7 @@ def _outputs(
     """Output row of every event (−1: none), on the grid and densely wherever the surfaces slide,
     and of every row whether it is on the grid."""
     last = np.append(np.diff(t) > 0, True)  # after the last event of a time stamp
-    on_grid = last & np.isin(t, grid)
+    on_grid = last & _among(t, grid)
     dense = np.zeros(len(t), bool)
     dense[1:] = sliding[1:] & (np.diff(np.floor(t / DENSE)) > 0)
     dense[1:] |= np.diff(sliding.astype(np.int8)) != 0
