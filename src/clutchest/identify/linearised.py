@@ -38,6 +38,7 @@ from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
 WINDOW = 0.1  # s, over which inputs are smoothed
+BENDS = 4.0  # standard deviations of its noise, by which an input leaves its smooth course
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 SETTLING = 0.15  # s; a tracked state's first innovations are not yet coloured as later ones
@@ -106,7 +107,7 @@ class LinearDrive:
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
         self.slope, self.calm = self._tracked()
         self.states = np.zeros((len(self.line.t), len(model.states)))
-        self.course = self._courses(signals)
+        self.course = self._courses(signals, vehicle)
         self.smooth = np.column_stack([np.interp(self.line.t, *c) for c in self.course])
         self.still = {}
         for j, freed in _sloped(model).items():
@@ -217,9 +218,10 @@ class LinearDrive:
             np.divide(np.diff(value, prepend=value[0]), span, out=found[:, j], where=span > 0.0)
         return found
 
-    def _courses(self, signals: Signals) -> list[tuple[Floats, Floats]]:
+    def _courses(self, signals: Signals, vehicle: Vehicle) -> list[tuple[Floats, Floats]]:
         """Times and values of every input without its fastest noise: parabolas through ``WINDOW``
-        s.  With samples as close as the signal's, so that it can be shifted in time."""
+        s, and the readings themselves where those are off by more than noise.  With samples as
+        close as the signal's, so that it can be shifted in time."""
         found = []
         for j, item in enumerate(self.compiled.model.inputs):
             time, value = self.line.t, self.line.u[:, j]
@@ -228,7 +230,9 @@ class LinearDrive:
                 count = round(WINDOW / max(float(np.median(np.diff(own))), 1e-3)) // 2 * 2 + 1
                 if 5 <= count <= len(own):
                     read = np.interp(own, self.whole.t, self.whole.u[:, j])
-                    time, value = own, savgol_filter(read, count, 2)
+                    smooth = savgol_filter(read, count, 2)
+                    bends = np.abs(read - smooth) > BENDS * vehicle.signals[item.name].noise
+                    time, value = own, np.where(bends, read, smooth)
             found.append((time, value))
         return found
 
