@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -151,18 +150,25 @@ def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
     return against(times, "clutchest", len(frames), "whole replay, recording included")
 
 
+# A process counts the memory of the one that started it as its own: a small one has to.
+_STARTER = """
+import json, resource, subprocess, sys
+status = subprocess.call(sys.argv[1:], stdout=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps([status, used.ru_utime + used.ru_stime, used.ru_maxrss]))
+"""
+
+
 def _replayed(log: Path, out: Path) -> dict[str, float]:
     """`clutchest replay` in a process of its own: seconds of wall clock, peak memory in MiB."""
     begin = perf_counter()
-    command = ["replay", str(log), "--vehicle", drives.VEHICLE, "--out", str(out)]
-    child = subprocess.Popen(
-        [sys.executable, "-m", "clutchest", *command], stdout=subprocess.DEVNULL
-    )
-    _, status, used = os.wait4(child.pid, 0)
+    command = f"{sys.executable} -m clutchest replay {log} --vehicle {drives.VEHICLE} --out {out}"
+    told = subprocess.run([sys.executable, "-S", "-c", _STARTER, *command.split()],
+                          stdout=subprocess.PIPE, check=True)  # fmt: skip
+    status, cpu, peak = json.loads(told.stdout)
     if status:
         sys.exit(f"clutchest replay {log} failed")
-    return {"seconds": perf_counter() - begin, "cpu_seconds": used.ru_utime + used.ru_stime,
-            "MiB": used.ru_maxrss / 1024}  # fmt: skip
+    return {"seconds": perf_counter() - begin, "cpu_seconds": cpu, "MiB": peak / 1024}
 
 
 def hour(folder: Path, repeats: int) -> dict[str, Any]:

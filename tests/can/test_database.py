@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 from clutchest.can.database import load
 from clutchest.errors import ClutchestError
+from clutchest.shipped import shipped
 
 HEAD = 'VERSION ""\nBS_:\nBU_: A\n'
 ONE = HEAD + 'BO_ 100 One: 2 A\n SG_ S : 0|8@1+ (0.5,-3) [0|10] "°C" A\n'
@@ -97,3 +100,28 @@ def test_real_dbcs_that_are_not_clean(real):
     assert "overlapping" in warning
     with pytest.raises(ClutchestError, match=r"hyundai_can\.dbc, line 1656"):
         load([real("hyundai_can.dbc")])
+
+
+@pytest.mark.parametrize("name", ["hdt_clutch.dbc", "alsd.dbc", "ford_lincoln_base_pt.dbc",
+                                  "vw_pq.dbc"])  # fmt: skip
+def test_a_layout_that_was_read_before_is_the_same(name, real, tmp_path, monkeypatch):
+    monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path))
+    path = shipped("dbc").get(name.removesuffix(".dbc")) or real(name)
+    first = load([path])
+    (kept,) = tmp_path.glob("dbc_*.json")
+    monkeypatch.setitem(sys.modules, "cantools", None)  # may not be asked again
+    monkeypatch.setitem(sys.modules, "cantools.database", None)
+    again = load([path])
+    assert again == first
+    assert repr(again) == repr(first)  # 1 and 1.0 are equal, but not the same
+    assert (name != "vw_pq.dbc") == (again.warnings == ())
+    monkeypatch.undo()
+    monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path))
+    kept.write_text(kept.read_text()[:-40])
+    assert load([path]) == first
+
+
+def test_a_dbc_is_read_where_nothing_can_be_kept(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path / "file" / "below"))
+    assert "EEC1" in load([shipped("dbc")["hdt_clutch"]]).messages

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from clutchest.cache import cache_folder
 from clutchest.compute import build
 from clutchest.models.effects import effects_of_file
 
@@ -48,8 +49,8 @@ def test_the_cache_lies_where_the_environment_says(folder: Path) -> None:
 
 def test_without_a_word_the_cache_is_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CLUTCHEST_CACHE")
-    assert build.cache_folder().name == "clutchest"
-    assert build.cache_folder() != Path("clutchest")
+    assert cache_folder().name == "clutchest"
+    assert cache_folder() != Path("clutchest")
 
 
 def test_the_same_model_has_the_same_name(folder: Path) -> None:

@@ -121,13 +121,27 @@ def load(paths: Sequence[Path]) -> Database:
 
 
 def _load_one(path: Path, warnings: list[str]) -> list[Message]:
-    import cantools.database
-    from textparser import ParseError, TokenizeError
+    from clutchest.can.known_layouts import recalled, remember
 
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ClutchestError(f"{path}: cannot be read ({error.strerror})") from None
+    known = recalled(content)
+    messages, complaint = known or _read(path, content)
+    if known is None:
+        remember(content, messages, complaint)
+    if complaint:
+        warnings.append(f"{path}: {complaint}")
+    return messages
+
+
+def _read(path: Path, content: bytes) -> tuple[list[Message], str]:
+    """The messages as cantools has them, and what it would have refused."""
+    import cantools.database
+    from textparser import ParseError, TokenizeError
+
+    complaint = ""
     try:
         text = content.decode()
     except UnicodeDecodeError:
@@ -143,7 +157,7 @@ def _load_one(path: Path, warnings: list[str]) -> list[Message]:
             database = parsed(strict=True)
         except cantools.database.Error as error:  # overlapping signals and the like
             database = parsed(strict=False)
-            warnings.append(f"{path}: {error} Loaded without that check.")
+            complaint = f"{error} Loaded without that check."
     except ParseError as error:
         line = text.splitlines()[error.line - 1].strip()
         raise ClutchestError(f"{path}, line {error.line}, column {error.column}: "
@@ -160,7 +174,7 @@ def _load_one(path: Path, warnings: list[str]) -> list[Message]:
     attributes = database.dbc.attributes if database.dbc else {}
     protocol = attributes.get("ProtocolType")
     bus_is_j1939 = protocol is not None and str(protocol.value).upper() == "J1939"
-    return [_message(message, bus_is_j1939) for message in database.messages]
+    return [_message(message, bus_is_j1939) for message in database.messages], complaint
 
 
 def _message(message: Any, bus_is_j1939: bool) -> Message:

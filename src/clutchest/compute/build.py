@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import os
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -19,6 +18,7 @@ from pathlib import Path
 from types import ModuleType
 
 from clutchest import __version__
+from clutchest.cache import cache_folder, kept
 from clutchest.compute.lower import forward_text, module_text
 from clutchest.models.model import Model
 
@@ -30,14 +30,6 @@ from numba import njit
 
 '''
 _MARK = "# --- the generated module goes on from here ---\n"
-
-
-def cache_folder() -> Path:
-    """Where generated modules lie: ``CLUTCHEST_CACHE`` if set, else the user's cache folder."""
-    from platformdirs import user_cache_path
-
-    chosen = os.environ.get("CLUTCHEST_CACHE")
-    return Path(chosen) if chosen else user_cache_path("clutchest", appauthor=False)
 
 
 def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]:
@@ -76,9 +68,9 @@ def load(digest: str, text: str) -> ModuleType:
     folder = cache_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path = _write(folder, digest, text)
+        path = kept(folder, f"model_{digest}.py", text)
     except OSError:  # a read-only home: compile anew in each process
-        path = _write(Path(tempfile.mkdtemp(prefix="clutchest-")), digest, text)
+        path = kept(Path(tempfile.mkdtemp(prefix="clutchest-")), f"model_{digest}.py", text)
     name = f"clutchest_generated_{digest}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
@@ -86,16 +78,6 @@ def load(digest: str, text: str) -> ModuleType:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
-
-
-def _write(folder: Path, digest: str, text: str) -> Path:
-    path = folder / f"model_{digest}.py"
-    if not path.exists():
-        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False,
-                                         encoding="utf-8") as file:  # fmt: skip
-            file.write(text)
-        Path(file.name).replace(path)  # atomic: two processes may do this at once
-    return path
 
 
 def is_compiled(digest: str) -> bool:

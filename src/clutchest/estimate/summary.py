@@ -177,9 +177,10 @@ def _sensors(tracks: Sequence[Track]) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     names = dict.fromkeys(name for track in tracks for name in track.innovations.names)
     for name in names:
-        parts = [t.innovations.of(name) for t in tracks if name in t.innovations.names]
-        innovation = np.concatenate([p[1] for p in parts])
-        std = np.concatenate([p[2] for p in parts])
+        parts = [t.innovations.of(name)[1:] for t in tracks if name in t.innovations.names]
+        innovation, std = (
+            parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+        )
         count = len(innovation)
         found[name] = {
             "count": count,

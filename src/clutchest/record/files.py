@@ -105,22 +105,30 @@ def plain(value: Any) -> Any:
 
 
 def _estimates(run: Run) -> Iterator[dict[str, Any]]:
-    """The columns of every drive; the mode by its name."""
+    """The columns of every drive, a portion at a time; the mode by its name."""
     for drive, track in enumerate(run.tracks):
         columns = columns_of(track, drive)
-        yield {**columns, "mode": _named(track.mode, track.mode_names)}
+        for rows in _portions(len(track.time)):
+            part = {name: column[rows] for name, column in columns.items()}
+            yield {**part, "mode": _named(part["mode"], track.mode_names)}
 
 
 def _innovations(run: Run) -> Iterator[dict[str, Any]]:
     for drive, track in enumerate(run.tracks):
         events = track.innovations
-        yield {
-            "time": events.time,
-            "drive": np.full(len(events.time), drive, np.int32),
-            "sensor": _named(events.sensor, events.names),
-            "innovation": events.innovation,
-            "std": events.std,
-        }
+        for rows in _portions(len(events.time)):
+            yield {
+                "time": events.time[rows],
+                "drive": np.full(len(events.time[rows]), drive, np.int32),
+                "sensor": _named(events.sensor[rows], events.names),
+                "innovation": events.innovation[rows],
+                "std": events.std[rows],
+            }
+
+
+def _portions(n: int) -> Iterator[slice]:
+    for first in range(0, max(n, 1), _PORTION):
+        yield slice(first, first + _PORTION)
 
 
 def _named(codes: NDArray, names: Sequence[str]) -> Any:
@@ -133,8 +141,8 @@ def _named(codes: NDArray, names: Sequence[str]) -> Any:
 def _write_tables(
     tables: Iterable[Mapping[str, Any]], path: Path, provenance: Mapping[str, str]
 ) -> None:
-    """Columns of one drive after the other as Parquet, a portion at a time; ``provenance`` joins
-    the metadata, one key each."""
+    """Columns, portion after portion, as Parquet; ``provenance`` joins the metadata, one key
+    each."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -145,5 +153,4 @@ def _write_tables(
             if writer is None:
                 schema = table.schema.with_metadata(dict(provenance))
                 writer = stack.enter_context(pq.ParquetWriter(path, schema))
-            for portion in table.to_batches(_PORTION):
-                writer.write_batch(portion)
+            writer.write_table(table)
