@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -93,3 +95,19 @@ def test_replay_says_what_was_lost(tmp_path):
     (reason,) = [why for why in signals.counts.rejected if "ends early" in why]
     assert signals.counts.frames + signals.counts.rejected[reason] == len(frames)
     assert 0.4 < signals.end / 240 < 0.6
+
+
+def test_more_frames_than_there_are_take_no_room(tmp_path):
+    """asammdf makes room for as many as a group states."""
+    frames = random_frames(N, seed=5)
+    path = tmp_path / "a.mf4"
+    content = bytearray(logged(frames, path, "deflated")[0])
+    place = content.index(struct.pack("<Q", N), content.index(b"##CG"))
+    struct.pack_into("<Q", content, place, 300_000_000)
+    path.write_bytes(content)
+    tracemalloc.start()
+    given = read_frames(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert first_of(frames, given) == N and peak < 50 << 20
+    assert given.rejected[0][1] == 300_000_000 - N

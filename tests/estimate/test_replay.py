@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 import clutchest
+from clutchest.can.decode import rows_of
+from clutchest.can.files import read_frames, write_frames
 from clutchest.errors import ClutchestError
 from clutchest.estimate import whole_log
+from clutchest.reading import load_database
+from clutchest.record.files import write_run
+from clutchest.shipped import locate
 from clutchest.signals import Signal, Signals
 
 TRUCK = clutchest.load_vehicle("truck")
@@ -332,6 +337,23 @@ def test_a_log_shorter_than_a_row_of_the_grid():
     signals = {n: Signal.of(n, unit, time, np.full(3, 45.0)) for n, unit in names.items()}
     table = clutchest.replay(Signals(signals, end=0.023), TRUCK).to_pandas()
     assert len(table) == 1 and np.isfinite(table.engine_speed).all()
+
+
+def test_a_frame_of_another_day_does_no_harm_to_the_drive(tmp_path):
+    """A damaged stamp makes a stretch of its own, in which there is nothing to estimate."""
+    frames = read_frames(locate("demo", "logs"))
+    frames = frames.take(slice(0, 6000))
+    database = load_database(TRUCK)
+    frames.t_ns[rows_of(frames, database.message("ClutchActuator"))[700]] -= 10**15
+    write_frames(frames, tmp_path / "a.log")
+    run = clutchest.replay(clutchest.read_log(tmp_path / "a.log", TRUCK), TRUCK)
+    assert len(run.tracks) == 1 == run.summary["drives"]
+    assert run.summary["frames"] == 6000
+    reason = "in a stretch without what the model needs"
+    assert run.summary["frames_rejected"] == {reason: 1}
+    (told,) = [words for words in run.summary["warnings"] if "is left out" in words]
+    assert "2024-01-06" in told and "no valid sample of engine_speed" in told
+    write_run(run, tmp_path / "out")
 
 
 def test_what_is_missing_is_told_with_the_reader_s_own_words():

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from clutchest.estimate.run import Run, Track
 from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.start import History, leave
 from clutchest.estimate.summary import Part, summarise
-from clutchest.estimate.timeline import build, warnings_of
+from clutchest.estimate.timeline import Unusable, build, warnings_of
 from clutchest.estimate.track import joined, states_of, track_of
 from clutchest.estimate.whole_log import Progress, compile_model, delays, run
 from clutchest.models import model_for
@@ -43,18 +45,29 @@ def replay(
     ``vehicle`` as loaded, or what ``load_vehicle`` takes.
     ``rate`` Hz of the output grid; ``state`` as an earlier run's ``Run.final``, carried over the
     time in between; with ``smooth`` also what each whole drive tells of the states at every time;
-    ``progress`` is called with a text and the share done.  Raises ClutchestError where a signal
-    that the model needs is not there.
+    ``progress`` is called with a text and the share done.  Drives that lack a signal which the
+    model needs are left out with a warning.  Raises ClutchestError where all of them do.
     """
     vehicle = load_vehicle(vehicle)
     if not 0.0 < rate <= FASTEST:
         raise ClutchestError(f"rate {rate:g} Hz: expected more than 0, at most {FASTEST:g}")
     tracks, parts = [], []
+    unusable: list[tuple[Signals, Unusable]] = []
     estimate = _whole if smooth else _in_stretches
     for drive in signals.drives:
-        track, part, state = estimate(drive, vehicle, rate, state, progress)
+        try:
+            track, part, state = estimate(drive, vehicle, rate, state, progress)
+        except Unusable as problem:
+            unusable.append((drive, problem))
+            continue
         tracks.append(track)
         parts.append(part)
+    if not tracks:
+        raise unusable[0][1]
+    if unusable:
+        first = _beside(parts[0].drive, unusable)
+        parts[0] = replace(parts[0], drive=first)
+        signals = replace(first, later=tuple(part.drive for part in parts[1:]))
     assert state is not None  # a log has at least one drive
     return Run(
         vehicle=vehicle,
@@ -64,6 +77,24 @@ def replay(
         final=state,
         provenance=provenance(vehicle, parts[-1].compiled.digest),
     )
+
+
+def _beside(drive: Signals, unusable: Sequence[tuple[Signals, Unusable]]) -> Signals:
+    """``drive`` with the frames of stretches of the same logs that are no drive counted, and
+    told."""
+    counts, warnings = drive.counts, list(drive.warnings)
+    for other, problem in unusable:
+        rejected = Counter(counts.rejected) + Counter(other.counts.rejected)
+        if other.counts.decoded:
+            rejected["in a stretch without what the model needs"] += other.counts.decoded
+        counts = replace(counts, frames=counts.frames + other.counts.frames,
+                         rejected=dict(rejected))  # fmt: skip
+        begun = other.start_ns
+        when = (
+            "" if begun is None else f" from {datetime.fromtimestamp(begun / 1e9, UTC):%F %T} UTC"
+        )
+        warnings.append(f"a stretch of {other.end:.1f} s{when} is left out: {problem}")
+    return replace(drive, counts=counts, warnings=tuple(warnings))
 
 
 def _in_stretches(

@@ -22,6 +22,10 @@ COARSEST = 0.5  # s between samples of the model's anchor; a slip lasts little l
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
 
 
+class Unusable(ClutchestError):
+    """A drive without a signal that the model cannot do without."""
+
+
 @dataclass(frozen=True, slots=True)
 class Timeline:
     """Events k = 0…K−1 in order of time, as the kernel takes them.
@@ -283,7 +287,7 @@ def _usable(
     missing = sorted((needed | {model.anchor}) - set(present))
     if missing:
         hints = "".join(f"; {warning}" for warning in signals.warnings[:4])
-        raise ClutchestError(
+        raise Unusable(
             f"no valid sample of {', '.join(missing)}: the model of '{setting.vehicle.name}' "
             f"needs it{hints}"
         )

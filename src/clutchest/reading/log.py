@@ -186,8 +186,10 @@ def _split(frames: Frames) -> list[Frames]:
         return [frames]
     bounds = [0, *cuts.tolist(), len(frames)]
     parts = [frames.take(np.arange(a, b)) for a, b in pairwise(bounds)]
-    # What the file as a whole lost is told once.
-    return [parts[0], *(replace(part, rejected=(), passed_over=()) for part in parts[1:])]
+    # What the file as a whole lost is told once, with the longest part: that one is a drive.
+    longest = max(parts, key=len)
+    return [part if part is longest else replace(part, rejected=(), passed_over=())
+            for part in parts]  # fmt: skip
 
 
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:

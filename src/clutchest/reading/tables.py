@@ -94,6 +94,8 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
 def _load(path: Path) -> pd.DataFrame:
     import pandas as pd
 
+    if path.is_file() and not path.stat().st_size:
+        raise ClutchestError(f"{path}: the file is empty; expected a CAN log or decoded signals")
     try:
         if path.suffix.lower() == ".parquet":
             return _in_seconds(pd.read_parquet(path))

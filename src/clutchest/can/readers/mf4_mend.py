@@ -1,4 +1,4 @@
-"""An MDF4 file that ends early, made into one that says no more than it holds.
+"""An MDF4 file that ends early, or lies, made into one that says no more than it holds.
 
 A logger that loses power leaves its last data block half written, and numbers and links that speak
 of what never came.  Here the blocks of data are followed (ASAM MDF 4.1, 4.2.1: names of blocks and
@@ -152,6 +152,8 @@ class _Mending:
             return _Part(at, min(stated, room), stated, False) if stated >= 0 else None
         if name == b"##DZ" and room >= _ZIPPED.size:
             _, transposed, _, whole, packed = _ZIPPED.unpack(self.at(at + _HEAD.size, _ZIPPED.size))
+            if whole > _PORTION:
+                return None
             if packed <= room - _ZIPPED.size or transposed:  # of columns only the first would come
                 held = whole if packed <= room - _ZIPPED.size else 0
                 return _Part(at, held, whole, True)
@@ -187,10 +189,13 @@ class _Mending:
         (id_size,) = self.at(group + _HEAD.size + 8 * len(links), 1) or b"\0"
         channels = [found for at, of in self.chain(links[1]) if (found := self.channels(at, of))]
         parts, sound = self.parts(links[2])
-        if not channels or (sound and not self.unfinished & _LAST_DT):
+        held = sum(part.size for part in parts)
+        # asammdf makes room for as many records as are stated
+        true = all(one.cycles * max(one.length, 1) <= held for one in channels)
+        if not channels or (sound and true and not self.unfinished & _LAST_DT):
             return
         whole, counts = self.whole_records(parts, id_size, channels)
-        if sound and whole == sum(part.size for part in parts):
+        if sound and true and whole == held:
             return
         self.link(group + _HEAD.size + 16, parts, whole)
         for one, count in zip(channels, counts, strict=True):
