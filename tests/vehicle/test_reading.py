@@ -142,7 +142,7 @@ def test_bad_cells_are_told_and_the_good_kept(tmp_path: Path, truck) -> None:
     [
         ("time,engin_speed\n0,1\n", "no known signal .*engin_speed; did you mean 'engine_speed'"),
         ("t,engine_speed\n0,1\n", r"no column 'time' \(s\); it has t, engine_speed"),
-        ("", "not a readable table"),
+        ("", "the file is empty"),
         ("time,engine_speed\n,1\n", "no row with a time"),
         ("time,engine_speed,engine_speed\n0,1,2\n", "column"),
     ],
