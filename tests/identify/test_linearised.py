@@ -117,8 +117,8 @@ def agreement(numeric: Floats, analytic: Floats) -> tuple[float, float]:
 
 def test_nothing_is_left_at_the_truth(at_truth):
     _, rows = at_truth
-    assert len(rows.r) > 2000
-    assert misses(rows) < 0.005
+    assert len(rows.r) > 3000
+    assert misses(rows) < 0.0025
     assert np.abs(rows.r).max() < 1.0
 
 
@@ -203,8 +203,8 @@ def test_a_delay_is_undone_by_its_gain(truck, problem, drive, signal, late):
     found = Problem(delayed, truck, LIBRARY)
     left = misses(found.linearise(truth(found, delayed), {})[0])
     undone = misses(found.linearise(truth(found, delayed, **{effect: ("delay", late)}), {})[0])
-    assert left > 0.1
-    assert undone < 0.01 * left + 0.005
+    assert left > 0.09
+    assert undone < 0.01 * left + 0.0025
 
 
 def test_a_small_delay_is_any_signals(problem, at_truth):
@@ -233,7 +233,7 @@ def test_several_drives_start_each_for_itself(truck, drive):
     assert set(starts[0] + starts[1]) <= set(both.nuisances)
     theta = truth(both, drive, second)
     rows = both.linearise(theta, {})
-    assert misses(rows[0]) < 0.005 and misses(rows[1]) < 0.01
+    assert misses(rows[0]) < 0.0025 and misses(rows[1]) < 0.01
     for own, other in ((0, 1), (1, 0)):
         assert rows[own].psi[:, starts[own]].any(axis=0).all()
         assert not rows[own].psi[:, starts[other]].any()
@@ -253,12 +253,12 @@ def test_an_effect_in_the_vehicle_file_is_not_sought(truck):
     assert set(known.effects) == {e.name for e in LIBRARY} - {"centrifugal"}
     k = next(i for i, t in enumerate(known.thetas) if t.owner == "centrifugal")
     assert k not in known.gains and k not in known.nuisances
-    assert misses(known.linearise(truth(known, drive), {})[0]) < 0.005
+    assert misses(known.linearise(truth(known, drive), {})[0]) < 0.0025
     unknown = Problem(drive, truck, LIBRARY)
     without = unknown.linearise(truth(unknown, drive), {})[0]
     assert misses(without) > 0.1
     found = truth(unknown, drive, centrifugal=("slope", 0.06))
-    assert misses(unknown.linearise(found, {})[0]) < 0.005
+    assert misses(unknown.linearise(found, {})[0]) < 0.0025
 
 
 def test_numbers_are_in_their_units(problem):

@@ -24,7 +24,7 @@ NEAR = 0.3  # s before and after a regime in which they tell more, all readings 
 def condensed(line: Timeline, model: Model) -> Timeline:
     """The same drive with fewer events; means of readings at rest carry their smaller variance."""
     free = line.W[line.row].any(axis=1)  # some equation beyond heat flow acts
-    close = gap(line.t, line.t[free]) <= NEAR
+    close = _gap(line.t, line.t[free]) <= NEAR
     keep, z, R = close & ~_spare(line, model), line.z.copy(), line.R.copy()
     keep[[0, -1]] = True
     for i, sensor in enumerate(model.sensors):
@@ -45,11 +45,11 @@ def _spare(line: Timeline, model: Model) -> NDArray[np.bool_]:
     if "engaged" not in model.regime:  # a clutch that always drags
         return np.zeros(len(line.t), bool)
     grips = line.W[line.row, model.regime.index("engaged")] > 0.0
-    apart = gap(line.t, line.t[grips]) > NEAR
-    return ~reads & apart & (gap(line.t, line.t[reads]) <= SOON)
+    apart = _gap(line.t, line.t[grips]) > NEAR
+    return ~reads & apart & (_gap(line.t, line.t[reads]) <= SOON)
 
 
-def gap(t: Floats, others: Floats) -> Floats:
+def _gap(t: Floats, others: Floats) -> Floats:
     """From each of ``t`` (K), s, to the nearest of ``others``; both in order."""
     if not len(others):
         return np.full(len(t), np.inf)

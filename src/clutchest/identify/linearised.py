@@ -30,7 +30,6 @@ from clutchest.estimate.whole_log import (
 from clutchest.identify.calm import calm, path
 from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
-from clutchest.identify.thinned import thinned
 from clutchest.models import model_for
 from clutchest.models.effects import Effect
 from clutchest.models.model import Model
@@ -95,9 +94,7 @@ class LinearDrive:
             if sensor.name in model.renewed:  # a nimble filter: colour is taken out afterwards
                 R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
         line = replace(line, R=R)
-        noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
-        self.compiled, self.whole = compiled, line
-        self.line, means = thinned(condensed(line, model), model, noise)
+        self.compiled, self.whole, self.line = compiled, line, condensed(line, model)
         self.nominal = nominal(compiled, line)
         self.start = fresh(vehicle, compiled, line)
         self.start.P[~self.tracked] = 0.0
@@ -134,7 +131,7 @@ class LinearDrive:
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
-        self.stretches = Stretches.of(self.t, self.sensor, 2 * self.row + means[self.rows])
+        self.stretches = Stretches.of(self.t, self.sensor, self.row)
         self.std = std[self.rows]
 
     def _bent(self, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
