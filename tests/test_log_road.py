@@ -13,7 +13,7 @@ import pytest
 import clutchest
 from clutchest.can.files import read_frames, write_frames
 from clutchest.reading import load_database
-from clutchest.reading.mapping import mapped_messages
+from clutchest.reading.wanted import mapped_messages
 
 ROOT = Path(__file__).parents[1]
 BENCHMARK = ROOT / "benchmarks" / "log_road"

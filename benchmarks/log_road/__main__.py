@@ -38,7 +38,7 @@ from clutchest.can.database import Database
 from clutchest.can.decode import decode, rows_of
 from clutchest.can.files import read_blocks, write_frames
 from clutchest.reading import load_database
-from clutchest.reading.mapping import mapped_messages
+from clutchest.reading.wanted import mapped_messages
 
 Times = dict[str, list[float]]
 

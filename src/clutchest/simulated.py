@@ -21,8 +21,9 @@ from clutchest.errors import ClutchestError
 from clutchest.generator import Channel, Disturbances, Outsider, Sampled, alsd, generate
 from clutchest.models import card
 from clutchest.reading import load_database
-from clutchest.reading.mapping import mapped_messages, signals_of
+from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
+from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Floats, Signals, Truth
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 

@@ -16,7 +16,7 @@ from clutchest.can.bus import SocketSource, filters, open_bus, source_of
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.player import play
 from clutchest.reading.log import load_database
-from clutchest.reading.mapping import mapped_messages
+from clutchest.reading.wanted import mapped_messages
 from clutchest.shipped import locate
 from vcan import machine_boot
 

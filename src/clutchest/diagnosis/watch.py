@@ -22,8 +22,8 @@ from clutchest.can.frames import Frames
 from clutchest.diagnosis.codes import number_of, number_of_set
 from clutchest.diagnosis.streams import Streams
 from clutchest.errors import ClutchestError
-from clutchest.reading.mapping import mapped_messages
 from clutchest.reading.traffic import ArrivingTraffic
+from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import LOST, Signal, Signals
 from clutchest.vehicle import Vehicle
 

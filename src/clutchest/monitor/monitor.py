@@ -26,7 +26,7 @@ from clutchest.monitor.silence import Silence
 from clutchest.monitor.stamps import Stamps
 from clutchest.monitor.store import Session
 from clutchest.reading.log import HOLE_S, load_database
-from clutchest.reading.mapping import mapped_messages
+from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle, load_vehicle
 

@@ -12,7 +12,8 @@ from clutchest.can.database import Database
 from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
 from clutchest.reading.gears import LOOK_AHEAD, engaged_gear
-from clutchest.reading.mapping import Decoding, mapped_messages, parts
+from clutchest.reading.mapping import Decoding
+from clutchest.reading.wanted import mapped_messages, parts
 from clutchest.signals import LOST, Signal
 from clutchest.vehicle import BusSignal, Vehicle
 

@@ -17,8 +17,9 @@ from clutchest.can.frames import Frames
 from clutchest.can.sieve import Sieve
 from clutchest.errors import ClutchestError
 from clutchest.models import card
-from clutchest.reading.mapping import NoMappedFrame, mapped_messages, signals_of
+from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.tables import is_table, joined, read_table
+from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, Window
 from clutchest.shipped import locate
 from clutchest.signals import Signals

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import isclose
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +14,13 @@ from clutchest.can.database import Database, Message, SignalLayout
 from clutchest.can.decode import Column, decode, rows_of
 from clutchest.can.encode import check
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.transport import belongs, may_carry, reassembled
+from clutchest.can.transport import reassembled
 from clutchest.errors import ClutchestError
 from clutchest.models import card
+from clutchest.reading.account import Account, words
 from clutchest.reading.gears import through_gear
 from clutchest.reading.traffic import traffic_of
+from clutchest.reading.wanted import mapped_messages, parts
 from clutchest.signals import HEAD, Counts, Floats, Signal, Signals, Traffic, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
 
@@ -76,50 +77,6 @@ def _sharing(traffic: Traffic, signals: Signals) -> Traffic:
     return traffic
 
 
-def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str, SignalLayout]]:
-    """Message name → signal name → layout of all that ``vehicle`` maps.
-
-    Raises ClutchestError for a name that the DBC does not have, or a unit that it contradicts.
-    """
-    wanted: dict[str, dict[str, SignalLayout]] = {}
-    for signal in vehicle.signals.values():
-        for bus in parts(signal):
-            try:
-                layout = database.message(bus.message).signal(bus.signal)
-            except ClutchestError as problem:
-                raise _contradiction(vehicle, signal, str(problem)) from None
-            if complaint := _unit_complaint(bus, layout):
-                raise _contradiction(vehicle, signal, complaint)
-            wanted.setdefault(bus.message, {})[bus.signal] = layout
-    return wanted
-
-
-def parts(signal: SignalMap) -> list[BusSignal]:
-    """Every bus signal that enters one canonical signal, its own first."""
-    companions = (signal.fraction, signal.friction, signal.gear, signal.other)
-    return [signal.bus, *(bus for bus in companions if bus)]
-
-
-def _contradiction(vehicle: Vehicle, signal: SignalMap, complaint: str) -> ClutchestError:
-    return ClutchestError(f"{vehicle.path.name}: signals.{signal.name}: {complaint}")
-
-
-def _unit_complaint(bus: BusSignal, layout: SignalLayout) -> str:
-    """What is wrong with the file's unit; a DBC without a (known) unit accepts any."""
-    stated = layout.unit.strip()
-    try:
-        dbc, file = units.parse(stated or bus.unit), units.parse(bus.unit)
-    except ClutchestError:
-        return ""
-    if (
-        dbc.dimensions == file.dimensions
-        and isclose(dbc.scale, file.scale, rel_tol=1e-9)
-        and isclose(dbc.offset, file.offset, abs_tol=1e-9)
-    ):
-        return ""
-    return f"the file says '{bus.unit}', the DBC '{stated}' for {bus.message}.{bus.signal}"
-
-
 @dataclass
 class Decoding:
     """The decoding of one drive, or of a piece of one; collects warnings as it goes.
@@ -137,8 +94,7 @@ class Decoding:
     start_ns: int | None = None
     rows: dict[str, NDArray[np.intp]] = field(default_factory=dict)  # of messages not yet decoded
     columns: dict[tuple[str, str], Column] = field(default_factory=dict)
-    messages: dict[str, dict[str, int]] = field(default_factory=dict)
-    rejected: Counter[str] = field(default_factory=Counter)
+    account: Account = field(default_factory=Account)
     warnings: list[str] = field(default_factory=list)
     samples: dict[tuple[str, BusSignal], _Samples] = field(default_factory=dict)
     times: list[tuple[NDArray[np.intp], Floats]] = field(default_factory=list)  # of rows, s
@@ -157,25 +113,27 @@ class Decoding:
                 f"{' '.join(self.sources) or 'this log'}: no frame of "
                 f"{', '.join(self.wanted)}{self._seen()}"
             )
-        self._count_unmapped(mapped)
+        self.account.of_the_rest(frames, mapped, map(self.database.message, self.wanted))
         made, geared = self.canonical()
         for name, signal in geared.items():
             made[name] = self._through_gear(name, signal, made.get("engine_speed"))
         self.warnings += [
             f"message {name} has no frame in this log"
             f" ({', '.join(self._made_of(name))})" + self._seen()
-            for name, counts in self.messages.items()
+            for name, counts in self.account.messages.items()
             if not counts["frames"]
         ]
         first, last = int(frames.t_ns[0]), int(frames.t_ns[-1])
-        decoded = sum(counts["decoded"] for counts in self.messages.values())
+        decoded = sum(counts["decoded"] for counts in self.account.messages.values())
         passed_over = Counter(dict(frames.passed_over))
-        rejected = dict(self.rejected + passed_over + Counter(dict(frames.rejected)))
+        rejected = dict(self.account.rejected + passed_over + Counter(dict(frames.rejected)))
         return Signals(
             made,
             start_ns=first if frames.absolute else None,
             end=(last - first) / 1e9,
-            counts=Counts(len(frames) + passed_over.total(), decoded, rejected, self.messages),
+            counts=Counts(
+                len(frames) + passed_over.total(), decoded, rejected, self.account.messages
+            ),
             warnings=(*self.database.warnings, *self.warnings),
             sources=self.sources,
         )
@@ -185,7 +143,7 @@ class Decoding:
         mapped = np.zeros(len(self.frames), bool)
         for name in self.wanted:
             rows = self.rows[name] = rows_of(self.frames, self.database.message(name))
-            self.messages[name] = {"frames": len(rows), "decoded": 0}
+            self.account.messages[name] = {"frames": len(rows), "decoded": 0}
             mapped[rows] = True
         return mapped
 
@@ -234,7 +192,7 @@ class Decoding:
         message, rows = self.database.message(name), self.rows.pop(name)
         if not len(rows) and not self.accounts:
             return
-        counts = self.messages[name]
+        counts = self.account.messages[name]
         columns = decode(self.frames, rows, message, sorted(self.wanted[name]))
         broken = None
         if message.name in self.vehicle.checked and len(rows):
@@ -247,37 +205,7 @@ class Decoding:
                 column.why[broken[place] & (column.why == VALID)] = Why.CHECKSUM
                 column.value[column.why != VALID] = np.nan
         if self.accounts:
-            self._account(rows, columns, counts)
-
-    def _account(self, rows: NDArray[np.intp], columns: Mapping[str, Column],
-                 counts: dict[str, int]) -> None:  # fmt: skip
-        """Count what became of the frames of one message."""
-        good = np.zeros(len(rows), bool)
-        reason = np.zeros(len(rows), np.uint8)
-        seen: dict[Why, NDArray[np.bool_]] = {}
-        for column in columns.values():
-            place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
-            good[place] |= column.why == Why.VALID
-            reason[place] = np.where(column.why != Why.VALID, column.why, reason[place])
-            for code in np.unique(column.why[column.why != Why.VALID]):
-                mask = seen.setdefault(Why(code), np.zeros(len(rows), bool))
-                mask[place] |= column.why == code
-        counts["decoded"] = int(good.sum())
-        counts |= {_words(why): int(mask.sum()) for why, mask in sorted(seen.items())}
-        for code, number in zip(*np.unique(reason[~good], return_counts=True), strict=True):
-            self.rejected[_words(Why(code)) if code else "multiplexed otherwise"] += int(number)
-
-    def _count_unmapped(self, mapped: NDArray[np.bool_]) -> None:
-        for flag, reason in ((Flag.ERROR, "error frame"), (Flag.REMOTE, "remote frame")):
-            kind = ~mapped & ((self.frames.flags & flag) != 0)
-            self.rejected[reason] += int(kind.sum())
-            mapped = mapped | kind
-        if any(may_carry(self.database.message(name)) for name in self.messages):
-            packets = ~mapped & belongs(self.frames)
-            self.rejected["packet of a longer message"] += int(packets.sum())
-            mapped = mapped | packets
-        self.rejected["not mapped"] += int((~mapped).sum())
-        self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
+            self.account.of_message(rows, columns, counts)
 
     def _made_of(self, message: str) -> list[str]:
         return [
@@ -385,7 +313,7 @@ class Decoding:
         if len(samples.rows) and not samples.any_valid():
             codes, numbers = np.unique(samples.why, return_counts=True)
             self.warnings.append(
-                f"{where} never has a value ({_words(Why(codes[np.argmax(numbers)]))})"
+                f"{where} never has a value ({words(Why(codes[np.argmax(numbers)]))})"
             )
         for end, edge in ((layout.maximum, "upper"), (layout.minimum, "lower")):
             # Standing at zero is no sign of clipping, and a switch has nothing but ends.
@@ -466,10 +394,6 @@ class Decoding:
                 f"{name}: engine and wheels are never locked in a gear; taken as first gear"
             )
         return shaft
-
-
-def _words(why: Why) -> str:
-    return why.name.lower().replace("_", " ")
 
 
 def _sender(sender: int, message: Message) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.models import card
-from clutchest.reading.mapping import parts
+from clutchest.reading.wanted import parts
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 

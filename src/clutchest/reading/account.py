@@ -1,0 +1,65 @@
+"""What became of every frame of a log."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.can.database import Message
+from clutchest.can.decode import Column
+from clutchest.can.frames import Flag, Frames
+from clutchest.can.transport import belongs, may_carry
+from clutchest.signals import Why
+
+
+@dataclass
+class Account:
+    """``messages``: of each mapped one, its frames, those decoded, and by reason those of which a
+    signal was not; ``rejected``: frames of which nothing was taken, by reason."""
+
+    messages: dict[str, dict[str, int]] = field(default_factory=dict)
+    rejected: Counter[str] = field(default_factory=Counter)
+
+    def of_message(
+        self, rows: NDArray[np.intp], columns: Mapping[str, Column], counts: dict[str, int]
+    ) -> None:
+        """Count what became of the frames of one message, ``rows`` (n,) of the log, in its
+        ``counts``."""
+        good = np.zeros(len(rows), bool)
+        reason = np.zeros(len(rows), np.uint8)
+        seen: dict[Why, NDArray[np.bool_]] = {}
+        for column in columns.values():
+            place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
+            good[place] |= column.why == Why.VALID
+            reason[place] = np.where(column.why != Why.VALID, column.why, reason[place])
+            for code in np.unique(column.why[column.why != Why.VALID]):
+                mask = seen.setdefault(Why(code), np.zeros(len(rows), bool))
+                mask[place] |= column.why == code
+        counts["decoded"] = int(good.sum())
+        counts |= {words(why): int(mask.sum()) for why, mask in sorted(seen.items())}
+        for code, number in zip(*np.unique(reason[~good], return_counts=True), strict=True):
+            self.rejected[words(Why(code)) if code else "multiplexed otherwise"] += int(number)
+
+    def of_the_rest(
+        self, frames: Frames, mapped: NDArray[np.bool_], wanted: Iterable[Message]
+    ) -> None:
+        """Count the ``frames`` (n) that are not ``mapped`` (n,)."""
+        for flag, reason in ((Flag.ERROR, "error frame"), (Flag.REMOTE, "remote frame")):
+            kind = ~mapped & ((frames.flags & flag) != 0)
+            self.rejected[reason] += int(kind.sum())
+            mapped = mapped | kind
+        if any(map(may_carry, wanted)):
+            packets = ~mapped & belongs(frames)
+            self.rejected["packet of a longer message"] += int(packets.sum())
+            mapped = mapped | packets
+        self.rejected["not mapped"] += int((~mapped).sum())
+        self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
+
+
+def words(why: Why) -> str:
+    """A reason as people read it."""
+    return why.name.lower().replace("_", " ")
