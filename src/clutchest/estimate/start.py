@@ -35,8 +35,16 @@ class History:
 
     @classmethod
     def of(cls, state: Mapping[str, Any] | None) -> History:
-        """That of what :func:`leave` wrote; empty where it is silent or nothing is carried over."""
-        return cls(**(state or {}).get("history", {}))
+        """That of what :func:`leave` wrote; empty where it is silent or nothing is carried over.
+        Raises StateError where it is damaged."""
+        history, wanted = (state or {}).get("history", {}), {field.name for field in fields(cls)}
+        if not (
+            isinstance(history, Mapping)
+            and set(history) <= wanted
+            and all(_finite(number) and number >= 0 for number in history.values())
+        ):
+            raise _damaged("history", f"numbers of {', '.join(sorted(wanted))}")
+        return cls(**history)
 
     def after(self, driven_s: float, engagements: int, slip_energy_J: float) -> History:
         """With one more drive."""
@@ -177,16 +185,12 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
 
 def _check_numbers(state: Mapping[str, Any], n: int) -> None:
     """Shapes and finite numbers: the compiled kernel trusts them blindly."""
-
-    def damaged(key: str, expected: str) -> StateError:
-        return StateError(f"the carried-over state is damaged: '{key}' must be {expected}")
-
     thetas = state["thetas"]
     if not (isinstance(thetas, list) and all(
         isinstance(pair, list | tuple) and len(pair) == 2 and all(isinstance(p, str) for p in pair)
         for pair in thetas
     )):  # fmt: skip
-        raise damaged("thetas", "a list of pairs of names")
+        raise _damaged("thetas", "a list of pairs of names")
     shapes = {"x": (n,), "P": (n, n), "signature": (n, len(thetas)), "slip_energy": (2,),
               "slip_energy_covariance": (n,), "slip_energy_signature": (len(thetas),)}  # fmt: skip
     for key, shape in shapes.items():
@@ -195,22 +199,19 @@ def _check_numbers(state: Mapping[str, Any], n: int) -> None:
         except (TypeError, ValueError):
             numbers = np.zeros(0)
         if numbers.shape != shape or not np.all(np.isfinite(numbers)):
-            raise damaged(key, f"{' × '.join(map(str, shape))} finite numbers")
+            raise _damaged(key, f"{' × '.join(map(str, shape))} finite numbers")
     if np.any(np.diag(np.array(state["P"], np.float64)) < 0):
-        raise damaged("P", "a covariance: no variance below zero")
+        raise _damaged("P", "a covariance: no variance below zero")
     inputs = state["inputs"]
     if not (isinstance(inputs, Mapping) and all(map(_finite, inputs.values()))):
-        raise damaged("inputs", "names with finite numbers")
+        raise _damaged("inputs", "names with finite numbers")
     time = state.get("time_ns")
     if time is not None and (isinstance(time, bool) or not isinstance(time, int)):
-        raise damaged("time_ns", "a whole number of ns or null")
-    history, wanted = state.get("history", {}), {field.name for field in fields(History)}
-    if not (
-        isinstance(history, Mapping)
-        and set(history) <= wanted
-        and all(_finite(number) and number >= 0 for number in history.values())
-    ):
-        raise damaged("history", f"numbers of {', '.join(sorted(wanted))}")
+        raise _damaged("time_ns", "a whole number of ns or null")
+
+
+def _damaged(key: str, expected: str) -> StateError:
+    return StateError(f"the carried-over state is damaged: '{key}' must be {expected}")
 
 
 def _finite(value: Any) -> bool:

@@ -20,14 +20,21 @@ REACH = 3.0  # standard deviations of noise that do not move it
 LEFT = 3.0  # of what a smooth has kept of it
 
 
-def calm(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
-    """``value`` (K) at times ``t`` (K), smoothed as far as it is noisy, moving only where it leaves
-    the reach of its noise; that is measured ``where`` (K) the signal matters."""
+def calm(
+    t: Floats,
+    value: Floats,
+    where: NDArray[np.bool_],
+    narrow: float = NARROW,
+    wide: float = WIDE,
+) -> Floats:
+    """``value`` (K) at times ``t`` (K), smoothed over ``narrow`` s as far as it is noisy, moving
+    only where it leaves the reach of its noise; that is what ``wide`` s smooth away, measured
+    ``where`` (K) the signal matters."""
     if not where.any():
         return value
-    reach = REACH * _noise(value - _smooth(t, value, WIDE), where)
+    reach = REACH * _noise(value - _smooth(t, value, wide), where)
     out = np.empty_like(value)
-    _play(_smooth(t, value, NARROW), reach, out)
+    _play(_smooth(t, value, narrow), reach, out)
     return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
 
 

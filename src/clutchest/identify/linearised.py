@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,8 @@ from clutchest.vehicle import Vehicle
 
 WINDOW = 0.1  # s, over which inputs are smoothed
 BENDS = 4.0  # standard deviations of its noise, by which an input leaves its smooth course
+SLOPE = 0.6  # s, over which a signal that may be late is smoothed: noise that stays in a slope goes
+# with what it did to a tracked state before, and passes for a delay where noise is slow
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 SETTLING = 0.15  # s; a tracked state's first innovations are not yet coloured as later ones
@@ -259,7 +262,8 @@ def _sloped(model: Model) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.b
     their noise."""
     late = {signal for effect in model.effects for signal in effect.delays}
     dragging = model.expressions().dragging
-    return dict.fromkeys(map(model.input, late), calm) | dict.fromkeys(dragging, path)
+    slow = partial(calm, narrow=SLOPE, wide=2.0 * SLOPE)
+    return dict.fromkeys(map(model.input, late), slow) | dict.fromkeys(dragging, path)
 
 
 class Problem:
