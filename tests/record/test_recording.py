@@ -197,6 +197,11 @@ def test_a_spike_outlives_thinning(run, tmp_path, monkeypatch):
     assert np.isclose(at, innovations.time[spike], atol=1e-9)
 
 
+@pytest.mark.parametrize("most", [0, 1, 2])
+def test_outline_has_two_samples_at_least(most):
+    np.testing.assert_array_equal(outline(np.array([3.0, 1.0, 2.0, 9.0, 4.0]), most), [1, 3])
+
+
 @pytest.mark.parametrize("n", [0, 1, 99, 100, 101, 150, 12_345])
 def test_outline_keeps_the_extremes_of_every_stretch(n):
     values = np.random.default_rng(n).normal(size=n)

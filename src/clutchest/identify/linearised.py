@@ -82,7 +82,7 @@ class LinearDrive:
     """One drive, to be linearised anywhere; ``units`` (m) of the compiled model's thetas.
 
     Of its readings that tell of θ: ``t`` s, ``sensor`` index, ``row`` the regime's, ``mode``, and
-    ``std`` of the innovation, shape (K,) each; ``stretches``, how they hang together.
+    ``std`` of the innovation; shape (K,) each.
     """
 
     def __init__(
@@ -134,8 +134,12 @@ class LinearDrive:
         self.rows = rows[np.argsort(self.line.sensor[rows], kind="stable")]
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
-        self.stretches = Stretches.of(self.t, self.sensor, self.row)
         self.std = std[self.rows]
+
+    @property
+    def stretches(self) -> Stretches:
+        """How its readings hang together."""
+        return Stretches.of(self.t, self.sensor, self.row)
 
     def _bent(self, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
         """Events (K) at which the tracked states still hold the error of an input that turned so

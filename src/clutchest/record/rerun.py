@@ -82,11 +82,12 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
 
 
 def outline(values: Floats, most: int) -> NDArray[np.intp]:
-    """Rows, ascending, of at most ``most`` samples: the lowest and highest of equal stretches."""
-    n = len(values)
+    """Rows, ascending, of at most ``most`` samples, two at least: the lowest and highest of equal
+    stretches."""
+    n, pairs = len(values), max(most // 2, 1)
     if n <= most:
         return np.arange(n)
-    edges = np.linspace(0, n, most // 2 + 1).astype(np.intp)
+    edges = np.linspace(0, n, pairs + 1).astype(np.intp)
     # Stretches differ by one sample; the short ones see their last sample twice.
     rows = edges[:-1, None] + np.arange(int(np.max(np.diff(edges))))
     rows = np.minimum(rows, edges[1:, None] - 1)
