@@ -22,7 +22,8 @@ from blind.drives import Drive
 from blind.outsiders import Outsider
 from clutchest.errors import ClutchestError
 from clutchest.identify.colour import Colour
-from clutchest.identify.linearised import LinearDrive, Problem, Shapes
+from clutchest.identify.linearised import LinearDrive
+from clutchest.identify.problem import Problem, Shapes
 from clutchest.models.effects import Effect, library
 from clutchest.signals import Floats, Signals
 from clutchest.simulated import Effects

@@ -5,7 +5,7 @@ import pytest
 
 from clutchest.diagnosis.blocks import Blocks, pieces
 from clutchest.diagnosis.predicted import nuisances, predicted, since
-from clutchest.identify.linearised import Theta
+from clutchest.identify.problem import Theta
 
 THETAS = (
     Theta("parameter", "heat_capacity_body", 1.0), Theta("parameter", "kiss_point", 1.0),

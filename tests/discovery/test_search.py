@@ -10,7 +10,7 @@ from scipy.stats import binomtest, chi2
 
 import clutchest
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
-from clutchest.identify.linearised import Problem
+from clutchest.identify.problem import Problem
 from clutchest.models.effects import library
 from clutchest.signals import Floats
 

@@ -14,7 +14,7 @@ import pytest
 
 import clutchest
 from clutchest.generator import Sampled
-from clutchest.identify.linearised import TIMING, Problem, Rows, Theta
+from clutchest.identify.problem import TIMING, Problem, Rows, Theta
 from clutchest.models.effects import library
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.simulated import simulate_sampled

@@ -16,8 +16,8 @@ from scipy.stats import chi2
 
 import clutchest
 from clutchest.identify.colour import Stretches
-from clutchest.identify.linearised import Problem, Rows, Theta
 from clutchest.identify.maximum import SETTLED, Fitter
+from clutchest.identify.problem import Problem, Rows, Theta
 from clutchest.models.effects import Number, library
 from clutchest.signals import Floats
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.colour import Colour
-from clutchest.identify.linearised import LinearDrive, Problem, Rows, Theta
+from clutchest.identify.linearised import LinearDrive
 from clutchest.identify.maximum import Fitter
+from clutchest.identify.problem import Problem, Rows, Theta
 from clutchest.models.effects import Effect
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from clutchest.discovery.probes import PREFIX
-from clutchest.identify.linearised import Problem
+from clutchest.identify.problem import Problem
 from clutchest.models.effects import Effect, Number
 
 

@@ -12,8 +12,8 @@ from clutchest.discovery.result import Experiment
 from clutchest.discovery.score import Board, board
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter
+from clutchest.identify.problem import Problem
 from clutchest.models import told_apart_by
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle

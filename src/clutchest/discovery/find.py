@@ -31,7 +31,7 @@ from clutchest.discovery.result import (
 )
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.linearised import Problem
+from clutchest.identify.problem import Problem
 from clutchest.models import only_for
 from clutchest.models.effects import Effect, effects_of_file, library
 from clutchest.signals import Signals

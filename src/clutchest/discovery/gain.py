@@ -14,8 +14,8 @@ from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Hypothesis, Search
 from clutchest.discovery.torque import torques
-from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.problem import Problem
 from clutchest.signals import Floats
 
 BLOCK = 20.0  # s; what lies closer together is not independent

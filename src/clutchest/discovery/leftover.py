@@ -17,8 +17,8 @@ from scipy.stats import chi2
 from clutchest.discovery.drivers import KNOTS, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.score import among, cleared, redrawn
-from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.problem import Problem
 from clutchest.signals import Floats
 
 DRAWS = 1000

@@ -10,8 +10,8 @@ from clutchest.discovery.drivers import drivers
 from clutchest.discovery.result import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
 from clutchest.estimate.modes import MODE_NAMES
-from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.problem import Problem
 
 BINS = 8
 FEWEST = 40  # readings in a mode that are worth a picture

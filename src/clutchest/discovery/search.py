@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from clutchest.discovery.candidates import Candidate, candidates, settings
 from clutchest.discovery.score import Board, board
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.problem import Problem
 from clutchest.signals import Floats
 
 LEVEL = 0.0085  # family-wise chance of a false finding; the rest to 1 % is for what has no name

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.identify.linearised import LinearDrive, Problem
+from clutchest.identify.linearised import LinearDrive
 from clutchest.identify.maximum import Look
+from clutchest.identify.problem import Problem
 from clutchest.identify.sliding import while_sliding
 from clutchest.signals import Floats
 

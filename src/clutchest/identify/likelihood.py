@@ -18,8 +18,8 @@ from scipy.optimize import least_squares
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.linearised import Problem
 from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.problem import Problem
 from clutchest.identify.sliding import while_sliding
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains

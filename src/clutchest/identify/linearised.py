@@ -9,30 +9,21 @@ as far as they like, and no adapting state swallows what a cause leaves in the d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from clutchest.compute.lower import START
 from clutchest.estimate.samples import slope
-from clutchest.estimate.start import fresh, nominal, prior_std
+from clutchest.estimate.start import fresh, nominal
 from clutchest.estimate.timeline import build
-from clutchest.estimate.whole_log import (
-    Compiled,
-    Progress,
-    compile_model,
-    delays,
-    present_effects,
-)
+from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.identify.calm import calm, path
 from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
-from clutchest.models import model_for
-from clutchest.models.effects import Effect
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -42,40 +33,9 @@ BENDS = 4.0  # standard deviations of its noise, by which an input leaves its sm
 SLOPE = 0.6  # s, over which a signal that may be late is smoothed: noise that stays in a slope goes
 # with what it did to a tracked state before, and passes for a delay where noise is slow
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
-TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 SETTLING = 0.15  # s; a tracked state's first innovations are not yet coloured as later ones
 SHARP, SETTLED = 16.0, 0.05  # of an input's noise: a bend to be seen; s until it is forgotten
 LEAST = 0.01  # standard deviations per unit; readings that answer less to every θ are left out
-
-Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
-
-
-@dataclass(frozen=True, slots=True)
-class Theta:
-    """One unknown number: ``owner`` is ``parameter``, ``start`` or an effect's name.
-
-    ``unit`` is what 1 means: the prior's standard deviation of a nuisance, the largest plausible
-    size of a gain (``gain`` True).  ``drive``: whose start it is, −1 for a number of all drives.
-    A delay is both: ``timing`` is the small one that any signal may have.
-    """
-
-    owner: str
-    key: str
-    unit: float
-    gain: bool = False
-    drive: int = -1
-
-
-@dataclass(frozen=True, slots=True)
-class Rows:
-    """The readings of one drive that tell of any θ, sensor after sensor, each in order of time.
-
-    ``r`` (K) innovations over their predicted standard deviation; ``psi`` (K, m) their derivatives
-    by every θ in its unit.
-    """
-
-    r: Floats
-    psi: Floats
 
 
 class LinearDrive:
@@ -268,148 +228,3 @@ def _sloped(model: Model) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.b
     dragging = model.expressions().dragging
     slow = partial(calm, narrow=SLOPE, wide=2.0 * SLOPE)
     return dict.fromkeys(map(model.input, late), slow) | dict.fromkeys(dragging, path)
-
-
-class Problem:
-    """Drives of one vehicle and every number that is unknown about them.
-
-    ``thetas`` (m) in the order of all vectors θ here, each in its own unit and 0 where the vehicle
-    file has it.  ``nuisances`` are indices of those with a prior, of variance 1; ``gains`` of the
-    rest, the gains of ``effects``, which are absent at 0.
-    """
-
-    def __init__(
-        self,
-        signals: Signals,
-        vehicle: Vehicle,
-        effects: Sequence[Effect],
-        progress: Progress | None = None,
-    ) -> None:
-        drives = signals.drives
-        usable = set.intersection(*({n for n in d if d[n].valid.any()} for d in drives))
-        model = model_for(vehicle.model, usable)
-        # readings count in full: Gauss–Newton steps take care of what a first order lacks
-        model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
-        present = tuple(e for e in present_effects(vehicle) if model.takes(e))
-        sought = tuple(e for e in effects if e not in present and model.takes(e))
-        self.vehicle, self.effects = vehicle, {e.name: e for e in sought}
-        self.compiled = compile_model(
-            vehicle, model, present + sought, healthy_stds(vehicle, model), progress
-        )
-        shared, own = [], []
-        for (owner, key), spread in zip(self.compiled.thetas, self.compiled.spread, strict=True):
-            if owner in self.effects:
-                gain = next(n for n in self.effects[owner].gains if n.key == key)
-                shared.append(Theta(owner, key, gain.upper, gain=True))
-            elif owner == START:
-                own.append(Theta(owner, key, spread))
-            else:
-                shared.append(Theta(owner, key, spread or 1.0))
-        self.shared = len(shared)
-        starts = [replace(t, drive=i) for i in range(len(drives)) for t in own]
-        # a delay too small to be a finding answers as the delay that effects know
-        first_of = {
-            signal: k for k, t in reversed(list(enumerate(shared))) if t.gain
-            for signal, key in self.effects[t.owner].delays.items() if key == t.key
-        }  # fmt: skip
-        self.timing = {k: signal for signal, k in first_of.items()}
-        late = [Theta("timing", signal, TIMING) for signal in self.timing.values()]
-        self.thetas = tuple(shared + starts + late)
-        self.units = np.array([t.unit for t in self.thetas])
-        first = np.array([t.unit for t in shared + own])
-        self.drives = [LinearDrive(drive, vehicle, self.compiled, first) for drive in drives]
-        self.gains = np.flatnonzero([t.gain for t in self.thetas])
-        self.nuisances = np.flatnonzero(
-            [not t.gain and t.owner not in vehicle.effects for t in self.thetas]
-        )
-
-    def index(self, effect: str, key: str) -> int:
-        """Where a gain stands in θ."""
-        wanted = (effect, key)
-        return next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == wanted)
-
-    def numbers(self, theta: Floats, shapes: Shapes) -> tuple[Floats, Floats, dict[str, float]]:
-        """Parameters and numbers of effects at ``theta`` (m), and by how much signals are late."""
-        c = self.compiled
-        p, g, late = c.p.copy(), c.g.copy(), dict[str, float]()
-        keys = [q.key for q in c.model.parameters]
-        numbers = [(effect.name, key) for effect, key in c.model.numbers]
-        for t, value in zip(self.thetas[: self.shared], theta * self.units, strict=False):
-            if t.owner == "parameter":
-                p[keys.index(t.key)] += value
-                continue
-            g[numbers.index((t.owner, t.key))] += value
-            delayed = self.effects[t.owner].delays if t.gain and value else {}
-            for signal in (s for s, key in delayed.items() if key == t.key):
-                late[signal] = late.get(signal, 0.0) + value
-        for k, t in enumerate(self.thetas):
-            if t.owner == "timing":
-                late[t.key] = late.get(t.key, 0.0) + theta[k] * t.unit
-        for name, value in shapes.items():
-            g[numbers.index(name)] = value
-        return p, g, late
-
-    def linearise(
-        self, theta: Floats, shapes: Shapes, active: NDArray[np.int64] | None = None
-    ) -> list[Rows]:
-        """Every drive at ``theta`` (m); shapes of effects at their defaults unless given.
-
-        Derivatives by the ``active`` ones only (indices; all unless given) are other than zero.
-        """
-        p, g, late = self.numbers(theta, shapes)
-        wanted = np.ones(len(theta), bool) if active is None else np.zeros(len(theta), bool)
-        wanted[slice(None) if active is None else active] = True
-        late_rows = range(len(self.thetas) - len(self.timing), len(self.thetas))
-        wanted[list(self.timing)] |= wanted[list(late_rows)]
-        found = []
-        for i, drive in enumerate(self.drives):
-            own = [k for k, t in enumerate(self.thetas) if t.drive == i]
-            columns = np.array([*range(self.shared), *own])
-            compiled_ones = np.flatnonzero(wanted[columns])
-            columns = columns[compiled_ones]
-            innovations, answers = drive.answer(p, g, self._first(i, theta), late, compiled_ones)
-            std = drive.std
-            psi = np.zeros((len(std), len(self.thetas)))
-            psi[:, columns] = answers[drive.rows] / std[:, None] * self.units[columns]
-            for k, of in zip(late_rows, self.timing, strict=True):
-                psi[:, k] = psi[:, of] / self.units[of] * self.units[k]
-            found.append(Rows(innovations[drive.rows] / std, psi))
-        return found
-
-    def modulated(
-        self, theta: Floats, shapes: Shapes, thetas: Sequence[int], bases: Sequence[Floats]
-    ) -> list[Floats]:
-        """Derivatives (K, len(thetas) · b) of every drive's innovations by shared thetas that act
-        in proportion to the columns of ``bases`` (events, b), theta after theta."""
-        p, g, late = self.numbers(theta, shapes)
-        found = []
-        for i, (drive, basis) in enumerate(zip(self.drives, bases, strict=True)):
-            columns = basis.shape[1]
-            active = np.repeat(np.array(thetas, np.int64), columns)
-            which = np.tile(np.arange(columns), len(thetas))
-            _, answers = drive.answer(
-                p, g, self._first(i, theta), late, active, np.ascontiguousarray(basis), which
-            )
-            found.append(answers[drive.rows] / drive.std[:, None] * self.units[active])
-        return found
-
-    def _first(self, drive: int, theta: Floats) -> Floats:
-        """First states (n) of one drive, before effects."""
-        x = self.drives[drive].nominal.copy()
-        for k, t in enumerate(self.thetas):
-            if t.drive == drive:
-                x[self.compiled.model.state(t.key)] += theta[k] * self.units[k]
-        return x
-
-
-def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
-    """State → how far its first value may lie from nominal in a healthy vehicle, where it may."""
-    stds = {}
-    for state, std in zip(model.states, prior_std(vehicle, model), strict=True):
-        if state.name in model.renewed or state.name in model.unobservable:
-            continue
-        if state.healthy_std is not None:
-            std = min(std, state.healthy_std)
-        if std > 0.0:
-            stds[state.name] = float(std)
-    return stds

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.identify.colour import Colour
-from clutchest.identify.linearised import Problem, Rows, Shapes
+from clutchest.identify.problem import Problem, Rows, Shapes
 from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
@@ -34,7 +34,7 @@ NEARLY = (
 @dataclass(frozen=True, slots=True)
 class Look:
     """All drives at one θ, white: ``r`` (K) and ``psi`` (K, m) as in
-    :class:`~clutchest.identify.linearised.Rows`, drive after drive; ``cost`` is
+    :class:`~clutchest.identify.problem.Rows`, drive after drive; ``cost`` is
     −2 ln(probability) up to a constant, priors in it, of what lies in the fitter's span.
     """
 
