@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,6 +141,17 @@ class Traffic:
         """The frames of ``rows``."""
         return replace(self, time=self.time[rows], same=self.same[rows], step=self.step[rows],
                        sound=self.sound[rows])  # fmt: skip
+
+    @classmethod
+    def joined(cls, parts: Sequence[Traffic]) -> Traffic:
+        """The frames of all ``parts``, at least one, which follow each other in time."""
+        if len(parts) == 1:
+            return parts[0]
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("time", "same", "step", "sound")
+        }
+        return replace(parts[0], **columns)
 
     def __len__(self) -> int:
         return len(self.time)

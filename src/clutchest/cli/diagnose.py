@@ -42,7 +42,8 @@ def diagnose(
         from clutchest.diagnosis.diagnose import diagnose as test
         from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
 
-        found = test(estimated(logs, vehicle, start, stop, state, show), progress=show)
+        run = estimated(logs, vehicle, start, stop, state, show, traffic=True)
+        found = test(run, progress=show)
         show("writing", None)
         names = [path.name for path in write_diagnosis(found, out)]
     answer(

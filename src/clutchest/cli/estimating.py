@@ -21,6 +21,7 @@ def estimated(
     *,
     rate: float = 10.0,
     smooth: bool = False,
+    traffic: bool = False,
 ) -> Run:
     """The estimates over ``logs`` from ``start`` to ``stop``, carried on from ``state``.
 
@@ -37,7 +38,7 @@ def estimated(
     car = load_vehicle(vehicle)
     before = None if state is None else read_state(state)
     show("reading", None)
-    signals = read_log(logs, car, Window.parse(start, stop))
+    signals = read_log(logs, car, Window.parse(start, stop), traffic=traffic)
     try:
         return replay(signals, car, rate=rate, state=before, smooth=smooth, progress=show)
     except StateError as problem:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
@@ -33,6 +35,12 @@ def progress() -> Iterator[Progress]:
             bar.update(task, description=text, total=total, completed=share or 0.0)
 
         yield show
+
+
+def meanwhile(module: str) -> None:
+    """Load what is needed in the end while compiled code, which leaves Python alone, does its
+    work."""
+    Thread(target=import_module, args=(module,)).start()
 
 
 def print_json(value: Any) -> None:

@@ -11,6 +11,7 @@ import hashlib
 import importlib.util
 import sys
 import tempfile
+from collections import deque
 from collections.abc import Sequence
 from functools import lru_cache
 from importlib.metadata import version
@@ -32,12 +33,25 @@ from numba import njit
 _MARK = "# --- the generated module goes on from here ---\n"
 
 
+_lowered: deque[tuple[Model, tuple[tuple[str, str], ...], str]] = deque(maxlen=8)
+
+
 def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]:
     """(hash, source) of the module for this model, with signatures of ``thetas``."""
     # numba compiles a function when it is first called: who does not draw or smooth does not wait
-    parts = [_HEADER, _text_of("choices.py"), module_text(model, thetas)]
+    parts = [_HEADER, _text_of("choices.py"), _lowered_once(model, tuple(thetas))]
     parts += [_text_of(file) for file in ("kernel.py", "drawing.py", "smoother.py", "answers.py")]
     return named(parts)
+
+
+def _lowered_once(model: Model, thetas: tuple[tuple[str, str], ...]) -> str:
+    """:func:`module_text`; drives that follow each other need the same."""
+    for known, taken, text in _lowered:
+        if taken == thetas and known == model:
+            return text
+    text = module_text(model, thetas)
+    _lowered.append((model, thetas, text))
+    return text
 
 
 def generate_forward(model: Model, watched: Sequence[str]) -> tuple[str, str]:

@@ -199,7 +199,7 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     return innovation, predicted, used
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def run(
     x, P, S, E, cE, sE, gained, spread, considered, t, sensor, z, R, u, row, W, Qs, longest, noise,
     variance, p, g, limit,

@@ -36,13 +36,16 @@ class Account:
             place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
             good[place] |= column.why == Why.VALID
             reason[place] = np.where(column.why != Why.VALID, column.why, reason[place])
-            for code in np.unique(column.why[column.why != Why.VALID]):
+            for code in np.flatnonzero(np.bincount(column.why)).tolist():
+                if code == Why.VALID:
+                    continue
                 mask = seen.setdefault(Why(code), np.zeros(len(rows), bool))
                 mask[place] |= column.why == code
         counts["decoded"] = int(good.sum())
         counts |= {words(why): int(mask.sum()) for why, mask in sorted(seen.items())}
-        for code, number in zip(*np.unique(reason[~good], return_counts=True), strict=True):
-            self.rejected[words(Why(code)) if code else "multiplexed otherwise"] += int(number)
+        for code, number in enumerate(np.bincount(reason[~good]).tolist()):
+            if number:
+                self.rejected[words(Why(code)) if code else "multiplexed otherwise"] += number
 
     def of_the_rest(
         self, frames: Frames, mapped: NDArray[np.bool_], wanted: Iterable[Message]

@@ -45,6 +45,8 @@ def read_log(
     paths: Path | str | Sequence[Path | str],
     vehicle: Vehicle | str | Path,
     window: Window = EVERYTHING,
+    *,
+    traffic: bool = True,
 ) -> Signals:
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
@@ -52,7 +54,8 @@ def read_log(
     are taken as they are.  Logs on absolute clocks that overlap or lie less than a minute apart
     are pieces of one drive; all others are drives of their own, on ``later`` in order of time.
     Of each drive only what lies in ``window`` is kept.  Times are s from the start of what is kept.
-    Delays that the vehicle file states are not applied.
+    Delays that the vehicle file states are not applied.  Without ``traffic`` nothing is kept of
+    when frames came and whether they were whole, which fault tests need.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
@@ -85,7 +88,7 @@ def read_log(
             if not len(inside):
                 continue
             try:
-                drives.append(signals_of(inside, vehicle, database, sources))
+                drives.append(signals_of(inside, vehicle, database, sources, traffic))
             except NoMappedFrame as problem:
                 empty.append(problem)
     if not drives and empty:

@@ -54,7 +54,11 @@ _NONE = _Samples(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.uint8))
 
 
 def signals_of(
-    frames: Frames, vehicle: Vehicle, database: Database, sources: tuple[str, ...] = ()
+    frames: Frames,
+    vehicle: Vehicle,
+    database: Database,
+    sources: tuple[str, ...] = (),
+    with_traffic: bool = True,
 ) -> Signals:
     """The canonical signals in ``frames`` (sorted by time, not empty); t = 0 at the first frame.
 
@@ -64,6 +68,8 @@ def signals_of(
     wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     whole = reassembled(frames, wanted)
     found = Decoding(whole, vehicle, database, sources).signals()
+    if not with_traffic:
+        return found
     traffic = {message.name: _sharing(traffic_of(whole, message, vehicle), found)
                for message in wanted}  # fmt: skip
     return replace(found, traffic=traffic)
@@ -311,10 +317,8 @@ class Decoding:
         if not self.accounts:
             return samples
         if len(samples.rows) and not samples.any_valid():
-            codes, numbers = np.unique(samples.why, return_counts=True)
-            self.warnings.append(
-                f"{where} never has a value ({words(Why(codes[np.argmax(numbers)]))})"
-            )
+            most = Why(int(np.argmax(np.bincount(samples.why))))
+            self.warnings.append(f"{where} never has a value ({words(most)})")
         for end, edge in ((layout.maximum, "upper"), (layout.minimum, "lower")):
             # Standing at zero is no sign of clipping, and a switch has nothing but ends.
             if end and layout.width > 4 and layout.maximum != layout.minimum:

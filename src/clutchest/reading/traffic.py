@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +49,7 @@ class ArrivingTraffic:
         parts = [_traffic(both.take(slice(max(first - 1, 0), first + _PORTION)), message,
                           self.vehicle, start_ns).take(slice(int(first > 0), None))
                  for first in range(0, max(len(both), 1), _PORTION)]  # fmt: skip
-        whole = parts[0] if len(parts) == 1 else _joined(parts)
+        whole = Traffic.joined(parts)
         return whole.take(slice(known, None))
 
     def _rows(self, frames: Frames, message: Message) -> NDArray[np.intp]:
@@ -92,16 +91,6 @@ def _traffic(frames: Frames, message: Message, vehicle: Vehicle, start_ns: int) 
         period=_period(message, vehicle),
         checked=message.name in vehicle.checked,
     )
-
-
-def _joined(parts: Sequence[Traffic]) -> Traffic:
-    """Traffic that follows each other."""
-
-    def column(name: str) -> NDArray:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return replace(parts[0], time=column("time"), same=column("same"), step=column("step"),
-                   sound=column("sound"))  # fmt: skip
 
 
 def _period(message: Message, vehicle: Vehicle) -> float | None:

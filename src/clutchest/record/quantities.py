@@ -73,7 +73,7 @@ def sensors_of(run: Run) -> dict[str, Quantity]:
     seen = {
         track.innovations.names[k]: None
         for track in run.tracks
-        for k in np.unique(track.innovations.sensor)
+        for k in np.flatnonzero(np.bincount(track.innovations.sensor))
     }
     return {name: Quantity(name, units.get(name, "1")) for name in seen}
 

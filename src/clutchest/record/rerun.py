@@ -94,7 +94,8 @@ def outline(values: Floats, most: int) -> NDArray[np.intp]:
     stretches = values[rows]
     low = np.argmin(np.where(np.isnan(stretches), np.inf, stretches), axis=1, keepdims=True)
     high = np.argmax(np.where(np.isnan(stretches), -np.inf, stretches), axis=1, keepdims=True)
-    return np.unique(np.take_along_axis(rows, np.hstack([low, high]), axis=1))
+    ends = np.sort(np.take_along_axis(rows, np.hstack([low, high]), axis=1), axis=1)
+    return ends[np.column_stack([np.ones(len(ends), bool), ends[:, 0] < ends[:, 1]])]
 
 
 def _starts(run: Run) -> tuple[list[float], float]:

@@ -51,7 +51,8 @@ LENGTHS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.i
 
 
 # Nothing here allocates; counting references to the arrays would take longer than reading them.
-_OPTIONS: Any = {"cache": True, "forceinline": True, "error_model": "numpy", "_nrt": False}
+_OPTIONS: Any = {"cache": True, "forceinline": True, "error_model": "numpy", "_nrt": False,
+                 "nogil": True}  # fmt: skip
 compiled = njit(**_OPTIONS)
 
 
