@@ -84,8 +84,12 @@ def read_state(path: Path) -> dict[str, Any]:
             f"{path}: line {problem.lineno}: not JSON: {problem.msg}; "
             "expected the state.json of an earlier replay"
         ) from None
-    except (OSError, UnicodeDecodeError) as problem:
-        raise ClutchestError(f"{path}: cannot be read ({problem})") from None
+    except OSError as problem:
+        raise ClutchestError(f"{path}: cannot be read ({problem.strerror})") from None
+    except UnicodeDecodeError:
+        raise ClutchestError(
+            f"{path}: not text; expected the state.json of an earlier replay"
+        ) from None
     if not isinstance(state, dict):
         raise ClutchestError(f"{path}: expected the state.json of an earlier replay, an object")
     return state
