@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import re
+import resource
 import runpy
 import shlex
 import subprocess
@@ -15,8 +16,8 @@ from dataclasses import fields
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
-from time import perf_counter
 
+import numpy as np
 import pytest
 
 import clutchest
@@ -43,22 +44,24 @@ def demo() -> Run:
     return clutchest.replay(clutchest.read_log("demo", truck), truck)
 
 
-def test_starts_within_half_a_second():
-    """Over the bare interpreter, best of five: a heavy import costs that much by itself."""
+def test_starts_without_what_is_heavy():
+    """Beside the import of numpy alone, which takes some 0.15 s: whatever else the machine does
+    meets both."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
-    def best(*arguments: str) -> float:
-        times = []
-        for _ in range(5):
-            begin = perf_counter()
-            subprocess.run([sys.executable, *arguments], env=environment, check=True,
-                           capture_output=True, timeout=60)  # fmt: skip
-            times.append(perf_counter() - begin)
-        return min(times)
+    def seconds(*arguments: str) -> float:
+        begin = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        subprocess.run([sys.executable, *arguments], env=environment, check=True,
+                       capture_output=True, timeout=60)  # fmt: skip
+        return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - begin
 
-    bare = best("-c", "pass")
-    assert best("-c", "import clutchest") - bare < 0.1
-    assert best("-m", "clutchest", "--help") - bare < 0.5
+    bare, heavy, package, helped = np.min([
+        [seconds("-c", "pass"), seconds("-c", "import numpy"), seconds("-c", "import clutchest"),
+         seconds("-m", "clutchest", "--help")]
+        for _ in range(5)
+    ], axis=0)  # fmt: skip
+    assert package - bare < 0.5 * (heavy - bare)
+    assert helped - bare < 3.0 * (heavy - bare)
 
 
 def test_installed_version_is_the_package_s():
