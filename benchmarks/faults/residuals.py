@@ -35,8 +35,8 @@ Path_ = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def loaded(folder: Path) -> list[dict[str, np.ndarray]]:
-    """The records of drives without a confounder."""
-    return [dict(np.load(path)) for path in sorted(folder.glob("*-0.npz"))]
+    """The records of whole drives."""
+    return [dict(np.load(path)) for path in sorted(folder.glob("*.npz"))]
 
 
 def strung(records: Sequence[dict[str, np.ndarray]], k: int, blocks: int,

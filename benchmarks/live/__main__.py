@@ -22,9 +22,24 @@ import clutchest
 from clutchest.can.bus import open_bus
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.player import play
+from clutchest.monitor.faults import Faults
+from clutchest.reading.log import load_database
 from clutchest.simulated import simulate_frames
 
 FORK = multiprocessing.get_context("fork")
+
+
+class Timed(clutchest.Monitor):
+    """A monitor that tells what a row costs: processor time ``used``, s, since it took up the
+    frames that made the row certain."""
+
+    def _listen(self, *wait: float):
+        self._taken_up = time.thread_time()
+        return super()._listen(*wait)
+
+    @property
+    def used(self) -> float:
+        return time.thread_time() - self._taken_up
 
 
 def memory_MiB() -> float:
@@ -103,17 +118,20 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
     sent = sum(len(read_frames(half)) for half in halves)
     out = folder / "out"
     told = FORK.Queue()
-    monitor = clutchest.Monitor(open_bus(asked.interface, asked.channel), "truck", out=out)
+    truck = clutchest.load_vehicle("truck")
+    faults = Faults(truck, load_database(truck), log=out / "received.log")
+    monitor = Timed(open_bus(asked.interface, asked.channel), truck, out=out, watchers=[faults])
     talkers = [FORK.Process(target=send, args=(asked, halves, told), daemon=True)]
     if asked.foreign:
         talkers.append(FORK.Process(target=chatter, args=(asked,), daemon=True))
     for talker in talkers:
         talker.start()
-    lateness, memory, begun = [], [], time.monotonic()
+    lateness, effort, memory, begun = [], [], [], time.monotonic()
 
     def show(status, piece, events):
         if piece is not None and not piece.begins:
             lateness.append((time.time_ns() - piece.released_ns) / 1e6)
+            effort.append(1e3 * monitor.used)
         if len(memory) < (time.monotonic() - begun) / 5.0:
             memory.append(memory_MiB())
         if not talkers[0].is_alive():
@@ -124,7 +142,7 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
     used = (time.process_time() - used) / (time.monotonic() - begun)
     for talker in talkers:
         talker.kill()
-    late = np.array(lateness)
+    late, effort = np.array(lateness), np.array(effort)
     received = read_frames(out / "received.log")
     print(f"{asked.duration:.0f} s of a city drive over {asked.interface}, {asked.speed:g} times "
           f"as fast as it was, foreign traffic {asked.foreign:.0f} frames/s, "
@@ -134,6 +152,9 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
     print("  from the frame that made an estimate certain to its output: median "
           f"{np.median(late):.1f} ms, p90 {np.percentile(late, 90):.1f} ms, p99 "
           f"{np.percentile(late, 99):.1f} ms, most {late.max():.1f} ms")  # fmt: skip
+    print(f"  of it this program's own work: median {np.median(effort):.1f} ms, p90 "
+          f"{np.percentile(effort, 90):.1f} ms, p99 {np.percentile(effort, 99):.1f} ms "
+          "of a processor")  # fmt: skip
     eighths = [memory[len(memory) * k // 8] for k in range(1, 8)] + memory[-1:]
     print(f"  processor: {100 * used:.0f} % of one core; memory in MiB after every eighth: "
           f"{' '.join(f'{m:.0f}' for m in eighths)}")  # fmt: skip

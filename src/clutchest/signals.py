@@ -8,6 +8,7 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
@@ -75,7 +76,7 @@ class Signal:
 
     def take(self, rows: Rows) -> Signal:
         """The samples of ``rows``."""
-        return replace(self, time=self.time[rows], value=self.value[rows], why=self.why[rows])
+        return Signal(self.name, self.unit, self.time[rows], self.value[rows], self.why[rows])
 
     def then(self, later: Signal) -> Signal:
         """These samples and behind them those of ``later``."""
@@ -96,16 +97,30 @@ class Signal:
     def at(self, time: Floats, gap: float = LOST) -> Floats:
         """Values at ``time`` (n,), of a signal without invalid samples: straight between samples no
         further apart than ``gap`` s, else the last one, which is held; the first before it."""
-        value = np.interp(time, self.time, self.value)
-        holes = self.time[1:] - self.time[:-1] > gap
-        if holes.any():
-            last = np.searchsorted(self.time, time, side="right") - 1
-            held = np.append(holes, False)[np.maximum(last, 0)] & (last >= 0)
-            value[held] = self.value[last[held]]
-        return value
+        return np.asarray(_between(np.asarray(time, np.float64), self.time, self.value, gap))
 
     def __len__(self) -> int:
         return len(self.time)
+
+
+@njit(cache=True, error_model="numpy")
+def _between(time, samples, value, gap):  # type: ignore[no-untyped-def]
+    """``value`` at ``time``, straight between ``samples`` at most ``gap`` apart, else held."""
+    found, n, k = np.empty(len(time)), len(samples), 0
+    for i in range(len(time)):
+        t = time[i]
+        if k and t < samples[k - 1]:
+            k = np.searchsorted(samples, t, side="right")
+        while k < n and samples[k] <= t:  # k: the first sample behind t
+            k += 1
+        if k == 0:
+            found[i] = value[0]
+        elif k == n or t == samples[k - 1] or samples[k] - samples[k - 1] > gap:
+            found[i] = value[k - 1]
+        else:
+            slope = (value[k] - value[k - 1]) / (samples[k] - samples[k - 1])
+            found[i] = slope * (t - samples[k - 1]) + value[k - 1]
+    return found
 
 
 @dataclass(frozen=True, slots=True)

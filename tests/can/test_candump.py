@@ -152,3 +152,20 @@ def test_nanoseconds_are_kept():
     frames = random_frames(20, seed=2)
     frames.t_ns[:] += np.arange(20) * 37
     assert rows(read(b"".join(writer.write(frames)))) == rows(frames)
+
+
+@pytest.mark.parametrize("unit", [1, 1000])
+def test_a_few_frames_are_written_as_many_are(unit):
+    """A live session writes frames one by one, a converted log column by column."""
+    n, rng = 200, np.random.default_rng(1)
+    frames = Frames(
+        1_700_000_000_000_000_000 + np.cumsum(rng.integers(1, 10**9, n)) // unit * unit,
+        rng.integers(0, 3, n).astype(np.uint8),
+        rng.integers(0, 0x7FF, n).astype(np.uint32) << np.uint32(18 * (unit > 1)),
+        np.full(n, Flag.EXTENDED if unit > 1 else 0, np.uint8),
+        rng.integers(0, 9, n).astype(np.uint8),
+        rng.integers(0, 256, (n, 8)).astype(np.uint8),
+    )
+    together = b"".join(writer.write(frames))
+    each = [b"".join(writer.write(frames.take(slice(k, k + 20)))) for k in range(0, n, 20)]
+    assert b"".join(each) == together

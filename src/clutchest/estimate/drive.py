@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from clutchest.estimate.habits import Habit
-from clutchest.estimate.modes import Mode, Thresholds
+from clutchest.estimate.modes import Mode
 from clutchest.estimate.run import Engagement, Track
 from clutchest.estimate.samples import APART, Told, slope_count
 from clutchest.estimate.start import History, carried_on, fresh, leave
@@ -77,7 +77,7 @@ class Drive:
         model = model_for(vehicle.model, set(names))
         self.compiled: Compiled = compile_model(vehicle, model, progress=progress)
         self.setting = Setting(vehicle, self.compiled.model, rate, delays(vehicle))
-        self.thresholds = Thresholds.of(vehicle.modes)
+        self.thresholds = self.setting.thresholds
         self.samples: dict[str, Signal] = {}
         self.unseen: dict[str, list[Signal]] = {}  # since the last piece
         self.lags: dict[str, int] = {}  # how many samples beyond must come

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.signals import Floats
@@ -147,35 +148,43 @@ def _average(time: Floats, value: Floats, window: float) -> Floats:
     return (np.interp(b, time, area) - np.interp(a, time, area)) / (b - a)
 
 
-def _lasting(time: Floats, flag: NDArray[np.bool_], least: float) -> NDArray[np.bool_]:
+@njit(cache=True)
+def _lasting(time, flag, least):  # type: ignore[no-untyped-def]
     """``flag`` where it holds for at least ``least`` s on end."""
-    starts, ends = runs(flag)
-    kept = np.zeros(len(flag), bool)
-    for start, end in zip(starts, ends, strict=True):
-        if time[end - 1] - time[start] >= least:
-            kept[start:end] = True
+    kept, start = np.zeros(len(flag), np.bool_), 0
+    for k in range(len(flag)):
+        if not flag[k]:
+            continue
+        if k == 0 or not flag[k - 1]:
+            start = k
+        if (k + 1 == len(flag) or not flag[k + 1]) and time[k] - time[start] >= least:
+            kept[start : k + 1] = True
     return kept
 
 
-def _since(time: Floats, flag: NDArray[np.bool_]) -> Floats:
+@njit(cache=True)
+def _since(time, flag):  # type: ignore[no-untyped-def]
     """For how long ``flag`` has held, s; −1 where it does not."""
-    starts, ends = runs(flag)
-    since = np.full(len(flag), -1.0)
-    for start, end in zip(starts, ends, strict=True):
-        since[start:end] = time[start:end] - time[start]
+    since, start = np.full(len(flag), -1.0), 0
+    for k in range(len(flag)):
+        if flag[k]:
+            if k == 0 or not flag[k - 1]:
+                start = k
+            since[k] = time[k] - time[start]
     return since
 
 
-def _around(time: Floats, flag: NDArray[np.bool_], guard: float) -> NDArray[np.bool_]:
+@njit(cache=True)
+def _around(time, flag, guard):  # type: ignore[no-untyped-def]
     """``flag``, widened by ``guard`` s on both sides."""
-    rows = np.flatnonzero(flag)
-    if not len(rows):
-        return np.zeros(len(flag), bool)
-    last = np.searchsorted(rows, np.arange(len(flag)), side="right") - 1
-    since = np.where(last >= 0, time - time[rows[np.maximum(last, 0)]], np.inf)
-    following = np.minimum(last + 1, len(rows) - 1)
-    until = np.where(last + 1 < len(rows), time[rows[following]] - time, np.inf)
-    return flag | (since < guard) | (until < guard)
+    found, last, following = flag.copy(), -1, -1
+    for k in range(len(flag)):
+        last = k if flag[k] else last
+        found[k] |= last >= 0 and time[k] - time[last] < guard
+    for k in range(len(flag) - 1, -1, -1):
+        following = k if flag[k] else following
+        found[k] |= following >= 0 and time[following] - time[k] < guard
+    return found
 
 
 def runs(flag: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

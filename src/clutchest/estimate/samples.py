@@ -7,6 +7,7 @@ from itertools import pairwise
 from math import inf
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.estimate.habits import Habit
@@ -18,14 +19,22 @@ APART = 4.0  # periods; samples further apart do not belong together
 
 def blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
     """Where the nearest samples on both sides lie further apart than ``gap`` s; ``time`` sorted."""
-    outside = (time < signal.time[0] - gap) | (time > signal.time[-1] + gap)
-    last = np.flatnonzero(signal.time[1:] - signal.time[:-1] > gap)  # samples before a hole
-    if not len(last):
-        return outside
-    holes = np.zeros(len(time) + 1, np.int64)
-    np.add.at(holes, np.searchsorted(time, signal.time[last], "right"), 1)
-    np.add.at(holes, np.searchsorted(time, signal.time[last + 1], "right"), -1)
-    return (np.cumsum(holes[:-1]) > 0) | outside
+    return np.asarray(_blind(time, signal.time, gap))
+
+
+@njit(cache=True)
+def _blind(time, samples, gap):  # type: ignore[no-untyped-def]
+    found, k = np.zeros(len(time), np.bool_), 0
+    for i in range(len(time)):
+        while k < len(samples) and samples[k] < time[i]:
+            k += 1
+        if k == 0:
+            found[i] = samples[0] - gap > time[i]
+        elif k == len(samples):
+            found[i] = samples[-1] + gap < time[i]
+        else:
+            found[i] = samples[k] - samples[k - 1] > gap
+    return found
 
 
 def white_density(noise: float, ar: float, period: float) -> float:
@@ -66,13 +75,24 @@ def slope(
     return found, float(noise / np.sqrt(max(moment, 1e-12)))
 
 
-def _lines(time: Floats, value: Floats, count: int) -> Floats:
+@njit(cache=True, error_model="numpy")
+def _lines(time, value, count):  # type: ignore[no-untyped-def]
     """The slope at every sample of a straight line through the ``count`` samples around it."""
-    t = np.lib.stride_tricks.sliding_window_view(time, count)
-    y = np.lib.stride_tricks.sliding_window_view(value, count)
-    centred = t - t.mean(axis=1, keepdims=True)
-    moment = np.maximum((centred**2).sum(axis=1), 1e-12)
-    return np.pad((centred * y).sum(axis=1) / moment, count // 2, mode="edge")
+    half, n = count // 2, len(time)
+    slopes = np.empty(n)
+    for k in range(half, n - half):
+        mean = 0.0
+        for j in range(k - half, k + half + 1):
+            mean += time[j]
+        mean /= count
+        moment = product = 0.0
+        for j in range(k - half, k + half + 1):
+            moment += (time[j] - mean) ** 2
+            product += (time[j] - mean) * value[j]
+        slopes[k] = product / max(moment, 1e-12)
+    slopes[:half] = slopes[half]
+    slopes[n - half :] = slopes[n - half - 1]
+    return slopes
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,13 +125,24 @@ def told(
     if most == 1:
         variance = np.full(len(time), noise**2 * coloured)
         return Told(time, signal.value, variance, time, time, np.ones(len(time), bool))
-    starts = np.flatnonzero(np.append(True, np.diff(time) > APART * period))
-    place = np.arange(len(time)) - np.repeat(starts, np.diff(np.append(starts, len(time))))
-    first = np.flatnonzero(place % most == 0)
-    count = np.diff(np.append(first, len(time)))
-    value = np.add.reduceat(signal.value, first) / count
+    first, count, value = _averages(time, signal.value, APART * period, most)
     variance = noise**2 * np.maximum(coloured, most) / count
     return Told(
         time[first + count // 2], value, variance, time[first], time[first + count - 1],
         count == most,
     )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _averages(time, value, apart, most):  # type: ignore[no-untyped-def]
+    """First sample, number of samples and mean of every ``most`` that follow each other without a
+    hole of more than ``apart`` s."""
+    first, count = np.empty(len(time), np.int64), np.zeros(len(time), np.int64)
+    mean, n = np.zeros(len(time)), -1
+    for k in range(len(time)):
+        if n < 0 or count[n] == most or time[k] - time[k - 1] > apart:
+            n += 1
+            first[n] = k
+        count[n] += 1
+        mean[n] += value[k]
+    return first[: n + 1], count[: n + 1], mean[: n + 1] / count[: n + 1]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
@@ -97,7 +99,7 @@ def _held(present: Mapping[str, Signal], end: float, setting: Setting) -> dict[s
             for name, signal in present.items()}  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Setting:
     """What a timeline is made by: outputs at ``rate`` Hz, ``delays`` s by signal on top of the
     vehicle file's."""
@@ -106,6 +108,33 @@ class Setting:
     model: Model
     rate: float
     delays: Mapping[str, float]
+
+    @cached_property
+    def thresholds(self) -> Thresholds:
+        """When the clutch counts as what."""
+        return Thresholds.of(self.vehicle.modes)
+
+    @cached_property
+    def tables(self) -> tuple[Floats, Floats, Floats]:
+        """Flags, process noise and longest step of every regime, as :class:`Timeline` has them."""
+        flags = np.array(list(product((0.0, 1.0), repeat=len(self.model.regime))))
+        return flags, _noise_table(self.vehicle, self.model, flags), _longest(self.model, flags)
+
+    @cached_property
+    def _slow(self) -> frozenset[str]:
+        """Inputs that may be missing for long."""
+        return frozenset(i.name for i in self.model.inputs if i.gap > self.thresholds.gap)
+
+    @cached_property
+    def _fast(self) -> tuple[tuple[str, str], ...]:
+        """Inputs that may not, each with the signal that it is made of."""
+        return tuple((i.name, self.model.slopes.get(i.name, i.name))
+                     for i in self.model.inputs if i.name not in self._slow)  # fmt: skip
+
+    @cached_property
+    def _judges(self) -> tuple[str, ...]:
+        """The signals that tell which equations hold."""
+        return judged_by(self.vehicle)
 
     def late(self, name: str) -> float:
         """By how much a signal's samples come after what they tell of, s."""
@@ -137,19 +166,15 @@ class Setting:
 
     def held(self, name: str) -> bool:
         """Whether a signal is an input that changes slowly and holds its last value."""
-        gap = Thresholds.of(self.vehicle.modes).gap
-        slow = any(i.name == name and i.gap > gap for i in self.model.inputs)
-        return slow and name not in self.needed((name,))
+        return name in self._slow and name not in self.needed((name,))
 
     def fast(self, names: Container[str]) -> list[str]:
         """The inputs among ``names`` that must not be missing for long."""
-        gap = Thresholds.of(self.vehicle.modes).gap
-        return [i.name for i in self.model.inputs
-                if i.gap <= gap and self.model.slopes.get(i.name, i.name) in names]  # fmt: skip
+        return [name for name, source in self._fast if source in names]
 
     def needed(self, names: Container[str]) -> list[str]:
         """The signals among ``names`` that tell which equations hold, or drive them fast."""
-        wanted = dict.fromkeys((self.model.anchor, *self.fast(names), *judged_by(self.vehicle)))
+        wanted = dict.fromkeys((self.model.anchor, *self.fast(names), *self._judges))
         return [name for name in wanted if name in names]
 
 
@@ -193,8 +218,7 @@ def assemble(
     ``present`` are the cleaned signals with some samples before the stretch and behind it, as far
     as there are any, ``habits`` their habits.
     """
-    vehicle, model, rate = setting.vehicle, setting.model, setting.rate
-    thresholds = Thresholds.of(vehicle.modes)
+    model, rate, thresholds = setting.model, setting.rate, setting.thresholds
     present, since, end = dict(present), stretch.since, stretch.end
     anchor = present[model.anchor]
     noises = {}
@@ -210,7 +234,7 @@ def assemble(
         grid = np.array([end])
     stamps = np.unique(np.concatenate([anchor.time, grid, *(present[n].time for n in fast)]))
     stamps = stamps[(stamps >= since) & (stamps <= end)]
-    regime = regimes(stamps, present, vehicle, fast)
+    regime = regimes(stamps, present, setting.vehicle, fast)
     acting = regime.flags(model.regime)
 
     # events: sensor samples, kinks of the inputs while they matter, outputs
@@ -242,7 +266,7 @@ def assemble(
 
     of = np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)
     sliding, flags = regime.sliding[of], _over_intervals(acting, of, model.regime)
-    table = np.array(list(product((0.0, 1.0), repeat=len(model.regime))))
+    table, process, longest = setting.tables
     place = 2 ** np.arange(len(model.regime))[::-1]
     u, noise, variance = _inputs(t, setting, present, habits, noises)
     for name, source in model.slopes.items():  # a slope that no sample bears out is none
@@ -256,8 +280,8 @@ def assemble(
         u=u,
         row=flags @ place,
         W=table,
-        Q=_noise_table(vehicle, model, table),
-        longest=_longest(model, table),
+        Q=process,
+        longest=longest,
         mode=regime.mode[of],
         emit=emit,
         grid=on_grid,
@@ -324,7 +348,7 @@ def regimes(
     for name in fast:
         unseen |= blind(stamps, present[name], thresholds.gap)
         lost |= blind(stamps, present[name], LOST)
-    nominal = {key: value.value for key, value in vehicle.parameters.items()}
+    nominal = vehicle.parameters
     if "kiss_point" not in nominal:  # such a clutch's own state says what it does
         return Regimes.pressing(
             stamps, at("clutch_torque") if "clutch_torque" in present else at("shaft_torque"),
@@ -335,10 +359,10 @@ def regimes(
     return classify(
         stamps,
         None if shaft is None else speed - shaft,
-        None if position is None else position - nominal["position_origin"],
+        None if position is None else position - nominal["position_origin"].value,
         at("motor_position"),
         unseen,
-        nominal["kiss_point"],
+        nominal["kiss_point"].value,
         thresholds,
         lost,
     )
@@ -421,17 +445,32 @@ def _outputs(
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Output row of every event (−1: none), on the grid and densely wherever the surfaces slide,
     and of every row whether it is on the grid."""
-    last = np.append(np.diff(t) > 0, True)  # after the last event of a time stamp
-    on_grid = last & _among(t, grid)
-    dense = np.zeros(len(t), bool)
-    dense[1:] = sliding[1:] & (np.diff(np.floor(t / DENSE)) > 0)
-    dense[1:] |= np.diff(sliding.astype(np.int8)) != 0
-    emitted = on_grid | (dense & last)
-    return np.where(emitted, np.cumsum(emitted) - 1, -1), on_grid[emitted]
+    emit, on_grid = _emitted(t, sliding, grid)
+    return emit, on_grid[emit >= 0]
+
+
+@njit(cache=True)
+def _emitted(t, sliding, grid):  # type: ignore[no-untyped-def]
+    emit, on_grid = np.full(len(t), -1, np.int64), np.zeros(len(t), np.bool_)
+    rows = place = 0
+    for k in range(len(t)):
+        if k + 1 < len(t) and t[k + 1] <= t[k]:
+            continue  # after the last event of a time stamp
+        while place < len(grid) - 1 and grid[place] < t[k]:
+            place += 1
+        on_grid[k] = grid[place] == t[k]
+        dense = k > 0 and (
+            sliding[k] != sliding[k - 1]
+            or (sliding[k] and np.floor(t[k] / DENSE) > np.floor(t[k - 1] / DENSE))
+        )
+        if on_grid[k] or dense:
+            emit[k] = rows
+            rows += 1
+    return emit, on_grid
 
 
 def _gaps(present: Mapping[str, Signal], setting: Setting) -> tuple[str, ...]:
-    gap, warnings = Thresholds.of(setting.vehicle.modes).gap, []
+    gap, warnings = setting.thresholds.gap, []
     for name in setting.fast(present):
         if name in setting.model.slopes:
             continue

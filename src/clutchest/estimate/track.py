@@ -60,12 +60,12 @@ class Rows:
 
     def then(self, later: Rows) -> Rows:
         """These rows and those that follow them."""
-        return Rows(*(np.concatenate([getattr(self, f.name), getattr(later, f.name)])
-                      for f in fields(Rows)))  # fmt: skip
+        return Rows(*(np.concatenate([getattr(self, name), getattr(later, name)])
+                      for name in Rows.__slots__))  # fmt: skip
 
     def since(self, row: int) -> Rows:
         """The rows from one on."""
-        return Rows(*(getattr(self, f.name)[row:] for f in fields(Rows)))
+        return Rows(*(getattr(self, name)[row:] for name in Rows.__slots__))
 
 
 def track_of(
@@ -165,10 +165,12 @@ def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:
 
 def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
     """Slip events: runs of rows in which the clutch slips and passes torque."""
-    time = rows.time
+    time, slips = rows.time, rows.mode == Mode.slipping
+    if not slips.any():
+        return ()
     information = Information.of(compiled, time, rows.mode, rows.gained)
     found = []
-    for a, b in zip(*runs(rows.mode == Mode.slipping), strict=True):
+    for a, b in zip(*runs(slips), strict=True):
         first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
         gained = rows.energy[last] - rows.energy[first]
         duration = time[last] - time[first]

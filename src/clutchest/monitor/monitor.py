@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import queue
 import time
 from collections import deque
@@ -38,6 +39,7 @@ GATHER = 0.05  # s for which frames are gathered, as long as no estimate is due
 PROMPT = 0.008  # s before one is due, from which every frame is looked at at once
 ON_ITS_WAY_NS = 1_000_000_000  # a frame may take this long from its stamp to here
 KEPT_S = 600.0  # s for which frames are held, should a signal be heard for the first time
+WATCH = 0.25  # s after which watchers look at what has come, as long as no estimate comes
 SHOWN = 12  # events that a panel remembers
 
 
@@ -141,7 +143,10 @@ class Monitor:
         self._start_ns: int | None = None
         self._last_ns = 0
         self._heard: list[Frames] = []
-        self._unwatched: list[Frames] = []
+        self._unwatched: list[Frames] = []  # and _arrived: what no watcher has looked at yet
+        self._arrived: dict[str, list[Signal]] = {}
+        self._seen: dict[str, float] = {}  # up to when, s, each signal has arrived
+        self._watched = 0.0
         self._counted: dict[str, Frames] = {}
         self._late_told = self.stopped = False
         self._new: list[Event] = []
@@ -163,6 +168,7 @@ class Monitor:
         end = None if duration is None else time.monotonic() + duration
         for note in self._session.notes if self._session else ():
             self._tell("warning", note)
+        gc.freeze()  # what is there stays: nobody need look through it while a row waits
         try:
             while not self.stopped and (end is None or time.monotonic() < end):
                 frames = self._listen()
@@ -176,6 +182,7 @@ class Monitor:
             if self._new and show is not None:
                 show(self.status, None, self._new)
         finally:
+            gc.unfreeze()
             self._close()
         return self.status
 
@@ -261,37 +268,52 @@ class Monitor:
             self.state = self.final
             self._offset += self.status.now
             self._drive += 1
-            self._start_ns, self._mode = None, ""
-        self._heard = []
+            self._start_ns, self._mode, self._seen, self._watched = None, "", {}, 0.0
+        self._heard, self._unwatched, self._arrived = [], [], {}
         return Live(self.vehicle, self.database, rate=self.rate, state=self.state,
                     history=lambda: Frames.concatenate(self._heard))  # fmt: skip
 
     def _after(self, frames: Frames, piece: Piece | None, show: Show | None) -> None:
-        """Everything that follows from new frames and from what became certain."""
-        if len(frames):
-            self._counters(frames)
+        """Everything that follows from new frames and from what became certain: first of all what
+        is shown, then what no estimate waits for, and is shown with the next one."""
         if piece is not None:
             self._told(piece)
-        for since, name, data in self._silence.of(frames, piece, self.status.now):
-            self._tell("gap", name, data, since)
-        if piece is not None:
             self.status.latency_s.append((time.time_ns() - piece.released_ns) / 1e9)
         if show is not None:
             show(self.status, piece, self._new)
         self._new = []
-        self._watch(frames)  # what it finds is shown with the next piece: no estimate waits for it
+        if len(frames):
+            self._counters(frames)
+        for since, name, data in self._silence.of(frames, piece, self.status.now):
+            self._tell("gap", name, data, since)
+        self._arrive(frames)
+        # behind a row there is time until the next one
+        if piece is not None or self.status.now - self._watched >= WATCH:
+            self._watch()
         if piece is not None:
             self._record(piece)
 
-    def _watch(self, frames: Frames) -> None:
-        """What the watchers make of new frames, as soon as it is known what they mean."""
+    def _arrive(self, frames: Frames) -> None:
+        """Hold what has come until the watchers look at it."""
         self._unwatched.append(frames)
+        for name, signal in self._live.arrived.items():
+            until = self._seen.get(name, -np.inf)
+            if len(signal) and signal.time[0] <= until:  # the estimates began anew, from the start
+                signal = signal.take(signal.time > until)
+            if len(signal):
+                self._seen[name] = float(signal.time[-1])
+                self._arrived.setdefault(name, []).append(signal)
+
+    def _watch(self) -> None:
+        """What the watchers make of new frames, as soon as it is known what they mean."""
         if not self._live.begun or self._start_ns is None:
             return
         frames, self._unwatched = Frames.concatenate(self._unwatched), []
+        arrived, self._arrived = self._arrived, {}
+        self._watched = now = self.status.now
+        signals = {name: Signal.joined(parts) for name, parts in arrived.items()}
         for watcher in self.watchers:
-            arrived, now = self._live.arrived, self.status.now
-            for event in watcher.watch(arrived, frames, self._start_ns, now):
+            for event in watcher.watch(signals, frames, self._start_ns, now):
                 self._put(event)
 
     def _told(self, piece: Piece) -> None:
@@ -361,6 +383,7 @@ class Monitor:
 
     def _end_drive(self, show: Show | None) -> None:
         self._after(Frames.empty(), self._finish(), show)
+        self._watch()
         for watcher in self.watchers if self._start_ns is not None else ():
             for event in watcher.finish(self.status.now):
                 self._put(event)

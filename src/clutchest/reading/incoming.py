@@ -42,10 +42,12 @@ class Incoming:
         self.start_ns = int(frames.t_ns[0])
         self._mapped = mapped_messages(vehicle, database)
         self._wanted = [database.message(name) for name in self._mapped]
+        self._long = any(transport.may_carry(message) for message in self._wanted)
         self.late = False
         self._senders: dict[tuple[str, BusSignal], int] = {}
         self._decided = False
-        self._remembered = frames.take(np.zeros(0, np.intp))
+        self._remembered = frames.take(slice(0))  # what the frames to come may need
+        self._last: dict[tuple[str, BusSignal], int] = {}  # rows of these, of each companion
         self._geared: dict[str, _Geared] = {}
         self.first = self.take(frames, int(frames.t_ns[-1]))
         self.heard_s = {name: float(s.time[s.valid][0])
@@ -61,17 +63,24 @@ class Incoming:
     def take(self, frames: Frames, now_ns: int, last: bool = False) -> Decoded:
         """What ``frames`` add; everything up to ``now_ns`` has come, and nothing will after the
         ``last``."""
-        known = set(self._senders)
+        known = len(self._senders)
         after = (int(frames.t_ns[0]) - self.start_ns) / 1e9 if len(frames) else np.inf
-        drive = Frames.concatenate([self._remembered, frames])
+        before = self._remembered
+        drive = Frames.concatenate([before, frames])
+        whole = reassembled(drive, self._wanted) if self._long else drive
         decoding = Decoding(
-            reassembled(drive, self._wanted), self.vehicle, self.database,
-            senders=self._senders, start_ns=self.start_ns, accounts=False, wanted=self._mapped,
+            whole, self.vehicle, self.database, senders=self._senders, start_ns=self.start_ns,
+            accounts=False, wanted=self._mapped,
         )  # fmt: skip
         decoding.decode()
-        made, wheels = decoding.canonical()
-        self.late |= self._decided and set(self._senders) != known
-        self._remembered = self._worth_remembering(decoding, drive, now_ns)
+        names = decoding.touched(0 if self._long else len(before))
+        made, wheels = decoding.canonical(names)
+        self.late |= self._decided and len(self._senders) != known
+        self._remember(whole, decoding.remembered(names))
+        if self._long:
+            packets = transport.belongs(drive) & (drive.t_ns > now_ns - TRANSFER)
+            self._remembered = Frames.concatenate([self._remembered, drive.take(packets)]).sorted()
+            self._last = {}  # where everything is decoded anew every time
         now = (now_ns - self.start_ns) / 1e9
         signals = {name: _since(signal, after) for name, signal in made.items()}
         settled = dict.fromkeys(self.vehicle.signals, now)
@@ -84,12 +93,13 @@ class Incoming:
             signals[name], settled[name] = geared.take(now, last)
         return Decoded(signals, settled)
 
-    def _worth_remembering(self, decoding: Decoding, frames: Frames, now_ns: int) -> Frames:
-        companions = decoding.remembered()
-        if not any(transport.may_carry(message) for message in self._wanted):
-            return companions
-        packets = transport.belongs(frames) & (frames.t_ns > now_ns - TRANSFER)
-        return Frames.concatenate([companions, frames.take(packets)]).sorted()
+    def _remember(self, frames: Frames, last: dict[tuple[str, BusSignal], int]) -> None:
+        """Keep the rows in which companions said something at last; those of which nothing came
+        are among ``frames`` where they were."""
+        last = {**self._last, **last}
+        rows = sorted(set(last.values()))
+        self._last = {key: rows.index(row) for key, row in last.items()}
+        self._remembered = frames.take(np.array(rows, np.intp))
 
 
 def _since(signal: Signal, time: float) -> Signal:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -153,12 +153,16 @@ class Decoding:
             mapped[rows] = True
         return mapped
 
-    def canonical(self) -> tuple[dict[str, Signal], dict[str, Signal]]:
-        """The canonical signals, and the wheel speeds that become one by a gear nobody sends."""
+    def canonical(
+        self, names: Iterable[str] | None = None
+    ) -> tuple[dict[str, Signal], dict[str, Signal]]:
+        """The canonical signals, of these ``names`` if given, and the wheel speeds that become one
+        by a gear nobody sends."""
         made: dict[str, Signal] = {}
         geared: dict[str, Signal] = {}
         unit_of = dict(card(self.vehicle.model).columns)
-        for name, signal in self.vehicle.signals.items():
+        for name in self.vehicle.signals if names is None else names:
+            signal = self.vehicle.signals[name]
             samples = self._samples(signal, signal.bus)
             if len(samples.rows):
                 known = not signal.gears or self._tells_gear(signal)
@@ -166,9 +170,15 @@ class Decoding:
                 (made if known else geared)[name] = found
             if self.accounts:
                 self._forget(name)
-        for message in list(self.rows):  # of which no signal needed anything
+        for message in list(self.rows) if self.accounts else ():  # which no signal needed
             self._decode(message)
         return made, geared
+
+    def touched(self, first: int) -> list[str]:
+        """The canonical signals of which a frame from row ``first`` on carries a part."""
+        new = {name for name, rows in self.rows.items() if len(rows) and rows[-1] >= first}
+        return [name for name, signal in self.vehicle.signals.items()
+                if any(bus.message in new for bus in parts(signal))]  # fmt: skip
 
     def _forget(self, done: str) -> None:
         """Let go of what no signal behind the one that is ``done`` is made of."""
@@ -181,15 +191,17 @@ class Decoding:
         held = [column.rows for column in self.columns.values()]
         self.times = [pair for pair in self.times if any(pair[0] is rows for rows in held)]
 
-    def remembered(self) -> Frames:
-        """The last frame in which each companion of a signal said something: what is to come may
-        need it."""
-        rows = set()
-        for signal in self.vehicle.signals.values():
+    def remembered(self, names: Iterable[str]) -> dict[tuple[str, BusSignal], int]:
+        """The row of the last frame in which each companion of these signals said something: what
+        is to come may need it."""
+        last = {}
+        for signal in (self.vehicle.signals[name] for name in names):
             for bus in parts(signal)[1:]:
                 samples = self._samples(signal, bus)
-                rows.update(samples.rows[samples.why == VALID][-1:].tolist())
-        return self.frames.take(np.array(sorted(rows), np.intp))
+                valid = samples.rows[samples.why == VALID]
+                if len(valid):
+                    last[signal.name, bus] = int(valid[-1])
+        return last
 
     # --- frames of one message ---------------------------------------------------------------
 
