@@ -98,7 +98,8 @@ class _Finding:
             before = search.null.look
         unnamed = bool(left) and _least(left).p_value < UNNAMED
         if len(best.chosen) > 1 and errors:  # one curve that does as much as several causes
-            unnamed |= errors[0].worth > search.null.cost - best.cost
+            most = max(curve.worth for curve in errors)
+            unnamed |= most > search.null.cost - best.cost
         tied = search.tied()
         curve = _transferable(errors) if unnamed else None
         verdict = ("unknown" if unnamed else "none" if not best.chosen
@@ -247,7 +248,7 @@ def _grid_std(candidate: Candidate, key: str) -> float:
 
 
 def _where(verdict: str, best: Hypothesis, errors: Sequence[Curve]) -> Where | None:
-    """The equation, and drivers ranked by what an error of it that goes with them explains."""
+    """The equation, and drivers ranked by how likely an error is that goes with them."""
     if verdict == "none":
         return None
     equation = errors[0].equation if verdict == "unknown" else best.chosen[0].effect.equation

@@ -53,11 +53,16 @@ class Curve:
         """Its statistic less what noise alone gives it."""
         return self.statistic - 2.0 * self.rank
 
+    @property
+    def evidence(self) -> float:
+        """2 ln of the Bayes factor against no such error: a curve with more freedom pays for it."""
+        return self.statistic + float(np.linalg.slogdet(self.covariance)[1])
+
 
 def curves(
     problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
-    """Every curve over every driver, best first, beside what is ``free`` at ``look``."""
+    """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
     found, least = [], np.ones(DRAWS)
     blocks = np.unique(np.concatenate([
         i * 10**7 + np.floor(drive.t / BLOCK_TIME) for i, drive in enumerate(problem.drives)
@@ -88,7 +93,7 @@ def curves(
             ))  # fmt: skip
     least = np.sort(least)
     named = [replace(curve, p_value=float(among(least, curve.p))) for curve in found]
-    return sorted(named, key=lambda curve: -curve.worth)
+    return sorted(named, key=lambda curve: -curve.evidence)
 
 
 def _unrest(
