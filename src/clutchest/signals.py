@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from clutchest import spilled
 from clutchest.errors import ClutchestError, nearest
 
 Floats = NDArray[np.float64]
@@ -73,6 +74,13 @@ class Signal:
         """The same signal without its invalid samples."""
         keep = self.valid
         return self if keep.all() else self.take(keep)
+
+    def stowed(self) -> Signal:
+        """The same signal, a long one in files."""
+        if self.time.nbytes < spilled.LEAST:
+            return self
+        return replace(self, time=spilled.stowed(self.time), value=spilled.stowed(self.value),
+                       why=spilled.stowed(self.why))  # fmt: skip
 
     def take(self, rows: Rows) -> Signal:
         """The samples of ``rows``."""

@@ -13,7 +13,8 @@ from clutchest.estimate.run import Estimate
 from clutchest.models import card
 from clutchest.record import rerun as recording
 from clutchest.record.blueprint import INVALID, panel
-from clutchest.record.rerun import outline, write_recording
+from clutchest.record.rerun import write_recording
+from clutchest.record.series import outline
 
 RPM = 60 / (2 * np.pi)
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from enum import IntFlag
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from clutchest import spilled
 
 
 class Flag(IntFlag):
@@ -80,9 +82,14 @@ class Frames:
             self.passed_over,
         )
 
+    def steps(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
+        """From each frame to the next, ns, a portion at a time, each with its first row."""
+        for rows in spilled.portions(len(self) - 1):
+            yield rows.start, np.diff(self.t_ns[rows.start : rows.stop + 1])
+
     def sorted(self) -> Frames:
         """Rows in order of time; frames of equal time keep their order."""
-        if len(self) < 2 or np.all(np.diff(self.t_ns) >= 0):
+        if all(np.all(step >= 0) for _, step in self.steps()):
             return self
         return self.take(np.argsort(self.t_ns, kind="stable"))
 
@@ -110,7 +117,7 @@ class Frames:
         }
         for name in list(given):
             columns = given.pop(name)
-            whole[name] = columns[0] if len(columns) == 1 else np.concatenate(columns)
+            whole[name] = columns[0] if len(columns) == 1 else spilled.concatenated(columns)
         return cls(**whole)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchest.cli.terminal import Progress
+from clutchest.cli.terminal import Progress, meanwhile
 
 if TYPE_CHECKING:
     from clutchest.estimate.run import Run
@@ -39,6 +39,7 @@ def estimated(
     before = None if state is None else read_state(state)
     show("reading", None)
     signals = read_log(logs, car, Window.parse(start, stop), traffic=traffic)
+    meanwhile("clutchest.record.rerun")  # not earlier: two that import only take turns
     try:
         return replay(signals, car, rate=rate, state=before, smooth=smooth, progress=show)
     except StateError as problem:

@@ -8,7 +8,7 @@ import typer
 
 from clutchest.cli.estimating import estimated
 from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, State, To, VehicleName
-from clutchest.cli.terminal import answer, meanwhile, progress
+from clutchest.cli.terminal import answer, progress
 
 
 def replay(
@@ -47,7 +47,6 @@ def replay(
         from clutchest.record.files import write_run
         from clutchest.record.terminal import print_run
 
-        meanwhile("clutchest.record.rerun")
         run = estimated(logs, vehicle, start, stop, state, show, rate=rate, smooth=smooth)
         show("writing", None)
         written = write_run(run, out, innovations=innovations)

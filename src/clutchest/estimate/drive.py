@@ -17,14 +17,13 @@ from clutchest.estimate.habits import Habit
 from clutchest.estimate.modes import Mode
 from clutchest.estimate.run import Engagement, Track
 from clutchest.estimate.samples import APART, Told, slope_count
+from clutchest.estimate.setting import Setting, held_on
 from clutchest.estimate.start import History, carried_on, fresh, leave
 from clutchest.estimate.timeline import (
     Assembled,
-    Setting,
     Stretch,
     Timeline,
     assemble,
-    held_on,
 )
 from clutchest.estimate.track import Rows, engagements, track_of
 from clutchest.estimate.whole_log import (

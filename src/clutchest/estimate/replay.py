@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from clutchest import __version__
+from clutchest import __version__, spilled
 from clutchest.errors import ClutchestError
 from clutchest.estimate.drive import Drive, begun
 from clutchest.estimate.run import Run, Track
+from clutchest.estimate.setting import Unusable, warnings_of
 from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.start import History, leave
 from clutchest.estimate.summary import Part, summarise
-from clutchest.estimate.timeline import Unusable, build, warnings_of
+from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
 from clutchest.estimate.whole_log import Progress, compile_model, delays, run
 from clutchest.models import model_for
@@ -28,6 +29,7 @@ from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
 STRETCH = 600.0  # s that are filtered together
+TOGETHER = 8  # stretches whose estimates are put away together
 FASTEST = 1000.0  # Hz, of the output grid
 
 
@@ -106,9 +108,11 @@ def _in_stretches(
     usable = {name: signal for name, signal in signals.items() if signal.valid.any()}
     drive = Drive(vehicle, usable, signals.start_ns, rate, state, progress)
     warnings = list(warnings_of(signals, drive.setting))
-    heard = max(float(signal.time[signal.valid][0]) for signal in usable.values())
+    heard = max(float(signal.time[np.argmax(signal.valid)]) for signal in usable.values())
     stops = np.arange(max(heard + HEAD, STRETCH), signals.end - HEAD, STRETCH)
-    tracks, done = [], -np.inf
+    tracks: list[Track] = []
+    recent: list[Track] = []
+    done = -np.inf
     for stop in (*stops.tolist(), np.inf):
         if progress:
             progress("filtering", max(done, 0.0) / max(signals.end, 1e-9))
@@ -117,16 +121,19 @@ def _in_stretches(
                for name, signal in usable.items()}  # fmt: skip
         piece = drive.take(new, dict.fromkeys(new, signals.end if last else stop), last)
         if piece is not None:
-            tracks.append(piece.track)
+            recent.append(piece.track)
             warnings += piece.warnings
         done = stop
+        if len(recent) == TOGETHER:
+            tracks, recent = [*tracks, joined(recent)], []
+        spilled.let_go()
     if progress:
         progress("filtering", 1.0)
     left = drive.final()
     assert left is not None and drive.belief is not None  # a drive has an event at its end
     part = Part(signals, drive.compiled, drive.span_s, drive.belief, drive.own, warnings,
                 drive.past)  # fmt: skip
-    return joined(tracks), part, left
+    return joined([*tracks, *recent]), part, left
 
 
 def _whole(

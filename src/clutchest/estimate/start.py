@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.timeline import Timeline, process_noise
+from clutchest.estimate.setting import process_noise
+from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, run
 from clutchest.models import resting
 from clutchest.models.model import Model

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchest import spilled
 from clutchest.estimate.modes import MODE_NAMES
 from clutchest.estimate.observability import (
     NOTHING,
@@ -177,14 +178,19 @@ def _sensors(tracks: Sequence[Track]) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     names = dict.fromkeys(name for track in tracks for name in track.innovations.names)
     for name in names:
-        parts = [t.innovations.of(name)[1:] for t in tracks if name in t.innovations.names]
-        innovation, std = (
-            parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
-        )
-        count = len(innovation)
+        count, squares, judged = 0, 0.0, 0.0
+        for track in tracks:
+            if name not in track.innovations.names:
+                continue
+            _, innovation, std = track.innovations.of(name)
+            count += len(innovation)
+            for rows in spilled.portions(len(innovation)):
+                misfit = innovation[rows]
+                squares += float(np.sum(misfit**2))
+                judged += float(np.sum((misfit / std[rows]) ** 2))
         found[name] = {
             "count": count,
-            "innovation_rms": float(np.sqrt(np.mean(innovation**2))) if count else None,
-            "nis_mean": float(np.mean((innovation / std) ** 2)) if count else None,
+            "innovation_rms": float(np.sqrt(squares / count)) if count else None,
+            "nis_mean": judged / count if count else None,
         }
     return found

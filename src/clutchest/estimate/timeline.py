@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from itertools import product
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.errors import ClutchestError
 from clutchest.estimate.habits import Habit
-from clutchest.estimate.modes import FREE, SLIDING, Mode, Regimes, Thresholds, classify
+from clutchest.estimate.modes import FREE, Mode, Regimes, Thresholds, classify
 from clutchest.estimate.samples import Told, blind, slope, told, white_density
-from clutchest.estimate.spikes import without_spikes
+from clutchest.estimate.setting import Setting, usable, warnings_of
 from clutchest.models.model import Model
 from clutchest.signals import LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
-COARSEST = 0.5  # s between samples of the model's anchor; a slip lasts little longer
 DENSE = 0.02  # s, spacing of the outputs that engagements are measured on
-
-
-class Unusable(ClutchestError):
-    """A drive without a signal that the model cannot do without."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,19 +48,6 @@ class Timeline:
     warnings: tuple[str, ...]
 
 
-def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Floats:
-    """Variance per s, then per J of slip energy, of every state, shape (2n,), by vehicle file or
-    model."""
-    per_second, per_joule = [], []
-    for state in model.states:
-        setting = vehicle.estimation.get(state.name, state)  # the model's own unless the file's
-        adaptive = setting.role == "adaptive"
-        density = state.parked_noise if parked else setting.process_noise
-        per_second.append(density**2 if adaptive else 0.0)
-        per_joule.append(state.slip_noise**2 if adaptive else 0.0)
-    return np.array(per_second + per_joule)
-
-
 def build(
     signals: Signals, vehicle: Vehicle, model: Model, rate: float, delays: Mapping[str, float]
 ) -> Timeline:
@@ -78,114 +57,11 @@ def build(
     that the model cannot do without has no valid sample.
     """
     setting = Setting(vehicle, model, rate, delays)
-    present, habits, warnings = _usable(signals, setting)
+    present, habits = usable(signals, setting)
     first = max(0.0, min(s.time[0] for s in present.values()))
     end = max(signals.end, present[model.anchor].time[-1])
-    present = _held(present, signals.end, setting)
     line = assemble(setting, present, habits, Stretch(first, end)).line
-    return replace(line, warnings=(*warnings, *_gaps(present, setting)))
-
-
-def warnings_of(signals: Signals, setting: Setting) -> tuple[str, ...]:
-    """What :func:`build` warns of, without building.  Raises ClutchestError where it does."""
-    present, _, warnings = _usable(signals, setting)
-    return (*warnings, *_gaps(_held(present, signals.end, setting), setting))
-
-
-def _held(present: Mapping[str, Signal], end: float, setting: Setting) -> dict[str, Signal]:
-    """The signals, those that are needed held on to the log's ``end``, s."""
-    needed = setting.needed(present)
-    return {name: held_on(signal, end - setting.late(name)) if name in needed else signal
-            for name, signal in present.items()}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What a timeline is made by: outputs at ``rate`` Hz, ``delays`` s by signal on top of the
-    vehicle file's."""
-
-    vehicle: Vehicle
-    model: Model
-    rate: float
-    delays: Mapping[str, float]
-
-    @cached_property
-    def thresholds(self) -> Thresholds:
-        """When the clutch counts as what."""
-        return Thresholds.of(self.vehicle.modes)
-
-    @cached_property
-    def tables(self) -> tuple[Floats, Floats, Floats]:
-        """Flags, process noise and longest step of every regime, as :class:`Timeline` has them."""
-        flags = np.array(list(product((0.0, 1.0), repeat=len(self.model.regime))))
-        return flags, _noise_table(self.vehicle, self.model, flags), _longest(self.model, flags)
-
-    @cached_property
-    def _slow(self) -> frozenset[str]:
-        """Inputs that may be missing for long."""
-        return frozenset(i.name for i in self.model.inputs if i.gap > self.thresholds.gap)
-
-    @cached_property
-    def _fast(self) -> tuple[tuple[str, str], ...]:
-        """Inputs that may not, each with the signal that it is made of."""
-        return tuple((i.name, self.model.slopes.get(i.name, i.name))
-                     for i in self.model.inputs if i.name not in self._slow)  # fmt: skip
-
-    @cached_property
-    def _judges(self) -> tuple[str, ...]:
-        """The signals that tell which equations hold."""
-        return judged_by(self.vehicle)
-
-    def late(self, name: str) -> float:
-        """By how much a signal's samples come after what they tell of, s."""
-        mapped = self.vehicle.signals.get(name)
-        return (mapped.delay if mapped else 0.0) + self.delays.get(name, 0.0)
-
-    def noise(self, name: str) -> float:
-        """Standard deviation of a signal, SI."""
-        mapped = self.vehicle.signals.get(name)
-        return mapped.noise if mapped else 0.0
-
-    def colour(self, name: str) -> float:
-        """AR(1) coefficient of a signal's noise, per sample."""
-        mapped = self.vehicle.signals.get(name)
-        return mapped.noise_ar if mapped else 0.0
-
-    def cleaned(self, name: str, signal: Signal, habit: Habit) -> tuple[Signal, int]:
-        """The valid samples (``signal`` has no others), each at the time at which it was true,
-        without spikes; and how many spikes there were.
-
-        An input that holds its last value keeps its spikes: nobody waits for the next sample,
-        which alone could tell.
-        """
-        spikes = 0
-        if not self.held(name):
-            signal, spikes = without_spikes(signal, self.noise(name), habit)
-        late = self.late(name)
-        return (replace(signal, time=signal.time - late) if late else signal), spikes
-
-    def held(self, name: str) -> bool:
-        """Whether a signal is an input that changes slowly and holds its last value."""
-        return name in self._slow and name not in self.needed((name,))
-
-    def fast(self, names: Container[str]) -> list[str]:
-        """The inputs among ``names`` that must not be missing for long."""
-        return [name for name, source in self._fast if source in names]
-
-    def needed(self, names: Container[str]) -> list[str]:
-        """The signals among ``names`` that tell which equations hold, or drive them fast."""
-        wanted = dict.fromkeys((self.model.anchor, *self.fast(names), *self._judges))
-        return [name for name in wanted if name in names]
-
-
-def held_on(signal: Signal, time: float) -> Signal:
-    """The signal, with its last value once more at ``time`` s if by then it has been silent for so
-    long that it counts as lost: what never comes back is away from its last sample on."""
-    if time - signal.time[-1] <= LOST:
-        return signal
-    return replace(signal, time=np.append(signal.time, time),
-                   value=np.append(signal.value, signal.value[-1]),
-                   why=np.append(signal.why, signal.why[-1]))  # fmt: skip
+    return replace(line, warnings=warnings_of(signals, setting))
 
 
 @dataclass(frozen=True, slots=True)
@@ -292,44 +168,6 @@ def assemble(
     return Assembled(line, stamps, averages)
 
 
-def _usable(
-    signals: Signals, setting: Setting
-) -> tuple[dict[str, Signal], dict[str, Habit], tuple[str, ...]]:
-    """The cleaned signals, their habits, and warnings."""
-    model = setting.model
-    present, habits, warnings = {}, {}, []
-    for name in signals:
-        signal = signals[name].only_valid()
-        if not len(signal):
-            continue
-        habits[name] = Habit.of(signal)
-        present[name], spikes = setting.cleaned(name, signal, habits[name])
-        if spikes:
-            warnings.append(f"{name}: {spikes} single sample(s) far off both neighbours left "
-                            f"out, {100 * spikes / len(signal):.2g} %")  # fmt: skip
-    needed = {i.name for i in model.inputs if i.default is None} - set(model.slopes)
-    missing = sorted((needed | {model.anchor}) - set(present))
-    if missing:
-        hints = "".join(f"; {warning}" for warning in signals.warnings[:4])
-        raise Unusable(
-            f"no valid sample of {', '.join(missing)}: the model of '{setting.vehicle.name}' "
-            f"needs it{hints}"
-        )
-    if len(present[model.anchor]) > 1 and (period := habits[model.anchor].period) > COARSEST:
-        raise ClutchestError(
-            f"{model.anchor} has a sample every {period:g} s, expected at least one every "
-            f"{COARSEST:g} s; are the times in seconds?"
-        )
-    return present, habits, tuple(warnings)
-
-
-def judged_by(vehicle: Vehicle) -> tuple[str, ...]:
-    """The signals that :func:`regimes` looks at."""
-    if "kiss_point" in vehicle.parameters:
-        return "engine_speed", "input_shaft_speed", "slave_position", "motor_position"
-    return "clutch_torque", "shaft_torque"
-
-
 def regimes(
     stamps: Floats, present: Mapping[str, Signal], vehicle: Vehicle, fast: Sequence[str] = ()
 ) -> Regimes:
@@ -416,14 +254,6 @@ def _among(values: Floats, some: Floats) -> NDArray[np.bool_]:
     return np.asarray(some[place] == values)
 
 
-def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
-    """Process noise, variance per s, of every state in every regime; shape (rows of flags, 2n)."""
-    Q = np.tile(process_noise(vehicle, model), (len(flags), 1))
-    for name, (flag, walk) in model.renewed.items():
-        Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = walk**2
-    return Q
-
-
 def _over_intervals(acting: NDArray[np.bool_], of: NDArray[np.intp],
                     regime: Sequence[str]) -> NDArray[np.int64]:  # fmt: skip
     """Flags (K, w) of the interval that ends at each event: an interval runs free if both its ends
@@ -432,12 +262,6 @@ def _over_intervals(acting: NDArray[np.bool_], of: NDArray[np.intp],
     if FREE in regime:
         flags[1:, regime.index(FREE)] &= acting[of[:-1], regime.index(FREE)]
     return flags.astype(np.int64)
-
-
-def _longest(model: Model, table: Floats) -> Floats:
-    """The longest step, s, under every row of flags."""
-    slides = table[:, model.regime.index(SLIDING)] > 0 if SLIDING in model.regime else [True]
-    return np.where(slides, *model.longest)
 
 
 def _outputs(
@@ -467,18 +291,3 @@ def _emitted(t, sliding, grid):  # type: ignore[no-untyped-def]
             emit[k] = rows
             rows += 1
     return emit, on_grid
-
-
-def _gaps(present: Mapping[str, Signal], setting: Setting) -> tuple[str, ...]:
-    gap, warnings = setting.thresholds.gap, []
-    for name in setting.fast(present):
-        if name in setting.model.slopes:
-            continue
-        holes = np.diff(present[name].time)
-        holes = holes[holes > gap]
-        if len(holes):
-            warnings.append(
-                f"{name}: {len(holes)} gap(s), the longest {holes.max():.1f} s; "
-                "heat of a slip in a gap is not seen"
-            )
-    return tuple(warnings)

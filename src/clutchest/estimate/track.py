@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest import spilled
 from clutchest.estimate.modes import MODE_NAMES, Mode, runs
 from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Track
@@ -110,11 +111,11 @@ def joined(tracks: Sequence[Track]) -> Track:
     first = tracks[0]
 
     def estimate(parts: Sequence[Estimate]) -> Estimate:
-        return Estimate(*(np.concatenate([getattr(part, f.name) for part in parts])
+        return Estimate(*(spilled.concatenated([getattr(part, f.name) for part in parts])
                           for f in fields(Estimate)))  # fmt: skip
 
     def column(of: Callable[[Track], NDArray]) -> NDArray:
-        return np.concatenate([of(track) for track in tracks])
+        return spilled.concatenated([of(track) for track in tracks])
 
     return Track(
         time=column(lambda t: t.time),

@@ -70,7 +70,7 @@ class Incoming:
         whole = reassembled(drive, self._wanted) if self._long else drive
         decoding = Decoding(
             whole, self.vehicle, self.database, senders=self._senders, start_ns=self.start_ns,
-            accounts=False, wanted=self._mapped,
+            account=None, wanted=self._mapped,
         )  # fmt: skip
         decoding.decode()
         names = decoding.touched(0 if self._long else len(before))

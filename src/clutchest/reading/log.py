@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
@@ -26,6 +26,7 @@ from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
 JOIN_S = 60.0  # pieces of one drive lie no further apart
+_PIECE = 1 << 18  # frames that are put away together: each column of them is a large array
 HOLE_S = 3600.0  # a longer silence inside a log starts a new drive
 
 
@@ -154,14 +155,25 @@ def _table(path: Path, columns: dict[str, str]) -> _Piece:
 def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
     """What is wanted of a log, which itself may be larger than memory."""
     sieve = Sieve(wanted, int(HOLE_S * 1e9))
-    frames = Frames.concatenate(sieve.sift(block) for block in files.read_blocks(path))
+    kept = _in_pieces(sieve.sift(block) for block in files.read_blocks(path))
+    frames = Frames.concatenate(kept)
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
-    back = np.diff(frames.t_ns)
-    back = back[back < 0]
+    back = np.concatenate([np.zeros(1, np.int64), *(s[s < 0] for _, s in frames.steps())])[1:]
     warning = (f"{path.name}: the clock goes back {len(back)} time{'s' * (len(back) > 1)}, by "
                f"{-back.min() / 1e9:g} s at most; frames are taken in order of time"
                if len(back) else "")  # fmt: skip
     return _Piece(path, frames, frames.absolute, first, last, warning)
+
+
+def _in_pieces(blocks: Iterable[Frames]) -> Iterator[Frames]:
+    """The frames of many blocks together, as many as make a large array."""
+    held: list[Frames] = []
+    for block in blocks:
+        held.append(block)
+        if sum(map(len, held)) >= _PIECE:
+            yield Frames.concatenate(held)
+            held = []
+    yield Frames.concatenate(held)
 
 
 def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
@@ -185,11 +197,11 @@ def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
 
 def _split(frames: Frames) -> list[Frames]:
     """The frames (sorted) cut at long silences: a clock that was set, or a parked vehicle."""
-    cuts = np.flatnonzero(np.diff(frames.t_ns) > HOLE_S * 1e9) + 1
-    if not len(cuts):
+    cuts = [first + 1 + int(row) for first, step in frames.steps()
+            for row in np.flatnonzero(step > HOLE_S * 1e9)]  # fmt: skip
+    if not cuts:
         return [frames]
-    bounds = [0, *cuts.tolist(), len(frames)]
-    parts = [frames.take(np.arange(a, b)) for a, b in pairwise(bounds)]
+    parts = [frames.take(slice(a, b)) for a, b in pairwise([0, *cuts, len(frames)])]
     # What the file as a whole lost is told once, with the longest part: that one is a drive.
     longest = max(parts, key=len)
     return [part if part is longest else replace(part, rejected=(), passed_over=())

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import units
+from clutchest import spilled, units
 from clutchest.can.database import Database, Message, SignalLayout
 from clutchest.can.decode import Column, decode, rows_of
 from clutchest.can.encode import check
@@ -89,7 +89,7 @@ class Decoding:
 
     ``wanted`` is what :func:`mapped_messages` gives.  ``senders`` says whom each bus signal of a
     canonical one is taken from, as far as that is decided; t = 0 is at ``start_ns``, the first
-    frame unless given.
+    frame unless given.  Without an ``account`` nothing is counted and less warned of.
     """
 
     frames: Frames
@@ -100,11 +100,10 @@ class Decoding:
     start_ns: int | None = None
     rows: dict[str, NDArray[np.intp]] = field(default_factory=dict)  # of messages not yet decoded
     columns: dict[tuple[str, str], Column] = field(default_factory=dict)
-    account: Account = field(default_factory=Account)
+    account: Account | None = field(default_factory=Account)
     warnings: list[str] = field(default_factory=list)
     samples: dict[tuple[str, BusSignal], _Samples] = field(default_factory=dict)
     times: list[tuple[NDArray[np.intp], Floats]] = field(default_factory=list)  # of rows, s
-    accounts: bool = True  # count what became of every frame, and warn
     wanted: Mapping[str, Mapping[str, SignalLayout]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -112,34 +111,33 @@ class Decoding:
 
     def signals(self) -> Signals:
         """Everything, with an account of it; see :func:`signals_of`."""
-        frames = self.frames
+        frames, account = self.frames, self.account
+        assert account is not None
         mapped = self.decode()
         if not mapped.any():
             raise NoMappedFrame(
                 f"{' '.join(self.sources) or 'this log'}: no frame of "
                 f"{', '.join(self.wanted)}{self._seen()}"
             )
-        self.account.of_the_rest(frames, mapped, map(self.database.message, self.wanted))
+        account.of_the_rest(frames, mapped, map(self.database.message, self.wanted))
         made, geared = self.canonical()
         for name, signal in geared.items():
             made[name] = self._through_gear(name, signal, made.get("engine_speed"))
         self.warnings += [
             f"message {name} has no frame in this log"
             f" ({', '.join(self._made_of(name))})" + self._seen()
-            for name, counts in self.account.messages.items()
+            for name, counts in account.messages.items()
             if not counts["frames"]
         ]
         first, last = int(frames.t_ns[0]), int(frames.t_ns[-1])
-        decoded = sum(counts["decoded"] for counts in self.account.messages.values())
+        decoded = sum(counts["decoded"] for counts in account.messages.values())
         passed_over = Counter(dict(frames.passed_over))
-        rejected = dict(self.account.rejected + passed_over + Counter(dict(frames.rejected)))
+        rejected = dict(account.rejected + passed_over + Counter(dict(frames.rejected)))
         return Signals(
             made,
             start_ns=first if frames.absolute else None,
             end=(last - first) / 1e9,
-            counts=Counts(
-                len(frames) + passed_over.total(), decoded, rejected, self.account.messages
-            ),
+            counts=Counts(len(frames) + passed_over.total(), decoded, rejected, account.messages),
             warnings=(*self.database.warnings, *self.warnings),
             sources=self.sources,
         )
@@ -148,8 +146,10 @@ class Decoding:
         """Find every mapped message; which frames (n,) are of one."""
         mapped = np.zeros(len(self.frames), bool)
         for name in self.wanted:
-            rows = self.rows[name] = rows_of(self.frames, self.database.message(name))
-            self.account.messages[name] = {"frames": len(rows), "decoded": 0}
+            rows = rows_of(self.frames, self.database.message(name))
+            if self.account is not None:
+                self.account.messages[name] = {"frames": len(rows), "decoded": 0}
+            self.rows[name] = spilled.stowed(rows)
             mapped[rows] = True
         return mapped
 
@@ -168,9 +168,12 @@ class Decoding:
                 known = not signal.gears or self._tells_gear(signal)
                 found = self._canonical(signal, samples, unit_of[name])
                 (made if known else geared)[name] = found
-            if self.accounts:
+            if self.account is not None:
                 self._forget(name)
-        for message in list(self.rows) if self.accounts else ():  # which no signal needed
+                spilled.let_go()
+        for message in (
+            list(self.rows) if self.account is not None else ()
+        ):  # which no signal needed
             self._decode(message)
         return made, geared
 
@@ -208,22 +211,23 @@ class Decoding:
     def _decode(self, name: str) -> None:
         """Decode what is needed of one message, count what became of its frames."""
         message, rows = self.database.message(name), self.rows.pop(name)
-        if not len(rows) and not self.accounts:
+        if not len(rows) and self.account is None:
             return
-        counts = self.account.messages[name]
         columns = decode(self.frames, rows, message, sorted(self.wanted[name]))
         broken = None
         if message.name in self.vehicle.checked and len(rows):
             verdict = check(self.frames, rows, message)
-            broken, counts["counter jumps"] = ~verdict.checksum, verdict.jumps
+            broken = ~verdict.checksum
+            if self.account is not None:
+                self.account.messages[name]["counter jumps"] = verdict.jumps
         for signal, column in columns.items():
             self.columns[name, signal] = replace(column, raw=_NO_RAW)  # it has been judged
             if broken is not None:
                 place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
                 column.why[broken[place] & (column.why == VALID)] = Why.CHECKSUM
                 column.value[column.why != VALID] = np.nan
-        if self.accounts:
-            self.account.of_message(rows, columns, counts)
+        if self.account is not None:
+            self.account.of_message(rows, columns, self.account.messages[name])
 
     def _made_of(self, message: str) -> list[str]:
         return [
@@ -326,7 +330,7 @@ class Decoding:
                 self.warnings.append(
                     f"{where}: {outside.sum()} samples outside the vehicle file's min … max"
                 )
-        if not self.accounts:
+        if self.account is None:
             return samples
         if len(samples.rows) and not samples.any_valid():
             most = Why(int(np.argmax(np.bincount(samples.why))))
@@ -362,7 +366,7 @@ class Decoding:
             index = np.where(inside, gear, 1).astype(np.intp) - 1
             value = value * np.array(ratios)[index]
             why = np.where(inside, why, np.uint8(Why.NOT_AVAILABLE))
-        return Signal.of(signal.name, unit, time, value, why)
+        return Signal.of(signal.name, unit, time, value, why).stowed()
 
     def _time(self, rows: NDArray[np.intp]) -> Floats:
         """The times of ``rows``; signals of one message share theirs."""
@@ -371,6 +375,7 @@ class Decoding:
                 return time
         start = self.frames.t_ns[0] if self.start_ns is None else self.start_ns
         time = (self.frames.t_ns[rows] - start) / 1e9
+        time = spilled.stowed(time)
         self.times.append((rows, time))
         return time
 
@@ -409,7 +414,7 @@ class Decoding:
             self.warnings.append(
                 f"{name}: engine and wheels are never locked in a gear; taken as first gear"
             )
-        return shaft
+        return shaft.stowed()
 
 
 def _sender(sender: int, message: Message) -> str:

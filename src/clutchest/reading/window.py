@@ -59,7 +59,7 @@ class Window:
             return frames
         bounds = self.bounds(int(frames.t_ns[0]), frames.absolute, " ".join(sources))
         first, last = np.searchsorted(frames.t_ns, bounds)
-        kept = frames.take(np.arange(first, last))
+        kept = frames.take(slice(first, last))
         outside = ("outside the stretch asked for", len(frames) - len(kept))
         return replace(kept, passed_over=(*frames.passed_over, outside))
 

@@ -14,7 +14,7 @@ from clutchest.record.blueprint import BOUND, COLOURS, Panel, blueprint, panel
 from clutchest.record.discovery import report
 from clutchest.record.misfit_pictures import pieces
 from clutchest.record.quantities import Quantity
-from clutchest.record.rerun import BETWEEN, TIMELINE, index, one_behind_another, send_lane, strung
+from clutchest.record.series import BETWEEN, TIMELINE, index, one_behind_another, send_lane, strung
 from clutchest.signals import Floats
 
 _MEASURED, _SIMULATED, _EXTENDED = BOUND, COLOURS[1], COLOURS[0]

@@ -17,7 +17,7 @@ from clutchest.estimate.run import Track
 from clutchest.models import card
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
 from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
-from clutchest.record.rerun import TIMELINE, index, outline
+from clutchest.record.series import TIMELINE, index, outline
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
 

@@ -71,9 +71,10 @@ def sensors_of(run: Run) -> dict[str, Quantity]:
     """The run's sensors by name, those that gave at least one event."""
     units = {s.name: s.unit for s in card(run.vehicle.model).sensors}
     seen = {
-        track.innovations.names[k]: None
+        name: None
         for track in run.tracks
-        for k in np.flatnonzero(np.bincount(track.innovations.sensor))
+        for k, name in enumerate(track.innovations.names)
+        if np.any(track.innovations.sensor == k)
     }
     return {name: Quantity(name, units.get(name, "1")) for name in seen}
 

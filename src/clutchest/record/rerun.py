@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from clutchest.diagnosis.result import Diagnosis
 from clutchest.estimate.run import Run
@@ -36,11 +35,14 @@ from clutchest.record.quantities import (
     states_of,
 )
 from clutchest.record.report import markdown
-from clutchest.signals import Floats
-
-TIMELINE = "time"
-_MOST_ROWS = 50_000  # per series and drive: 25 times the pixels of a wide screen
-BETWEEN = "between drives"
+from clutchest.record.series import (
+    BETWEEN,
+    TIMELINE,
+    index,
+    one_behind_another,
+    send_lane,
+    strung,
+)
 
 
 def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None:
@@ -81,23 +83,6 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
     stream.disconnect()
 
 
-def outline(values: Floats, most: int) -> NDArray[np.intp]:
-    """Rows, ascending, of at most ``most`` samples, two at least: the lowest and highest of equal
-    stretches."""
-    n, pairs = len(values), max(most // 2, 1)
-    if n <= most:
-        return np.arange(n)
-    edges = np.linspace(0, n, pairs + 1).astype(np.intp)
-    # Stretches differ by one sample; the short ones see their last sample twice.
-    rows = edges[:-1, None] + np.arange(int(np.max(np.diff(edges))))
-    rows = np.minimum(rows, edges[1:, None] - 1)
-    stretches = values[rows]
-    low = np.argmin(np.where(np.isnan(stretches), np.inf, stretches), axis=1, keepdims=True)
-    high = np.argmax(np.where(np.isnan(stretches), -np.inf, stretches), axis=1, keepdims=True)
-    ends = np.sort(np.take_along_axis(rows, np.hstack([low, high]), axis=1), axis=1)
-    return ends[np.column_stack([np.ones(len(ends), bool), ends[:, 0] < ends[:, 1]])]
-
-
 def _starts(run: Run) -> tuple[list[float], float]:
     """Where each drive begins on the timeline, and where the last one ends, s."""
     return one_behind_another(
@@ -106,40 +91,6 @@ def _starts(run: Run) -> tuple[list[float], float]:
             for drive, track in zip(run.signals.drives, run.tracks, strict=True)
         ]
     )
-
-
-def one_behind_another(lengths: Sequence[float]) -> tuple[list[float], float]:
-    """Where drives of these ``lengths`` begin on the timeline, and where the last one ends, s."""
-    apart = 0.02 * sum(lengths)
-    starts = [float(s) for s in np.cumsum([0.0, *(length + apart for length in lengths)])]
-    return starts[:-1], starts[-1] - apart
-
-
-def strung(drives: Iterable[tuple[float, Sequence[NDArray]]]) -> list[NDArray]:
-    """Columns (time first, values next, then others) of all drives, one behind another.
-
-    ``drives``: where each begins on the timeline, and its columns.  Each is thinned by its
-    values; a row without a value before each later drive breaks the line.
-    """
-    joined: list[list[NDArray]] = []
-    for start, columns in drives:
-        rows = outline(columns[1], _MOST_ROWS)
-        if len(rows) == 0:
-            continue
-        cut = [column[rows] for column in columns]
-        cut[0] = cut[0] + start
-        if joined:
-            gap = [column[:1].copy() for column in cut]
-            gap[1][:] = np.nan
-            cut = [np.concatenate(pair) for pair in zip(gap, cut, strict=True)]
-        joined.append(cut)
-    return [np.concatenate(pieces) for pieces in zip(*joined, strict=True)]
-
-
-def index(time: Floats) -> list[rr.TimeColumn]:
-    """``time`` (s) as the column that places rows on the timeline."""
-    nanoseconds = np.round(time * 1e9).astype(np.int64).astype("timedelta64[ns]")
-    return [rr.TimeColumn(TIMELINE, duration=nanoseconds)]
 
 
 def _by_unit(quantities: Iterable[Quantity]) -> dict[str, list[Quantity]]:
@@ -182,13 +133,13 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
         shown = []
         for k, quantity in enumerate(group):
             columns = strung(
-                (start, (drive[quantity.name].time, quantity.read(drive[quantity.name].value)))
+                (start, (drive[quantity.name].time, drive[quantity.name].value))
                 for start, drive in drives
                 if quantity.name in drive
             )
             if not columns:
                 continue
-            time, value = columns
+            time, value = columns[0], quantity.read(columns[1])
             entity = f"can/{quantity.name}"
             stream.log(
                 entity,
@@ -224,8 +175,8 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
                     start,
                     (
                         track.time,
-                        quantity.read(e.value),
-                        quantity.read_spread(e.std),
+                        e.value,
+                        e.std,
                         np.where(e.valid, COLOURS[k % len(COLOURS)], INVALID).astype(np.uint32),
                     ),
                 )
@@ -233,7 +184,8 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             )
             if not columns:
                 continue
-            time, value, std, colour = columns
+            time, colour = columns[0], columns[3]
+            value, std = quantity.read(columns[1]), quantity.read_spread(columns[2])
             told = colour != INVALID
             colour[0] = COLOURS[k % len(COLOURS)]  # the legend takes the first one
             entity = f"state/{quantity.name}"
@@ -270,13 +222,13 @@ def _send_smoothed(
     entities = []
     for k, quantity in enumerate(group):
         columns = strung(
-            (start, (track.time, quantity.read(track.smoothed[quantity.name].value)))
+            (start, (track.time, track.smoothed[quantity.name].value))
             for start, track in zip(starts, run.tracks, strict=True)
             if quantity.name in track.smoothed
         )
         if not columns:
             continue
-        time, value = columns
+        time, value = columns[0], quantity.read(columns[1])
         entity = f"state/{quantity.name}/smoothed"
         stream.log(
             entity,
@@ -305,11 +257,9 @@ def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float
         pieces = []
         for start, track in zip(starts, run.tracks, strict=True):
             if quantity.name in track.innovations.names:
-                time, innovation, std = track.innovations.of(quantity.name)
-                pieces.append(
-                    (start, (time, quantity.read_spread(innovation), quantity.read_spread(std)))
-                )
-        time, innovation, std = strung(pieces)
+                pieces.append((start, track.innovations.of(quantity.name)))
+        time, *both = strung(pieces)
+        innovation, std = map(quantity.read_spread, both)
         entity = f"residual/{quantity.name}"
         colours = np.array([COLOURS[(k + 1) % len(COLOURS)], BOUND, BOUND], np.uint32)
         stream.log(
@@ -381,28 +331,3 @@ def _send_faults(
         shown.append(entity(name))
     send_log(stream, diagnosis, starts)
     return shown
-
-
-def send_lane(
-    stream: rr.RecordingStream,
-    entity: str,
-    changes: Sequence[tuple[float, str]],
-    fixed: dict[str, int],
-) -> None:
-    """A lane of words over time: ``changes`` (time, word), colours ``fixed`` for some words."""
-    values = list(dict.fromkeys(value for _, value in changes))
-    colours = [fixed.get(value, COLOURS[k % len(COLOURS)]) for k, value in enumerate(values)]
-    stream.log(
-        entity,
-        rr.StateConfiguration(
-            values=values,
-            colors=np.array(colours, np.uint32),
-            visible=[value != BETWEEN for value in values],
-        ),
-        static=True,
-    )
-    stream.send_columns(
-        entity,
-        index(np.array([time for time, _ in changes])),
-        rr.StateChange.columns(state=[value for _, value in changes]),
-    )
