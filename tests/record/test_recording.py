@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from clutchest.estimate.run import Estimate
 from clutchest.models import card
-from clutchest.record import rerun as recording
+from clutchest.record import series
 from clutchest.record.blueprint import INVALID, panel
 from clutchest.record.rerun import write_recording
 from clutchest.record.series import outline
@@ -182,7 +182,7 @@ def test_nothing_on_the_terminal(run, tmp_path, capfd):
 
 
 def test_a_spike_outlives_thinning(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "_MOST_ROWS", 200)
+    monkeypatch.setattr(series, "_MOST_ROWS", 200)
     (track,) = run.tracks
     innovations = track.innovations
     spike = np.flatnonzero(innovations.sensor == 0)[1234]
