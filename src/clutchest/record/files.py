@@ -17,7 +17,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of
 
 INNOVATIONS = "innovations.parquet"
-_PORTION = 100_000  # rows of a table that are written together
+_PORTION = 25_000  # rows of a table that are written together
 
 
 def json_text(value: Any) -> str:
