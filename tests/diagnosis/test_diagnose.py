@@ -56,6 +56,14 @@ class TestEquations:
         assert fault.freeze_frame["states"].keys() >= {"temp_disc", "friction"}
         assert fault.status_byte & 1
 
+    def test_a_strong_fade_keeps_its_size(self, truck):
+        """Derivatives at a healthy clutch alone make 0.20 of it."""
+        found = diagnosed(truck, {"friction_fade": {"slope": 0.25}}, "heating", 53, duration=900.0)
+        (fault,) = found.faults
+        assert fault.set == ("friction_fade",)
+        cause = fault.causes[0]
+        assert abs(cause.size - 0.25) < 3.0 * cause.std < 0.06
+
     def test_what_begins_in_mid_drive_is_found_soon_after(self, truck):
         signals = clutchest.simulate(truck, "city", 52, duration=600.0)
         torque = signals["engine_torque"]

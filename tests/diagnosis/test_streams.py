@@ -153,3 +153,16 @@ def test_decoded_signals_have_no_frames_to_judge(truck, frames):
     ran = {t.kind for t in streams.tests if t.threshold is not None}
     assert not ran & {"missing", "late", "frozen", "counter", "checksum"}
     assert {"stuck", "noise", "sticking", "implausible"} <= ran
+
+
+def test_a_guess_of_the_noise_is_no_evidence(truck, frames):
+    """Four times the noise of a vehicle file: a fault where it was measured, none where it was
+    guessed; and the monitor says that it could not run."""
+    speed = truck.signals["engine_speed"]
+    for source, names in (("", {"noise:engine_speed"}), ("guess: none is stated", set())):
+        stated = replace(speed, noise=speed.noise / 4, noise_source=source)
+        vehicle = replace(truck, signals={**truck.signals, "engine_speed": stated})
+        streams = streams_of(vehicle, frames)
+        assert set(found(streams)) == names
+    (test,) = (t for t in streams.tests if t.name == "noise:engine_speed")
+    assert test.threshold is None and "guess" in test.why

@@ -7,9 +7,10 @@ drive is the sum of its blocks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +61,14 @@ def blocks_of(
     vehicle: Vehicle,
     effects: Sequence[Effect],
     progress: Progress | None = None,
+    present: Mapping[int, float] = MappingProxyType({}),
 ) -> Blocks:
     """The blocks of one drive, ``effects`` among what may be wrong.
 
     The equations are linearised at the numbers that suit the whole drive best; these numbers
     themselves are taken back again, so that every block can be judged by the blocks before alone.
+    Gains are at 0 there, but for those that are ``present``: index among the thetas → first size,
+    in units, from which the one that suits the drive best is found.
     """
     problem = Problem(signals, vehicle, effects, progress)
     drive = problem.drives[0]
@@ -76,7 +80,11 @@ def blocks_of(
     if progress:
         progress("finding where to linearise", None)
     fitter = Fitter(problem)
-    theta = fitter.settle(np.zeros(len(thetas))).theta
+    start = np.zeros(len(thetas))
+    start[list(present)] = list(present.values())
+    theta = fitter.settle(start).theta
+    if present:
+        theta = fitter.most_probable(np.append(problem.nuisances, list(present)), theta).theta
     rows = problem.linearise(theta, {})[0]
     at_zero = Rows(rows.r - rows.psi @ theta, rows.psi)
     return _blocks(drive, thetas, at_zero)

@@ -19,6 +19,7 @@ from clutchest.diagnosis.isolation import (
     told_apart,
 )
 from clutchest.diagnosis.monitors import lanes, monitors
+from clutchest.diagnosis.refined import refined
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.diagnosis.streams import false_alarms
 from clutchest.estimate.run import Run
@@ -38,7 +39,7 @@ def diagnose(run: Run, *, progress: Progress | None = None) -> Diagnosis:
         Drive.of(run, signals, track, progress)
         for signals, track in zip(run.signals.drives, run.tracks, strict=True)
     ]
-    faults = [*_stream_faults(run, drives), *_model_faults(run, drives)]
+    faults = [*_stream_faults(run, drives), *_model_faults(run, drives, progress)]
     faults.sort(key=lambda f: (f.drive, f.first_detected_s))
     return Diagnosis(
         run=run,
@@ -95,11 +96,13 @@ def _explained(test: StreamTest, alarm: Alarm, drive: Drive, run: Run) -> bool:
     return False
 
 
-def _model_faults(run: Run, drives: Sequence[Drive]) -> list[Fault]:
+def _model_faults(
+    run: Run, drives: Sequence[Drive], progress: Progress | None = None
+) -> list[Fault]:
     found: list[Fault] = []
     for number, drive in enumerate(drives):
         wear, _, _ = drive.wear
-        alarm, causes = _model_alarm(drive)
+        alarm, causes = _model_alarm(run, drive, progress)
         about_position = bool(causes) and {"wear", "position_offset"} & set(told_apart(causes))
         if wear is not None:  # a sensor that reads too low shows the same
             found.append(_fault(run, drives, number, WORN, wear, causes, 1.0))
@@ -117,7 +120,9 @@ def _model_faults(run: Run, drives: Sequence[Drive]) -> list[Fault]:
     return list(first.values())
 
 
-def _model_alarm(drive: Drive) -> tuple[Alarm | None, tuple[Explanation, ...]]:
+def _model_alarm(
+    run: Run, drive: Drive, progress: Progress | None = None
+) -> tuple[Alarm | None, tuple[Explanation, ...]]:
     """What the equations' tests found in a drive: one fault behind all of them."""
     watched = drive.watched
     failed = [j for j in watched.faults if j.detected is not None] if watched else []
@@ -128,7 +133,10 @@ def _model_alarm(drive: Drive) -> tuple[Alarm | None, tuple[Explanation, ...]]:
     if watched is None or not failed:
         return None, ()
     onsets = {int(j.onset[k]) if j.begins[k] > 1.0 else 0 for j in failed for k in [j.detected]}
-    causes = explanations(watched, sorted(onsets), len(watched.blocks))
+    causes = refined(
+        drive.unharmed, run.vehicle, effects_for(run.vehicle.model), watched,
+        explanations(watched, sorted(onsets), len(watched.blocks)), progress,
+    )  # fmt: skip
     first = min(failed, key=lambda j: j.detected or 0)
     k = first.detected or 0
     blocks = watched.blocks
@@ -139,7 +147,7 @@ def _model_alarm(drive: Drive) -> tuple[Alarm | None, tuple[Explanation, ...]]:
         for c in causes[: len(told_apart(causes))]
     )
     alarm = Alarm(began, float(blocks.end[k]), chance=float(np.exp(-strength)), what=what)
-    return alarm, tuple(causes)
+    return alarm, causes
 
 
 def _excess(judged: Judged) -> float:

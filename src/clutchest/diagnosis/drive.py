@@ -24,9 +24,10 @@ BRIDGED = 2.0  # s without a true signal that the equations can do without
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What was found in one drive."""
+    """What was found in one drive; the equations were asked of the ``unharmed`` signals."""
 
     length: float
+    unharmed: Signals
     streams: Streams
     watched: Watched | None
     why_not: str
@@ -41,8 +42,10 @@ class Drive:
         length = max(signals.end, float(track.time[-1]) if len(track.time) else 0.0)
         streams = Streams(run.vehicle)
         streams.take(signals, length)
-        watched, why_not = _watched(run, _unharmed(signals, streams, run), per_1000h, progress)
-        return cls(length, streams, watched, why_not, _wear(run, track, per_1000h, length))
+        unharmed = _unharmed(signals, streams, run)
+        watched, why_not = _watched(run, unharmed, per_1000h, progress)
+        wear = _wear(run, track, per_1000h, length)
+        return cls(length, unharmed, streams, watched, why_not, wear)
 
 
 def _unharmed(signals: Signals, streams: Streams, run: Run) -> Signals:

@@ -79,6 +79,8 @@ def _with(vehicle: Vehicle, parameters: dict[str, Fitted]) -> Vehicle:
         if fitted.determined:
             _, name, leaf = key.split(".")
             change: dict[str, Any] = {leaf: fitted.value}
+            if leaf == "noise":
+                change["noise_source"] = "identified"
             signals[name] = replace(signals[name], **change)
     return replace(vehicle, signals=signals)
 

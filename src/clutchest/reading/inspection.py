@@ -196,6 +196,7 @@ class Inspection:
             BusSignal(found.message, found.signal, found.unit or column_unit),
             noise,
             noise_ar=like.noise_ar if like else 0.0,
+            noise_source="guess: the shipped truck's, or the bus's own steps",
             source_address=found.sender,
             channel=found.channel,
             fraction=parts.get("fraction"),

@@ -55,6 +55,7 @@ _SIGNAL = (
     "noise",
     "delay",
     "noise_ar",
+    "noise_source",
     "reference",
     "fraction",
     "friction",
@@ -244,6 +245,9 @@ def _signal(file: TomlFile, name: str, entry: dict[str, Any], column_unit: str) 
         noise=number("noise", 1e-12) or 0.0,
         delay=number("delay", 0.0) or 0.0,
         noise_ar=noise_ar,
+        noise_source=file.string((*keys, "noise_source"), entry["noise_source"])
+        if "noise_source" in entry
+        else "",
         reference=reference,
         fraction=companion("fraction", "%", unit),
         friction=companion("friction", "%", unit),

@@ -21,7 +21,8 @@ class SignalMap:
     """How the bus makes one canonical signal, and how well.
 
     ``noise`` standard deviation in the canonical unit (SI, mm for positions), ``delay`` s,
-    ``noise_ar`` AR(1) coefficient per sample of this signal.
+    ``noise_ar`` AR(1) coefficient per sample of this signal, ``noise_source`` where both are from;
+    one that begins with "guess" makes them a guess.
 
     A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``.
     A wheel speed becomes an input-shaft speed through ``gears`` (ratio engine/wheel, first gear
@@ -38,6 +39,7 @@ class SignalMap:
     noise: float
     delay: float = 0.0
     noise_ar: float = 0.0
+    noise_source: str = ""
     reference: float | None = None
     fraction: BusSignal | None = None
     friction: BusSignal | None = None

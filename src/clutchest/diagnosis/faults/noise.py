@@ -28,14 +28,17 @@ class Noise(StreamTest):
 
     The level is the median of squared fourth differences over what the stated noise makes of it.
     Motion, too, leaves something in them, but more in second differences: where it does, noise
-    cannot be told.
+    cannot be told.  Where the stated noise is a guess, more of it is no evidence: an engine's own
+    roughness, which rises with its speed, is then part of what nobody has measured.
     """
 
     kind, fmi = "noise", 2
 
-    def __init__(self, subject: str, per_1000h: float, std: float, ar: float) -> None:
+    def __init__(
+        self, subject: str, per_1000h: float, std: float, ar: float, guessed: bool = False
+    ) -> None:
         super().__init__(subject, per_1000h)
-        self.std, self.ar, self.sum, self.begun = std, ar, 0.0, 0.0
+        self.std, self.ar, self.guessed, self.sum, self.begun = std, ar, guessed, 0.0, 0.0
         self.tail, self.suspect = new_tail(1.0), list[float]()
         self.kept = np.zeros((2, 0))
         self.step, self.period, self.blocks = np.inf, 0.0, 0
@@ -43,14 +46,15 @@ class Noise(StreamTest):
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
         """See :meth:`StreamTest.of`."""
+        mapped = [vehicle.signals[name] for name in lively(vehicle)]
         return [
-            cls(name, per_1000h, vehicle.signals[name].noise, vehicle.signals[name].noise_ar)
-            for name in lively(vehicle)
+            cls(s.name, per_1000h, s.noise, s.noise_ar, s.noise_source.startswith("guess"))
+            for s in mapped
         ]
 
     def take(self, batch: Batch) -> None:
         """See :meth:`StreamTest.take`."""
-        if self.subject not in batch.signals:
+        if self.guessed or self.subject not in batch.signals:
             return
         signal = batch.signals[self.subject].only_valid()
         time, value = np.concatenate([self.kept, [signal.time, signal.value]], axis=1)
@@ -116,6 +120,9 @@ class Noise(StreamTest):
     @property
     def why(self) -> str:
         """See :meth:`StreamTest.why`."""
+        if self.guessed:
+            return (f"its noise, {self.std:.3g}, is a guess of the vehicle file's: "
+                    "`clutchest identify noise` measures it")  # fmt: skip
         if not self.blocks:
             return "too few samples without motion"
         return f"twice a noise of {self.std:.3g}, over {self.blocks} stretches of {BLOCK} samples"
