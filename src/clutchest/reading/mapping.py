@@ -42,8 +42,14 @@ class _Samples:
     def at(self, rows: NDArray[np.intp]) -> Floats:
         """The last valid value at each of ``rows``; before the first one, the first."""
         valid = self.why == VALID
-        latest = np.searchsorted(self.rows[valid], rows, side="right") - 1
-        return self.value[valid][np.maximum(latest, 0)]
+        known, value = self.rows, self.value
+        if not valid.all():
+            known, value = spilled.stowed(known[valid]), spilled.stowed(value[valid])
+        held = spilled.empty((len(rows),), np.float64)
+        for part in spilled.portions(len(rows)):
+            latest = np.searchsorted(known, rows[part], side="right") - 1
+            held[part] = value[np.maximum(latest, 0)]
+        return held
 
     def any_valid(self) -> bool:
         return bool(np.any(self.why == VALID))
@@ -213,7 +219,8 @@ class Decoding:
         message, rows = self.database.message(name), self.rows.pop(name)
         if not len(rows) and self.account is None:
             return
-        columns = decode(self.frames, rows, message, sorted(self.wanted[name]))
+        columns = {signal: self._column(rows, message, signal)
+                   for signal in sorted(self.wanted[name])}  # fmt: skip
         broken = None
         if message.name in self.vehicle.checked and len(rows):
             verdict = check(self.frames, rows, message)
@@ -221,13 +228,26 @@ class Decoding:
             if self.account is not None:
                 self.account.messages[name]["counter jumps"] = verdict.jumps
         for signal, column in columns.items():
-            self.columns[name, signal] = replace(column, raw=_NO_RAW)  # it has been judged
+            self.columns[name, signal] = column
             if broken is not None:
                 place = slice(None) if column.rows is rows else np.searchsorted(rows, column.rows)
                 column.why[broken[place] & (column.why == VALID)] = Why.CHECKSUM
                 column.value[column.why != VALID] = np.nan
         if self.account is not None:
             self.account.of_message(rows, columns, self.account.messages[name])
+
+    def _column(self, rows: NDArray[np.intp], message: Message, signal: str) -> Column:
+        """One signal, decoded a portion at a time; without ``raw``, since it has been judged."""
+        pieces: list[tuple[NDArray, ...]] = []
+        for part in spilled.portions(max(len(rows), 1)):
+            some = rows if len(rows) <= spilled.PORTION else rows[part]
+            found = decode(self.frames, some, message, [signal])[signal]
+            pieces.append((found.rows, found.value, found.why))
+            if some is rows:
+                return replace(found, raw=_NO_RAW)
+            pieces[-1] = tuple(map(spilled.stowed, pieces[-1]))
+        here, value, why = (spilled.concatenated(column) for column in zip(*pieces, strict=True))
+        return Column(rows if len(here) == len(rows) else here, value, _NO_RAW, why)
 
     def _made_of(self, message: str) -> list[str]:
         return [
@@ -264,19 +284,13 @@ class Decoding:
         if column is None or not len(column.rows):
             return _NONE
         message = self.database.message(bus.message)
-        address = (
-            self.frames.id[column.rows] & np.uint32(0xFF)
-            if message.is_j1939
-            else np.zeros(len(column.rows), np.uint32)
-        )
-        channel = self.frames.channel[column.rows]
+        sender = self._senders_of(column.rows, message)
         keep = np.ones(len(column.rows), bool)
         own = bus.message == signal.bus.message  # a companion may come from another unit
         if signal.source_address is not None and message.is_j1939 and own:
-            keep &= address == signal.source_address
+            keep &= (sender & np.uint16(0xFF)) == signal.source_address
         if signal.channel is not None:
-            keep &= channel == signal.channel
-        sender = channel.astype(np.uint32) << np.uint32(8) | address
+            keep &= (sender >> np.uint16(8)) == signal.channel
         chosen = self.senders.get((signal.name, bus))
         if chosen is None:
             chosen = self._chosen(signal, bus, message, sender, column, keep)
@@ -292,17 +306,31 @@ class Decoding:
             samples = _Samples(column.rows[keep], column.value[keep], column.why[keep])
         return self._judged(signal, bus, samples, message.signal(bus.signal))
 
+    def _senders_of(self, rows: NDArray[np.intp], message: Message) -> NDArray[np.uint16]:
+        """Channel and, with J1939, source address of each of ``rows``."""
+        senders = np.empty(len(rows), np.uint16)
+        address = np.uint32(0xFF if message.is_j1939 else 0)
+        for part in spilled.portions(len(rows)):
+            channel = self.frames.channel[rows[part]].astype(np.uint16)
+            own = (self.frames.id[rows[part]] & address).astype(np.uint16)
+            senders[part] = channel << np.uint16(8) | own
+        return senders
+
     def _chosen(
         self, signal: SignalMap, bus: BusSignal, message: Message,
-        sender: NDArray[np.uint32], column: Column, keep: NDArray[np.bool_],
+        sender: NDArray[np.uint16], column: Column, keep: NDArray[np.bool_],
     ) -> int | None:  # fmt: skip
         """The sender that says most in the first ``HEAD`` s; None if none says anything."""
         speaking = keep & (column.why == VALID)
-        senders = np.flatnonzero(np.bincount(sender[speaking]))
+        heard = np.zeros(1 << 16, bool)
+        for part in spilled.portions(len(sender)):
+            heard[sender[part][speaking[part]]] = True
+        senders = np.flatnonzero(heard)
         if not len(senders):
             return None
-        t = self.frames.t_ns[column.rows[speaking]]
-        counts = np.bincount(sender[speaking][t <= t[0] + HEAD * 1e9])
+        until = self.frames.t_ns[column.rows[np.argmax(speaking)]] + np.int64(HEAD * 1e9)
+        head = column.rows < np.searchsorted(self.frames.t_ns, until, side="right")
+        counts = np.bincount(sender[speaking & head])
         chosen = self.senders[signal.name, bus] = int(np.argmax(counts))
         if len(senders) > 1:
             listed = ", ".join(_sender(s, message) for s in senders.tolist())
@@ -384,7 +412,7 @@ class Decoding:
 
     def _torque(self, signal: SignalMap, samples: _Samples) -> Floats:
         """Nm from percent of the reference: actual + fraction − nominal friction."""
-        percent = units.convert(samples.value, signal.bus.unit, "%")
+        shares: list[tuple[int, Floats, str]] = []
         if signal.fraction:
             fraction = self._samples(signal, signal.fraction)
             here = _Samples(
@@ -393,19 +421,25 @@ class Decoding:
                 np.zeros_like(fraction.why),
             )
             if len(here.rows):
-                percent = percent + units.convert(here.at(samples.rows), signal.fraction.unit, "%")
+                shares.append((1, here.at(samples.rows), signal.fraction.unit))
         if signal.friction:
             friction = self._samples(signal, signal.friction)
             if friction.any_valid():
-                held = friction.at(samples.rows)
-                percent = percent - units.convert(held, signal.friction.unit, "%")
+                shares.append((-1, friction.at(samples.rows), signal.friction.unit))
             else:
                 self.warnings.append(
                     f"{signal.name}: no friction torque "
                     f"({signal.friction.message}.{signal.friction.signal}); "
                     "taken as 0"
                 )
-        return percent * (signal.reference or 0.0) / 100
+        torque = spilled.empty((len(samples.rows),), np.float64)
+        for part in spilled.portions(len(samples.rows)):
+            percent = units.convert(samples.value[part], signal.bus.unit, "%")
+            for sign, share, unit in shares:
+                percent = percent + sign * units.convert(share[part], unit, "%")
+            torque[part] = percent * (signal.reference or 0.0) / 100
+            spilled.let_go()
+        return torque
 
     def _through_gear(self, name: str, wheel: Signal, engine: Signal | None) -> Signal:
         """Wheel speed times the ratio of the gear that engine and wheels tell."""
