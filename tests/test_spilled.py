@@ -19,7 +19,13 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="memory is told by /p
 def long_arrays(monkeypatch: pytest.MonkeyPatch):
     """Every array counts as a long one, and no portion holds more than a few seconds."""
     monkeypatch.setattr(spilled, "LEAST", 1)
+    monkeypatch.setattr(spilled, "HELD", 0)
     monkeypatch.setattr(spilled, "PORTION", 997)
+
+
+@pytest.fixture
+def nothing_held(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(spilled, "HELD", 0)
 
 
 def resident_mib() -> float:
@@ -28,7 +34,7 @@ def resident_mib() -> float:
 
 @pytest.mark.parametrize("kind", [np.float64, np.int64, np.uint32, np.uint8, np.bool_])
 @pytest.mark.parametrize("shape", [(300_000,), (0,), (70_000, 3)])
-def test_one_behind_another(kind, shape):
+def test_one_behind_another(nothing_held, kind, shape):
     rng = np.random.default_rng(0)
     parts = [rng.integers(0, 2**20, shape).astype(kind) for _ in range(3)]
     whole = spilled.concatenated(parts)
@@ -37,8 +43,17 @@ def test_one_behind_another(kind, shape):
     assert whole.dtype == kind
 
 
+def test_so_much_stays_in_memory_until_nobody_needs_it(monkeypatch):
+    monkeypatch.setattr(spilled, "_held", {})
+    monkeypatch.setattr(spilled, "HELD", 3 << 20)
+    first = spilled.empty((1 << 18,), np.float64)  # 2 MiB
+    assert spilled._held and isinstance(spilled.empty((1 << 18,), np.float64).base, np.ndarray)
+    del first
+    assert not spilled._held and spilled.empty((1 << 18,), np.float64).base is None
+
+
 @linux
-def test_what_is_let_go_takes_no_memory_and_comes_back():
+def test_what_is_let_go_takes_no_memory_and_comes_back(nothing_held):
     values = np.arange(8 << 20, dtype=np.float64)
     whole = spilled.stowed(values)
     before = resident_mib()
@@ -49,7 +64,7 @@ def test_what_is_let_go_takes_no_memory_and_comes_back():
     np.testing.assert_array_equal(whole[::4096], values[::4096])
 
 
-def test_a_full_disk_leaves_arrays_in_memory(monkeypatch):
+def test_a_full_disk_leaves_arrays_in_memory(nothing_held, monkeypatch):
     def full(*_):
         raise OSError("no space left")
 

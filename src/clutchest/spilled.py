@@ -1,4 +1,5 @@
-"""Arrays that are as long as a log, in files: what is not looked at takes no memory.
+"""Arrays that are as long as a log, in files beyond the first 128 MiB: what is not looked at takes
+no memory.
 
 Such an array is like any other.  :func:`let_go` gives the memory of all of them back; what is
 looked at again comes from the file.  Where the system cannot set disk space aside, as only POSIX
@@ -12,7 +13,7 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from tempfile import TemporaryFile
-from weakref import WeakSet
+from weakref import WeakSet, finalize
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -20,6 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 from clutchest.cache import cache_folder
 
 LEAST = 1 << 18  # bytes; smaller arrays stay in memory
+HELD = 128 << 20  # bytes of larger ones that stay there too: what an hour of driving needs
 SEGMENT = 64 << 20  # bytes of one file
 PORTION = 1 << 17  # rows that are looked at together
 
@@ -29,6 +31,7 @@ class _Map(mmap.mmap):
 
 
 _maps: WeakSet[_Map] = WeakSet()
+_held: dict[int, int] = {}  # bytes of large arrays in memory, by their identity
 _room: list[tuple[NDArray[np.uint8], int]] = []  # the last segment, and how much of it is taken
 
 
@@ -36,17 +39,17 @@ def empty(shape: Sequence[int], dtype: DTypeLike) -> NDArray:
     """An array of ``shape`` with anything in it, in a file if it is large."""
     kind, shape = np.dtype(dtype), tuple(shape)
     size = int(np.prod(shape)) * kind.itemsize
-    place = _place(size) if size >= LEAST else None
+    place = None if size < LEAST or _fits(size) else _place(size)
     if place is None:
-        return np.empty(shape, kind)
+        return _counted(np.empty(shape, kind))
     return place[:size].view(kind).reshape(shape)
 
 
 def stowed(values: NDArray) -> NDArray:
     """The same ``values``, in a file if they are many."""
-    if values.nbytes < LEAST:
+    if values.nbytes < LEAST or id(values) in _held:
         return values
-    return concatenated([values])
+    return _counted(values) if _fits(values.nbytes) else concatenated([values])
 
 
 def concatenated(parts: Sequence[NDArray]) -> NDArray:
@@ -72,6 +75,19 @@ def let_go() -> None:
     """Keep nothing of the files in memory."""
     for mapped in list(_maps):
         mapped.madvise(mmap.MADV_DONTNEED)
+
+
+def _fits(size: int) -> bool:
+    """Whether an array of ``size`` bytes may stay in memory."""
+    return sum(_held.values()) + size <= HELD
+
+
+def _counted(values: NDArray) -> NDArray:
+    """``values``, which count as held in memory until nobody needs them."""
+    if values.nbytes >= LEAST:
+        _held[id(values)] = values.nbytes
+        finalize(values, _held.pop, id(values), None)
+    return values
 
 
 def _place(size: int) -> NDArray[np.uint8] | None:
