@@ -1,4 +1,4 @@
-"""Arrays that are as long as a log, in files beyond the first 128 MiB: what is not looked at takes
+"""Arrays that are as long as a log, in files beyond the first 64 MiB: what is not looked at takes
 no memory.
 
 Such an array is like any other.  :func:`let_go` gives the memory of all of them back; what is
@@ -21,7 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 from clutchest.cache import cache_folder
 
 LEAST = 1 << 18  # bytes; smaller arrays stay in memory
-HELD = 128 << 20  # bytes of larger ones that stay there too: what an hour of driving needs
+HELD = 64 << 20  # bytes of larger ones that stay there too: short drives need no files
 SEGMENT = 64 << 20  # bytes of one file
 PORTION = 1 << 17  # rows that are looked at together
 
