@@ -63,10 +63,7 @@ def curves(
     problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
     """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
-    found, least = [], np.ones(DRAWS)
-    blocks = np.unique(np.concatenate([
-        i * 10**7 + np.floor(drive.t / BLOCK_TIME) for i, drive in enumerate(problem.drives)
-    ]), return_inverse=True)[1]  # fmt: skip
+    found, least, blocks = [], np.ones(DRAWS), problem.blocks(BLOCK_TIME)
     for left, tables in _left_over(problem, fitter, look):
         c = cleared(look, free, fitter.prior, left)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise

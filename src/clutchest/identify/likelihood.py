@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from clutchest.errors import ClutchestError
@@ -28,6 +29,7 @@ from clutchest.vehicle import Vehicle
 
 NO_OTHERS: Mapping[str, float] = MappingProxyType({})
 MOST = 12  # evaluations; the fitter's own steps come close
+BLOCK = 1.0  # s; noise of one block says nothing of the next
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,9 +125,22 @@ def most_probable(problem: Problem, progress: Progress | None = None) -> Posteri
         bounds=(low[free], high[free]), ftol=1e-6, xtol=1e-6, gtol=1e-6, max_nfev=MOST,
     )  # fmt: skip
     covariance = np.zeros((len(low), len(low)))
-    covariance[np.ix_(free, free)] = np.linalg.inv(found.jac.T @ found.jac)
     theta = with_held(found.x)
+    inverse = np.linalg.inv(found.jac.T @ found.jac)
+    covariance[np.ix_(free, free)] = widened(inverse, at(theta), free, problem.blocks(BLOCK))
     return Posterior(problem, fitter, at(theta), theta, covariance)
+
+
+def widened(
+    covariance: Floats, look: Look, free: NDArray[np.int64], blocks: NDArray[np.int64]
+) -> Floats:
+    """The ``covariance`` (f, f) of the ``free`` numbers; wider where their scores scatter more from
+    block to block than noise of one level makes them (Huber's and White's sandwich)."""
+    scores = np.zeros((int(blocks.max()) + 1, len(free)))
+    np.add.at(scores, blocks, look.psi[:, free] * look.r[:, None])
+    robust = covariance @ (scores.T @ scores + np.eye(len(free))) @ covariance
+    wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(covariance), 1.0))
+    return covariance * np.outer(wider, wider)
 
 
 def hold(problem: Problem, *names: tuple[str, str]) -> list[int]:

@@ -109,6 +109,15 @@ class Problem:
         wanted = (effect, key)
         return next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == wanted)
 
+    def blocks(self, seconds: float) -> NDArray[np.int64]:
+        """The number, from 0, of the block of so many ``seconds`` of a drive in which each reading
+        (K) lies; drives share none."""
+        places = [
+            (np.full(len(d.t), i), np.floor(d.t / seconds)) for i, d in enumerate(self.drives)
+        ]
+        pairs = np.concatenate([np.column_stack(place) for place in places])
+        return np.asarray(np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1))
+
     def numbers(self, theta: Floats, shapes: Shapes) -> tuple[Floats, Floats, dict[str, float]]:
         """Parameters and numbers of effects at ``theta`` (m), and by how much signals are late."""
         c = self.compiled
