@@ -19,44 +19,19 @@ from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.account import Account, words
 from clutchest.reading.gears import through_gear
+from clutchest.reading.samples import NONE, VALID, Samples
+from clutchest.reading.senders import name_of, saying_most, senders_of
 from clutchest.reading.traffic import traffic_of
 from clutchest.reading.wanted import mapped_messages, parts
-from clutchest.signals import HEAD, Counts, Floats, Signal, Signals, Traffic, Why
+from clutchest.signals import Counts, Floats, Signal, Signals, Traffic, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
-
-VALID = np.uint8(Why.VALID)
 
 
 class NoMappedFrame(ClutchestError):
     """A stretch of a log in which nothing is mapped."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Samples:
-    """Samples of one bus signal: row in the log, value in the bus unit, and why not; (n,) each."""
-
-    rows: NDArray[np.intp]
-    value: Floats
-    why: NDArray[np.uint8]
-
-    def at(self, rows: NDArray[np.intp]) -> Floats:
-        """The last valid value at each of ``rows``; before the first one, the first."""
-        valid = self.why == VALID
-        known, value = self.rows, self.value
-        if not valid.all():
-            known, value = spilled.stowed(known[valid]), spilled.stowed(value[valid])
-        held = spilled.empty((len(rows),), np.float64)
-        for part in spilled.portions(len(rows)):
-            latest = np.searchsorted(known, rows[part], side="right") - 1
-            held[part] = value[np.maximum(latest, 0)]
-        return held
-
-    def any_valid(self) -> bool:
-        return bool(np.any(self.why == VALID))
-
-
 _NO_RAW = np.zeros(0, np.uint64)
-_NONE = _Samples(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.uint8))
 
 
 def signals_of(
@@ -108,7 +83,7 @@ class Decoding:
     columns: dict[tuple[str, str], Column] = field(default_factory=dict)
     account: Account | None = field(default_factory=Account)
     warnings: list[str] = field(default_factory=list)
-    samples: dict[tuple[str, BusSignal], _Samples] = field(default_factory=dict)
+    samples: dict[tuple[str, BusSignal], Samples] = field(default_factory=dict)
     times: list[tuple[NDArray[np.intp], Floats]] = field(default_factory=list)  # of rows, s
     wanted: Mapping[str, Mapping[str, SignalLayout]] = field(default_factory=dict)
 
@@ -177,9 +152,8 @@ class Decoding:
             if self.account is not None:
                 self._forget(name)
                 spilled.let_go()
-        for message in (
-            list(self.rows) if self.account is not None else ()
-        ):  # which no signal needed
+        unneeded = list(self.rows) if self.account is not None else []
+        for message in unneeded:
             self._decode(message)
         return made, geared
 
@@ -269,7 +243,7 @@ class Decoding:
 
     # --- one canonical signal ----------------------------------------------------------------
 
-    def _samples(self, signal: SignalMap, bus: BusSignal) -> _Samples:
+    def _samples(self, signal: SignalMap, bus: BusSignal) -> Samples:
         """Samples of ``bus`` from one sender: the one asked for, else the one that says most in the
         first ``HEAD`` s."""
         known = self.samples.get((signal.name, bus))
@@ -277,14 +251,14 @@ class Decoding:
             known = self.samples[signal.name, bus] = self._sampled(signal, bus)
         return known
 
-    def _sampled(self, signal: SignalMap, bus: BusSignal) -> _Samples:
+    def _sampled(self, signal: SignalMap, bus: BusSignal) -> Samples:
         if bus.message in self.rows:
             self._decode(bus.message)
         column = self.columns.get((bus.message, bus.signal))
         if column is None or not len(column.rows):
-            return _NONE
+            return NONE
         message = self.database.message(bus.message)
-        sender = self._senders_of(column.rows, message)
+        sender = senders_of(self.frames, column.rows, message)
         keep = np.ones(len(column.rows), bool)
         own = bus.message == signal.bus.message  # a companion may come from another unit
         if signal.source_address is not None and message.is_j1939 and own:
@@ -301,48 +275,31 @@ class Decoding:
                 f"{signal.name}: no frame of {bus.message} from the "
                 "source_address or channel asked for"
             )
-        samples = _Samples(column.rows, column.value, column.why)
+        samples = Samples(column.rows, column.value, column.why)
         if not keep.all():
-            samples = _Samples(column.rows[keep], column.value[keep], column.why[keep])
+            samples = Samples(column.rows[keep], column.value[keep], column.why[keep])
         return self._judged(signal, bus, samples, message.signal(bus.signal))
-
-    def _senders_of(self, rows: NDArray[np.intp], message: Message) -> NDArray[np.uint16]:
-        """Channel and, with J1939, source address of each of ``rows``."""
-        senders = np.empty(len(rows), np.uint16)
-        address = np.uint32(0xFF if message.is_j1939 else 0)
-        for part in spilled.portions(len(rows)):
-            channel = self.frames.channel[rows[part]].astype(np.uint16)
-            own = (self.frames.id[rows[part]] & address).astype(np.uint16)
-            senders[part] = channel << np.uint16(8) | own
-        return senders
 
     def _chosen(
         self, signal: SignalMap, bus: BusSignal, message: Message,
         sender: NDArray[np.uint16], column: Column, keep: NDArray[np.bool_],
     ) -> int | None:  # fmt: skip
-        """The sender that says most in the first ``HEAD`` s; None if none says anything."""
-        speaking = keep & (column.why == VALID)
-        heard = np.zeros(1 << 16, bool)
-        for part in spilled.portions(len(sender)):
-            heard[sender[part][speaking[part]]] = True
-        senders = np.flatnonzero(heard)
-        if not len(senders):
+        """The sender that says most to begin with; None if none says anything."""
+        chosen, heard = saying_most(self.frames, column.rows, sender, keep & (column.why == VALID))
+        if chosen is None:
             return None
-        until = self.frames.t_ns[column.rows[np.argmax(speaking)]] + np.int64(HEAD * 1e9)
-        head = column.rows < np.searchsorted(self.frames.t_ns, until, side="right")
-        counts = np.bincount(sender[speaking & head])
-        chosen = self.senders[signal.name, bus] = int(np.argmax(counts))
-        if len(senders) > 1:
-            listed = ", ".join(_sender(s, message) for s in senders.tolist())
+        self.senders[signal.name, bus] = chosen
+        if len(heard) > 1:
+            listed = ", ".join(name_of(s, message) for s in heard)
             self.warnings.append(
                 f"{signal.name}: {bus.message}.{bus.signal} comes from several "
-                f"senders ({listed}); taken from {_sender(chosen, message)}"
+                f"senders ({listed}); taken from {name_of(chosen, message)}"
             )
         return chosen
 
     def _judged(
-        self, signal: SignalMap, bus: BusSignal, samples: _Samples, layout: SignalLayout
-    ) -> _Samples:
+        self, signal: SignalMap, bus: BusSignal, samples: Samples, layout: SignalLayout
+    ) -> Samples:
         """The samples within the file's plausible range; warns of what is clipped or never
         there."""
         where = f"{signal.name}: {bus.message}.{bus.signal}"
@@ -354,7 +311,7 @@ class Decoding:
                 outside |= samples.value > signal.maximum
             if outside.any():
                 why = np.where(outside, np.uint8(Why.OUT_OF_RANGE), samples.why)
-                samples = _Samples(samples.rows, np.where(outside, np.nan, samples.value), why)
+                samples = Samples(samples.rows, np.where(outside, np.nan, samples.value), why)
                 self.warnings.append(
                     f"{where}: {outside.sum()} samples outside the vehicle file's min … max"
                 )
@@ -376,7 +333,7 @@ class Decoding:
                     )
         return samples
 
-    def _canonical(self, signal: SignalMap, samples: _Samples, unit: str) -> Signal:
+    def _canonical(self, signal: SignalMap, samples: Samples, unit: str) -> Signal:
         time = self._time(samples.rows)
         value, why = samples.value, samples.why
         if signal.other:
@@ -410,12 +367,12 @@ class Decoding:
     def _tells_gear(self, signal: SignalMap) -> bool:
         return bool(signal.gear) and self._samples(signal, signal.gear).any_valid()  # type: ignore[arg-type]
 
-    def _torque(self, signal: SignalMap, samples: _Samples) -> Floats:
+    def _torque(self, signal: SignalMap, samples: Samples) -> Floats:
         """Nm from percent of the reference: actual + fraction − nominal friction."""
         shares: list[tuple[int, Floats, str]] = []
         if signal.fraction:
             fraction = self._samples(signal, signal.fraction)
-            here = _Samples(
+            here = Samples(
                 fraction.rows,
                 np.where(fraction.why == Why.VALID, fraction.value, 0.0),
                 np.zeros_like(fraction.why),
@@ -449,8 +406,3 @@ class Decoding:
                 f"{name}: engine and wheels are never locked in a gear; taken as first gear"
             )
         return shaft.stowed()
-
-
-def _sender(sender: int, message: Message) -> str:
-    channel = f"channel {sender >> 8}"
-    return f"address 0x{sender & 0xFF:02X} on {channel}" if message.is_j1939 else channel

@@ -1,0 +1,41 @@
+"""What one bus signal said, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest import spilled
+from clutchest.signals import Floats, Why
+
+VALID = np.uint8(Why.VALID)
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Samples of one bus signal: row in the log, value in the bus unit, and why not; (n,) each."""
+
+    rows: NDArray[np.intp]
+    value: Floats
+    why: NDArray[np.uint8]
+
+    def at(self, rows: NDArray[np.intp]) -> Floats:
+        """The last valid value at each of ``rows``; before the first one, the first."""
+        valid = self.why == VALID
+        known, value = self.rows, self.value
+        if not valid.all():
+            known, value = spilled.stowed(known[valid]), spilled.stowed(value[valid])
+        held = spilled.empty((len(rows),), np.float64)
+        for part in spilled.portions(len(rows)):
+            latest = np.searchsorted(known, rows[part], side="right") - 1
+            held[part] = value[np.maximum(latest, 0)]
+        return held
+
+    def any_valid(self) -> bool:
+        """Whether it ever said anything."""
+        return bool(np.any(self.why == VALID))
+
+
+NONE = Samples(np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.uint8))

@@ -1,0 +1,47 @@
+"""Who sent a frame, and which of several senders is listened to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest import spilled
+from clutchest.can.database import Message
+from clutchest.can.frames import Frames
+from clutchest.signals import HEAD
+
+
+def senders_of(frames: Frames, rows: NDArray[np.intp], message: Message) -> NDArray[np.uint16]:
+    """Channel and, with J1939, source address of each of ``rows`` (n,) of one message."""
+    senders = np.empty(len(rows), np.uint16)
+    address = np.uint32(0xFF if message.is_j1939 else 0)
+    for part in spilled.portions(len(rows)):
+        channel = frames.channel[rows[part]].astype(np.uint16)
+        own = (frames.id[rows[part]] & address).astype(np.uint16)
+        senders[part] = channel << np.uint16(8) | own
+    return senders
+
+
+def saying_most(
+    frames: Frames,
+    rows: NDArray[np.intp],
+    senders: NDArray[np.uint16],
+    speaking: NDArray[np.bool_],
+) -> tuple[int | None, list[int]]:
+    """The sender that says most in the first ``HEAD`` s, None if none says anything; and all that
+    say something.  ``rows``, ``senders`` and whether each is ``speaking``: shape (n,)."""
+    heard = np.zeros(1 << 16, bool)
+    for part in spilled.portions(len(senders)):
+        heard[senders[part][speaking[part]]] = True
+    if not heard.any():
+        return None, []
+    until = frames.t_ns[rows[np.argmax(speaking)]] + np.int64(HEAD * 1e9)
+    head = rows < np.searchsorted(frames.t_ns, until, side="right")
+    counts = np.bincount(senders[speaking & head])
+    return int(np.argmax(counts)), np.flatnonzero(heard).tolist()
+
+
+def name_of(sender: int, message: Message) -> str:
+    """A sender in words."""
+    channel = f"channel {sender >> 8}"
+    return f"address 0x{sender & 0xFF:02X} on {channel}" if message.is_j1939 else channel
