@@ -21,9 +21,11 @@ sys.path.insert(0, str(Path(__file__).parent.parent))  # what benchmarks share i
 import own_model
 import pictures
 import recovery
+from clutches import CLUTCHES
 from parallel import ran
 
 import generator
+from clutchest import load_vehicle
 
 PARTS = ("own-model", "generator", "recovery")
 
@@ -31,11 +33,11 @@ PARTS = ("own-model", "generator", "recovery")
 def main() -> None:
     parser = argparse.ArgumentParser(description="how good the estimator is")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
-    parser.add_argument("--plans", type=int, default=12, help="schedules of launches")
+    parser.add_argument("--plans", type=int, default=12, help="schedules of engagements")
     parser.add_argument("--drives", type=int, default=50, help="drives drawn of each schedule")
     parser.add_argument("--duration", type=float, default=900.0, help="s of each schedule")
     parser.add_argument("--seeds", type=int, default=20, help="drives of the generator a scenario")
-    parser.add_argument("--scenarios", nargs="+", default=["city", "launches", "heating"])
+    parser.add_argument("--scenarios", nargs="+", help="of the generator")
     parser.add_argument("--first", type=int, default=2000, help="first seed")
     parser.add_argument("--vehicle", default="truck")
     parser.add_argument("--jobs", type=int, default=cpu_count())
@@ -43,6 +45,8 @@ def main() -> None:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     found: dict[str, Any] = {"arguments": {k: str(v) for k, v in vars(given).items()}}
+    clutch = CLUTCHES[load_vehicle(given.vehicle).model]
+    scenarios = given.scenarios or clutch.scenarios
     seeds = range(given.first, given.first + given.plans)
 
     if "own-model" in given.parts:
@@ -56,12 +60,12 @@ def main() -> None:
         results = ran("recovery", recovery.starts, tasks, given.jobs)
         found["recovery"] = recovery.table(results)
         print(recovery.show(found["recovery"]) + "\n", flush=True)
-        pictures.recovery(results, recovery.WRONG, given.out / "recovery.png")
+        pictures.recovery(results, clutch.wrong, given.out / "recovery.png")
     if "generator" in given.parts:
         tasks = [
             (given.vehicle, case, scenario, given.first + 100 * number + k)
             for case in generator.CASES
-            for number, scenario in enumerate(given.scenarios)
+            for number, scenario in enumerate(scenarios)
             for k in range(given.seeds)
         ]
         results = ran("generator", generator.drive, tasks, given.jobs)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from clutches import CLUTCHES, Clutch
 from numpy.typing import NDArray
 from scipy.stats import chi2
 from statistic import interval, line, shown
@@ -17,23 +18,15 @@ from clutchest.estimate.modes import MODE_NAMES, Mode, runs
 from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Belief, Compiled, compile_model, run
-from clutchest.models import model_for
+from clutchest.models import card, model_for
 from clutchest.vehicle import Vehicle
-
-RETRACTED, SLIPPING = MODE_NAMES[Mode.retracted], MODE_NAMES[Mode.slipping]
-# What is judged: each state in the modes that excite it, and how far above the bound it may lie.
-JUDGED = {
-    "temp_body": ((SLIPPING, RETRACTED), 1.10), "temp_housing": ((SLIPPING, RETRACTED), 1.10),
-    "temp_disc": ((SLIPPING, RETRACTED), 1.10), "zero_position": ((SLIPPING, RETRACTED), 1.10),
-    "friction": ((SLIPPING,), 1.15),
-}  # fmt: skip
-WARM_UP = 3  # launches before anything is scored
 
 
 def certain(vehicle: Vehicle) -> Vehicle:
-    """The vehicle with parameters known exactly; the prior of x0_ref stays."""
+    """The vehicle with parameters known exactly; those that are a state's prior keep it."""
+    priors = {state.prior for state in card(vehicle.model).states}
     known = {
-        key: value if key == "zero_position_ref" else replace(value, spread=0.0)
+        key: value if key in priors else replace(value, spread=0.0)
         for key, value in vehicle.parameters.items()
     }
     return replace(vehicle, parameters=known)
@@ -41,27 +34,29 @@ def certain(vehicle: Vehicle) -> Vehicle:
 
 @dataclass(frozen=True)
 class Plan:
-    """A schedule of launches, from which drives are drawn; ``rows`` of its outputs' grid."""
+    """A schedule of engagements, from which drives are drawn; ``rows`` of its outputs' grid."""
 
+    clutch: Clutch
     compiled: Compiled
     line: Timeline
     prior: Belief
     time: NDArray[np.float64]
     mode: NDArray[np.uint8]
-    launches: NDArray[np.float64]  # s, ends of the slips
+    engagements: NDArray[np.float64]  # s, their ends
 
     @classmethod
     def of(cls, name: str, seed: int, duration: float) -> Plan:
-        """The plan of one simulated drive of launches."""
+        """The plan of one simulated drive."""
         vehicle = certain(clutchest.load_vehicle(name))
-        signals = clutchest.simulate(vehicle, "launches", seed, duration=duration, nominal=True)
+        clutch = CLUTCHES[vehicle.model]
+        signals = clutchest.simulate(vehicle, clutch.plan, seed, duration=duration, nominal=True)
         compiled = compile_model(vehicle, model_for(vehicle.model, set(signals)))
         line = build(signals, vehicle, compiled.model, 10.0, {})
         rows = np.flatnonzero(line.emit >= 0)[line.grid]
         time, mode = line.t[rows], line.mode[rows]
         starts, ends = runs(mode == Mode.slipping)
-        lasting = time[ends - 1] - time[starts] > 0.8  # s; releases are shorter
-        return cls(compiled, line, fresh(vehicle, compiled, line), time, mode,
+        lasting = time[ends - 1] - time[starts] > clutch.lasting
+        return cls(clutch, compiled, line, fresh(vehicle, compiled, line), time, mode,
                    time[ends - 1][lasting])  # fmt: skip
 
 
@@ -75,22 +70,28 @@ def drives(task: tuple[str, int, int, float]) -> dict[str, Any]:
     name, seed, count, duration = task
     plan = Plan.of(name, seed, duration)
     model, grid = plan.compiled.model, plan.line.grid
-    scored = plan.time > plan.launches[WARM_UP - 1]
-    found: dict[str, Any] = {"launches": len(plan.launches), "modes": {}, "sensors": {}}
+    warm_up = plan.clutch.warm_up
+    if len(plan.engagements) <= warm_up:
+        raise SystemExit(f"{duration:g} s have {len(plan.engagements)} engagements, and {warm_up} "
+                         "are not scored: expected a longer --duration")  # fmt: skip
+    scored = plan.time > plan.engagements[warm_up - 1]
+    found: dict[str, Any] = {"model": model.name, "modes": {}, "sensors": {}}
     squares, bounds, nees = [], [], []
-    nis: dict[str, list[list[float]]] = {s.name: [] for s in model.sensors}
+    read = {s.name: plan.line.sensor == i for i, s in enumerate(model.sensors)}
+    nis: dict[str, list[list[float]]] = {name: [] for name, of in read.items() if of.any()}
     for number in range(count):
-        drawn = draw(plan.compiled, plan.line, plan.prior, 10_000 * seed + number)
+        drawn = draw(plan.compiled, plan.line, plan.prior, 10_000 * seed + number,
+                     driver=plan.clutch.driver)  # fmt: skip
         filtered = run(plan.compiled, drawn.timeline, plan.prior)
         error = filtered.x[grid] - drawn.x[grid]
         squares.append(error**2)
         bounds.append(drawn.bound[grid])
         solved = np.linalg.solve(filtered.P[grid], error[..., None])[..., 0]
         nees.append(np.einsum("ki,ki->k", error, solved))
-        for i, sensor in enumerate(model.sensors):
-            of = drawn.timeline.sensor == i
-            normal = filtered.innovation[of, 0] / np.sqrt(filtered.innovation[of, 1])
-            nis[sensor.name].append([np.mean(normal**2), np.mean(normal[1:] * normal[:-1])])
+        for name in nis:
+            normal = filtered.innovation[read[name], 0]
+            normal = normal / np.sqrt(filtered.innovation[read[name], 1])
+            nis[name].append([np.mean(normal**2), np.mean(normal[1:] * normal[:-1])])
     error, bound, n = np.array(squares), np.array(bounds), len(model.states)
     low, high = chi2.ppf([0.025, 0.975], n * count) / (n * count)
     average = np.mean(nees, axis=0) / n
@@ -109,9 +110,10 @@ def drives(task: tuple[str, int, int, float]) -> dict[str, Any]:
 
 def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Ratios RMSE / √(mean bound) per mode and state with their intervals, NEES and NIS."""
-    names = results[0]["states"]
-    out: dict[str, Any] = {"drives": 0, "ratio": {}, "anees": {}, "sensors": {}, "judged": {}}
-    out["drives"] = sum(len(r["sensors"]["engine_speed"]) for r in results)
+    names, clutch = results[0]["states"], CLUTCHES[results[0]["model"]]
+    out: dict[str, Any] = {"ratio": {}, "anees": {}, "sensors": {}, "judged": {}}
+    out["warm_up"] = clutch.warm_up
+    out["drives"] = sum(len(next(iter(r["sensors"].values()))) for r in results)
     for mode in MODE_NAMES:
         parts = [r["modes"][mode] for r in results if mode in r["modes"]]
         if not parts:
@@ -130,7 +132,7 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
             key: interval(values[:, k : k + 1], lambda s: s[..., 0])
             for k, key in enumerate(("nis", "lag_1"))
         }
-    for name, (modes, allowed) in JUDGED.items():
+    for name, (modes, allowed) in clutch.judged.items():
         lowest = max(out["ratio"][mode][name]["low"] for mode in modes)
         out["judged"][name] = {"low": lowest, "allowed": allowed, "passed": lowest <= allowed}
     return out
@@ -139,8 +141,8 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def show(found: dict[str, Any]) -> str:
     """The table as text."""
     lines = [
-        f"drawn from the filter's own model: {found['drives']} drives, scored after launch "
-        f"{WARM_UP}",
+        f"drawn from the filter's own model: {found['drives']} drives, scored after "
+        f"engagement {found['warm_up']}",
         "RMSE / √(mean of the trajectories' Cramér–Rao bounds), 95 % interval",
     ]
     modes = list(found["ratio"])

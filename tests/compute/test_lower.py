@@ -132,7 +132,7 @@ class Lowered:
         }  # fmt: skip
 
     def point(self, rng: np.random.Generator) -> dict[str, Any]:
-        """Anywhere plausible; ``dt`` 10–50 ms."""
+        """Anywhere plausible; ``dt`` about the longest step, 10–50 ms for the truck."""
         names, plausible = argument_names(self.model), self.b.plausible
         gains = {f"{e.name}.{n.key}": (n.lower, n.upper)
                  for e in self.model.effects for n in e.parameters}  # fmt: skip
@@ -142,7 +142,7 @@ class Lowered:
             "x": vector(names[0], draw(rng, states)),
             "u0": vector(names[1], draw(rng, inputs)),
             "u1": vector(names[1], draw(rng, inputs)),
-            "dt": rng.uniform(0.01, 0.05),
+            "dt": rng.uniform(0.5, 2.5) * self.model.longest[0],
             "w": rng.integers(0, 2, len(names[2])).astype(float),
             "p": self.b.full.p,
             "g": vector(names[4], draw(rng, gains)),

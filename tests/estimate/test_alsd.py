@@ -11,13 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from clutchest.compute.forward import forward
-from clutchest.estimate import whole_log
-from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
-from clutchest.estimate.start import fresh
-from clutchest.estimate.timeline import build
-from clutchest.models import model_for
 from clutchest.models.alsd import ALSD, full, resting
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
@@ -144,27 +139,6 @@ def test_a_wrong_start_is_recovered_from(key: str, wrong: float) -> None:
     nominal = 1.0 / wrong if key == "friction_coefficient" else parameter.value
     state = "friction" if key == "friction_coefficient" else "free_play"
     assert track.states[state].value[-1] == pytest.approx(nominal, rel=0.03)
-
-
-def test_the_online_engine_agrees_with_the_kernel() -> None:
-    """|Δx_i| ≤ 1e-9 max(|x_i|, σ_i), |ΔP_ij| ≤ 1e-9 σ_i σ_j at every event of an engagement.
-
-    Until the motor stands: from then on the direction in which its bristles bend hangs on the last
-    digit of a speed of nought.
-    """
-    rig = load_vehicle("alsd_rig")
-    signals = simulate(rig, "rig-steps", 0, duration=0.95)
-    compiled = whole_log.compile_model(rig, model_for("alsd", set(signals)))
-    line = build(signals, rig, compiled.model, 100.0, {})
-    line = replace(line, emit=np.arange(len(line.t)))
-    start = fresh(rig, compiled, line)
-    ours = whole_log.run(compiled, line, start, with_signature=False)
-    xs, Ps, total = OnlineFilter(compiled, start, line).run()
-    std = np.sqrt(np.einsum("kii->ki", Ps))
-    assert np.abs(xs[:, compiled.model.state("pack_force")]).max() > 1e4
-    assert np.all(np.abs(ours.x - xs) <= 1e-9 * np.maximum(np.abs(xs), std))
-    assert np.all(np.abs(ours.P - Ps) <= 1e-9 * std[:, :, None] * std[:, None, :])
-    assert ours.log_likelihood == pytest.approx(total, rel=1e-9)
 
 
 def test_free_play_and_friction_are_carried_over() -> None:

@@ -17,6 +17,7 @@ from clutchest.generator.alsd.effects import EFFECTS, numbers
 from clutchest.generator.alsd.generate import run
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, RPM
 from clutchest.generator.effects import complete
+from clutchest.models.effects import library
 from clutchest.vehicle import load_vehicle
 
 Columns = dict[str, NDArray[np.float64]]
@@ -234,3 +235,11 @@ def test_i8_shows_the_torsional_stiffness() -> None:
     compliance = np.polyfit(torque[loaded], angle[loaded], 1)[0]  # the angle rings, not the torque
     stiffness = rig()["final_drive_ratio"] ** 2 / compliance
     assert stiffness == pytest.approx(rig()["torsional_stiffness"], rel=0.05)
+
+
+def test_it_knows_the_effects_of_the_models_library() -> None:
+    known = library("alsd")
+    assert set(EFFECTS) == set(known)
+    for name, effect in known.items():
+        assert set(EFFECTS[name].parameters) == {n.key for n in effect.parameters}
+        assert EFFECTS[name].one_sided == all(n.one_sided for n in effect.gains)

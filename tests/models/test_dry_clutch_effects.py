@@ -98,7 +98,7 @@ def drag(v: Values, torque: float, q: Values) -> Values:
 
 def points(model: Model, name: str) -> list[tuple[Values, Values]]:
     """Values of everything, and the effect's numbers, anywhere within their bounds."""
-    plausible, rng = BENCHES["dry_clutch"][2], np.random.default_rng(11)
+    plausible, rng = BENCHES["dry_clutch"].plausible, np.random.default_rng(11)
     ranges = {s.name: plausible.states[s.name] for s in model.states}
     ranges |= {i.name: plausible.inputs[i.name] for i in model.inputs}
     numbers = {n.key: (n.lower, n.upper) for n in EFFECTS[name].parameters}

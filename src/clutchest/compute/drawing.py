@@ -11,6 +11,7 @@ from numba import njit
 
 from clutchest.compute.kernel import propagate, update
 from clutchest.compute.lowered import (
+    HAS_MAP,
     INPUTS,
     OUTPUTS,
     STATES,
@@ -18,6 +19,7 @@ from clutchest.compute.lowered import (
     outputs,
     reading,
     step,
+    step_map,
 )
 
 # --- the generated module goes on from here ---
@@ -93,23 +95,12 @@ def draw(
                     uf = ua + (ub - ua) * (f / finer)
                     ug = ua + (ub - ua) * ((f + 1) / finer)
                     wander(
-                        x,
-                        uf,
-                        ug,
-                        dt / finer,
-                        w,
-                        p,
-                        g,
-                        Qs[row[k]],
-                        noise,
-                        random,
-                        k4,
-                        A,
-                        B,
-                        y,
-                        Y,
-                        Yu,
-                    )
+                        x, uf, ug, dt / finer, w, p, g, Qs[row[k]], noise, random, k4, A, B,
+                        y, Y, Yu,
+                    )  # fmt: skip
+                    if HAS_MAP:
+                        step_map(x, uf, ug, p, g, at, A)
+                        x[:] = at
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H)
             z[k] = h + sqrt(R[k]) * random.standard_normal()

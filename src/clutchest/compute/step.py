@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
 
 import casadi as ca
 
 from clutchest.models.model import Expressions, Model
 
-LEAST = 1e-5  # of λ dt: what decays less within a step is not stiff in it
+SMALL = 0.1  # of |λ dt|: below, quotients and their derivatives lose digits that a series keeps
+TERMS = 9  # of that series: the next one is below 1e-16
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,13 @@ def decays(model: Model, e: Expressions) -> dict[int, ca.SX]:
 
 
 def _phi(z: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """φ_1 = (e^z − 1)/z and φ_2 = (φ_1 − 1)/z; 1 and 1/2 where next to nothing decays."""
-    decays, z = z < -LEAST, ca.fmin(z, -LEAST)  # nearer to 0 the quotients lose their digits
-    one = ca.expm1(z) / z
-    return ca.if_else(decays, one, 1.0), ca.if_else(decays, (one - 1) / z, 0.5)
+    """φ_1 = (e^z − 1)/z = 1 + z φ_2 and φ_2 = (φ_1 − 1)/z = 1/2 + z/6 + z²/24 + …, for z ≤ 0."""
+    decays, large = z < -SMALL, ca.fmin(z, -SMALL)  # no quotient by nought, though it be unused
+    one = ca.expm1(large) / large
+    two = ca.SX(1 / factorial(TERMS + 1))
+    for k in range(TERMS, 1, -1):
+        two = 1 / factorial(k) + z * two
+    return (
+        ca.if_else(decays, one, 1 + z * two),
+        ca.if_else(decays, (one - 1) / large, two),
+    )

@@ -17,6 +17,7 @@ from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.signals import Floats
 
 FINEST = 0.01  # s, longest step of the truth
+STIFF = 10  # steps of the truth to one of the filter where states are stiff: its rule is explicit
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +56,14 @@ def draw(
 
     The truth starts at ``start`` (n), unless given a draw from ``prior``.  Its engine would not
     keep the plan's speed by itself: ``driver`` answers to readings, which the filter sees too.
-    Raises ClutchestError for a model with a step map.
+    Raises ClutchestError for a model whose step map sees its inputs move, noise and all.
     """
-    if compiled.functions.HAS_MAP:
-        raise ClutchestError("a drive cannot be drawn from a model whose state jumps")
     model, n = compiled.model, len(prior.x)
+    if compiled.functions.HAS_MAP and model.expressions().dragging:
+        raise ClutchestError("a drive cannot be drawn from a model whose state jumps with an input")
+    finest = FINEST
+    if any(state.stiff for state in model.states):
+        finest = min(finest, model.longest[0] / STIFF)
     rng = np.random.default_rng(seed)
     if start is None:
         start = prior.x + np.linalg.cholesky(prior.P) @ rng.standard_normal(n)
@@ -71,7 +75,7 @@ def draw(
     x, bound = np.zeros((rows, n)), np.zeros((rows, n))
     compiled.functions.draw(
         rng, start.copy(), prior.P.copy(), plan.t, plan.sensor, plan.R, u,
-        plan.row, plan.W, plan.Q, plan.longest, FINEST, plan.noise, compiled.p, compiled.g,
+        plan.row, plan.W, plan.Q, plan.longest, finest, plan.noise, compiled.p, compiled.g,
         watched, plan.z, pull, plan.emit, z, x, bound,
     )  # fmt: skip
     return Drawn(replace(plan, u=u, z=z), x, bound)

@@ -6,13 +6,12 @@ model functions, but integrates, propagates and updates by itself and by filterp
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, factorial
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
-from numpy.typing import NDArray
 
-from clutchest.compute.step import LEAST
+from clutchest.compute.step import SMALL, TERMS
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import ROBUST_LIMIT, Belief, Compiled
 from clutchest.signals import Floats
@@ -88,9 +87,8 @@ class OnlineFilter(ExtendedKalmanFilter):
         one = np.eye(n)
         f0, A0, B0 = self.rates(x, u0, row)
         decay, D = self.decays(x, u0, row)
-        z, stiff = relaxing(decay * dt)
-        phi1, phi2, by_z1, by_z2 = phi(z, stiff)
-        D = dt * D * stiff[:, None]
+        phi1, phi2, by_z1, by_z2 = phi(decay * dt)
+        D = dt * D
         guess, J0 = self.mapped(x + dt * phi1 * f0, u0, u1)
         f1, A1, B1 = self.rates(guess, u1, row)
         energy = dt / 2 * (self.power(x, u0, row) + self.power(guess, u1, row))
@@ -105,7 +103,7 @@ class OnlineFilter(ExtendedKalmanFilter):
             self.F[:n, n:] = self.by_parameters(x, xn, u)
         self.x[:n] = xn
         self.F[:n, :n] = J1 @ (one + straight + bent)
-        lasting = phi(*relaxing(2 * decay * dt))[0]
+        lasting = phi(2 * decay * dt)[0]
         B0, B1 = np.sqrt(lasting)[:, None] * B0, np.sqrt(lasting)[:, None] * B1
         of_inputs = (B0 * line.noise) @ B0.T + (B1 * line.noise) @ B1.T
         of_process = dt * lasting * line.Q[row, :n] + abs(energy) * line.Q[row, n:]
@@ -176,21 +174,21 @@ class OnlineFilter(ExtendedKalmanFilter):
         return xs, Ps, total
 
 
-def relaxing(z: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """``z`` = λ dt kept off nought, where the quotients of :func:`phi` have no digits left, and
-    which entries decay at all."""
-    stiff = z != 0.0
-    return np.minimum(z, -LEAST), stiff & (z < -LEAST)
-
-
-def phi(z: Floats, stiff: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats, Floats]:
-    """φ_1 = (e^z − 1)/z and φ_2 = (φ_1 − 1)/z with their derivatives; 1, 1/2 and 0 where nothing
-    decays."""
-    one = np.expm1(z) / z
-    by_one = (np.exp(z) - one) / z
-    two = (one - 1) / z
-    by_two = (by_one - two) / z
-    return (
-        np.where(stiff, one, 1.0), np.where(stiff, two, 0.5),
-        np.where(stiff, by_one, 0.0), np.where(stiff, by_two, 0.0),
-    )  # fmt: skip
+def phi(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """φ_1 = (e^z − 1)/z and φ_2 = (φ_1 − 1)/z with their derivatives, for z ≤ 0: quotients where
+    they have their digits, else Σ z^k/(k + 1)! and Σ z^k/(k + 2)!."""
+    large = np.minimum(z, -SMALL)
+    one = np.expm1(large) / large
+    by_one = (np.exp(large) - one) / large
+    two = (one - 1) / large
+    by_two = (by_one - two) / large
+    series = [
+        np.polynomial.Polynomial([1 / factorial(k + n) for k in range(TERMS + 2 - n)])
+        for n in (1, 2)
+    ]
+    small = [value(z) for value in (*series, *(value.deriv() for value in series))]
+    quotients = (one, two, by_one, by_two)
+    one, two, by_one, by_two = (
+        np.where(z < -SMALL, a, b) for a, b in zip(quotients, small, strict=True)
+    )
+    return one, two, by_one, by_two

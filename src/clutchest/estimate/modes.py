@@ -24,6 +24,8 @@ class Mode(IntEnum):
 
 
 TOUCHING = 20.0  # Nm, of a measured torque: surfaces are pressed together
+CREEPING = 0.01  # rad/s: at a slower slip nothing says that pressed surfaces slide
+WOUND = 0.5  # of the slip: where more than this winds up the structure, surfaces may stick
 FREE, SLIDING = "free_running", "sliding"  # flags that say more than which equations act
 MODE_NAMES = tuple(mode.name for mode in Mode)
 
@@ -75,16 +77,24 @@ class Regimes:
     engaged: NDArray[np.bool_]
 
     @classmethod
-    def pressing(cls, time: Floats, torque: Floats | None, lost: NDArray[np.bool_],
-                 guard: float) -> Regimes:  # fmt: skip
+    def pressing(
+        cls, time: Floats, torque: Floats | None, slip: Floats | None, stiffness: float,
+        lost: NDArray[np.bool_], guard: float,
+    ) -> Regimes:  # fmt: skip
         """Of a clutch whose equations hold throughout, and whose state says how it stands.
 
         A torque sensor tells of pressed surfaces only: near the moment at which they touch or
-        part, whether they slide already is more than a filter of first order can know.
+        part, whether they slide already is more than a filter of first order can know.  Nor does
+        torque tell the friction before they slide: what still winds up the structure behind
+        them, ``stiffness`` Nm/rad, is less than they could carry.
         """
         pressed = np.zeros(len(time), bool) if torque is None else np.abs(torque) > TOUCHING
         parted = _around(time, ~pressed, guard)
-        mode = np.where(lost, Mode.unknown, np.where(parted, Mode.open, Mode.slipping))
+        winding = np.zeros(len(time), bool)
+        if torque is not None and slip is not None and len(time) > 1:
+            winding = _winding(time, torque / stiffness, slip, guard)
+        mode = np.where(winding, Mode.locked, Mode.slipping)
+        mode = np.where(lost, Mode.unknown, np.where(parted, Mode.open, mode))
         return cls(mode.astype(np.uint8), ~lost, ~lost, ~lost)
 
     def flags(self, names: Sequence[str]) -> NDArray[np.bool_]:
@@ -146,6 +156,18 @@ def _average(time: Floats, value: Floats, window: float) -> Floats:
     a = np.clip(time - window / 2, time[0], time[-1])
     b = np.clip(time + window / 2, time[0], time[-1])
     return (np.interp(b, time, area) - np.interp(a, time, area)) / (b - a)
+
+
+def _winding(time: Floats, twist: Floats, slip: Floats, over: float) -> NDArray[np.bool_]:
+    """Whether the last ``over`` s of slip (rad/s) went into the structure's twist (rad) rather
+    than into sliding, or were too little to tell."""
+    path = np.concatenate([[0.0], np.cumsum(np.diff(time) * (slip[1:] + slip[:-1]) / 2)])
+    before = time - over
+    slipped = path - np.interp(before, time, path)
+    wound = twist - np.interp(before, time, twist)
+    return (wound * np.sign(slipped) > WOUND * np.abs(slipped)) | (
+        np.abs(slipped) < CREEPING * over
+    )
 
 
 @njit(cache=True)

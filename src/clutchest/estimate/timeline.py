@@ -188,10 +188,13 @@ def regimes(
         lost |= blind(stamps, present[name], LOST)
     nominal = vehicle.parameters
     if "kiss_point" not in nominal:  # such a clutch's own state says what it does
-        return Regimes.pressing(
-            stamps, at("clutch_torque") if "clutch_torque" in present else at("shaft_torque"),
-            lost, thresholds.guard,
-        )  # fmt: skip
+        torque = at("clutch_torque") if "clutch_torque" in present else at("shaft_torque")
+        slip, stiffness = at("slip_speed"), nominal.get("torsional_stiffness", np.inf)
+        left, right = at("wheel_speed_left"), at("wheel_speed_right")
+        if slip is None and left is not None and right is not None:  # half-shafts wind up as well
+            slip = (left - right) / 2
+            stiffness = 1 / (1 / stiffness + 0.5 / nominal["halfshaft_stiffness"])
+        return Regimes.pressing(stamps, torque, slip, stiffness, lost, thresholds.guard)
     speed, shaft, position = at("engine_speed"), at("input_shaft_speed"), at("slave_position")
     assert speed is not None
     return classify(
