@@ -86,3 +86,29 @@ def test_through_a_long_hole_nothing_is_known():
     assert np.all(regimes.mode[lost] == Mode.unknown)
     assert not (regimes.sliding | regimes.engaged | regimes.free_running)[lost].any()
     assert regimes.mode[450] == Mode.slipping
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_structure_that_winds_up_is_told_from_surfaces_that_slide(sign: float) -> None:
+    """1000 Nm are wound up at a creep over half a second, slide, fall, and hold at no slip."""
+    time, stiffness = np.arange(0.0, 4.0, 0.005), 4e4
+    slip = sign * np.where(time < 3.0, 0.05, 0.0)
+    torque = sign * np.interp(time, (0.5, 1.0, 2.0, 2.5), (0.0, 1000.0, 1000.0, 600.0))
+    lost = np.zeros(len(time), bool)
+    mode = Regimes.pressing(time, torque, slip, stiffness, lost, 0.1).mode
+
+    def all_of(begin: float, end: float, wanted: Mode) -> bool:
+        return bool(np.all(mode[(time > begin) & (time < end)] == wanted))
+
+    assert all_of(0.0, 0.6, Mode.open), "no torque, or hardly any yet"
+    assert all_of(0.62, 1.04, Mode.locked), "torque rises as the slip winds the structure up"
+    assert all_of(1.06, 2.95, Mode.slipping), "steady and falling torque: the surfaces slide"
+    assert all_of(3.1, 4.0, Mode.locked), "without slip nothing says that they do"
+
+
+def test_without_slip_or_torque_nothing_winds_up() -> None:
+    time = np.arange(0.0, 1.0, 0.01)
+    torque, lost = np.full(100, 500.0), np.zeros(100, bool)
+    without_slip = Regimes.pressing(time, torque, None, 4e4, lost, 0.1).mode
+    assert np.all(without_slip == Mode.slipping)
+    assert np.all(Regimes.pressing(time, None, torque, 4e4, lost, 0.1).mode == Mode.open)
