@@ -91,11 +91,11 @@ def test_through_a_long_hole_nothing_is_known():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_structure_that_winds_up_is_told_from_surfaces_that_slide(sign: float) -> None:
     """1000 Nm are wound up at a creep over half a second, slide, fall, and hold at no slip."""
-    time, stiffness = np.arange(0.0, 4.0, 0.005), 4e4
+    time, yielding = np.arange(0.0, 4.0, 0.005), 1 / 4e4
     slip = sign * np.where(time < 3.0, 0.05, 0.0)
     torque = sign * np.interp(time, (0.5, 1.0, 2.0, 2.5), (0.0, 1000.0, 1000.0, 600.0))
     lost = np.zeros(len(time), bool)
-    mode = Regimes.pressing(time, torque, slip, stiffness, lost, 0.1).mode
+    mode = Regimes.pressing(time, torque, slip, yielding, lost, 0.1).mode
 
     def all_of(begin: float, end: float, wanted: Mode) -> bool:
         return bool(np.all(mode[(time > begin) & (time < end)] == wanted))
@@ -109,6 +109,6 @@ def test_a_structure_that_winds_up_is_told_from_surfaces_that_slide(sign: float)
 def test_without_slip_or_torque_nothing_winds_up() -> None:
     time = np.arange(0.0, 1.0, 0.01)
     torque, lost = np.full(100, 500.0), np.zeros(100, bool)
-    without_slip = Regimes.pressing(time, torque, None, 4e4, lost, 0.1).mode
+    without_slip = Regimes.pressing(time, torque, None, 1 / 4e4, lost, 0.1).mode
     assert np.all(without_slip == Mode.slipping)
-    assert np.all(Regimes.pressing(time, None, torque, 4e4, lost, 0.1).mode == Mode.open)
+    assert np.all(Regimes.pressing(time, None, torque, 1 / 4e4, lost, 0.1).mode == Mode.open)

@@ -78,7 +78,7 @@ class Regimes:
 
     @classmethod
     def pressing(
-        cls, time: Floats, torque: Floats | None, slip: Floats | None, stiffness: float,
+        cls, time: Floats, torque: Floats | None, slip: Floats | None, yielding: float,
         lost: NDArray[np.bool_], guard: float,
     ) -> Regimes:  # fmt: skip
         """Of a clutch whose equations hold throughout, and whose state says how it stands.
@@ -86,13 +86,13 @@ class Regimes:
         A torque sensor tells of pressed surfaces only: near the moment at which they touch or
         part, whether they slide already is more than a filter of first order can know.  Nor does
         torque tell the friction before they slide: what still winds up the structure behind
-        them, ``stiffness`` Nm/rad, is less than they could carry.
+        them, ``yielding`` rad/Nm, is less than they could carry.
         """
         pressed = np.zeros(len(time), bool) if torque is None else np.abs(torque) > TOUCHING
         parted = _around(time, ~pressed, guard)
         winding = np.zeros(len(time), bool)
         if torque is not None and slip is not None and len(time) > 1:
-            winding = _winding(time, torque / stiffness, slip, guard)
+            winding = _winding(time, torque * yielding, slip, guard)
         mode = np.where(winding, Mode.locked, Mode.slipping)
         mode = np.where(lost, Mode.unknown, np.where(parted, Mode.open, mode))
         return cls(mode.astype(np.uint8), ~lost, ~lost, ~lost)

@@ -189,12 +189,14 @@ def regimes(
     nominal = vehicle.parameters
     if "kiss_point" not in nominal:  # such a clutch's own state says what it does
         torque = at("clutch_torque") if "clutch_torque" in present else at("shaft_torque")
-        slip, stiffness = at("slip_speed"), nominal.get("torsional_stiffness", np.inf)
-        left, right = at("wheel_speed_left"), at("wheel_speed_right")
+        slip, left, right = (at(n) for n in ("slip_speed", "wheel_speed_left", "wheel_speed_right"))
+        yielding = 0.0  # rad/Nm
+        if "torsional_stiffness" in nominal:
+            yielding = 1 / nominal["torsional_stiffness"].value
         if slip is None and left is not None and right is not None:  # half-shafts wind up as well
             slip = (left - right) / 2
-            stiffness = 1 / (1 / stiffness + 0.5 / nominal["halfshaft_stiffness"])
-        return Regimes.pressing(stamps, torque, slip, stiffness, lost, thresholds.guard)
+            yielding += 0.5 / nominal["halfshaft_stiffness"].value
+        return Regimes.pressing(stamps, torque, slip, yielding, lost, thresholds.guard)
     speed, shaft, position = at("engine_speed"), at("input_shaft_speed"), at("slave_position")
     assert speed is not None
     return classify(
