@@ -25,8 +25,6 @@ def compare(compiled: Compiled, bench: Bench, signals: Signals) -> None:
     """|Δx_i| ≤ 1e-9 max(|x_i|, σ_i), |ΔP_ij| ≤ 1e-9 σ_i σ_j at every event."""
     line = timeline.build(signals, bench.vehicle, compiled.model, 10.0, {})
     line = replace(line, emit=np.arange(len(line.t)))
-    assert {Mode(m).name for m in line.mode} == set(bench.setup.modes), "the drive has its modes"
-    assert 2 * len({*line.row}) >= len(line.W), "and half the regimes there may be"
     belief = start.fresh(bench.vehicle, compiled, line)
     ours = whole_log.run(compiled, line, belief, with_signature=False)
     xs, Ps, total = OnlineFilter(compiled, belief, line).run()
@@ -78,6 +76,9 @@ def noisy(bench: Bench, share: float = 1.0) -> Signals:
 @pytest.mark.parametrize("model", list(BENCHES))
 def test_engines_agree_over_a_drive(model: str, bench: BenchOf) -> None:
     made = bench(model)
+    line = made.timeline(made.bare)
+    assert {Mode(m).name for m in line.mode} == set(made.setup.modes), "the drive has its modes"
+    assert 2 * len({*line.row}) >= len(line.W), "and half the regimes there may be"
     compare(made.bare, made, noisy(made))
 
 
