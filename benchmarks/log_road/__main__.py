@@ -138,8 +138,8 @@ def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
     start = fresh(vehicle, compiled, line)
 
     def ours() -> None:
-        run = clutchest.replay(clutchest.read_log(path, vehicle), vehicle)
-        write_run(run, folder / "out")
+        signals = clutchest.read_log(path, vehicle, traffic=False)  # as `clutchest replay` does
+        write_run(clutchest.replay(signals, vehicle), folder / "out")
 
     def theirs() -> None:
         peers.read_and_decode(path, usual, wanted)
@@ -193,8 +193,8 @@ def linear(folder: Path, most: int) -> list[dict[str, float]]:
     for n in (int(n) for n in np.logspace(4, 7, 7) if n <= most * 1.001):
         write_frames(drives.repeated(frames, n), folder / "part.log")
         begin = perf_counter()
-        run = clutchest.replay(clutchest.read_log(folder / "part.log", vehicle), vehicle)
-        write_run(run, folder / "out")
+        signals = clutchest.read_log(folder / "part.log", vehicle, traffic=False)
+        write_run(clutchest.replay(signals, vehicle), folder / "out")
         seconds = perf_counter() - begin
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         curve.append({"frames": n, "seconds": seconds, "us_per_frame": seconds / n * 1e6,
