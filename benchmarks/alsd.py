@@ -1,6 +1,6 @@
 """The active differential: how fast its models run, and how often its intervals hold the truth.
 
-python benchmarks/alsd.py [--seeds 8]
+python benchmarks/alsd.py [--seeds 8] [--first 0]
 """
 
 from __future__ import annotations
@@ -49,11 +49,12 @@ def speed() -> None:
     print(f"filterpy takes {theirs / ours:.0f} times as long as the kernel")
 
 
-def coverage(name: str, scenario: str, duration: float, seeds: int) -> None:
-    """Share of the pressed time in which the 95 % interval holds the truth, and RMS errors."""
+def coverage(name: str, scenario: str, duration: float, seeds: range) -> None:
+    """Share of the pressed time in which the 95 % interval holds the truth with its standard error
+    over the seeds, and RMS errors."""
     inside: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
-    for seed in range(seeds):
+    for seed in seeds:
         signals = simulate(name, scenario, seed, duration=duration)
         track, truth = replay(signals, name, rate=50.0).tracks[0], signals.truth
         assert truth is not None
@@ -67,19 +68,22 @@ def coverage(name: str, scenario: str, duration: float, seeds: int) -> None:
                     float(np.mean(np.abs(error) < 1.96 * estimate.std[rows]))
                 )
                 errors.setdefault(state, []).append(float(np.mean(error**2)))
-    print(f"{scenario}, {seeds} seeds")
+    print(f"{scenario}, {len(seeds)} seeds from {seeds[0]}")
     for state, shares in inside.items():
         rmse = np.sqrt(np.mean(errors[state]))
-        print(f"  {state:15s} {np.mean(shares):.2f} (least {min(shares):.2f}), rmse {rmse:.3g}")
+        error = np.std(shares) / np.sqrt(len(shares))
+        print(f"  {state:15s} {np.mean(shares):.3f} ± {error:.3f} (least {min(shares):.2f}), "
+              f"rmse {rmse:.3g}", flush=True)  # fmt: skip
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=8)
-    seeds = parser.parse_args().seeds
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    given = parser.parse_args()
     speed()
     for run in RUNS:
-        coverage(*run, seeds)
+        coverage(*run, range(given.first, given.first + given.seeds))
 
 
 if __name__ == "__main__":
