@@ -27,7 +27,7 @@ from clutchest.compute.lowered import (
 @njit(cache=True, error_model="numpy")
 def answer(
     x, P, S, active, basis, which, t, sensor, z, R, u, expected, slope, calm, tracked, row, W, Qs,
-    longest, noise, p, g, frozen, gain, variance, out_x, out_innovation, out_answer,
+    longest, noise, p, g, frozen, gain, variance, place, out_x, out_innovation, out_answer,
 ):  # fmt: skip
     """Filter a log and follow the signatures ``S`` (n, a) of the ``active`` (a) thetas; the rest as
     the kernel's ``run`` takes it.  A theta may come and go: c acts in proportion to the column
@@ -42,8 +42,9 @@ def answer(
     input seem smaller than it is.
 
     ``gain`` (K, n) of each reading and its predicted ``variance`` (K) are used where they are
-    ``frozen``, so that innovations are a smooth function of θ; else filled.  Filled per event:
-    ``out_x`` (n) the state, ``out_innovation`` and ``out_answer`` (a) its derivative.
+    ``frozen``, so that innovations are a smooth function of θ; else filled.  Filled: per event
+    ``out_x`` (n) the state; ``out_innovation`` and ``out_answer`` (a), its derivative, at the
+    ``place`` (K) of each reading, which is −1 where nobody asks.
     """
     n, m, a = STATES, THETAS, len(active)
     F, Q, G, Hm = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, m)), np.zeros(m)
@@ -92,9 +93,11 @@ def answer(
                 if gain[k, i] != 0.0:
                     for c in range(a):
                         S[i, c] -= gain[k, i] * H_a[c]
-            out_innovation[k] = z[k] - h
-            for c in range(a):
-                out_answer[k, c] = -H_a[c]
+            at = place[k]
+            if at >= 0:
+                out_innovation[at] = z[k] - h
+                for c in range(a):
+                    out_answer[at, c] = -H_a[c]
         for i in range(n):
             out_x[k, i] = x[i]
 

@@ -86,8 +86,8 @@ def blocks_of(
     if present:
         theta = fitter.most_probable(np.append(problem.nuisances, list(present)), theta).theta
     rows = problem.linearise(theta, {})[0]
-    at_zero = Rows(rows.r - rows.psi @ theta, rows.psi)
-    return _blocks(drive, thetas, at_zero)
+    rows.r[:] -= rows.psi @ theta  # at zero
+    return _blocks(drive, thetas, rows)
 
 
 def _blocks(drive: LinearDrive, thetas: tuple[Theta, ...], rows: Rows) -> Blocks:
@@ -96,7 +96,7 @@ def _blocks(drive: LinearDrive, thetas: tuple[Theta, ...], rows: Rows) -> Blocks
     rest, level = _local(rows, which)
     colour = Colour.fit([stretches], [rest * level])
     near = np.abs(colour.whiten(stretches, rest)) < FAR
-    white = colour.whiten(stretches, np.column_stack([rows.r, rows.psi])) * near[:, None]
+    white = colour.whiten(stretches, rows.table) * near[:, None]
     order = np.argsort(which, kind="stable")
     edges = np.searchsorted(which[order], np.arange(which.max() + 2))
     gram, begin, end = [], [], []

@@ -6,6 +6,7 @@ import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from math import exp
 from pathlib import Path
 
 import numpy as np
@@ -104,9 +105,17 @@ class _Finding:
         curve = _transferable(errors) if unnamed else None
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
-        causes = () if unnamed or not best.chosen else self._causes(search, [best, *tied])
-        where = _where(verdict, best, errors)
         gained, warnings = self._gain(search, verdict, curve, holdout)
+        if gained is not None and gained.other_logs:
+            more = 2.0 * (gained.nll_before - gained.nll_after)
+            if not (_stays(_least(errors), more) if unnamed else search.stays(more)):
+                named = " and ".join(sorted(best.names))
+                what = f"an error in '{errors[0].equation}'" if unnamed else named
+                warnings.append(f"{what}: seemed to be there, and the drives held out do not bear "
+                                "it out; taken for noise")  # fmt: skip
+                verdict, curve, gained = "none", None, None
+        causes = () if verdict in ("none", "unknown") else self._causes(search, [best, *tied])
+        where = _where(verdict, best, errors)
         extended, text = self._extended(problem, verdict, causes, curve)
         if gained is not None and gained.nll_after >= gained.nll_before:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
@@ -231,6 +240,12 @@ class _Finding:
 
 def _least(errors: Sequence[Curve]) -> Curve:
     return min(errors, key=lambda c: c.p_value)
+
+
+def _stays(curve: Curve, more: float) -> bool:
+    """Whether an error without a name is still one when other drives make it exp(``more``/2)
+    times as likely."""
+    return curve.p_value * exp(min(-more / 2.0, 700.0)) < UNNAMED
 
 
 def _transferable(errors: Sequence[Curve]) -> Curve | None:

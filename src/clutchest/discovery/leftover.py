@@ -24,7 +24,7 @@ from clutchest.signals import Floats
 DRAWS = 1000
 DOUBTFUL = 0.05  # p-value of a single curve from which its scatter is looked at
 BLOCK_TIME = 2.0  # s
-ENTRIES = 2e7  # of derivatives, held at a time
+ENTRIES = 1e7  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +88,7 @@ def curves(
                 c.weight[:, columns] @ best, statistic, rank,
                 float(chi2.sf(statistic, rank)), 1.0,
             ))  # fmt: skip
+        del left, c, part, pure  # before the next ones are made
     least = np.sort(least)
     named = [replace(curve, p_value=float(among(least, curve.p))) for curve in found]
     return sorted(named, key=lambda curve: -curve.evidence)
@@ -121,7 +122,8 @@ def _left_over(
         at = knots(name, np.concatenate([v[name] for v in values]), acts)
         if at is not None:
             bent[name] = at
-    portion = max(round(ENTRIES / (len(acts) * len(probes) * KNOTS)), 1)
+    readings = sum(len(drive.rows) for drive in problem.drives)
+    portion = max(round(ENTRIES / (readings * len(probes) * KNOTS)), 1)
     for some in (list(bent.items())[i : i + portion] for i in range(0, len(bent), portion)):
         bases = [np.column_stack([hats(v[name], at) for name, at in some]) for v in values]
         tables, begin = [], 0

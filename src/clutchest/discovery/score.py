@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.stats import norm
 
@@ -18,7 +19,7 @@ from clutchest.identify.maximum import Look
 from clutchest.signals import Floats
 
 DRAWS = 2000  # of the null
-BLOCK = 4096  # readings drawn at a time
+BLOCK, BLOCKS = 512, 16  # readings drawn at a time at most, and times at least
 ABSENT = 1e-6  # information below which a cause leaves no trace (in squared standard deviations)
 
 
@@ -112,15 +113,21 @@ def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Fl
     pull = psi.T @ look.r + known * look.theta[nuisances]
     score = -(columns.T @ look.r - weight.T @ pull)
     away = (shared - inner @ weight)[known > 0.0]
-    return Cleared(shared, weight, columns - psi @ weight, score, away)
+    pure = psi @ weight
+    return Cleared(shared, weight, np.subtract(columns, pure, out=pure), score, away)
 
 
 def redrawn(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
     """Scores (draws, C) of ``pure`` (K, C) on innovations drawn from ``r`` (K)."""
-    null, r = np.zeros((draws, pure.shape[1])), r.astype(np.float32)
-    for begin in range(0, len(pure), BLOCK):
-        piece = pure[begin : begin + BLOCK].astype(np.float32)
-        null += r[rng.integers(len(r), size=(draws, len(piece)), dtype=np.int32)] @ piece
+    null = np.zeros((draws, pure.shape[1]))
+    block = max(min(BLOCK, len(r) // BLOCKS), 1)
+    # runs of a shuffled copy, which cost no more than reading them; no two blocks of a draw, and
+    # no two draws of a block, begin at the same place but by chance
+    shuffled = rng.permutation(r.astype(np.float32))
+    runs = sliding_window_view(np.append(shuffled, shuffled[: block - 1]), block)
+    for begin in range(0, len(pure), block):
+        piece = pure[begin : begin + block].astype(np.float32)
+        null += runs[rng.integers(len(r), size=draws), : len(piece)] @ piece
     return null
 
 

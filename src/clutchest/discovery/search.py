@@ -66,13 +66,12 @@ class Search:
         if progress:
             progress("fitting the model as it is", None)
         fitter = Fitter(problem)
-        null = Hypothesis((), fitter.settle(np.zeros(len(problem.thetas))))
-        every = candidates(problem)
+        theta = fitter.settle(np.zeros(len(problem.thetas))).theta
+        null, every = Hypothesis((), fitter.look(theta)), candidates(problem)
         search = cls(problem, fitter, every, null, None, null)  # type: ignore[arg-type]
-        look = fitter.look(null.look.theta)
-        columns = search.columns(look, every)
-        fitter.focus([look.psi, columns])
-        search.null = search.best = Hypothesis((), fitter.again(look))
+        columns = search.columns(null.look, every)
+        fitter.focus([null.look.psi, columns])
+        search.null = search.best = null = Hypothesis((), fitter.again(null.look))
         search.first = search.scored(search.null, every, columns, seed=1)
         return search
 
@@ -84,12 +83,13 @@ class Search:
         rest = [i for i, c in enumerate(wanted) if c.shapes]
         while rest:  # one look serves one value of every effect's shapes
             now = {wanted[i].name: i for i in reversed(rest)}
-            shaped = self.fitter.look(
-                look.theta, {**settings(tuple(wanted[i] for i in now.values())), **look.shapes}
-            )
-            for i in [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]:
-                found[:, i] = shaped.psi[:, wanted[i].index]
-                rest.remove(i)
+            some = [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]
+            shapes = settings(tuple(wanted[i] for i in now.values()))
+            active = np.array([wanted[i].index for i in some])
+            shaped = self.fitter.look(look.theta, {**shapes, **look.shapes}, active)
+            found[:, some] = shaped.psi[:, active]
+            rest = [i for i in rest if i not in some]
+            del shaped  # before the next one is made
         return found
 
     def scores(self, base: Hypothesis, wanted: Sequence[Candidate], seed: int) -> Board:
@@ -142,6 +142,12 @@ class Search:
         fits = sorted((self.fitted(rest, self.best.look) for rest in rests), key=lambda h: h.cost)
         enough = self.best.cost + self._least_gain()
         return fits[0] if fits and fits[0].cost < enough else None
+
+    def stays(self, more: float) -> bool:
+        """Whether the best is still found when other drives add ``more`` to what it brings, in
+        −2 ln(probability)."""
+        brings = self.null.cost - self.best.cost + more
+        return brings >= len(self.best.chosen) * self._least_gain()
 
     def _least_gain(self) -> float:
         """In −2 ln(probability), what one more cause must bring."""

@@ -19,7 +19,7 @@ from scipy.signal import savgol_filter
 
 from clutchest.estimate.samples import slope
 from clutchest.estimate.start import fresh, nominal
-from clutchest.estimate.timeline import build
+from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.identify.calm import calm, path
 from clutchest.identify.colour import Stretches
@@ -57,7 +57,7 @@ class LinearDrive:
             if sensor.name in model.renewed:  # a nimble filter: colour is taken out afterwards
                 R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
         line = replace(line, R=R)
-        self.compiled, self.whole, self.line = compiled, line, condensed(line, model)
+        self.compiled, self.line = compiled, condensed(line, model)
         self.nominal = nominal(compiled, line)
         self.start = fresh(vehicle, compiled, line)
         self.start.P[~self.tracked] = 0.0
@@ -65,9 +65,9 @@ class LinearDrive:
         self.acts = np.zeros(len(self.line.t), bool)
         for flag, _ in model.renewed.values():
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
-        self.slope, self.calm = self._tracked()
+        self.slope, self.calm = self._tracked(line)
         self.states = np.zeros((len(self.line.t), len(model.states)))
-        self.course = self._courses(signals, vehicle)
+        self.course = self._courses(signals, vehicle, line)
         self.smooth = np.column_stack([np.interp(self.line.t, *c) for c in self.course])
         self.still = {}
         for j, freed in _sloped(model).items():
@@ -79,11 +79,14 @@ class LinearDrive:
         # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
         self.frozen, self.gain = False, np.zeros((len(self.line.t), len(model.states)))
         self.variance = np.ones(len(self.line.t))
+        self.rows = np.arange(len(self.line.t))
         _, answers = self.answer(
             compiled.p, compiled.g, self.nominal, {}, np.arange(len(compiled.thetas))
         )
         self.frozen, std = True, np.sqrt(self.variance)
-        tells = np.abs(answers * units).max(axis=1) > LEAST * std
+        tells = np.zeros(len(std), bool)
+        for answer, unit in zip(answers.T, units, strict=True):
+            tells |= np.abs(answer) * unit > LEAST * std
         # near lock-up a tracked state tells of the clutch's shudder, not of any θ
         reads = np.array([sensor.name for sensor in model.sensors])
         tracks = np.isin(reads, [s.name for s in model.states if s.name in model.renewed])
@@ -132,8 +135,8 @@ class LinearDrive:
         basis: Floats | None = None,
         which: NDArray[np.int64] | None = None,
     ) -> tuple[Floats, Floats]:
-        """Innovations (K) and their derivatives (K, a) by the ``active`` thetas (a) of the compiled
-        model, per event.  With ``basis`` (K, b), theta c acts in
+        """Innovations (K) of the readings that count, and their derivatives (K, a) by the
+        ``active`` thetas (a) of the compiled model.  With ``basis`` (events, b), theta c acts in
         proportion to its column ``which[c]``.
 
         ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
@@ -152,15 +155,17 @@ class LinearDrive:
         started, S = np.zeros(n), np.zeros((n, m))
         functions.initial(x, p, g, started, S)
         started = np.where(self.tracked, self.start.x, started)
-        states, innovations = np.zeros((len(line.t), n)), np.zeros(len(line.t))
-        answers = np.zeros((len(line.t), len(active)))
+        states, innovations = np.zeros((len(line.t), n)), np.zeros(len(self.rows))
+        answers = np.zeros((len(self.rows), len(active)))
+        place = np.full(len(line.t), -1)
+        place[self.rows] = np.arange(len(self.rows))
         functions.answer(
             started, self.start.P.copy(), S[:, active].copy(), active,
             np.zeros((len(u), 0)) if basis is None else basis,
             np.full(len(active), -1) if which is None else which,
             line.t, line.sensor, line.z, line.R, u, true, self._slopes(late), self.calm,
             np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
-            self.frozen, self.gain, self.variance, states, innovations, answers,
+            self.frozen, self.gain, self.variance, place, states, innovations, answers,
         )  # fmt: skip
         self.states = states
         implied, acts = true.copy(), np.flatnonzero(self.acts)
@@ -182,7 +187,9 @@ class LinearDrive:
             np.divide(np.diff(value, prepend=value[0]), span, out=found[:, j], where=span > 0.0)
         return found
 
-    def _courses(self, signals: Signals, vehicle: Vehicle) -> list[tuple[Floats, Floats]]:
+    def _courses(
+        self, signals: Signals, vehicle: Vehicle, whole: Timeline
+    ) -> list[tuple[Floats, Floats]]:
         """Times and values of every input without its fastest noise: parabolas through ``WINDOW``
         s, and the readings themselves where those are off by more than noise.  With samples as
         close as the signal's, so that it can be shifted in time."""
@@ -193,17 +200,17 @@ class LinearDrive:
                 own = signals[item.name].time
                 count = round(WINDOW / max(float(np.median(np.diff(own))), 1e-3)) // 2 * 2 + 1
                 if 5 <= count <= len(own):
-                    read = np.interp(own, self.whole.t, self.whole.u[:, j])
+                    read = np.interp(own, whole.t, whole.u[:, j])
                     smooth = savgol_filter(read, count, 2)
                     bends = np.abs(read - smooth) > BENDS * vehicle.signals[item.name].noise
                     time, value = own, np.where(bends, read, smooth)
             found.append((time, value))
         return found
 
-    def _tracked(self) -> tuple[Floats, Floats]:
+    def _tracked(self, whole: Timeline) -> tuple[Floats, Floats]:
         """Measured rates of the tracked states at every event, and their values without the noise
         of their readings; zero for other states; shape (K, n) each."""
-        model, line = self.compiled.model, self.whole
+        model, line = self.compiled.model, whole
         rate = np.zeros((len(self.line.t), len(model.states)))
         value = rate.copy()
         edges = self.line.t[1:][np.diff(self.acts) != 0]

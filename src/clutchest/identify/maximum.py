@@ -134,10 +134,7 @@ class Fitter:
         return self._white(look.raw, look.theta, look.shapes)
 
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
-        white = np.concatenate([
-            self.colour.whiten(s, np.column_stack([rows.r, rows.psi])) * weight[:, None]
-            for s, rows, weight in zip(self.stretches, raw, self.weights, strict=True)
-        ])  # fmt: skip
+        white = self._whiten([rows.table for rows in raw])
         r, psi = white[:, 0], white[:, 1:]
         cost = np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2)
         return Look(theta, shapes, r, psi, float(cost), raw)
@@ -145,11 +142,14 @@ class Fitter:
     def modulated(self, look: Look, thetas: Sequence[int], bases: Sequence[Floats]) -> Floats:
         """Derivatives (K, len(thetas) · b), white, by thetas that act in proportion to each column
         of ``bases`` (events, b) of every drive; theta after theta."""
-        raw = self.problem.modulated(look.theta, look.shapes, thetas, bases)
-        return np.concatenate([
-            self.colour.whiten(s, psi) * weight[:, None]
-            for s, psi, weight in zip(self.stretches, raw, self.weights, strict=True)
-        ])  # fmt: skip
+        return self._whiten(self.problem.modulated(look.theta, look.shapes, thetas, bases))
+
+    def _whiten(self, raw: list[Floats]) -> Floats:
+        """Tables (K, c) of all drives as one, without colour and outliers; they are used up."""
+        for i, (s, weight) in enumerate(zip(self.stretches, self.weights, strict=True)):
+            raw[i] = self.colour.whiten(s, raw[i])
+            raw[i] *= weight[:, None]
+        return raw[0] if len(raw) == 1 else np.concatenate(raw)
 
     def _seen(self, values: Floats) -> Floats:
         """What of ``values`` (K, …) lies in the span."""
@@ -159,7 +159,7 @@ class Fitter:
         """Judge fits by what lies in the span of these derivatives (K, …)."""
         table = np.column_stack(columns)
         length = np.linalg.norm(table, axis=0)
-        table = table[:, length > 1e-6] / length[length > 1e-6]
+        table /= np.where(length > 1e-6, length, np.inf)
         directions, strength, _ = np.linalg.svd(table.T @ table)
         keep = strength > 1e-10
         self.span = table @ (directions[:, keep] / np.sqrt(strength[keep]))

@@ -43,12 +43,21 @@ class Theta:
 class Rows:
     """The readings of one drive that tell of any θ, sensor after sensor, each in order of time.
 
-    ``r`` (K) innovations over their predicted standard deviation; ``psi`` (K, m) their derivatives
-    by every θ in its unit.
+    ``table`` (K, 1 + m): ``r`` (K) innovations over their predicted standard deviation, and
+    ``psi`` (K, m) their derivatives by every θ in its unit.
     """
 
-    r: Floats
-    psi: Floats
+    table: Floats
+
+    @property
+    def r(self) -> Floats:
+        """Shape (K,)."""
+        return self.table[:, 0]
+
+    @property
+    def psi(self) -> Floats:
+        """Shape (K, m)."""
+        return self.table[:, 1:]
 
 
 class Problem:
@@ -158,12 +167,14 @@ class Problem:
             compiled_ones = np.flatnonzero(wanted[columns])
             columns = columns[compiled_ones]
             innovations, answers = drive.answer(p, g, self._first(i, theta), late, compiled_ones)
-            std = drive.std
-            psi = np.zeros((len(std), len(self.thetas)))
-            psi[:, columns] = answers[drive.rows] / std[:, None] * self.units[columns]
+            answers /= drive.std[:, None]
+            answers *= self.units[columns]
+            rows = Rows(np.zeros((len(answers), 1 + len(self.thetas))))
+            rows.r[:] = innovations / drive.std
+            rows.psi[:, columns] = answers
             for k, of in zip(late_rows, self.timing, strict=True):
-                psi[:, k] = psi[:, of] / self.units[of] * self.units[k]
-            found.append(Rows(innovations[drive.rows] / std, psi))
+                rows.psi[:, k] = rows.psi[:, of] / self.units[of] * self.units[k]
+            found.append(rows)
         return found
 
     def modulated(
@@ -180,7 +191,9 @@ class Problem:
             _, answers = drive.answer(
                 p, g, self._first(i, theta), late, active, np.ascontiguousarray(basis), which
             )
-            found.append(answers[drive.rows] / drive.std[:, None] * self.units[active])
+            answers /= drive.std[:, None]
+            answers *= self.units[active]
+            found.append(answers)
         return found
 
     def _first(self, drive: int, theta: Floats) -> Floats:

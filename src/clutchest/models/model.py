@@ -44,6 +44,8 @@ class Quantities:
         return tuple(vars(self)["_values"])
 
 
+BLOCK = 4096  # moments evaluated at a time
+
 Piece = Callable[[Quantities], None]
 
 
@@ -81,9 +83,13 @@ class Expressions:
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
-        at = ca.Function("along", [self.x, self.u, self.w, self.p, self.g], [wanted])
-        same = (np.tile(v[:, None], (1, len(x))) for v in (p, g))
-        return np.array(at(x.T, u.T, w.T, *same))
+        told = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
+        at = ca.Function("along", [self.x, self.u, self.w], told)
+        values = np.empty((wanted.numel(), len(x)))
+        for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
+            some = slice(begin, begin + BLOCK)
+            values[:, some] = at(x[some].T, u[some].T, w[some].T)
+        return values
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,6 +45,8 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     one, rows without a time whole.  Raises ClutchestError if ``time`` or every known column is
     missing.
     """
+    import pyarrow
+
     table = _load(path)
     if "time" not in table.columns:
         raise ClutchestError(
@@ -81,6 +83,8 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
         useful |= rows & np.isfinite(value)
         if not rows.any():
             warnings.append(f"{path.name}: column '{name}' is empty")
+    del table, numbers, value
+    pyarrow.default_memory_pool().release_unused()  # else it keeps what reading took
     return Signals(
         signals,
         start_ns=round(start * 1e9) if absolute else None,
