@@ -50,6 +50,17 @@ def test_what_is_found_pays_on_another_drive(found):
 
 
 @pytest.mark.slow
+def test_what_other_drives_speak_against_is_no_finding():
+    """The cause acts in one drive, and in two others of the same truck it does not."""
+    others = drive(72), drive(73)
+    found = discover(drive(71, HIDDEN), TRUCK, holdout=others)
+    assert found.verdict == "none"
+    assert found.causes == () and found.gain is None and found.where is None
+    assert found.extended.effects == TRUCK.effects
+    assert any("friction_speed" in w and "held out" in w for w in found.warnings)
+
+
+@pytest.mark.slow
 def test_without_another_log_parts_are_foretold_by_the_rest(found):
     """On the drive itself it gains as on another of the same kind, and not everything it fits."""
     alone = discover(drive(71, HIDDEN), TRUCK).gain
