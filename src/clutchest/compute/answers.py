@@ -35,16 +35,16 @@ def answer(
 
     States that are ``tracked`` (indices) are corrected by readings; of others nothing is unknown
     but θ.  Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``, and
-    where tracked states stand at ``calm`` (K, n), not where noisy readings put them; ``slope``
-    (K, nu) is that of the inputs on the way to each event, without their noise, and that by which
-    step maps see them move: what has a play does not follow the noise of a reading.  Noise that
-    stands in an innovation and in its derivative alike would make every number that multiplies an
-    input seem smaller than it is.
+    where tracked states stand at ``calm`` (K, len(tracked)), not where noisy readings put them;
+    ``slope`` (K, nu) is that of the inputs on the way to each event, without their noise, and that
+    by which step maps see them move: what has a play does not follow the noise of a reading.  Noise
+    that stands in an innovation and in its derivative alike would make every number that multiplies
+    an input seem smaller than it is.
 
-    ``gain`` (K, n) of each reading and its predicted ``variance`` (K) are used where they are
-    ``frozen``, so that innovations are a smooth function of θ; else filled.  Filled: per event
-    ``out_x`` (n) the state; ``out_innovation`` and ``out_answer`` (a), its derivative, at the
-    ``place`` (K) of each reading, which is −1 where nobody asks.
+    ``gain`` (K, len(tracked)) of each reading and its predicted ``variance`` (K) are used where
+    they are ``frozen``, so that innovations are a smooth function of θ; else filled.  Filled: per
+    event ``out_x`` (n) the state; ``out_innovation`` and ``out_answer`` (a), its derivative, at
+    the ``place`` (K) of each reading, which is −1 where nobody asks.
     """
     n, m, a = STATES, THETAS, len(active)
     F, Q, G, Hm = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, m)), np.zeros(m)
@@ -65,8 +65,8 @@ def answer(
                 inputs_between(expected, k, i, steps, va, vb)
                 for j in range(n):
                     xc[j] = x[j]
-                for j in tracked:
-                    xc[j] = calm[k - 1, j]
+                for b, j in enumerate(tracked):
+                    xc[j] = calm[k - 1, b]
                 follow(x, ua, ub, dt, w, p, g, slope[k], xn)
                 transition(xc, va, vb, dt, w, p, g, slope[k], Qs[row[k]], noise, F, Q, G)
                 if not frozen:
@@ -88,11 +88,11 @@ def answer(
                         H_a[c] += H[i] * S[i, c]
             if not frozen:
                 variance[k] = weigh(P, H, R[k], tracked, PH, gain[k])
-            for i in tracked:
-                x[i] += gain[k, i] * (z[k] - h)
-                if gain[k, i] != 0.0:
+            for j, i in enumerate(tracked):
+                x[i] += gain[k, j] * (z[k] - h)
+                if gain[k, j] != 0.0:
                     for c in range(a):
-                        S[i, c] -= gain[k, i] * H_a[c]
+                        S[i, c] -= gain[k, j] * H_a[c]
             at = place[k]
             if at >= 0:
                 out_innovation[at] = z[k] - h
@@ -119,17 +119,18 @@ def spread(P, F, Q, tracked):
 
 @njit(cache=True, error_model="numpy")
 def weigh(P, H, R, tracked, PH, gain):
-    """``gain`` (n) ← that of a reading; P ← what it leaves; returns the reading's variance."""
+    """``gain`` of the ``tracked`` ← that of a reading; P ← what it leaves; returns the reading's
+    variance."""
     predicted = R
     for i in tracked:
         PH[i] = 0.0
         for j in tracked:
             PH[i] += P[i, j] * H[j]
         predicted += H[i] * PH[i]
-    for i in tracked:
-        gain[i] = PH[i] / predicted
+    for a, i in enumerate(tracked):
+        gain[a] = PH[i] / predicted
         for j in tracked:
-            P[i, j] -= gain[i] * PH[j]
+            P[i, j] -= gain[a] * PH[j]
     return predicted
 
 
@@ -138,7 +139,7 @@ def imply(x, slope, tracked, row, acts, W, noise, p, g, measured, u):
     """Put inputs ``u`` (K, nu), in place, to where they explain the measured slopes, as near to the
     ``measured`` ones (K, nu) as that goes: one step of Gauss and Newton from where they stand.
 
-    ``x`` (K, n) states, ``slope`` (K, n) the measured rates of the ``tracked`` ones (indices);
+    ``x`` (K, n) states, ``slope`` (K, len(tracked)) the measured rates of the ``tracked`` ones;
     ``acts`` (K) where their equations hold.  What the rate lacks is shared among the inputs as
     their noise densities ``noise`` (nu) have it: the most probable share of each.
     """
@@ -150,8 +151,8 @@ def imply(x, slope, tracked, row, acts, W, noise, p, g, measured, u):
         dynamics(x[k], u[k], W[row[k]], p, g, f, A, B)
         for j in range(INPUTS):
             aim[j] = measured[k, j]
-        for i in tracked:
-            total, lacks = 0.0, slope[k, i] - f[i]
+        for a, i in enumerate(tracked):
+            total, lacks = 0.0, slope[k, a] - f[i]
             for j in range(INPUTS):
                 total += B[i, j] * B[i, j] * noise[j]
                 lacks -= B[i, j] * (aim[j] - u[k, j])

@@ -107,13 +107,15 @@ class Cleared:
 
 def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Floats) -> Cleared:
     """``columns`` (K, C) at ``look`` beside ``nuisances`` (n) of precision ``prior`` (m)."""
-    psi, known = look.psi[:, nuisances], prior[nuisances]
-    inner, shared = psi.T @ psi, psi.T @ columns
+    psi, known = look.psi, prior[nuisances]  # all of ψ: to pick columns would copy them
+    inner, shared = (psi.T @ psi)[np.ix_(nuisances, nuisances)], (psi.T @ columns)[nuisances]
     weight = np.linalg.inv(inner + np.diag(known + 1e-9)) @ shared
-    pull = psi.T @ look.r + known * look.theta[nuisances]
+    pull = (psi.T @ look.r)[nuisances] + known * look.theta[nuisances]
     score = -(columns.T @ look.r - weight.T @ pull)
     away = (shared - inner @ weight)[known > 0.0]
-    pure = psi @ weight
+    among_all = np.zeros((psi.shape[1], columns.shape[1]))
+    among_all[nuisances] = weight
+    pure = psi @ among_all
     return Cleared(shared, weight, np.subtract(columns, pure, out=pure), score, away)
 
 

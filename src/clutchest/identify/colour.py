@@ -93,11 +93,15 @@ class Colour:
 
     def whiten(self, s: Stretches, values: Floats) -> Floats:
         """``values`` (K, …) less what the readings before them predict, over its deviation."""
+        out = values.copy()
+        self.whiten_in_place(s, out)
+        return out
+
+    def whiten_in_place(self, s: Stretches, values: Floats) -> None:
+        """The same where ``values``, C-ordered, are no longer needed."""
         of = np.searchsorted(self.groups, s.group)
         table = values.reshape(len(values), prod(values.shape[1:]))
-        out = np.empty_like(table)
-        _whiten(table, of, s.place, self.weights, self.level, out)
-        return out.reshape(values.shape)
+        _whiten(table, of, s.place, self.weights, self.level)
 
 
 def _tamed(e: Floats, inside: NDArray[np.bool_]) -> Floats:
@@ -136,18 +140,15 @@ def _levinson(covariance: Floats, longest: int, count: int) -> tuple[Floats, Flo
 
 
 @njit(cache=True)
-def _whiten(values: Floats, of: NDArray, place: NDArray, weights: Floats, level: Floats,
-            out: Floats) -> None:  # fmt: skip
+def _whiten(values: Floats, of: NDArray, place: NDArray, weights: Floats, level: Floats) -> None:
     order = weights.shape[2]
-    for k in range(len(values)):
+    for k in range(len(values) - 1, -1, -1):  # those before stand as they were
         q = min(place[k], order)
         scale = 1.0 / level[of[k], q]
-        for c in range(values.shape[1]):
-            out[k, c] = values[k, c]
         for i in range(q):
             w = weights[of[k], q, i]
             if w != 0.0:
                 for c in range(values.shape[1]):
-                    out[k, c] -= w * values[k - 1 - i, c]
+                    values[k, c] -= w * values[k - 1 - i, c]
         for c in range(values.shape[1]):
-            out[k, c] *= scale
+            values[k, c] *= scale

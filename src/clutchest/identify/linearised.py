@@ -74,10 +74,10 @@ class LinearDrive:
             time, value = self.course[j]
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
-        self.moved = np.zeros_like(self.smooth)  # by what the run before implies
+        self.moved = dict[int, Floats]()  # inputs, by what the run before implies
         self.expected = self.smooth.copy()
         # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
-        self.frozen, self.gain = False, np.zeros((len(self.line.t), len(model.states)))
+        self.frozen, self.gain = False, np.zeros_like(self.slope)
         self.variance = np.ones(len(self.line.t))
         self.rows = np.arange(len(self.line.t))
         _, answers = self.answer(
@@ -151,7 +151,9 @@ class LinearDrive:
             measured[:, j] = np.interp(line.t + delay, *self.course[j])
             # only the smooth part is shifted: between its samples noise would seem smaller
             u[:, j] += measured[:, j] - self.smooth[:, j]
-        true = measured + self.moved
+        true = measured.copy()
+        for j, by in self.moved.items():
+            true[:, j] += by
         started, S = np.zeros(n), np.zeros((n, m))
         functions.initial(x, p, g, started, S)
         started = np.where(self.tracked, self.start.x, started)
@@ -173,8 +175,11 @@ class LinearDrive:
                         line.W, line.noise, p, g, measured, implied)  # fmt: skip
         for j in map(int, np.flatnonzero(np.any((implied != measured)[acts], axis=0))):
             # no jump where the equations begin to act
-            self.moved[:, j] = np.interp(line.t, line.t[acts], (implied - measured)[acts, j])
-        self.expected = measured + self.moved
+            by = implied[acts, j] - measured[acts, j]
+            self.moved[j] = np.interp(line.t, line.t[acts], by)
+        for j, by in self.moved.items():
+            measured[:, j] += by
+        self.expected = measured
         return innovations, answers
 
     def _slopes(self, late: Mapping[str, float]) -> Floats:
@@ -209,12 +214,12 @@ class LinearDrive:
 
     def _tracked(self, whole: Timeline) -> tuple[Floats, Floats]:
         """Measured rates of the tracked states at every event, and their values without the noise
-        of their readings; zero for other states; shape (K, n) each."""
+        of their readings; shape (K, tracked) each."""
         model, line = self.compiled.model, whole
-        rate = np.zeros((len(self.line.t), len(model.states)))
+        rate = np.zeros((len(self.line.t), self.tracked.sum()))
         value = rate.copy()
         edges = self.line.t[1:][np.diff(self.acts) != 0]
-        for i in np.flatnonzero(self.tracked):
+        for j, i in enumerate(np.flatnonzero(self.tracked)):
             read = line.sensor == model.sensor(model.states[i].name)
             t, z = line.t[read], line.z[read]
             # no line is drawn across the place where another equation takes over
@@ -223,8 +228,8 @@ class LinearDrive:
             rates = [slope(Signal.of("", "", t[k], z[k]), 0.0, RATE_WINDOW)[0].value
                      for k in pieces]  # fmt: skip
             still = [calm(t[k], z[k], np.ones(len(k), bool)) for k in pieces]
-            rate[:, i] = np.interp(self.line.t, t, np.concatenate(rates))
-            value[:, i] = np.interp(self.line.t, t, np.concatenate(still))
+            rate[:, j] = np.interp(self.line.t, t, np.concatenate(rates))
+            value[:, j] = np.interp(self.line.t, t, np.concatenate(still))
         return rate, value
 
 

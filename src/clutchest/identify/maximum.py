@@ -134,7 +134,7 @@ class Fitter:
         return self._white(look.raw, look.theta, look.shapes)
 
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
-        white = self._whiten([rows.table for rows in raw])
+        white = self._whiten([rows.table.copy() for rows in raw])
         r, psi = white[:, 0], white[:, 1:]
         cost = np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2)
         return Look(theta, shapes, r, psi, float(cost), raw)
@@ -146,9 +146,9 @@ class Fitter:
 
     def _whiten(self, raw: list[Floats]) -> Floats:
         """Tables (K, c) of all drives as one, without colour and outliers; they are used up."""
-        for i, (s, weight) in enumerate(zip(self.stretches, self.weights, strict=True)):
-            raw[i] = self.colour.whiten(s, raw[i])
-            raw[i] *= weight[:, None]
+        for table, s, weight in zip(raw, self.stretches, self.weights, strict=True):
+            self.colour.whiten_in_place(s, table)
+            table *= weight[:, None]
         return raw[0] if len(raw) == 1 else np.concatenate(raw)
 
     def _seen(self, values: Floats) -> Floats:

@@ -79,7 +79,8 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     for name in names:
         value, given = numbers[name]
         rows = given & timed
-        signals[name] = Signal.of(name, columns[name], time[rows], value[rows])
+        when = time if rows.all() else time[rows]
+        signals[name] = Signal.of(name, columns[name], when, value[rows])
         useful |= rows & np.isfinite(value)
         if not rows.any():
             warnings.append(f"{path.name}: column '{name}' is empty")
