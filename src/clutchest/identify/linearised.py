@@ -173,7 +173,9 @@ class LinearDrive:
         implied, acts = true.copy(), np.flatnonzero(self.acts)
         functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
                         line.W, line.noise, p, g, measured, implied)  # fmt: skip
-        for j in map(int, np.flatnonzero(np.any((implied != measured)[acts], axis=0))):
+        moves = np.any((implied != measured)[acts], axis=0)
+        moves &= np.isfinite(implied).all(axis=0)  # θ may lie where the equations run away
+        for j in map(int, np.flatnonzero(moves)):
             # no jump where the equations begin to act
             by = implied[acts, j] - measured[acts, j]
             self.moved[j] = np.interp(line.t, line.t[acts], by)

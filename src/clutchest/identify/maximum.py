@@ -20,6 +20,7 @@ COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over
 WARM = 10.0  # mean squares of the innovations: variances beyond are no help
 STEPS, PATIENCE, TURNS = 40, 3, 6  # at most
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
+RUNAWAY = 1e60  # of a derivative, in standard deviations: there the equations have run away
 ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 AHEAD = 0.05  # of a step: where one looks how the valley bends
@@ -137,6 +138,8 @@ class Fitter:
         white = self._whiten([rows.table.copy() for rows in raw])
         r, psi = white[:, 0], white[:, 1:]
         cost = np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2)
+        if psi.size and not (-RUNAWAY < psi.min() and psi.max() < RUNAWAY):
+            cost = np.inf  # nowhere to go on from
         return Look(theta, shapes, r, psi, float(cost), raw)
 
     def modulated(self, look: Look, thetas: Sequence[int], bases: Sequence[Floats]) -> Floats:
@@ -227,6 +230,8 @@ class Fitter:
         """The second derivative (m) of the path along the valley's floor that begins with ``move``:
         geodesic acceleration (Transtrum and Sethna), from one more look a little way ahead."""
         ahead = self.look(look.theta + AHEAD * move, look.shapes, free)
+        if not np.isfinite(ahead.cost):
+            return np.zeros(len(look.theta))
         curved = 2.0 / AHEAD * ((ahead.r - look.r) / AHEAD - look.psi @ move)
         curvature = look.information + np.diag(self.prior + 1e-9)
         bend = np.zeros(len(look.theta))
