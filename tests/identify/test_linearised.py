@@ -179,15 +179,22 @@ def test_derivatives_bear_noise(truck):
             np.testing.assert_allclose(rows.psi[:, k] * 0.03 / 0.4, rows.psi[:, j], rtol=1e-6)
 
 
-def test_numbers_at_which_the_equations_run_away_leave_no_trace(problem, at_truth):
+@pytest.mark.parametrize(
+    ("owner", "key", "size"),
+    [("friction_speed", "slope", 1e30), ("parameter", "torque_cubic", -1e160),
+     ("parameter", "conductance_disc_body", -1e6)],
+)  # fmt: skip
+def test_numbers_at_which_the_equations_run_away_leave_no_trace(
+    problem, at_truth, owner, key, size
+):
     theta, _ = at_truth
     before = implied(problem, theta)
     away = theta.copy()
-    away[problem.index("expansion_disc", "change")] = -1e5
-    away[problem.index("friction_temperature", "slope")] = 1e5
-    lost = problem.linearise(away, {})[0]
+    away[problem.index(owner, key)] = size
+    with np.errstate(all="ignore"):
+        lost = problem.linearise(away, {})[0]
     assert not np.isfinite(lost.table).all()
-    np.testing.assert_allclose(implied(problem, theta).table, before.table, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(implied(problem, theta).table, before.table, rtol=1e-6, atol=1e-6)
 
 
 def test_active_ones_answer_as_all_do(problem, at_truth):

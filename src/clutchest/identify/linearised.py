@@ -35,6 +35,7 @@ SLOPE = 0.6  # s, over which a signal that may be late is smoothed: noise that s
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
 SETTLING = 0.15  # s; a tracked state's first innovations are not yet coloured as later ones
 SHARP, SETTLED = 16.0, 0.05  # of an input's noise: a bend to be seen; s until it is forgotten
+IMPLIED = 30.0  # of an input's noise, that it may lie from its reading
 LEAST = 0.01  # standard deviations per unit; readings that answer less to every θ are left out
 
 
@@ -75,6 +76,8 @@ class LinearDrive:
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
         self.moved = dict[int, Floats]()  # inputs, by what the run before implies
+        noises = (vehicle.signals.get(item.name) for item in model.inputs)
+        self.reach = np.array([IMPLIED * s.noise if s else np.inf for s in noises])
         self.expected = self.smooth.copy()
         # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
         self.frozen, self.gain = False, np.zeros_like(self.slope)
@@ -173,11 +176,12 @@ class LinearDrive:
         implied, acts = true.copy(), np.flatnonzero(self.acts)
         functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
                         line.W, line.noise, p, g, measured, implied)  # fmt: skip
-        moves = np.any((implied != measured)[acts], axis=0)
-        moves &= np.isfinite(implied).all(axis=0)  # θ may lie where the equations run away
+        moves, self.moved = np.any((implied != measured)[acts], axis=0), {}
         for j in map(int, np.flatnonzero(moves)):
+            # θ may lie where the equations run away: the next run begins from here
+            by = np.clip(implied[acts, j] - measured[acts, j], -self.reach[j], self.reach[j])
+            by[~np.isfinite(by)] = 0.0
             # no jump where the equations begin to act
-            by = implied[acts, j] - measured[acts, j]
             self.moved[j] = np.interp(line.t, line.t[acts], by)
         for j, by in self.moved.items():
             measured[:, j] += by

@@ -137,10 +137,10 @@ class Fitter:
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
         white = self._whiten([rows.table.copy() for rows in raw])
         r, psi = white[:, 0], white[:, 1:]
-        cost = np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2)
-        if psi.size and not (-RUNAWAY < psi.min() and psi.max() < RUNAWAY):
+        cost = float(np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2))
+        if psi.size and not (psi.min() > -RUNAWAY and psi.max() < RUNAWAY):
             cost = np.inf  # nowhere to go on from
-        return Look(theta, shapes, r, psi, float(cost), raw)
+        return Look(theta, shapes, r, psi, cost, raw)
 
     def modulated(self, look: Look, thetas: Sequence[int], bases: Sequence[Floats]) -> Floats:
         """Derivatives (K, len(thetas) · b), white, by thetas that act in proportion to each column
