@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import clutchest
+from clutchest.discovery import find
 from clutchest.discovery.find import discover
 from clutchest.discovery.result import Discovery
 from clutchest.models.effects import effects_of_file, library
@@ -50,10 +51,15 @@ def test_what_is_found_pays_on_another_drive(found):
 
 
 @pytest.mark.slow
-def test_what_other_drives_speak_against_is_no_finding():
+def test_what_other_drives_speak_against_is_refused_or_no_finding(monkeypatch):
     """The cause acts in one drive, and in two others of the same truck it does not."""
-    others = drive(72), drive(73)
-    found = discover(drive(71, HIDDEN), TRUCK, holdout=others)
+    one, others = drive(71, HIDDEN), (drive(72), drive(73))
+    found = discover(one, TRUCK, holdout=others)
+    assert found.verdict == "named"  # it is there beyond doubt
+    assert found.extended.effects == TRUCK.effects
+    assert any("does not pay" in w for w in found.warnings)
+    monkeypatch.setattr(find, "SURE", 0.0)  # as if it might as well be noise
+    found = discover(one, TRUCK, holdout=others)
     assert found.verdict == "none"
     assert found.causes == () and found.gain is None and found.where is None
     assert found.extended.effects == TRUCK.effects

@@ -42,6 +42,9 @@ from clutchest.vehicle import Vehicle, load_vehicle
 # as curves follow small errors of integration and of time stamps too.
 UNNAMED = 0.0004
 MOST_RIVALS = 6
+# Chance of noise from which on other drives may take a finding back.  Below, it is there in this
+# log, whatever they say: a drive may have been spoilt by what passes.
+SURE = 1e-5
 
 Told = Callable[[tuple[Identifiable, ...]], None]
 
@@ -106,14 +109,13 @@ class _Finding:
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
         gained, warnings = self._gain(search, verdict, curve, holdout)
-        if gained is not None and gained.other_logs:
-            more = 2.0 * (gained.nll_before - gained.nll_after)
-            if not (_stays(_least(errors), more) if unnamed else search.stays(more)):
-                named = " and ".join(sorted(best.names))
-                what = f"an error in '{errors[0].equation}'" if unnamed else named
-                warnings.append(f"{what}: seemed to be there, and the drives held out do not bear "
-                                "it out; taken for noise")  # fmt: skip
-                verdict, curve, gained = "none", None, None
+        error = _least(errors) if unnamed else None
+        if gained is not None and gained.other_logs and _gainsaid(search, error, gained):
+            named = " and ".join(sorted(best.names))
+            what = f"an error in '{errors[0].equation}'" if unnamed else named
+            warnings.append(f"{what}: seemed to be there, and the drives held out do not bear "
+                            "it out; taken for noise")  # fmt: skip
+            verdict, curve, gained = "none", None, None
         causes = () if verdict in ("none", "unknown") else self._causes(search, [best, *tied])
         where = _where(verdict, best, errors)
         extended, text = self._extended(problem, verdict, causes, curve)
@@ -242,10 +244,15 @@ def _least(errors: Sequence[Curve]) -> Curve:
     return min(errors, key=lambda c: c.p_value)
 
 
-def _stays(curve: Curve, more: float) -> bool:
-    """Whether an error without a name is still one when other drives make it exp(``more``/2)
-    times as likely."""
-    return curve.p_value * exp(min(-more / 2.0, 700.0)) < UNNAMED
+def _gainsaid(search: Search, error: Curve | None, gained: Gain) -> bool:
+    """Whether a finding, an ``error`` where it has no name, might be noise and is none when what
+    other drives ``gained`` counts as well."""
+    more = 2.0 * (gained.nll_before - gained.nll_after)
+    if error is not None:
+        likelier = exp(min(-more / 2.0, 700.0))
+        return error.p_value > SURE and error.p_value * likelier > UNNAMED
+    p = max(search.p_of.get(name, 0.0) for name in search.best.names)
+    return p > SURE and not search.stays(more)
 
 
 def _transferable(errors: Sequence[Curve]) -> Curve | None:
