@@ -66,6 +66,20 @@ def generalised(regression: Regression, look: Look) -> tuple[Floats, Floats]:
     return -regression.columns.T @ left @ at_zero, regression.columns.T @ left @ regression.columns
 
 
+def test_what_nuisances_all_but_take_up_keeps_its_digits():
+    """A sensor's offset, beside the zero position at the start: one part in 10^13 is its own."""
+    rng = np.random.default_rng(2)
+    regression = Regression.of(2000, 2)
+    own = 0.1 * rng.standard_normal(regression.columns.shape)
+    columns = 1e5 * regression.psi @ rng.normal(size=(NUISANCES, len(ONE_SIDED))) + own
+    look = regression.look(rng.standard_normal(2000), rng.standard_normal(NUISANCES))
+    every = np.arange(NUISANCES)
+    found = board(look, every, np.zeros(NUISANCES), columns, ONE_SIDED, 3, 10)
+    q, _ = np.linalg.qr(regression.psi)
+    left = own - q @ (q.T @ own)
+    np.testing.assert_allclose(found.information, left.T @ left, rtol=1e-4, atol=1e-4)
+
+
 @pytest.mark.parametrize("where", ["zero", "fitted", "anywhere"])
 def test_scores_are_those_of_generalised_least_squares(where):
     """Wherever the nuisances stand: a score takes them as free."""

@@ -70,9 +70,7 @@ def curves(
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
         null += redrawn(look.r, c.pure, DRAWS, rng)
         for owner, driver, at, columns in tables:
-            part, pure = left[:, columns], c.pure[:, columns]
-            information = part.T @ part - c.shared[:, columns].T @ c.weight[:, columns]
-            information = (information + information.T) / 2.0
+            pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
             covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
             rank = float(np.trace(covariance @ information))
             if rank < 0.1:
@@ -88,7 +86,7 @@ def curves(
                 c.weight[:, columns] @ best, statistic, rank,
                 float(chi2.sf(statistic, rank)), 1.0,
             ))  # fmt: skip
-        del left, c, part, pure  # before the next ones are made
+        del left, c, pure  # before the next ones are made
     least = np.sort(least)
     named = [replace(curve, p_value=float(among(least, curve.p))) for curve in found]
     return sorted(named, key=lambda curve: -curve.evidence)

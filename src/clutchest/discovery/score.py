@@ -82,26 +82,25 @@ def board(
     ``nuisances`` indices of all that is free to explain the data, ``prior`` (m) their precision.
     """
     c = cleared(look, nuisances, prior, columns)
-    information = columns.T @ columns - c.shared.T @ c.weight
     rng = np.random.default_rng(seed)
     null = redrawn(look.r, c.pure, draws, rng)
     null += rng.standard_normal((draws, len(c.away))) @ c.away
-    return Board(c.score, information, np.array(one_sided), null)
+    return Board(c.score, c.information, np.array(one_sided), null)
 
 
 @dataclass(frozen=True, slots=True)
 class Cleared:
     """Columns (K, C) with what n nuisances can explain of them taken out.
 
-    ``shared`` (n, C) what both have in common, ``weight`` (n, C) by how much each nuisance stands
-    in for a column, ``pure`` (K, C) what none takes up, ``score`` (C); ``away`` (q, C): how scores
-    answer to the nuisances that have a prior.
+    ``weight`` (n, C) by how much each nuisance stands in for a column, ``pure`` (K, C) what none
+    takes up, ``score`` (C) and its ``information`` (C, C); ``away`` (q, C): how scores answer to
+    the nuisances that have a prior.
     """
 
-    shared: Floats
     weight: Floats
     pure: Floats
     score: Floats
+    information: Floats
     away: Floats
 
 
@@ -109,14 +108,16 @@ def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Fl
     """``columns`` (K, C) at ``look`` beside ``nuisances`` (n) of precision ``prior`` (m)."""
     psi, known = look.psi, prior[nuisances]  # all of ψ: to pick columns would copy them
     inner, shared = (psi.T @ psi)[np.ix_(nuisances, nuisances)], (psi.T @ columns)[nuisances]
-    weight = np.linalg.inv(inner + np.diag(known + 1e-9)) @ shared
-    pull = (psi.T @ look.r)[nuisances] + known * look.theta[nuisances]
-    score = -(columns.T @ look.r - weight.T @ pull)
-    away = (shared - inner @ weight)[known > 0.0]
-    among_all = np.zeros((psi.shape[1], columns.shape[1]))
-    among_all[nuisances] = weight
-    pure = psi @ among_all
-    return Cleared(shared, weight, np.subtract(columns, pure, out=pure), score, away)
+    weight = np.asarray(np.linalg.solve(inner + np.diag(known + 1e-9), shared), np.float64)
+    of_all = np.zeros((psi.shape[1], columns.shape[1]))
+    of_all[nuisances] = weight
+    pure = psi @ of_all
+    np.subtract(columns, pure, out=pure)
+    # sums of squares, not differences: nuisances may take up all but a billionth of a column
+    priced = known[:, None] * weight
+    information = pure.T @ pure + weight.T @ priced
+    score = priced.T @ look.theta[nuisances] - pure.T @ look.r
+    return Cleared(weight, pure, score, information, priced[known > 0.0])
 
 
 def redrawn(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
