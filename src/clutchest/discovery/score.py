@@ -20,6 +20,7 @@ from clutchest.signals import Floats
 
 DRAWS = 2000  # of the null
 BLOCK, BLOCKS = 512, 16  # readings drawn at a time at most, and times at least
+SOME = 16384  # readings, of which nuisances are taken out at a time
 ABSENT = 1e-6  # information below which a cause leaves no trace (in squared standard deviations)
 
 
@@ -81,7 +82,7 @@ def board(
 
     ``nuisances`` indices of all that is free to explain the data, ``prior`` (m) their precision.
     """
-    c = cleared(look, nuisances, prior, columns)
+    c = cleared(look, nuisances, prior, columns.copy())
     rng = np.random.default_rng(seed)
     null = redrawn(look.r, c.pure, draws, rng)
     null += rng.standard_normal((draws, len(c.away))) @ c.away
@@ -105,14 +106,16 @@ class Cleared:
 
 
 def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Floats) -> Cleared:
-    """``columns`` (K, C) at ``look`` beside ``nuisances`` (n) of precision ``prior`` (m)."""
+    """``columns`` (K, C), which are used up, at ``look`` beside ``nuisances`` (n) of precision
+    ``prior`` (m)."""
     psi, known = look.psi, prior[nuisances]  # all of ψ: to pick columns would copy them
     inner, shared = (psi.T @ psi)[np.ix_(nuisances, nuisances)], (psi.T @ columns)[nuisances]
     weight = np.asarray(np.linalg.solve(inner + np.diag(known + 1e-9), shared), np.float64)
     of_all = np.zeros((psi.shape[1], columns.shape[1]))
     of_all[nuisances] = weight
-    pure = psi @ of_all
-    np.subtract(columns, pure, out=pure)
+    for begin in range(0, len(columns), SOME):
+        columns[begin : begin + SOME] -= psi[begin : begin + SOME] @ of_all
+    pure = columns
     # sums of squares, not differences: nuisances may take up all but a billionth of a column
     priced = known[:, None] * weight
     information = pure.T @ pure + weight.T @ priced
