@@ -71,3 +71,16 @@ def test_a_path_turns_where_the_signal_turns():
     noise = 0.1 * coloured(np.random.default_rng(6), 0.0)
     follows = path(T, trapezium() + noise, ALWAYS)
     assert np.abs(follows - trapezium()).max() < np.abs(noise).max()
+
+
+def test_short_pulses_are_no_more_noise_than_the_sensor_has():
+    pulses = 100.0 * np.clip(1.5 * np.sin(np.pi * T), -1.0, 1.0)
+    noisy = pulses + np.random.default_rng(5).normal(size=len(T))
+
+    def share(**options: float) -> float:
+        """Of the pulses that is left, by regression."""
+        left = calm(T, noisy, ALWAYS, narrow=0.6, wide=1.2, **options)
+        return float(left @ pulses / (pulses @ pulses))
+
+    assert share() < 0.6  # much of them passes for noise
+    assert share(most=1.0) > 0.9

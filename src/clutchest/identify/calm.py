@@ -26,13 +26,14 @@ def calm(
     where: NDArray[np.bool_],
     narrow: float = NARROW,
     wide: float = WIDE,
+    most: float = np.inf,
 ) -> Floats:
     """``value`` (K) at times ``t`` (K), smoothed over ``narrow`` s as far as it is noisy, moving
     only where it leaves the reach of its noise; that is what ``wide`` s smooth away, measured
-    ``where`` (K) the signal matters."""
+    ``where`` (K) the signal matters, and at ``most`` so much."""
     if not where.any():
         return value
-    reach = REACH * _noise(value - _smooth(t, value, wide), where)
+    reach = REACH * min(_noise(value - _smooth(t, value, wide), where), most)
     out = np.empty_like(value)
     _play(_smooth(t, value, narrow), reach, out)
     return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)

@@ -71,7 +71,7 @@ class LinearDrive:
         self.course = self._courses(signals, vehicle, line)
         self.smooth = np.column_stack([np.interp(self.line.t, *c) for c in self.course])
         self.still = {}
-        for j, freed in _sloped(model).items():
+        for j, freed in _sloped(model, vehicle).items():
             time, value = self.course[j]
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
@@ -239,10 +239,17 @@ class LinearDrive:
         return rate, value
 
 
-def _sloped(model: Model) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
+def _sloped(
+    model: Model, vehicle: Vehicle
+) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
     """Indices of inputs that may be late, or that drag something along, to how they are freed of
     their noise."""
     late = {signal for effect in model.effects for signal in effect.delays}
     dragging = model.expressions().dragging
-    slow = partial(calm, narrow=SLOPE, wide=2.0 * SLOPE)
-    return dict.fromkeys(map(model.input, late), slow) | dict.fromkeys(dragging, path)
+    freed = {
+        # where a signal moves in short pulses, they are no more noise than its sensor has
+        model.input(name): partial(calm, narrow=SLOPE, wide=2.0 * SLOPE,
+                                   most=vehicle.signals[name].noise)
+        for name in late
+    }  # fmt: skip
+    return freed | dict.fromkeys(dragging, path)
