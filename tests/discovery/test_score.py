@@ -234,3 +234,9 @@ def test_causes_without_a_trace_never_win():
             more.threshold(level)[:-3], plain.threshold(level), atol=0.25
         )  # other draws
     assert more.p_among_all(p[-3:]).min() > 0.9
+
+
+def test_without_readings_nothing_is_claimed():
+    nothing = Regression(np.zeros((0, NUISANCES)), np.zeros((0, len(ONE_SIDED))))
+    found = nothing.board(nothing.look(np.zeros(0), np.zeros(NUISANCES)), 10)
+    assert not found.z.any() and not found.null.any()

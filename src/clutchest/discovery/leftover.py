@@ -121,7 +121,7 @@ def _left_over(
         if at is not None:
             bent[name] = at
     readings = sum(len(drive.rows) for drive in problem.drives)
-    portion = max(round(ENTRIES / (readings * len(probes) * KNOTS)), 1)
+    portion = max(round(ENTRIES / max(readings * len(probes) * KNOTS, 1)), 1)
     for some in (list(bent.items())[i : i + portion] for i in range(0, len(bent), portion)):
         bases = [np.column_stack([hats(v[name], at) for name, at in some]) for v in values]
         tables, begin = [], 0

@@ -126,6 +126,8 @@ def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Fl
 def redrawn(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
     """Scores (draws, C) of ``pure`` (K, C) on innovations drawn from ``r`` (K)."""
     null = np.zeros((draws, pure.shape[1]))
+    if not len(r):
+        return null
     block = max(min(BLOCK, len(r) // BLOCKS), 1)
     # runs of a shuffled copy, which cost no more than reading them; no two blocks of a draw, and
     # no two draws of a block, begin at the same place but by chance
