@@ -9,7 +9,7 @@ as far as they like, and no adapting state swallows what a cause leaves in the d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -71,13 +71,14 @@ class LinearDrive:
         self.course = self._courses(signals, vehicle, line)
         self.smooth = np.column_stack([np.interp(self.line.t, *c) for c in self.course])
         self.still = {}
-        for j, freed in _sloped(model, vehicle).items():
+        mapped = (vehicle.signals.get(item.name) for item in model.inputs)
+        noise = [signal.noise if signal else np.inf for signal in mapped]
+        for j, freed in _sloped(model, noise).items():
             time, value = self.course[j]
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
         self.moved = dict[int, Floats]()  # inputs, by what the run before implies
-        noises = (vehicle.signals.get(item.name) for item in model.inputs)
-        self.reach = np.array([IMPLIED * s.noise if s else np.inf for s in noises])
+        self.reach = IMPLIED * np.array(noise)
         self.expected = self.smooth.copy()
         # the filter's gains are those of the vehicle file's numbers, wherever it is linearised
         self.frozen, self.gain = False, np.zeros_like(self.slope)
@@ -221,13 +222,13 @@ class LinearDrive:
     def _tracked(self, whole: Timeline) -> tuple[Floats, Floats]:
         """Measured rates of the tracked states at every event, and their values without the noise
         of their readings; shape (K, tracked) each."""
-        model, line = self.compiled.model, whole
+        model = self.compiled.model
         rate = np.zeros((len(self.line.t), self.tracked.sum()))
         value = rate.copy()
         edges = self.line.t[1:][np.diff(self.acts) != 0]
         for j, i in enumerate(np.flatnonzero(self.tracked)):
-            read = line.sensor == model.sensor(model.states[i].name)
-            t, z = line.t[read], line.z[read]
+            read = whole.sensor == model.sensor(model.states[i].name)
+            t, z = whole.t[read], whole.z[read]
             # no line is drawn across the place where another equation takes over
             pieces = np.split(np.arange(len(t)), np.searchsorted(t, edges))
             pieces = [k for k in pieces if len(k)]
@@ -240,16 +241,11 @@ class LinearDrive:
 
 
 def _sloped(
-    model: Model, vehicle: Vehicle
+    model: Model, noise: Sequence[float]
 ) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
     """Indices of inputs that may be late, or that drag something along, to how they are freed of
-    their noise."""
-    late = {signal for effect in model.effects for signal in effect.delays}
-    dragging = model.expressions().dragging
-    freed = {
-        # where a signal moves in short pulses, they are no more noise than its sensor has
-        model.input(name): partial(calm, narrow=SLOPE, wide=2.0 * SLOPE,
-                                   most=vehicle.signals[name].noise)
-        for name in late
-    }  # fmt: skip
-    return freed | dict.fromkeys(dragging, path)
+    their ``noise``, which each has at most."""
+    late = {model.input(signal) for effect in model.effects for signal in effect.delays}
+    # where a signal moves in short pulses, they are no more noise than its sensor has
+    slow = {j: partial(calm, narrow=SLOPE, wide=2.0 * SLOPE, most=noise[j]) for j in late}
+    return slow | dict.fromkeys(model.expressions().dragging, path)
