@@ -5,21 +5,20 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from clutchest.discovery.leftover import Curve
+from clutchest.discovery.leftover import SCALES, evidence
 
 
 def test_evidence_is_twice_the_logarithm_of_the_bayes_factor() -> None:
-    """Of data y = X c + noise with c ~ N(0, 1), by the marginal likelihoods themselves."""
+    """Of data y = X c + noise with c ~ N(0, s²), s any of SCALES, by the marginal likelihoods
+    themselves; many scores at once as each alone."""
     rng = np.random.default_rng(5)
+    none = multivariate_normal(np.zeros(40), np.eye(40))
     for columns in (1, 3, 8):
-        x, y = rng.standard_normal((40, columns)), rng.standard_normal(40)
-        y += x @ rng.standard_normal(columns)
-        covariance = np.linalg.inv(x.T @ x + np.eye(columns))
-        best = covariance @ x.T @ y
-        curve = Curve(
-            "torque", "time", np.arange(columns), best, covariance, np.zeros(0),
-            float(y @ x @ best), float(columns), 1.0, 1.0,
-        )  # fmt: skip
-        error = multivariate_normal(np.zeros(40), np.eye(40) + x @ x.T).logpdf(y)
-        none = multivariate_normal(np.zeros(40), np.eye(40)).logpdf(y)
-        np.testing.assert_allclose(curve.evidence, 2.0 * (error - none), rtol=1e-9)
+        x = rng.standard_normal((40, columns))
+        y = rng.standard_normal((4, 40)) + rng.standard_normal((4, columns)) @ x.T
+        each = [
+            multivariate_normal(np.zeros(40), np.eye(40) + s**2 * x @ x.T).logpdf(y) for s in SCALES
+        ]
+        expected = 2.0 * (np.log(np.mean(np.exp(each), axis=0)) - none.logpdf(y))
+        np.testing.assert_allclose(evidence(y @ x, x.T @ x), expected, rtol=1e-9)
+        np.testing.assert_allclose(evidence(y[2] @ x, x.T @ x), expected[2], rtol=1e-9)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from clutchest.identify.calm import calm
+from clutchest.identify.calm import calm, pace
 from clutchest.identify.linearised import LinearDrive
 from clutchest.models import drivers_of
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a driver
-TIME_KNOTS = 8
-SLOW = 0.05  # of the fastest
+TIME_KNOTS = 8, 36
 STILL = 1e-9  # of its own size; a driver that moves less is none
 
 
@@ -30,41 +29,32 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     values = e.along(ca.vertcat(*wanted, power), drive.states, drive.expected, line.W[line.row],
                      drive.compiled.p, drive.compiled.g)  # fmt: skip
     found |= dict(zip(quantities, values, strict=False))
-    apart = np.maximum.accumulate(line.t) + 1e-9 * np.arange(len(line.t))
-    for name, of in rates.items():
-        if of not in found:
-            continue
-        found[name] = _brisk(np.gradient(drive.expected[:, model.input(of)], apart))
     spans = np.diff(line.t, prepend=line.t[0])
     # what goes with the noise of a driver is no error
     found = {name: calm(line.t, value, drive.acts) for name, value in found.items()}
+    found |= {name: pace(line.t, drive.expected[:, model.input(of)], drive.acts)
+              for name, of in rates.items() if of in found}  # fmt: skip
     found["energy"] = np.cumsum(values[-1] * spans)
     found["time"] = line.t
     return found
 
 
-def _brisk(rate: Floats) -> Floats:
-    """A rate, nought where it is slow: there it is the noise of the signal, which the innovations
-    hold as well."""
-    slow = SLOW * float(np.quantile(np.abs(rate), 0.998))
-    return np.sign(rate) * np.maximum(np.abs(rate) - slow, 0.0)
-
-
-def knots(name: str, value: Floats, where: Floats) -> Floats | None:
-    """Where a curve over this driver may bend: at its quantiles, counted with weights ``where``
-    (K); None for a driver that does not move there."""
+def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
+    """Where curves over this driver may bend: at its quantiles, counted with weights ``where``
+    (K), time also more finely; nowhere for a driver that does not move there."""
     inside = value[where > 0.0]
     if not len(inside) or not np.isfinite(inside).all():
-        return None
+        return ()
     low, high = np.quantile(inside, [0.002, 0.998])
     if high - low <= STILL * max(abs(low), abs(high), 1e-9):
-        return None
+        return ()
     if name == "time":
-        return np.linspace(low, high, TIME_KNOTS)
+        return tuple(np.linspace(low, high, count) for count in TIME_KNOTS)
     inner = np.quantile(inside, np.linspace(0.0, 1.0, KNOTS)[1:-1])
     even = np.linspace(low, high, KNOTS)[1:-1]
     found = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))
-    return found if np.min(np.diff(found)) > STILL * (high - low) else np.linspace(low, high, KNOTS)
+    apart = np.min(np.diff(found)) > STILL * (high - low)
+    return (found if apart else np.linspace(low, high, KNOTS),)
 
 
 def hats(value: Floats, at: Floats) -> Floats:

@@ -161,14 +161,16 @@ def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
     starts = _starts(other)
     look = fitter.taught(fitter.most_probable(starts, theta, search.null.look.shapes))
     other.linearise(look.theta, look.shapes)
-    probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.equation)
+    probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.flaw)
     bases = [hats(drivers(drive)[curve.driver], curve.at) for drive in other.drives]
     # nuisances stood in for the curve: what they give back when it comes
     free = search.problem.nuisances
     shift = np.zeros(len(theta))
     mine = [k for k in free if k < search.problem.shared]
     shift[mine] = -curve.given_back[np.searchsorted(free, mine)]
-    change = fitter.modulated(look, [probe], bases) @ curve.coefficients + look.psi @ shift
+    count = len(curve.at)
+    acts = fitter.modulated(look, np.full(count, probe), bases, np.arange(count))
+    change = acts @ curve.coefficients + look.psi @ shift
     again = look.psi[:, starts]
     r = look.r + change
     r = r - again @ np.linalg.solve(again.T @ again + np.eye(len(starts)),

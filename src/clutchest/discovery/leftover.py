@@ -1,95 +1,108 @@
 """What no named cause explains: an error of one equation as a free curve over one quantity.
 
-Each curve's coefficients have a prior of one plausible error, so that its score test is one for a
-variance: is there any error of this kind at all?  Its null has its maximum on the boundary, and is
-drawn, not looked up.  Over time, the curve stands for process noise in the equation.
+Each curve is judged by its Bayes factor: its coefficients have a prior of one size for all, which
+may be any of SCALES, and equations are equally likely to be wrong, whatever number of curves each
+has.  How large a factor noise gives is drawn, not looked up.  Over time, a curve stands for process
+noise in the equation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from clutchest.discovery.drivers import KNOTS, drivers, hats, knots
+from clutchest.discovery.drivers import KNOTS, TIME_KNOTS, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.score import among, cleared, redrawn
 from clutchest.identify.maximum import Fitter, Look
 from clutchest.identify.problem import Problem
+from clutchest.models import flaws_of
+from clutchest.models.flaws import Flaw
 from clutchest.signals import Floats
 
 DRAWS = 1000
-DOUBTFUL = 0.05  # p-value of a single curve from which its scatter is looked at
+SCALES = np.array([0.1, 0.3, 1.0, 3.0])  # standard deviations of coefficients, in units of an error
 BLOCK_TIME = 2.0  # s
-ENTRIES = 1e7  # of derivatives, held at a time
+ENTRIES = 8e6  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """An error of ``equation`` as a curve over ``driver``.
+    """An error of ``equation``, in the way of ``flaw``, as a curve over ``driver``.
 
-    ``at`` its knots, ``coefficients`` the most probable ones (units of the probe) with their
-    ``covariance``; ``given_back`` by how much each free number had stood in for it;
-    ``statistic`` in the sense of −2 ln(probability), ``rank`` how many of its coefficients the
-    data know, ``p`` alone and ``p_value`` among all curves.
+    ``at`` its knots, ``coefficients`` the most probable ones (units of the probe) under a prior of
+    one unit with their ``covariance``; ``given_back`` by how much each free number had stood in for
+    it; ``worth`` what they bring in −2 ln(probability), less what noise alone gives.  ``evidence``
+    2 ln of the Bayes factor against no such error, ``p_value`` the chance that noise gives as much
+    to any curve.
     """
 
+    flaw: str
     equation: str
     driver: str
     at: Floats
     coefficients: Floats
-    covariance: Floats
     given_back: Floats
-    statistic: float
-    rank: float
-    p: float
+    worth: float
+    evidence: float
     p_value: float
-
-    @property
-    def worth(self) -> float:
-        """Its statistic less what noise alone gives it."""
-        return self.statistic - 2.0 * self.rank
-
-    @property
-    def evidence(self) -> float:
-        """2 ln of the Bayes factor against no such error: a curve with more freedom pays for it."""
-        return self.statistic + float(np.linalg.slogdet(self.covariance)[1])
 
 
 def curves(
     problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
     """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
-    found, least, blocks = [], np.ones(DRAWS), problem.blocks(BLOCK_TIME)
-    for left, tables in _left_over(problem, fitter, look):
+    flaws = flaws_of(problem.compiled.model.name)
+    values = [drivers(drive) for drive in problem.drives]
+    tables = [(name, driver, at) for driver, at in _bent(problem, values)
+              for name, flaw in flaws.items() if _may_go_with(flaw, driver, at)]  # fmt: skip
+    choices = Counter(flaws[name].equation for name, _, _ in tables)
+    found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
+    for left, some in _left_over(problem, fitter, look, values, tables):
         c = cleared(look, free, fitter.prior, left)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
         null += redrawn(look.r, c.pure, DRAWS, rng)
-        for owner, driver, at, columns in tables:
+        for (name, driver, at), columns in some:
             pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
+            score, equation = c.score[columns], flaws[name].equation
             covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
             rank = float(np.trace(covariance @ information))
             if rank < 0.1:
                 continue
-            best = covariance @ c.score[columns]
-            statistic = float(c.score[columns] @ best)
-            if chi2.sf(statistic, rank) < DOUBTFUL:
-                statistic /= _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
-            drawn = np.einsum("ki,ij,kj->k", null[:, columns], covariance, null[:, columns])
-            least = np.minimum(least, chi2.sf(drawn, rank))
+            rare = 2.0 * np.log(choices[equation])
+            most = np.maximum(most, evidence(null[:, columns], information) - rare)
+            best, unrest = covariance @ score, 1.0
+            if evidence(score, information) > 0.0:
+                unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
             found.append(Curve(
-                owner.removeprefix(PREFIX), driver, at, best, covariance,
-                c.weight[:, columns] @ best, statistic, rank,
-                float(chi2.sf(statistic, rank)), 1.0,
+                name, equation, driver, at, best, c.weight[:, columns] @ best,
+                float(score @ best) / unrest - 2.0 * rank,
+                float(evidence(score / unrest, information / unrest)) - rare, 1.0,
             ))  # fmt: skip
         del left, c, pure  # before the next ones are made
-    least = np.sort(least)
-    named = [replace(curve, p_value=float(among(least, curve.p))) for curve in found]
+    # a Bayes factor of B is given to noise once in B times at most
+    least = np.sort(np.exp(-most / 2.0))
+    named = [replace(curve, p_value=float(among(least, np.exp(-curve.evidence / 2.0))))
+             for curve in found]  # fmt: skip
     return sorted(named, key=lambda curve: -curve.evidence)
+
+
+def evidence(score: Floats, information: Floats) -> Floats:
+    """2 ln of the Bayes factor of coefficients of any of SCALES against none; ``score`` (…, c) and
+    its ``information`` (c, c)."""
+    strength, directions = np.linalg.eigh(information)
+    variance = SCALES[:, None] ** 2
+    shrunk = 1.0 + variance * np.maximum(strength, 0.0)
+    squares = (score @ directions) ** 2
+    each = squares @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
+    top = each.max(axis=-1, keepdims=True)
+    mean = np.log(np.mean(np.exp((each - top) / 2.0), axis=-1))
+    return np.asarray(top[..., 0] + 2.0 * mean)
 
 
 def _unrest(
@@ -102,31 +115,56 @@ def _unrest(
     return max(1.0, float(np.trace(covariance @ (each.T @ each))) / rank)
 
 
-Table = tuple[str, str, Floats, NDArray[np.int64]]  # probe, driver, knots, columns
+Table = tuple[str, str, Floats]  # flaw, driver, knots
+
+
+def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tuple[str, Floats]]:
+    """What errors may go with in every drive, and where curves over it bend."""
+    acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
+    acts = acts if acts.any() else np.ones(len(acts))
+    return [
+        (name, at)
+        for name in values[0] if all(name in v for v in values)
+        for at in knots(name, np.concatenate([v[name] for v in values]), acts)
+    ]  # fmt: skip
+
+
+def _may_go_with(flaw: Flaw, driver: str, at: Floats) -> bool:
+    quick = len(at) > max(KNOTS, TIME_KNOTS[0])
+    return (not flaw.drivers or driver in flaw.drivers) and not (flaw.slow and quick)
 
 
 def _left_over(
-    problem: Problem, fitter: Fitter, look: Look
-) -> Iterator[tuple[Floats, list[Table]]]:
-    """Derivatives (K, C) of the white innovations by every coefficient of every curve; some of the
-    drivers at a time, as many as memory likes."""
-    owners = [t.owner for t in problem.thetas]
-    probes = [k for k, owner in enumerate(owners) if owner.startswith(PREFIX)]
-    values = [drivers(drive) for drive in problem.drives]
-    acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
-    acts = acts if acts.any() else np.ones(len(acts))
-    bent = {}
-    for name in (n for n in values[0] if all(n in v for v in values)):
-        at = knots(name, np.concatenate([v[name] for v in values]), acts)
-        if at is not None:
-            bent[name] = at
+    problem: Problem, fitter: Fitter, look: Look, values: Sequence[Mapping[str, Floats]],
+    tables: Sequence[Table],
+) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:  # fmt: skip
+    """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
+    of each curve; some drivers at a time, as many as memory likes."""
+    place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(problem.thetas)}
     readings = sum(len(drive.rows) for drive in problem.drives)
-    portion = max(round(ENTRIES / max(readings * len(probes) * KNOTS, 1)), 1)
-    for some in (list(bent.items())[i : i + portion] for i in range(0, len(bent), portion)):
-        bases = [np.column_stack([hats(v[name], at) for name, at in some]) for v in values]
-        tables, begin = [], 0
-        for k in probes:
-            for name, at in some:
-                tables.append((owners[k], name, at, np.arange(begin, begin + len(at))))
-                begin += len(at)
-        yield fitter.modulated(look, probes, bases), tables
+    for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
+        begins: dict[tuple[str, int], int] = {}
+        bases: list[list[Floats]] = [[] for _ in values]
+        for _, driver, at in some:
+            if (driver, len(at)) not in begins:
+                begins[driver, len(at)] = sum(basis.shape[1] for basis in bases[0])
+                for basis, v in zip(bases, values, strict=True):
+                    basis.append(hats(v[driver], at))
+        columns = np.concatenate([begins[d, len(at)] + np.arange(len(at)) for _, d, at in some])
+        thetas = np.concatenate([np.full(len(at), place[name]) for name, _, at in some])
+        ends = np.cumsum([len(at) for _, _, at in some])
+        left = fitter.modulated(look, thetas, [np.column_stack(b) for b in bases], columns)
+        yield left, [(table, np.arange(end - len(table[2]), end))
+                     for table, end in zip(some, ends, strict=True)]  # fmt: skip
+
+
+def _portions(tables: Sequence[Table], held: int) -> Iterator[list[Table]]:
+    """As many curves at a time as have no more than ``held`` columns, one at least."""
+    some: list[Table] = []
+    for table in tables:
+        if some and sum(len(at) for _, _, at in some) + len(table[2]) > held:
+            yield some
+            some = []
+        some.append(table)
+    if some:
+        yield some

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from clutchest.discovery.leftover import Curve
-from clutchest.models import errors_of
+from clutchest.models import flaws_of
 from clutchest.models.model import Model
 
 NAME = "patch"
@@ -25,7 +25,7 @@ Written by `clutchest discover`.  Between the knots the curve is straight, beyon
 
 import casadi as ca
 
-from clutchest.models.dry_clutch import PROBES
+from clutchest.models.{model} import FLAWS
 from clutchest.models.effects import Effect, Number
 from clutchest.models.symbols import State
 
@@ -48,7 +48,8 @@ class Patch(Effect):
         def changed(change):
             return lambda value, q: change(value, g.size * curve(q.{quantity}))
 
-        found = {{quantity: changed(change) for quantity, change in PROBES["{equation}"].items()}}
+        changes = FLAWS["{flaw}"].changes
+        found = {{quantity: changed(change) for quantity, change in changes.items()}}
         {rate}
         return found
 
@@ -65,10 +66,10 @@ def curve(at):
 
 def text(curve: Curve, model: Model) -> str | None:
     """Python source of the effect, None where the equations cannot see what it depends on."""
-    changes, _ = errors_of(model.name)
-    if curve.equation not in changes:
+    changes = flaws_of(model.name)[curve.flaw].changes
+    if not changes:
         return None
-    before = _before(model, changes[curve.equation])
+    before = _before(model, changes)
     quantity, states, rate = curve.driver, "()", ""
     if curve.driver in _OWN_STATES:
         quantity, unit, what, grows = _OWN_STATES[curve.driver]
@@ -78,6 +79,7 @@ def text(curve: Curve, model: Model) -> str | None:
         return None
     return _TEXT.format(
         equation=curve.equation,
+        flaw=curve.flaw,
         driver=curve.driver,
         quantity=quantity,
         name=NAME,

@@ -14,6 +14,7 @@ from scipy.signal import savgol_filter
 from clutchest.signals import Floats
 
 GRID = 0.01  # s
+BRIEF = 0.06  # s over which a rate is taken
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
@@ -51,17 +52,28 @@ def path(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
     return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
 
 
+def pace(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
+    """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``BRIEF`` s; nought
+    within the reach of its noise, which the innovations hold as well."""
+    rate = _smooth(t, value, BRIEF, 1)
+    if not where.any():
+        return rate
+    reach = REACH * _noise(rate - _smooth(t, value, NARROW, 1), where)
+    return np.asarray(np.sign(rate) * np.maximum(np.abs(rate) - reach, 0.0))
+
+
 def _noise(off: Floats, where: NDArray[np.bool_]) -> float:
     """The standard deviation of what of ``off`` (K) is noise: what bends is off by more."""
     return QUARTER * float(np.quantile(np.abs(off[where]), 0.25))
 
 
-def _smooth(t: Floats, value: Floats, window: float) -> Floats:
-    """``value`` (K) at times ``t`` (K) by parabolas through ``window`` s."""
+def _smooth(t: Floats, value: Floats, window: float, rate: int = 0) -> Floats:
+    """``value`` (K) at times ``t`` (K), or with 1 its ``rate``, by parabolas through ``window``
+    s."""
     grid, count = np.arange(t[0], t[-1], GRID), round(window / GRID) | 1
     if len(grid) < count:
-        return value
-    parabolas = savgol_filter(np.interp(grid, t, value), count, 2)
+        return np.gradient(value, t) if rate else value
+    parabolas = savgol_filter(np.interp(grid, t, value), count, 2, deriv=rate, delta=GRID)
     return np.asarray(np.interp(t, grid, parabolas))
 
 

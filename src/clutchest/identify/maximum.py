@@ -142,10 +142,14 @@ class Fitter:
             cost = np.inf  # nowhere to go on from
         return Look(theta, shapes, r, psi, cost, raw)
 
-    def modulated(self, look: Look, thetas: Sequence[int], bases: Sequence[Floats]) -> Floats:
-        """Derivatives (K, len(thetas) · b), white, by thetas that act in proportion to each column
-        of ``bases`` (events, b) of every drive; theta after theta."""
-        return self._whiten(self.problem.modulated(look.theta, look.shapes, thetas, bases))
+    def modulated(
+        self, look: Look, thetas: NDArray[np.int64], bases: Sequence[Floats],
+        columns: NDArray[np.int64],
+    ) -> Floats:  # fmt: skip
+        """Derivatives (K, c), white, by ``thetas`` (c) of which each acts in proportion to one of
+        the ``columns`` (c) of ``bases`` (events, b), a table per drive."""
+        raw = self.problem.modulated(look.theta, look.shapes, thetas, bases, columns)
+        return self._whiten(raw)
 
     def _whiten(self, raw: list[Floats]) -> Floats:
         """Tables (K, c) of all drives as one, without colour and outliers; they are used up."""

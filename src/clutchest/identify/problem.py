@@ -178,21 +178,19 @@ class Problem:
         return found
 
     def modulated(
-        self, theta: Floats, shapes: Shapes, thetas: Sequence[int], bases: Sequence[Floats]
-    ) -> list[Floats]:
-        """Derivatives (K, len(thetas) · b) of every drive's innovations by shared thetas that act
-        in proportion to the columns of ``bases`` (events, b), theta after theta."""
+        self, theta: Floats, shapes: Shapes, thetas: NDArray[np.int64], bases: Sequence[Floats],
+        columns: NDArray[np.int64],
+    ) -> list[Floats]:  # fmt: skip
+        """Derivatives (K, c) of every drive's innovations by shared ``thetas`` (c) of which each
+        acts in proportion to one of the ``columns`` (c) of ``bases`` (events, b)."""
         p, g, late = self.numbers(theta, shapes)
         found = []
         for i, (drive, basis) in enumerate(zip(self.drives, bases, strict=True)):
-            columns = basis.shape[1]
-            active = np.repeat(np.array(thetas, np.int64), columns)
-            which = np.tile(np.arange(columns), len(thetas))
             _, answers = drive.answer(
-                p, g, self._first(i, theta), late, active, np.ascontiguousarray(basis), which
+                p, g, self._first(i, theta), late, thetas, np.ascontiguousarray(basis), columns
             )
             answers /= drive.std[:, None]
-            answers *= self.units[active]
+            answers *= self.units[thetas]
             found.append(answers)
         return found
 

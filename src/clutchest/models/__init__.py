@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.models.flaws import Flaw
 from clutchest.models.symbols import Input, Parameter, Sensor, State
 
 if TYPE_CHECKING:
@@ -62,10 +63,10 @@ def resting(
     return _module(name).resting(parameters, inputs)
 
 
-def errors_of(name: str) -> tuple[Mapping[str, Mapping[str, Any]], Mapping[str, float]]:
-    """Equation → quantity → how an error changes it; signal → s, one unit of a delay."""
-    module = _module(name)
-    return module.PROBES, module.LATE
+def flaws_of(name: str) -> Mapping[str, Flaw]:
+    """Name → a way in which an equation of the model may be wrong that no effect knows."""
+    flaws: Mapping[str, Flaw] = _module(name).FLAWS
+    return flaws
 
 
 def drivers_of(name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:

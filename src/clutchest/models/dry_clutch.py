@@ -18,15 +18,13 @@ Pieces that stand for each other, to be exchanged with ``Model.swap``:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
-from typing import Any
+from collections.abc import Container, Mapping
 
 import casadi as ca
 
+from clutchest.models.flaws import Flaw
 from clutchest.models.model import Model, Quantities
 from clutchest.models.symbols import Input, Parameter, Sensor, State
-
-Change = Callable[[Any, Any], Any]  # (value, error in units) → changed value
 
 # fmt: off
 STATES = (
@@ -258,22 +256,49 @@ def readings(q: Quantities) -> None:
     q.transmitted_torque = q.sliding * q.clutch_torque + (1 - q.sliding) * q.measured_torque
 
 
-# Where the equations may be wrong in a way that no effect knows: equation → the quantities in which
-# an error of it shows, each with what one unit of error does to it.  A reading that the equations
-# take as an input is corrected, so that there the sign turns.
-PROBES: Mapping[str, Mapping[str, Change]] = {
-    "torque": {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)},
-    "engine_speed": {"true_engine_torque": lambda value, g: value - 30.0 * g},  # Nm
-    "disc_heat": {"disc_heat": lambda value, g: value + 500.0 * g},  # W
-    "body_heat": {"body_heat": lambda value, g: value + 500.0 * g},  # W
-    "housing_heat": {"housing_heat": lambda value, g: value + 200.0 * g},  # W
-    "zero_position": {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
-    "sensor:engine_torque": {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
-    "sensor:slave_position": {
-        "slave_position": lambda value, g: value - 0.1 * g,  # mm
-        "zero_position_reading": lambda value, g: value + 0.1 * g,
-    },
-}
+# Where the equations may be wrong in a way that no effect knows.  A reading that the equations take
+# as an input is corrected, so that there the sign turns.
+_ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
+_ACTUATOR = ("slave_position", "position_rate", "temp_housing", "ambient_temp", "time")
+_WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does nothing to it
+    "slip_speed", "slave_position", "temp_disc", "temp_body", "temp_housing", "coolant_temp",
+    "ambient_temp", "energy", "time",
+)  # fmt: skip
+_CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
+FLAWS: Mapping[str, Flaw] = {
+    "torque": Flaw("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
+    "torque, added": Flaw(
+        "torque", {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)}),  # Nm
+    "engine_speed": Flaw(
+        "engine_speed", {"true_engine_torque": lambda value, g: value - 30.0 * g}),  # Nm
+    "disc_heat": Flaw(
+        "disc_heat", {"disc_heat": lambda value, g: value + 500.0 * g}, slow=True),  # W
+    "body_heat": Flaw(
+        "body_heat", {"body_heat": lambda value, g: value + 500.0 * g}, slow=True),  # W
+    "housing_heat": Flaw(
+        "housing_heat", {"housing_heat": lambda value, g: value + 200.0 * g}, slow=True),  # W
+    "zero_position": Flaw(
+        "zero_position", {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
+        drivers=_WEARS, slow=True),
+    "sensor:engine_torque": Flaw(
+        "sensor:engine_torque", {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
+        drivers=_ENGINES_MAP),
+    "sensor:engine_torque, added": Flaw(
+        "sensor:engine_torque", {"engine_torque": lambda value, g: value - 30.0 * g},  # Nm
+        drivers=_ENGINES_MAP),
+    "sensor:slave_position": Flaw(
+        "sensor:slave_position",
+        {
+            "slave_position": lambda value, g: value - 0.1 * g,  # mm
+            "zero_position_reading": lambda value, g: value + 0.1 * g,
+        },
+        drivers=_ACTUATOR,
+    ),
+    "timing:engine_torque": Flaw(
+        "timing:engine_torque", late=("engine_torque", 0.02), drivers=_CLOCKS),
+    "timing:slave_position": Flaw(
+        "timing:slave_position", late=("slave_position", 0.02), drivers=_CLOCKS),
+}  # fmt: skip
 TOLD_APART_BY = (
     (("zero_position", "sensor:slave_position"),
      "a second position sensor, or the thickness of the pads measured once,"),
@@ -281,7 +306,6 @@ TOLD_APART_BY = (
     (("torque", "disc_heat"), "a temperature sensor near the disc"),
     (("disc_heat", "body_heat"), "a temperature sensor on the pressure plate"),
 )  # fmt: skip
-LATE = {"engine_torque": 0.02, "slave_position": 0.02}  # s, one unit of a delay
 
 # What an error may go with, beside inputs, states, time and slip energy: quantities by name, and
 # rates of inputs.

@@ -12,16 +12,14 @@ the estimator runs on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
-from typing import Any
+from collections.abc import Container, Mapping
 
 from clutchest.models.alsd import driveline
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.reduced import PIECES, slip_measured
+from clutchest.models.flaws import Flaw
 from clutchest.models.model import Model
 from clutchest.models.symbols import Input, Sensor, State
-
-Change = Callable[[Any, Any], Any]  # (value, error in units) → changed value
 
 # fmt: off
 STATES = (
@@ -132,21 +130,25 @@ def resting(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dic
     }
 
 
-# Where the equations may be wrong in a way that no effect knows: equation → the quantities in which
-# an error of it shows, each with what one unit of error does to it.
-PROBES: Mapping[str, Mapping[str, Change]] = {
-    "torque": {"friction_now": lambda value, g: value * (1 + 0.1 * g)},
-    "current": {"motor_voltage": lambda value, g: value - 0.2 * g},  # V
-    "motor": {"motor_friction_torque": lambda value, g: value + 0.005 * g},  # Nm
-    "axial_force": {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)},
-    "pack_heat": {"pack_heat": lambda value, g: value + 200.0 * g},  # W
-    "sensor:motor_angle": {"motor_angle_reading": lambda value, g: value + 0.1 * g},  # rad
-    "sensor:armature_current": {"armature_current_reading": lambda v, g: v * (1 + 0.05 * g)},
-}
+# Where the equations may be wrong in a way that no effect knows.
+FLAWS: Mapping[str, Flaw] = {
+    "torque": Flaw("torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}),
+    "current": Flaw("current", {"motor_voltage": lambda value, g: value - 0.2 * g}),  # V
+    "motor": Flaw("motor", {"motor_friction_torque": lambda value, g: value + 0.005 * g}),  # Nm
+    "axial_force": Flaw(
+        "axial_force", {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)}),
+    "pack_heat": Flaw("pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}),  # W
+    "sensor:motor_angle": Flaw(
+        "sensor:motor_angle", {"motor_angle_reading": lambda value, g: value + 0.1 * g}),  # rad
+    "sensor:armature_current": Flaw(
+        "sensor:armature_current",
+        {"armature_current_reading": lambda value, g: value * (1 + 0.05 * g)}),
+    "timing:armature_voltage": Flaw("timing:armature_voltage", late=("armature_voltage", 0.005)),
+    "timing:slip_speed": Flaw("timing:slip_speed", late=("slip_speed", 0.005)),
+}  # fmt: skip
 TOLD_APART_BY = (
     (("torque", "axial_force"), "a force sensor in the clutch pack"),
     (("motor", "axial_force"), "a torque sensor on the actuator's motor"),
 )
-LATE = {"armature_voltage": 0.005, "slip_speed": 0.005}  # s, one unit of a delay
 DRIVERS = ("slip_speed", "motor_torque")
 RATES = {"voltage_rate": "armature_voltage"}
