@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from clutchest.estimate.modes import Mode
 from clutchest.estimate.timeline import Timeline
-from clutchest.identify.condensed import NEAR, RESTED, condensed
+from clutchest.identify.condensed import BENT, NEAR, RESTED, condensed
 from clutchest.models.dry_clutch import DRY_CLUTCH
 
 SPEED, ZERO = DRY_CLUTCH.sensor("engine_speed"), DRY_CLUTCH.sensor("zero_position")
@@ -116,6 +117,31 @@ def test_a_mean_stands_where_it_holds(line):
     short = condensed(replace(line, z=line.t.copy()), DRY_CLUTCH)
     mean = short.sensor == ZERO
     np.testing.assert_allclose(short.z[mean], short.t[mean], atol=0.501 * PERIOD)
+
+
+@pytest.mark.parametrize("turns", [33.1, 33.5, 33.72])
+def test_where_readings_turn_means_are_short(line, turns):
+    """A mean across a turn is not what its middle shows; the others stay as long as they were."""
+    rng = np.random.default_rng(3)
+    zero, slope = line.sensor == ZERO, 20.0 * NOISE  # per s
+    true = slope * np.maximum(line.t - turns, 0.0)
+    bent = replace(line, z=np.where(zero, true + NOISE * rng.standard_normal(len(line.t)), line.z))
+    short = condensed(bent, DRY_CLUTCH)
+    mean = short.sensor == ZERO
+    off = short.z[mean] - slope * np.maximum(short.t[mean] - turns, 0.0)
+    assert np.max(np.abs(off) / np.sqrt(short.R[mean])) < 4.0
+    usual = np.sum(condensed(line, DRY_CLUTCH).sensor == ZERO)
+    assert usual + 8 <= mean.sum() <= usual + 3 * round(RESTED / BENT)
+
+
+def test_slow_noise_does_not_turn(line):
+    """The sample-to-sample correlation of a bus signal makes means scatter more; they stay long."""
+    rng = np.random.default_rng(4)
+    zero = line.sensor == ZERO
+    slow = lfilter([np.sqrt(1 - 0.9**2)], [1.0, -0.9], rng.standard_normal(len(line.t)))
+    noisy = replace(line, z=np.where(zero, NOISE * slow, line.z))
+    count = [np.sum(condensed(each, DRY_CLUTCH).sensor == ZERO) for each in (line, noisy)]
+    assert count[1] <= count[0] + round(RESTED / BENT)
 
 
 def test_a_drive_without_slip_keeps_its_means():

@@ -17,6 +17,9 @@ from clutchest.models.model import Model
 from clutchest.signals import Floats
 
 RESTED = 1.0  # s; readings of a clutch at rest are averaged over this
+BENT = 0.1  # s; the same where they turn, as where the disc's expansion meets its cap
+TURNS = 5.0  # standard deviations of a change of slope from one such mean to the next
+MEDIAN = 1.4826  # standard deviations to the median of normal noise's size
 SOON = 0.006  # s; as near to a reading as this, an input of an open clutch has no bend of its own
 NEAR = 0.3  # s before and after a regime in which they tell more, all readings stay
 
@@ -61,18 +64,43 @@ def _gap(t: Floats, others: Floats) -> Floats:
 def _means(
     line: Timeline, of: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """For each stretch of at most ``RESTED`` s among the events ``of``: the middle event, the mean
-    reading and its variance."""
+    """For each stretch of at most ``RESTED`` s among the events ``of``, of ``BENT`` s where the
+    readings bend: the middle event, the mean reading and its variance."""
     if not len(of):
         return of, np.zeros(0), np.zeros(0)
     t = line.t[of]
     rests = np.concatenate([[0], np.cumsum(np.diff(t) > RESTED)])
     begins = np.concatenate([[True], np.diff(rests) > 0])
     since = t - t[np.flatnonzero(begins)][rests]
-    stretch = np.concatenate([[0], np.cumsum((np.diff(np.floor(since / RESTED)) != 0)
-                                             | (np.diff(rests) > 0))])  # fmt: skip
+    coarse = _stretches(since, rests, RESTED)
+    bends = _bends(line, of, coarse, rests)
+    stretch = _stretches(np.where(bends, since, np.floor(since / RESTED) * RESTED), rests, BENT)
     count = np.bincount(stretch)
     first = np.searchsorted(stretch, np.arange(len(count)))
     mean = np.bincount(stretch, line.z[of]) / count
     # R is the variance of one reading, the same for all of a sensor
     return of[first + count // 2], mean, np.bincount(stretch, line.R[of]) / count**2
+
+
+def _stretches(since: Floats, rests: NDArray[np.int64], length: float) -> NDArray[np.int64]:
+    """The number of the stretch of ``length`` s that each reading (k), ``since`` s after its rest
+    began, is in."""
+    ends = (np.diff(np.floor(since / length)) != 0) | (np.diff(rests) > 0)
+    return np.concatenate([[0], np.cumsum(ends)])
+
+
+def _bends(
+    line: Timeline, of: NDArray[np.int64], stretch: NDArray[np.int64], rests: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Whether each reading (k) lies in a stretch in which readings turn: there, their mean is not
+    what the middle one shows."""
+    count = np.bincount(stretch)
+    mean, variance = (np.bincount(stretch, v[of]) / count**n
+                      for v, n in ((line.z, 1), (line.R, 2)))  # fmt: skip
+    of_rest = rests[np.searchsorted(stretch, np.arange(len(count)))]
+    turn, inner = np.zeros(len(count)), np.flatnonzero(of_rest[2:] == of_rest[:-2]) + 1
+    if len(inner):
+        second = np.abs(mean[inner - 1] - 2.0 * mean[inner] + mean[inner + 1])
+        white = np.sqrt(variance[inner - 1] + 4.0 * variance[inner] + variance[inner + 1])
+        turn[inner] = second / np.maximum(white, MEDIAN * np.median(second))  # coloured noise: more
+    return (turn > TURNS)[stretch]
