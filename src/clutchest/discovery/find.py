@@ -275,7 +275,7 @@ def _where(verdict: str, best: Hypothesis, errors: Sequence[Curve]) -> Where | N
     if verdict == "none":
         return None
     equation = errors[0].equation if verdict == "unknown" else best.chosen[0].effect.equation
-    ranked = [c.driver for c in errors if c.equation == equation]
+    ranked = dict.fromkeys(c.driver for c in errors if c.equation == equation)
     return Where(equation, tuple(ranked))
 
 
