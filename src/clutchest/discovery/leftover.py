@@ -130,6 +130,7 @@ def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tupl
 
 
 def _may_go_with(flaw: Flaw, driver: str, at: Floats) -> bool:
+    """Whether a curve over ``driver`` with these knots is looked for."""
     quick = len(at) > max(KNOTS, TIME_KNOTS[0])
     return (not flaw.drivers or driver in flaw.drivers) and not (flaw.slow and quick)
 
