@@ -377,3 +377,26 @@ def test_rivals_see_the_torque_that_is_lacking():
     assert abs(np.mean(nothing)) < 3.0
     assert np.mean(lacks) > 10.0 * abs(np.mean(nothing))  # the engine is braked less
     assert "engine_torque" in regression(drivers, lacks)[:3]
+
+
+def test_a_row_is_refuted_where_its_interval_holds_nothing_that_passes():
+    from blind.table import share
+
+    def row(hits: int, of: int) -> Any:
+        return share("", "≥ 90 %", [True] * hits + [False] * (of - hits), lambda p: p >= 0.9)
+
+    assert row(9, 10).passed and not row(9, 10).refuted
+    assert not row(7, 10).passed and not row(7, 10).refuted  # ten cases cannot tell
+    assert not row(70, 100).passed and row(70, 100).refuted
+    between = share("", "", [True] * 99 + [False], lambda p: 0.94 <= p <= 0.97)
+    assert not between.passed and not between.refuted
+    assert share("", "", [True] * 400, lambda p: 0.94 <= p <= 0.97).refuted
+
+
+def test_the_short_run_fails_where_a_case_is_missing(tmp_path, monkeypatch):
+    from blind import __main__ as suite
+
+    monkeypatch.setattr(sys, "argv", ["blind", "--ci", "--table", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as stop:
+        suite.main()
+    assert stop.value.code == 1

@@ -4,11 +4,14 @@
                             [--shard 0/2] [--measured]
     python benchmarks/blind --out blind-out --hour
     python benchmarks/blind --out blind-out --table
-    python benchmarks/blind --ci --out blind-ci
+    python benchmarks/blind --ci --out blind-ci [--shard 0/2]
+    python benchmarks/blind --ci --out blind-ci --table
 
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
-one holding the smaller.  ``--ci`` is the fixed short run, whose sizes are already known.
+one holding the smaller.  ``--ci`` is the fixed short run, whose sizes are already known; with
+``--table`` it fails where a case is missing, or where what must be reached lies outside a row's
+interval.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour.
 """
 
@@ -54,13 +57,14 @@ def run(cases: list[Case], shard: str, out: Path, known: dict[str, Any], measure
                   file=sys.stderr, flush=True)  # fmt: skip
 
 
-def tell(out: Path) -> None:
+def tell(out: Path) -> list[table.Row]:
     """Print the table of what is finished, and write it beside the list of its cases."""
     records = finished(out)
     found = table.rows(list(records.values()))
     print(table.show(found))
     told = {"rows": [asdict(row) for row in found], "cases": sorted(records)}
     (out / "table.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
+    return found
 
 
 def prepare(shard: str, out: Path) -> None:
@@ -106,7 +110,12 @@ def main() -> None:
         cases = quick() if given.ci else drawn(given.parts, given.limit)
         known = unseal(KNOWN) if given.ci and KNOWN.exists() else {}
         run(cases, given.shard, given.out, known, given.measured)
-    tell(given.out)
+    found = tell(given.out)
+    if given.ci and given.table:
+        missing = {case.name for case in quick()} - set(finished(given.out))
+        refuted = [row.what for row in found if row.refuted]
+        if missing or refuted:
+            parser.exit(1, f"{len(missing)} cases missing; refuted: {', '.join(refuted)}\n")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,8 @@ Record = Mapping[str, Any]
 @dataclass(frozen=True)
 class Row:
     """One line of the table: ``value`` with its exact 95 % interval (99 % for nulls) from ``count``
-    cases; ``passed`` None where nothing was measured."""
+    cases; ``passed`` None where nothing was measured, ``refuted`` where nothing within the interval
+    would pass."""
 
     what: str
     must: str
@@ -33,6 +34,7 @@ class Row:
     low: float | None = None
     high: float | None = None
     passed: bool | None = None
+    refuted: bool = False
 
 
 def share(what: str, must: str, hits: Sequence[bool], test: Callable[[float], bool],
@@ -42,7 +44,9 @@ def share(what: str, must: str, hits: Sequence[bool], test: Callable[[float], bo
         return Row(what, must)
     k, n = int(np.sum(hits)), len(hits)
     limits = binomtest(k, n).proportion_ci(level, "exact")
-    return Row(what, must, n, k / n, float(limits.low), float(limits.high), test(k / n))
+    low, high = float(limits.low), float(limits.high)
+    refuted = not any(test(p) for p in np.linspace(low, high, 101))
+    return Row(what, must, n, k / n, low, high, test(k / n), refuted)
 
 
 def rows(records: Sequence[Record]) -> list[Row]:
@@ -128,8 +132,8 @@ def nulls(records: Sequence[Record]) -> list[Row]:
                 if r["part"] == "null" and r["noise"] == noise]  # fmt: skip
         row = share(f"false findings, {noise}", "does not reject 1 %", hits, lambda _: True, 0.99)
         if row.low is not None and row.high is not None:
-            row = Row(row.what, row.must, row.count, row.value, row.low, row.high,
-                      row.low <= NOMINAL <= row.high)  # fmt: skip
+            passed = row.low <= NOMINAL <= row.high
+            row = replace(row, passed=passed, refuted=not passed)
         found.append(row)
     return found
 
@@ -260,7 +264,8 @@ def _each(records: Sequence[Record]) -> list[Row]:
             float(np.min(seconds)), float(np.max(seconds))),
         Row("memory of one discovery, MiB, largest", "", len(records),
             float(np.max([r["MiB"] for r in records]))),
-        share("discoveries that failed", "none", failed, lambda p: p == 0.0),
+        replace(share("discoveries that failed", "none", failed, lambda p: p == 0.0),
+                refuted=any(failed)),
     ]  # fmt: skip
 
 
