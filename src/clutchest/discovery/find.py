@@ -102,8 +102,10 @@ class _Finding:
             left = curves(problem, search.fitter, look, search.free(best.chosen), seed=3)
             before = search.null.look
         unnamed = bool(left) and _least(left).p_value < UNNAMED
-        if len(best.chosen) > 1 and errors:  # one curve that does as much as several causes
-            most = max(curve.worth for curve in errors)
+        if len(best.chosen) > 1:  # one curve may do as much as several causes
+            before = search.fitter.look(before.theta)
+            errors = curves(problem, search.fitter, before, search.free(()), seed=3)
+            most = max((curve.worth for curve in errors), default=0.0)
             unnamed |= most > search.null.cost - best.cost
         tied = search.tied()
         curve = _transferable(errors) if unnamed else None

@@ -25,7 +25,9 @@ from clutchest.models.flaws import Flaw
 from clutchest.signals import Floats
 
 DRAWS = 1000
-SCALES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])  # standard deviations of coefficients, in units of an error
+SCALES = np.array(
+    [0.1, 0.3, 1.0, 3.0, 10.0]
+)  # standard deviations of coefficients, in units of an error
 BLOCK_TIME = 2.0  # s
 ENTRIES = 8e6  # of derivatives, held at a time
 
