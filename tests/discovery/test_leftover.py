@@ -22,3 +22,16 @@ def test_evidence_is_twice_the_logarithm_of_the_bayes_factor() -> None:
         expected = 2.0 * (np.log(np.mean(np.exp(each), axis=0)) - none.logpdf(y))
         np.testing.assert_allclose(evidence(y @ x, x.T @ x), expected, rtol=1e-9)
         np.testing.assert_allclose(evidence(y[2] @ x, x.T @ x), expected[2], rtol=1e-9)
+
+
+def test_a_faint_direction_is_no_evidence() -> None:
+    """Two columns that are all but one: their difference holds only noise, which may go with what
+    is left of the data."""
+    rng = np.random.default_rng(6)
+    shared, noise = rng.standard_normal((2, 400))
+    x = np.column_stack([shared, shared + 1e-3 * noise])
+    y = 30.0 * noise / np.linalg.norm(noise)
+    length = np.sum(x**2, axis=0).max()
+    plain = evidence(y @ x * 1e3, x.T @ x * 1e6)
+    assert plain > 500.0
+    assert evidence(y @ x * 1e3, x.T @ x * 1e6, 1e-5 * 1e6 * length) < 5.0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from clutchest.discovery.drivers import KNOTS, TIME_KNOTS, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.score import among, cleared, redrawn
-from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.maximum import SAME, Fitter, Look
 from clutchest.identify.problem import Problem
 from clutchest.models import flaws_of
 from clutchest.models.flaws import Flaw
@@ -58,13 +58,16 @@ def curves(
     problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
     """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
-    flaws = flaws_of(problem.compiled.model.name)
+    place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(problem.thetas)}
+    flaws = {name: flaw for name, flaw in flaws_of(problem.compiled.model.name).items()
+             if name in place}  # fmt: skip  # without a signal, some equations are others
     values = [drivers(drive) for drive in problem.drives]
     tables = [(name, driver, at) for driver, at in _bent(problem, values)
               for name, flaw in flaws.items() if _may_go_with(flaw, driver, at)]  # fmt: skip
     choices = Counter(flaws[name].equation for name, _, _ in tables)
     found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
-    for left, some in _left_over(problem, fitter, look, values, tables):
+    for left, some in _left_over(problem, fitter, look, values, tables, place):
+        trace = SAME * np.einsum("kc,kc->c", left, left)
         c = cleared(look, free, fitter.prior, left)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
@@ -76,15 +79,15 @@ def curves(
             rank = float(np.trace(covariance @ information))
             if rank < 0.1:
                 continue
-            rare = 2.0 * np.log(choices[equation])
-            most = np.maximum(most, evidence(null[:, columns], information) - rare)
+            rare, faint = 2.0 * np.log(choices[equation]), float(trace[columns].max())
+            most = np.maximum(most, evidence(null[:, columns], information, faint) - rare)
             best, unrest = covariance @ score, 1.0
-            if evidence(score, information) > 0.0:
+            if evidence(score, information, faint) > 0.0:
                 unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
             found.append(Curve(
                 name, equation, driver, at, best, c.weight[:, columns] @ best,
                 float(score @ best) / unrest - 2.0 * rank,
-                float(evidence(score / unrest, information / unrest)) - rare, 1.0,
+                float(evidence(score / unrest, information / unrest, faint / unrest)) - rare, 1.0,
             ))  # fmt: skip
         del left, c, pure  # before the next ones are made
     # a Bayes factor of B is given to noise once in B times at most
@@ -94,13 +97,15 @@ def curves(
     return sorted(named, key=lambda curve: -curve.evidence)
 
 
-def evidence(score: Floats, information: Floats) -> Floats:
+def evidence(score: Floats, information: Floats, faint: float = 0.0) -> Floats:
     """2 ln of the Bayes factor of coefficients of any of SCALES against none; ``score`` (…, c) and
-    its ``information`` (c, c)."""
+    its ``information`` (c, c), which says nothing where it is ``faint``: what is left of a curve
+    that is nearly a known one is noise of the inputs."""
     strength, directions = np.linalg.eigh(information)
+    told = strength > faint
     variance = SCALES[:, None] ** 2
-    shrunk = 1.0 + variance * np.maximum(strength, 0.0)
-    squares = (score @ directions) ** 2
+    shrunk = 1.0 + variance * np.where(told, strength, 0.0)
+    squares = np.where(told, (score @ directions) ** 2, 0.0)
     each = squares @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
     top = each.max(axis=-1, keepdims=True)
     mean = np.log(np.mean(np.exp((each - top) / 2.0), axis=-1))
@@ -139,11 +144,10 @@ def _may_go_with(flaw: Flaw, driver: str, at: Floats) -> bool:
 
 def _left_over(
     problem: Problem, fitter: Fitter, look: Look, values: Sequence[Mapping[str, Floats]],
-    tables: Sequence[Table],
+    tables: Sequence[Table], place: Mapping[str, int],
 ) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:  # fmt: skip
     """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
-    of each curve; some drivers at a time, as many as memory likes."""
-    place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(problem.thetas)}
+    of each curve; some drivers at a time, as many as memory likes.  ``place`` of each flaw in θ."""
     readings = sum(len(drive.rows) for drive in problem.drives)
     for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
         begins: dict[tuple[str, int], int] = {}
