@@ -12,16 +12,16 @@ def test_evidence_is_twice_the_logarithm_of_the_bayes_factor() -> None:
     """Of data y = X c + noise with c ~ N(0, s²), s any of SCALES, by the marginal likelihoods
     themselves; many scores at once as each alone."""
     rng = np.random.default_rng(5)
-    none = multivariate_normal(np.zeros(40), np.eye(40))
+    healthy = multivariate_normal(np.zeros(40), np.eye(40))
     for columns in (1, 3, 8):
-        x = rng.standard_normal((40, columns))
+        x, none = rng.standard_normal((40, columns)), np.zeros((columns, columns))
         y = rng.standard_normal((4, 40)) + rng.standard_normal((4, columns)) @ x.T
         each = [
             multivariate_normal(np.zeros(40), np.eye(40) + s**2 * x @ x.T).logpdf(y) for s in SCALES
         ]
-        expected = 2.0 * (np.log(np.mean(np.exp(each), axis=0)) - none.logpdf(y))
-        np.testing.assert_allclose(evidence(y @ x, x.T @ x), expected, rtol=1e-9)
-        np.testing.assert_allclose(evidence(y[2] @ x, x.T @ x), expected[2], rtol=1e-9)
+        expected = 2.0 * (np.log(np.mean(np.exp(each), axis=0)) - healthy.logpdf(y))
+        np.testing.assert_allclose(evidence(y @ x, x.T @ x, none), expected, rtol=1e-9)
+        np.testing.assert_allclose(evidence(y[2] @ x, x.T @ x, none), expected[2], rtol=1e-9)
 
 
 def test_a_faint_direction_is_no_evidence() -> None:
@@ -31,7 +31,7 @@ def test_a_faint_direction_is_no_evidence() -> None:
     shared, noise = rng.standard_normal((2, 400))
     x = np.column_stack([shared, shared + 1e-3 * noise])
     y = 30.0 * noise / np.linalg.norm(noise)
-    length = np.sum(x**2, axis=0).max()
-    plain = evidence(y @ x * 1e3, x.T @ x * 1e6)
-    assert plain > 500.0
-    assert evidence(y @ x * 1e3, x.T @ x * 1e6, 1e-5 * 1e6 * length) < 5.0
+    score, information = 1e3 * y @ x, 1e6 * x.T @ x
+    assert evidence(score, information, np.zeros((2, 2))) > 500.0
+    assert evidence(score, information, 1e-5 * information) > 500.0  # of itself: all of it is told
+    assert evidence(score, information, 1e-5 * 1e6 * np.eye(2) * np.sum(shared**2)) < 5.0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from clutchest.discovery.drivers import KNOTS, TIME_KNOTS, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.score import among, cleared, redrawn
-from clutchest.identify.maximum import SAME, Fitter, Look
+from clutchest.identify.maximum import Fitter, Look
 from clutchest.identify.problem import Problem
 from clutchest.models import flaws_of
 from clutchest.models.flaws import Flaw
@@ -28,6 +28,7 @@ DRAWS = 1000
 SCALES = np.array(
     [0.1, 0.3, 1.0, 3.0, 10.0]
 )  # standard deviations of coefficients, in units of an error
+FAINT = 3e-7  # of a curve, squared: so little left over is no more than its inputs' noise
 BLOCK_TIME = 2.0  # s
 ENTRIES = 8e6  # of derivatives, held at a time
 
@@ -67,19 +68,19 @@ def curves(
     choices = Counter(flaws[name].equation for name, _, _ in tables)
     found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
     for left, some in _left_over(problem, fitter, look, values, tables, place):
-        trace = SAME * np.einsum("kc,kc->c", left, left)
+        whole = [left[:, columns].T @ left[:, columns] for _, columns in some]
         c = cleared(look, free, fitter.prior, left)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
         null += redrawn(look.r, c.pure, DRAWS, rng)
-        for (name, driver, at), columns in some:
+        for ((name, driver, at), columns), gram in zip(some, whole, strict=True):
             pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
             score, equation = c.score[columns], flaws[name].equation
             covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
             rank = float(np.trace(covariance @ information))
             if rank < 0.1:
                 continue
-            rare, faint = 2.0 * np.log(choices[equation]), float(trace[columns].max())
+            rare, faint = 2.0 * np.log(choices[equation]), FAINT * gram
             most = np.maximum(most, evidence(null[:, columns], information, faint) - rare)
             best, unrest = covariance @ score, 1.0
             if evidence(score, information, faint) > 0.0:
@@ -97,12 +98,12 @@ def curves(
     return sorted(named, key=lambda curve: -curve.evidence)
 
 
-def evidence(score: Floats, information: Floats, faint: float = 0.0) -> Floats:
+def evidence(score: Floats, information: Floats, faint: Floats) -> Floats:
     """2 ln of the Bayes factor of coefficients of any of SCALES against none; ``score`` (…, c) and
-    its ``information`` (c, c), which says nothing where it is ``faint``: what is left of a curve
-    that is nearly a known one is noise of the inputs."""
+    its ``information`` (c, c), which says nothing in directions in which it is less than ``faint``
+    (c, c): what is left of a curve that is nearly a known one is noise of the inputs."""
     strength, directions = np.linalg.eigh(information)
-    told = strength > faint
+    told = strength > np.sum(directions * (faint @ directions), axis=0)
     variance = SCALES[:, None] ** 2
     shrunk = 1.0 + variance * np.where(told, strength, 0.0)
     squares = np.where(told, (score @ directions) ** 2, 0.0)

@@ -27,7 +27,7 @@ AHEAD = 0.05  # of a step: where one looks how the valley bends
 SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
 SLOW = 0.003  # of the cost: what lies so far off need not be found to the last digit
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
-SAME = 1e-5  # of a derivative, squared: what two differ by less is their inputs' noise
+SAME = 3e-6  # of a derivative, squared: what two differ by less is their inputs' noise
 NEARLY = (
     10.0  # of the sum of squares: the colour of the noise is learned when it changes it by less
 )
