@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clutchest.discovery.candidates import Candidate, candidates, settings
 from clutchest.discovery.score import Board, board
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.maximum import Fitter, Look
+from clutchest.identify.maximum import SAME, Fitter, Look
 from clutchest.identify.problem import Problem
 from clutchest.signals import Floats
 
@@ -181,7 +181,7 @@ class Search:
         both = [self.fitter.taught(best.look), self.fitter.again(self.null.look)]
         self.fitter.focus([
             *(look.psi for look in both), *(self.columns(look, self.all) for look in both)
-        ])  # fmt: skip
+        ], SAME)  # fmt: skip
         null = self.fitter.improve(self.fitter.again(self.null.look), self.free(()))
         self.null = self.best = Hypothesis((), self.fitter.look(null.theta))
         return [

@@ -27,7 +27,8 @@ AHEAD = 0.05  # of a step: where one looks how the valley bends
 SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
 SLOW = 0.003  # of the cost: what lies so far off need not be found to the last digit
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
-SAME = 3e-6  # of a derivative, squared: what two differ by less is their inputs' noise
+NOTHING = 1e-10  # of a derivative, squared: rounding
+SAME = 3e-6  # the same: what a derivative at two places differs by less is its inputs' noise
 NEARLY = (
     10.0  # of the sum of squares: the colour of the noise is learned when it changes it by less
 )
@@ -163,13 +164,14 @@ class Fitter:
         """What of ``values`` (K, …) lies in the span."""
         return values if self.span is None else self.span.T @ values
 
-    def focus(self, columns: Sequence[Floats]) -> None:
-        """Judge fits by what lies in the span of these derivatives (K, …)."""
+    def focus(self, columns: Sequence[Floats], least: float = NOTHING) -> None:
+        """Judge fits by what lies in the span of these derivatives (K, …), without directions that
+        hold ``least`` of them, squared, or less."""
         table = np.column_stack(columns)
         length = np.linalg.norm(table, axis=0)
         table /= np.where(length > 1e-6, length, np.inf)
         directions, strength, _ = np.linalg.svd(table.T @ table)
-        keep = strength > SAME
+        keep = strength > least
         self.span = table @ (directions[:, keep] / np.sqrt(strength[keep]))
 
     def learn(self, raw: Sequence[Rows], theta: Floats) -> None:
