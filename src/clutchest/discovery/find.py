@@ -32,6 +32,7 @@ from clutchest.discovery.result import (
 )
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.estimate.whole_log import Progress
+from clutchest.identify.maximum import Look
 from clutchest.identify.problem import Problem
 from clutchest.models import only_for
 from clutchest.models.effects import Effect, effects_of_file, library
@@ -93,18 +94,18 @@ class _Finding:
         tells = identifiability(search.all, problem.units, search.first, LEVEL)
         if self.told:
             self.told(tells)
-        errors = curves(problem, search.fitter, before, search.free(()), seed=3)
+        errors = self._left_over(search, before)
         search.run(self.progress)
         best, left = search.best, errors
         if best.chosen:
             look = search.fitter.look(best.look.theta, best.look.shapes)
             search.best = best = Hypothesis(best.chosen, look)
-            left = curves(problem, search.fitter, look, search.free(best.chosen), seed=3)
+            left = self._left_over(search, look, best.chosen)
             before = search.null.look
         unnamed = bool(left) and _least(left).p_value < UNNAMED
         if len(best.chosen) > 1:  # one curve may do as much as several causes
             before = search.fitter.look(before.theta)
-            errors = curves(problem, search.fitter, before, search.free(()), seed=3)
+            errors = self._left_over(search, before)
             most = max((curve.worth for curve in errors), default=0.0)
             unnamed |= most > search.null.cost - best.cost
         tied = search.tied()
@@ -154,6 +155,12 @@ class _Finding:
             warnings=tuple(warnings),
             provenance=self._provenance(problem),
         )  # fmt: skip
+
+    def _left_over(
+        self, search: Search, look: Look, chosen: Sequence[Candidate] = ()
+    ) -> list[Curve]:
+        """What neither the nuisances nor the ``chosen`` causes explain at ``look``."""
+        return curves(search.problem, search.fitter, look, search.free(chosen), seed=3)
 
     def _causes(self, search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Cause, ...]:
         found: dict[str, Cause] = {}

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.discovery.drivers import KNOTS, TIME_KNOTS, drivers, hats, knots
+from clutchest.discovery.drivers import TIME_KNOTS, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.score import among, cleared, redrawn
 from clutchest.identify.maximum import Fitter, Look
@@ -60,8 +60,8 @@ def curves(
 ) -> list[Curve]:
     """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
     place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(problem.thetas)}
-    flaws = {name: flaw for name, flaw in flaws_of(problem.compiled.model.name).items()
-             if name in place}  # fmt: skip  # without a signal, some equations are others
+    # without a signal, some equations are others
+    flaws = {k: v for k, v in flaws_of(problem.compiled.model.name).items() if k in place}
     values = [drivers(drive) for drive in problem.drives]
     tables = [(name, driver, at) for driver, at in _bent(problem, values)
               for name, flaw in flaws.items() if _may_go_with(flaw, driver, at)]  # fmt: skip
@@ -139,7 +139,7 @@ def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tupl
 
 def _may_go_with(flaw: Flaw, driver: str, at: Floats) -> bool:
     """Whether a curve over ``driver`` with these knots is looked for."""
-    quick = len(at) > max(KNOTS, TIME_KNOTS[0])
+    quick = len(at) == max(TIME_KNOTS)
     return (not flaw.drivers or driver in flaw.drivers) and not (flaw.slow and quick)
 
 

@@ -75,11 +75,17 @@ def _means(
     coarse = _stretches(since, rests, RESTED)
     bends = _bends(line, of, coarse, rests)
     stretch = _stretches(np.where(bends, since, np.floor(since / RESTED) * RESTED), rests, BENT)
+    mean, variance = _averages(line, of, stretch)
+    first = np.searchsorted(stretch, np.arange(len(mean)))
+    return of[first + np.bincount(stretch) // 2], mean, variance
+
+
+def _averages(
+    line: Timeline, of: NDArray[np.int64], stretch: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """The mean of every ``stretch`` of readings, and its variance; R is that of one reading."""
     count = np.bincount(stretch)
-    first = np.searchsorted(stretch, np.arange(len(count)))
-    mean = np.bincount(stretch, line.z[of]) / count
-    # R is the variance of one reading, the same for all of a sensor
-    return of[first + count // 2], mean, np.bincount(stretch, line.R[of]) / count**2
+    return np.bincount(stretch, line.z[of]) / count, np.bincount(stretch, line.R[of]) / count**2
 
 
 def _stretches(since: Floats, rests: NDArray[np.int64], length: float) -> NDArray[np.int64]:
@@ -94,11 +100,9 @@ def _bends(
 ) -> NDArray[np.bool_]:
     """Whether each reading (k) lies in a stretch in which readings turn: there, their mean is not
     what the middle one shows."""
-    count = np.bincount(stretch)
-    mean, variance = (np.bincount(stretch, v[of]) / count**n
-                      for v, n in ((line.z, 1), (line.R, 2)))  # fmt: skip
-    of_rest = rests[np.searchsorted(stretch, np.arange(len(count)))]
-    turn, inner = np.zeros(len(count)), np.flatnonzero(of_rest[2:] == of_rest[:-2]) + 1
+    mean, variance = _averages(line, of, stretch)
+    of_rest = rests[np.searchsorted(stretch, np.arange(len(mean)))]
+    turn, inner = np.zeros(len(mean)), np.flatnonzero(of_rest[2:] == of_rest[:-2]) + 1
     if len(inner):
         second = np.abs(mean[inner - 1] - 2.0 * mean[inner] + mean[inner + 1])
         white = np.sqrt(variance[inner - 1] + 4.0 * variance[inner] + variance[inner + 1])
