@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from clutchest.identify.calm import REACH, calm, path
+from clutchest.identify.calm import REACH, calm, pace, path
 
 T = np.arange(0.0, 60.0, 0.01)
 ALWAYS = np.ones(len(T), bool)
@@ -84,3 +84,17 @@ def test_short_pulses_are_no_more_noise_than_the_sensor_has():
 
     assert share() < 0.6  # much of them passes for noise
     assert share(most=1.0) > 0.9
+
+
+def test_a_pace_is_that_of_a_signal_and_none_of_its_noise():
+    rising = 5.0 * np.clip(T - 2.0, 0.0, 1.0)
+    noisy = rising + 0.001 * np.random.default_rng(7).normal(size=len(T))
+    found = pace(T, noisy, ALWAYS)
+    inside = (T > 2.1) & (T < 2.9)
+    np.testing.assert_allclose(found[inside], 5.0, atol=0.7)
+    assert np.mean(found[(T < 1.8) | (T > 3.2)] == 0.0) > 0.95
+
+
+def test_events_at_one_instant_have_no_pace():
+    t = np.array([0.0, 0.01, 0.01, 0.02])
+    assert not pace(t, np.arange(4.0), np.ones(4, bool)).any()

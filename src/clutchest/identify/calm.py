@@ -72,7 +72,7 @@ def _smooth(t: Floats, value: Floats, window: float, rate: int = 0) -> Floats:
     s."""
     grid, count = np.arange(t[0], t[-1], GRID), round(window / GRID) | 1
     if len(grid) < count:
-        return np.gradient(value, t) if rate else value
+        return np.zeros_like(value) if rate else value  # too short to tell a rate
     parabolas = savgol_filter(np.interp(grid, t, value), count, 2, deriv=rate, delta=GRID)
     return np.asarray(np.interp(t, grid, parabolas))
 
