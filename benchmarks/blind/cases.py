@@ -22,6 +22,7 @@ LOG, HELD_OUT, VEHICLE = "log.parquet", "held-out.parquet", "vehicle.toml"
 NAMED = 12.0  # d′ from which on causes are to be named, and rivals matter
 TRIES = 6  # drives, or pairs of effects, until one suits
 EXACT = 0.1  # of a size: what it need not be nearer to the d′ aimed at
+NOTHING = 0.05  # of a first order's d′: less is none
 SHARE = 0.25  # of the largest size: where the search for an outsider's size begins
 
 Answer = dict[str, Any]
@@ -77,25 +78,30 @@ def _effect(case: Case) -> Answer:
     oracle, random = Oracle(case.drive()), _random(case)
     name, key = case.cause.split(".")
     number, shape = _number(case, name, key), _shape(case, name, random)
-    sign = 1.0 if number.one_sided else float(random.choice((-1.0, 1.0)))
-    bound = number.upper if sign > 0 else -number.lower
+    drawn = 1.0 if number.one_sided else float(random.choice((-1.0, 1.0)))
 
     def effects(size: float) -> dict[str, dict[str, float]]:
         return {name: {key: sign * size, **shape}}
 
     shapes = {(name, shaped): value for shaped, value in shape.items()}
     unit = oracle.per_largest(case.cause, shapes=shapes) / number.upper
-    size = min(case.d_prime / max(unit, 1e-9), bound)
-    for _ in range(3):
+    for sign in (drawn,) if number.one_sided else (drawn, -drawn):
+        bound = number.upper if sign > 0 else -number.lower
+        size = min(case.d_prime / max(unit, 1e-9), bound)
         twin = oracle.twin(effects(size))
         reached = oracle.distance(twin)
-        last, size = size, min(size * case.d_prime / max(reached, 1e-9), bound)
-        if abs(size - last) < EXACT * last:
+        if reached >= NOTHING * unit * size:
+            break  # else it has nothing to change here: no share of heat is below nought
+    for _ in range(2):
+        nearer = min(size * case.d_prime / max(reached, 1e-9), bound)
+        if abs(nearer - size) < EXACT * size:
             break
+        size, twin = nearer, oracle.twin(effects(nearer))
+        reached = oracle.distance(twin)
     near = oracle.nearest(twin) if case.d_prime >= NAMED else {}
     near.pop(name, None)
     return {
-        "effects": effects(last), "d_prime": reached, "rivals": near,
+        "effects": effects(size), "d_prime": reached, "rivals": near,
         "one_sided": number.one_sided, "excited": oracle.excited(),
     }  # fmt: skip
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import ChainMap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from types import MappingProxyType
 
@@ -32,6 +32,7 @@ FAR = 5.0  # standard deviations; what is further off is no noise
 NOMINAL: Shapes = MappingProxyType({})
 STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is promised
 KINK = 0.1  # s
+SHARES = (0.125, 0.25, 0.5, 1.0)  # of a cause
 CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitted in full, and so
 # many of the nearest in any case: far from what is hidden, a first order makes them seem further
 
@@ -82,16 +83,28 @@ class Oracle:
         return self.drive.signals(effects, outsider, noiseless=True, scenario=self.scenario)
 
     def twin(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Twin:
-        """The drive with a cause in it and no noise."""
-        gains = np.zeros(len(self.thetas))
-        for i, theta in enumerate(self.thetas):
-            if theta.gain:
-                gains[i] = (effects or {}).get(theta.owner, {}).get(theta.key, 0.0) / theta.unit
-        own = self.clean.psi[:, self.nuisances]
-        mimics = np.linalg.solve(own.T @ own + np.eye(own.shape[1]), own.T @ self.clean.psi @ gains)
-        begin = self.centre.copy()
-        begin[self.nuisances] += mimics
-        return Twin(self._problem(self._exact(effects, outsider)), begin)
+        """The drive with a cause in it and no noise.
+
+        What nuisances make of the cause is followed up from a small share of it: looked for at
+        once, they stray where they bend.
+        """
+        near = self.centre
+        for share in SHARES:
+            problem = self._problem(self._exact(*self._shared(effects, outsider, share)))
+            further = self.centre + 2.0 * (near - self.centre)
+            begin = min((near, further), key=lambda at: self._look(problem, at, NOMINAL).cost)
+            near = self._fit(Twin(problem, begin)).theta
+        return Twin(problem, near)
+
+    def _shared(
+        self, effects: Effects | None, outsider: Outsider | None, share: float
+    ) -> tuple[Effects, Outsider | None]:
+        """``share`` of a cause: its gains, not its shapes."""
+        gains = {(theta.owner, theta.key) for theta in self.thetas if theta.gain}
+        less = {name: {key: value * (share if (name, key) in gains else 1.0)
+                       for key, value in numbers.items()}
+                for name, numbers in (effects or {}).items()}  # fmt: skip
+        return less, outsider and replace(outsider, size=share * outsider.size)
 
     def _look(self, problem: Problem, theta: Floats, shapes: Shapes) -> Look:
         [rows], [drive] = problem.linearise(theta, shapes), problem.drives
