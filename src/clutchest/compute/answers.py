@@ -9,19 +9,23 @@ from math import ceil
 import numpy as np
 from numba import njit
 
-from clutchest.compute.kernel import add_product, inputs_between
+from clutchest.compute.kernel import inputs_between
 from clutchest.compute.lowered import (
     INPUTS,
     STATES,
     THETAS,
+    carry,
     dynamics,
     follow,
+    gathered,
     reading,
     reading_signature,
     transition,
 )
 
 # --- the generated module goes on from here ---
+
+LANES = 16  # columns that the processor takes at once: what is over, it takes one by one
 
 
 @njit(cache=True, error_model="numpy")
@@ -47,8 +51,10 @@ def answer(
     the ``place`` (K) of each reading, which is −1 where nobody asks.
     """
     n, m, a = STATES, THETAS, len(active)
+    wide = (a + LANES - 1) // LANES * LANES
     F, Q, G, Hm = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, m)), np.zeros(m)
-    T, H_a, acts = np.zeros((n, a)), np.zeros(a), np.ones(a)
+    T, H_a, acts = np.zeros((n, wide)), np.zeros(a), np.ones(a)
+    S = widened(S, wide)
     xn, xc, H, PH = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     for k in range(len(t)):
@@ -68,13 +74,14 @@ def answer(
                 for b, j in enumerate(tracked):
                     xc[j] = calm[k - 1, b]
                 follow(x, ua, ub, dt, w, p, g, slope[k], xn)
-                transition(xc, va, vb, dt, w, p, g, slope[k], Qs[row[k]], noise, F, Q, G)
+                transition(xc, va, vb, dt, w, p, g, slope[k], F, G)
                 if not frozen:
+                    gathered(xc, va, vb, dt, w, p, g, slope[k], Qs[row[k]], noise, Q)
                     spread(P, F, Q, tracked)
                 for j in range(n):
                     for c in range(a):
                         T[j, c] = G[j, active[c]] * acts[c]
-                add_product(F, S, T, a)
+                carry(F, S, T, wide)
                 S, T = T, S
                 x, xn = xn, x
         if sensor[k] >= 0:
@@ -100,6 +107,14 @@ def answer(
                     out_answer[at, c] = -H_a[c]
         for i in range(n):
             out_x[k, i] = x[i]
+
+
+@njit(cache=True, error_model="numpy")
+def widened(S, wide):
+    """The same with columns of zeros up to ``wide`` of them."""
+    found = np.zeros((len(S), wide))
+    found[:, : S.shape[1]] = S
+    return found
 
 
 @njit(cache=True, error_model="numpy")

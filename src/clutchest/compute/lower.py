@@ -12,6 +12,8 @@ from clutchest.models.model import Expressions, Model
 
 START = "start"  # owner of a theta that is a state's first value
 _SCALARS = ("dt",)  # arguments that are plain numbers
+# a product and a sum in one instruction, which is rounded once instead of twice
+_COMPILED = "@njit(cache=True, error_model='numpy', fastmath={'contract'})"
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
 # What each operation of CasADi is in Python; see compute.choices for the named ones.
@@ -68,8 +70,11 @@ def lower(
             lines.append(f"{target}[{row}, {column}] = {texts[of]}")
     lines.append(f"return {result}")
     arguments = ", ".join([*inputs, *(t for t in targets if t != returned)])
-    head = f"@njit(cache=True, error_model='numpy')\ndef {name}({arguments}):\n"
-    return head + "\n".join("    " + line for line in lines) + "\n"
+    return (
+        f"{_COMPILED}\ndef {name}({arguments}):\n"
+        + "\n".join("    " + line for line in lines)
+        + "\n"
+    )
 
 
 def _values(
@@ -160,11 +165,9 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         lower("step_signature", over | {"slope": slope},
               {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
         lower("follow", calmly, {"xn": calm.x}),
-        lower(
-            "transition",
-            calmly | {"q": calm.q, "noise": calm.noise},
-            {"F": ca.jacobian(calm.x, e.x), "Q": calm.Q, "G": by_theta(calm.x, calm)},
-        ),
+        lower("transition", calmly, {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm)}),
+        _product("carry", ca.jacobian(calm.x, e.x)),
+        lower("gathered", calmly | {"q": calm.q, "noise": calm.noise}, {"Q": calm.Q}),
         lower("implied", at, {"v": e.implied}),
         lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),
         lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
@@ -194,6 +197,20 @@ def forward_text(model: Model, watched: Sequence[str]) -> str:
     over = {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
     at = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
     return "\n\n".join([lower("advance", over, {"xn": taken.x}), lower("watch", at, {"y": shown})])
+
+
+def _product(name: str, matrix: ca.SX) -> str:
+    """A function ``name(F, X, T, columns)``: T ← T + F X for an F with zeros where ``matrix`` has
+    them.  All rows of a column at once, so that columns are loaded once and go in parallel."""
+    places = list(zip(*matrix.sparsity().get_triplet(), strict=True))
+    rows = {i: [k for row, k in places if row == i] for i, _ in places}
+    lines = [_COMPILED, f"def {name}(F, X, T, columns):",
+             *(f"    f{i}_{k} = F[{i}, {k}]" for i, k in places),
+             "    for c in range(columns):",
+             *(f"        x{k} = X[{k}, c]" for k in sorted({k for _, k in places})),
+             *(f"        T[{i}, c] += {' + '.join(f'f{i}_{k} * x{k}' for k in of)}"
+               for i, of in rows.items())]  # fmt: skip
+    return "\n".join(lines) + "\n"
 
 
 def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:

@@ -42,10 +42,22 @@ def follow(
 
 
 def transition(
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, F: Any, G: Any
+) -> float:
+    """F and G of ``follow``, as ``step`` and ``step_signature`` have them."""
+    raise NotImplementedError
+
+
+def carry(F: Any, X: Any, T: Any, columns: int) -> None:
+    """T ← T + F X, the first ``columns`` of them, for the F of a ``transition``."""
+    raise NotImplementedError
+
+
+def gathered(
     x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, q: Any, noise: Any,
-    F: Any, Q: Any, G: Any,
+    Q: Any,
 ) -> float:  # fmt: skip
-    """F, Q and G of ``follow``, as ``step`` and ``step_signature`` have them."""
+    """Q of ``follow``, as ``step`` has it."""
     raise NotImplementedError
 
 

@@ -130,32 +130,39 @@ class LinearDrive:
         return t - np.maximum.accumulate(np.where(begins, t, t[0]))
 
     def answer(
-        self,
-        p: Floats,
-        g: Floats,
-        x: Floats,
-        late: Mapping[str, float],
-        active: NDArray[np.int64],
-        basis: Floats | None = None,
-        which: NDArray[np.int64] | None = None,
+        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float], active: NDArray[np.int64]
     ) -> tuple[Floats, Floats]:
         """Innovations (K) of the readings that count, and their derivatives (K, a) by the
-        ``active`` thetas (a) of the compiled model.  With ``basis`` (events, b), theta c acts in
-        proportion to its column ``which[c]``.
+        ``active`` thetas (a) of the compiled model.
 
         ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
         on top of the delays known before.  Derivatives are taken at the inputs that the run before
         implied (see ``compute.answers``).
         """
+        everywhere = np.zeros((len(self.line.t), 0)), np.full(len(active), -1)
+        innovations, answers, states = self._run(p, g, x, late, active, *everywhere)
+        self.states = states
+        self._imply(p, g, self._late(late))
+        return innovations, answers
+
+    def modulated(
+        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float],
+        active: NDArray[np.int64], basis: Floats, which: NDArray[np.int64],
+    ) -> Floats:  # fmt: skip
+        """Derivatives as of :meth:`answer`, of thetas of which number c acts in proportion to
+        column ``which[c]`` of ``basis`` (events, b)."""
+        return self._run(p, g, x, late, active, basis, which)[1]
+
+    def _run(
+        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float],
+        active: NDArray[np.int64], basis: Floats, which: NDArray[np.int64],
+    ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+        """Innovations, derivatives, and the states (events, n) on the way."""
         line, functions = self.line, self.compiled.functions
-        u, n, m = line.u.copy(), len(x), len(self.compiled.thetas)
-        measured = self.smooth.copy()
-        for name, delay in late.items():
-            j = self.compiled.model.input(name)
-            measured[:, j] = np.interp(line.t + delay, *self.course[j])
-            # only the smooth part is shifted: between its samples noise would seem smaller
-            u[:, j] += measured[:, j] - self.smooth[:, j]
-        true = measured.copy()
+        n, m = len(x), len(self.compiled.thetas)
+        measured = self._late(late)
+        # only the smooth part is shifted: between its samples noise would seem smaller
+        u, true = line.u + (measured - self.smooth), measured
         for j, by in self.moved.items():
             true[:, j] += by
         started, S = np.zeros(n), np.zeros((n, m))
@@ -166,17 +173,32 @@ class LinearDrive:
         place = np.full(len(line.t), -1)
         place[self.rows] = np.arange(len(self.rows))
         functions.answer(
-            started, self.start.P.copy(), S[:, active].copy(), active,
-            np.zeros((len(u), 0)) if basis is None else basis,
-            np.full(len(active), -1) if which is None else which,
+            started, self.start.P.copy(), S[:, active].copy(), active, basis, which,
             line.t, line.sensor, line.z, line.R, u, true, self._slopes(late), self.calm,
             np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
             self.frozen, self.gain, self.variance, place, states, innovations, answers,
         )  # fmt: skip
-        self.states = states
-        implied, acts = true.copy(), np.flatnonzero(self.acts)
-        functions.imply(states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts,
-                        line.W, line.noise, p, g, measured, implied)  # fmt: skip
+        return innovations, answers, states
+
+    def _late(self, late: Mapping[str, float]) -> Floats:
+        """The smooth inputs (events, nu), some of them ``late``."""
+        measured = self.smooth.copy()
+        for name, delay in late.items():
+            j = self.compiled.model.input(name)
+            measured[:, j] = np.interp(self.line.t + delay, *self.course[j])
+        return measured
+
+    def _imply(self, p: Floats, g: Floats, measured: Floats) -> None:
+        """What the inputs must have been at the states of the last run, for the next one; as
+        ``measured`` (events, nu) where nothing tells of it."""
+        line, acts = self.line, np.flatnonzero(self.acts)
+        implied = measured.copy()
+        for j, by in self.moved.items():
+            implied[:, j] += by
+        self.compiled.functions.imply(
+            self.states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts, line.W,
+            line.noise, p, g, measured, implied,
+        )  # fmt: skip
         moves, self.moved = np.any((implied != measured)[acts], axis=0), {}
         for j in map(int, np.flatnonzero(moves)):
             # θ may lie where the equations run away: the next run begins from here
@@ -187,7 +209,6 @@ class LinearDrive:
         for j, by in self.moved.items():
             measured[:, j] += by
         self.expected = measured
-        return innovations, answers
 
     def _slopes(self, late: Mapping[str, float]) -> Floats:
         """Slopes (K, nu), on the way to each event, of inputs that may be late or that drag

@@ -186,7 +186,7 @@ class Problem:
         p, g, late = self.numbers(theta, shapes)
         found = []
         for i, (drive, basis) in enumerate(zip(self.drives, bases, strict=True)):
-            _, answers = drive.answer(
+            answers = drive.modulated(
                 p, g, self._first(i, theta), late, thetas, np.ascontiguousarray(basis), columns
             )
             answers /= drive.std[:, None]
