@@ -297,3 +297,25 @@ def test_a_drives_optimum_is_that_of_least_squares(drive):
     off = look.theta[free] - best.x
     assert look.cost < 2 * best.cost + 2 * SETTLED
     assert off @ (best.jac.T @ best.jac) @ off < 4 * SETTLED
+
+
+def test_derivatives_do_not_remember_where_a_fit_has_been(drive):
+    """Where a number is far off, the inputs that would explain the data are others; once somebody
+    has looked there, a plain look at home is taken in by them, an arrival is not."""
+    fitter, home = Fitter(drive), np.zeros(len(drive.thetas))
+    far, gain = home.copy(), drive.index("friction_level", "change")
+    far[gain] = -0.4 / drive.units[gain]
+    gains = drive.gains
+    right = fitter.arrive(home).psi[:, gains]
+    fitter.look(far)
+    taken_in = fitter.look(home).psi[:, gains]
+    fitter.look(far)
+    arrived = fitter.arrive(home).psi[:, gains]
+    length = np.linalg.norm(right, axis=0)
+    seen = length > 0.0
+
+    def off(psi: Floats) -> float:
+        return float(np.max(np.linalg.norm(psi - right, axis=0)[seen] / length[seen]))
+
+    assert off(arrived) < 0.2 * off(taken_in)
+    assert off(taken_in) > 0.01

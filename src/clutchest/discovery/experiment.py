@@ -61,7 +61,7 @@ def _least_distance(rivals: Sequence[tuple[Candidate, float]], problem: Problem)
     theta = np.zeros(len(problem.thetas))
     theta[problem.index(first.name, first.gain.key)] = size
     shapes = settings(tuple(c for c, _ in rivals))
-    look = fitter.taught(fitter.look(theta, shapes))
+    look = fitter.taught(fitter.arrive(theta, shapes))
     columns = look.psi[:, [problem.index(c.name, c.gain.key) for c, _ in rivals]]
     scores: Board = board(look, problem.nuisances, fitter.prior, columns,
                           [c.gain.one_sided for c, _ in rivals], SEED, draws=1)  # fmt: skip

@@ -98,13 +98,13 @@ class _Finding:
         search.run(self.progress)
         best, left = search.best, errors
         if best.chosen:
-            look = search.fitter.look(best.look.theta, best.look.shapes)
+            look = search.fitter.arrive(best.look.theta, best.look.shapes)
             search.best = best = Hypothesis(best.chosen, look)
             left = self._left_over(search, look, best.chosen)
             before = search.null.look
         unnamed = bool(left) and _least(left).p_value < UNNAMED
         if len(best.chosen) > 1:  # one curve may do as much as several causes
-            before = search.fitter.look(before.theta)
+            before = search.fitter.arrive(before.theta)
             errors = self._left_over(search, before)
             most = max((curve.worth for curve in errors), default=0.0)
             unnamed |= most > search.null.cost - best.cost
@@ -165,7 +165,7 @@ class _Finding:
     def _causes(self, search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Cause, ...]:
         found: dict[str, Cause] = {}
         for h in hypotheses:
-            look = search.fitter.look(h.look.theta, h.look.shapes)
+            look = search.fitter.arrive(h.look.theta, h.look.shapes)
             free = search.free(h.chosen)
             curvature = look.information[np.ix_(free, free)] + np.diag(
                 search.fitter.prior[free] + 1e-9

@@ -57,7 +57,7 @@ def in_turns(search: Search, best: Hypothesis) -> Gain:
     part = np.searchsorted(edges, times)
     found: list[_Foretold] = []
     for hypothesis in (search.null, best):
-        look = fitter.look(hypothesis.look.theta, hypothesis.look.shapes)
+        look = fitter.arrive(hypothesis.look.theta, hypothesis.look.shapes)
         parts: list[_Foretold] = []
         for k in range(PARTS):
             rest = fitter.without(part == k)

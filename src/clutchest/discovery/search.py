@@ -94,7 +94,7 @@ class Search:
 
     def scores(self, base: Hypothesis, wanted: Sequence[Candidate], seed: int) -> Board:
         """Scores of ``wanted`` beside the causes in ``base``."""
-        look = self.fitter.look(base.look.theta, base.look.shapes)
+        look = self.fitter.arrive(base.look.theta, base.look.shapes)
         return self.scored(replace(base, look=look), wanted, self.columns(look, wanted), seed)
 
     def scored(
@@ -114,7 +114,7 @@ class Search:
         kept = {c.index for c in chosen}
         bent = begin.theta.copy()
         bent[[i for i in self.problem.gains if i not in kept]] = 0.0
-        best = self.fitter.improve(self.fitter.look(bent, shapes, free), free)
+        best = self.fitter.improve(self.fitter.arrive(bent, shapes, free), free)
         return Hypothesis(chosen, best)
 
     def run(self, progress: Progress | None = None) -> None:
@@ -178,11 +178,12 @@ class Search:
         """The same fits with the noise that the best of them leaves over: what a cause explains
         is none."""
         best = min(grown, key=lambda h: h.cost)
-        both = [self.fitter.taught(best.look), self.fitter.again(self.null.look)]
-        self.fitter.focus([
-            *(look.psi for look in both), *(self.columns(look, self.all) for look in both)
-        ], SAME)  # fmt: skip
-        null = self.fitter.improve(self.fitter.again(self.null.look), self.free(()))
+        self.fitter.come(best.look.theta, best.look.shapes)
+        at = self.fitter.taught(best.look)
+        known = [at.psi, self.columns(at, self.all)]
+        null = self.fitter.arrive(self.null.look.theta)
+        self.fitter.focus([*known, null.psi, self.columns(null, self.all)], SAME)
+        null = self.fitter.improve(self.fitter.again(null), self.free(()))
         self.null = self.best = Hypothesis((), self.fitter.look(null.theta))
         return [
             Hypothesis(

@@ -126,6 +126,21 @@ class Fitter:
         raw = self.problem.linearise(theta, shapes, active)
         return self._white(raw, theta, shapes)
 
+    def come(self, theta: Floats, shapes: Shapes = NO_SHAPES) -> None:
+        """Imply the inputs at ``theta`` (m): derivatives are taken at those that the run before
+        implied, and that was elsewhere."""
+        self.problem.linearise(theta, shapes, np.zeros(0, np.int64))
+
+    def arrive(
+        self,
+        theta: Floats,
+        shapes: Shapes = NO_SHAPES,
+        active: NDArray[np.int64] | None = None,
+    ) -> Look:
+        """As :meth:`look`, from elsewhere."""
+        self.come(theta, shapes)
+        return self.look(theta, shapes, active)
+
     def taught(self, look: Look) -> Look:
         """The same with every derivative, once the colour has been learned from it."""
         look = self.look(look.theta, look.shapes)
@@ -192,7 +207,7 @@ class Fitter:
     ) -> Look:
         """From ``theta`` on to the most probable values of the ``free`` ones (indices), nuisances
         among them; gains stay within their plausible sizes."""
-        return self.improve(self.look(theta, shapes), free)
+        return self.improve(self.arrive(theta, shapes), free)
 
     def improve(self, look: Look, free: NDArray[np.int64]) -> Look:
         """The same from a look on.
