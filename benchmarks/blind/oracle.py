@@ -39,10 +39,13 @@ CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitt
 
 @dataclass(frozen=True)
 class Twin:
-    """A drive, and the numbers (m) from which to look for the most probable ones."""
+    """A drive without noise as a cause in it ``grew``; the whole of it comes last."""
 
-    problem: Problem
-    begin: Floats
+    grew: tuple[Problem, ...]
+
+    @property
+    def problem(self) -> Problem:
+        return self.grew[-1]
 
 
 @dataclass(frozen=True)
@@ -70,11 +73,11 @@ class Oracle:
         noisy = self._problem(drive.signals(scenario=scenario))
         self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
         self.centre, self.colour = np.zeros(len(self.thetas)), None
-        near = self._fit(Twin(noisy, self.centre)).theta
+        near = self._fit(noisy, self.centre).theta
         self.colour = self._colour_of(noisy, near)
-        self.centre = self._fit(Twin(noisy, near)).theta  # from here on the truck's own numbers
-        self.exact = Twin(self._problem(self._exact()), self.centre)
-        self.clean = self._fit(self.exact)
+        self.centre = self._fit(noisy, near).theta  # from here on the truck's own numbers
+        self.exact = self._problem(self._exact())
+        self.clean = self._fit(self.exact, self.centre)
 
     def _problem(self, signals: Signals) -> Problem:
         return Problem(signals, self.drive.vehicle, tuple(self.effects.values()))
@@ -83,18 +86,9 @@ class Oracle:
         return self.drive.signals(effects, outsider, noiseless=True, scenario=self.scenario)
 
     def twin(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Twin:
-        """The drive with a cause in it and no noise.
-
-        What nuisances make of the cause is followed up from a small share of it: looked for at
-        once, they stray where they bend.
-        """
-        near = self.centre
-        for share in SHARES:
-            problem = self._problem(self._exact(*self._shared(effects, outsider, share)))
-            further = self.centre + 2.0 * (near - self.centre)
-            begin = min((near, further), key=lambda at: self._look(problem, at, NOMINAL).cost)
-            near = self._fit(Twin(problem, begin)).theta
-        return Twin(problem, near)
+        """The drive with a cause in it and no noise."""
+        return Twin(tuple(self._problem(self._exact(*self._shared(effects, outsider, share)))
+                          for share in SHARES))  # fmt: skip
 
     def _shared(
         self, effects: Effects | None, outsider: Outsider | None, share: float
@@ -126,22 +120,21 @@ class Oracle:
     def distance(self, twin: Twin, causes: Sequence[str] = ()) -> float:
         """d′ of a twin from the nearest sizes of the effects ``causes`` acting together; from the
         model without a cause where there are none."""
-        return self._beyond(self._fit(twin, causes).cost)
+        return self._beyond(self._followed(twin, causes).cost)
 
     def nearest(self, twin: Twin, beside: Sequence[str] = ()) -> dict[str, float]:
         """d′ of a twin from every effect of the library acting with ``beside``, in the shape that
         comes closest: name → distance.  Far ones to first order, and every choice of a shape."""
-        base = self._fit(twin, beside)
+        base = self._followed(twin, beside)
         found: dict[str, tuple[float, Shapes]] = {}
         for look, turn in self._turns(twin.problem, base.theta, beside):
             for name, shapes in turn.items():
                 tried = self._beyond(self._step(look, self._columns((name, *beside)))[1]), shapes
                 found[name] = min(found.get(name, tried), tried, key=itemgetter(0))
         told = {name: distance for name, (distance, _) in found.items()}
-        begin = Twin(twin.problem, base.theta)
         for i, name in enumerate(sorted(told, key=told.__getitem__)):
             if i < NEAREST or told[name] < CLOSE:
-                whole = self._fit(begin, (name, *beside), found[name][1])
+                whole = self._followed(twin, (name, *beside), found[name][1])
                 told[name] = min(told[name], self._beyond(whole.cost))
         return told
 
@@ -159,17 +152,32 @@ class Oracle:
     def _beyond(self, cost: float) -> float:
         return float(np.sqrt(max(cost - self.clean.cost, 0.0)))
 
-    def _fit(self, twin: Twin, causes: Sequence[str] = (), shapes: Shapes = NOMINAL) -> Look:
-        """The most probable numbers, with the gains of ``causes`` free: Gauss–Newton."""
+    def _followed(self, twin: Twin, causes: Sequence[str] = (), shapes: Shapes = NOMINAL) -> Look:
+        """The most probable numbers, with the gains of ``causes`` free, followed up as what is
+        hidden grows: looked for at once, they stray where they bend."""
+        near = self.centre
+        for problem in twin.grew:
+            begins = near, self.centre + 2.0 * (near - self.centre)
+            looks = [self._look(problem, begin, shapes) for begin in begins]
+            best = min(looks, key=lambda look: look.cost)
+            look = self._fit(problem, best.theta, causes, shapes)
+            near = look.theta
+        return look
+
+    def _fit(
+        self, problem: Problem, begin: Floats, causes: Sequence[str] = (), shapes: Shapes = NOMINAL
+    ) -> Look:
+        """The most probable numbers from ``begin`` (m) on, with the gains of ``causes`` free:
+        Gauss–Newton."""
         columns = self._columns(causes)
-        look = self._look(twin.problem, twin.begin, shapes)
+        look = self._look(problem, begin, shapes)
         for _ in range(STEPS):
             step, promised = self._step(look, columns)
             if look.cost - promised < SETTLED:
                 break
             for share in (1.0, 0.5, 0.25, 0.1):
                 try:
-                    tried = self._look(twin.problem, look.theta + share * step, shapes)
+                    tried = self._look(problem, look.theta + share * step, shapes)
                 except ClutchestError:  # so far off that the equations leave the finite numbers
                     continue
                 if tried.cost < look.cost:
@@ -209,7 +217,7 @@ class Oracle:
     def per_largest(self, gain: str, beside: str | None = None, shapes: Shapes = NOMINAL) -> float:
         """d′ of the gain ``effect.key`` at its largest plausible size, to first order; with every
         gain of the effect ``beside`` free."""
-        look = self._look(self.exact.problem, self.centre, shapes) if shapes else self.clean
+        look = self._look(self.exact, self.centre, shapes) if shapes else self.clean
         return self._left(look, gain, [beside] if beside else [])
 
     def _left(self, look: Look, gain: str, beside: Sequence[str] = ()) -> float:
@@ -227,7 +235,7 @@ class Oracle:
     def excited(self) -> dict[str, float]:
         """``effect.gain`` → d′ at its largest plausible size, in the shape that shows most."""
         most: dict[str, float] = {}
-        for look, turn in self._turns(self.exact.problem, self.centre):
+        for look, turn in self._turns(self.exact, self.centre):
             for gain in (f"{name}.{number.key}" for name in turn
                          for number in self.effects[name].gains):  # fmt: skip
                 most[gain] = max(most.get(gain, 0.0), self._left(look, gain))
