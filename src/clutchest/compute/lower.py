@@ -12,8 +12,10 @@ from clutchest.models.model import Expressions, Model
 
 START = "start"  # owner of a theta that is a state's first value
 _SCALARS = ("dt",)  # arguments that are plain numbers
-# a product and a sum in one instruction, which is rounded once instead of twice
-_COMPILED = "@njit(cache=True, error_model='numpy', fastmath={'contract'})"
+_EXACT = "@njit(cache=True, error_model='numpy')"
+# a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
+# last bit beside a term that is nought
+_CONTRACTED = "@njit(cache=True, error_model='numpy', fastmath={'contract'})"
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
 # What each operation of CasADi is in Python; see compute.choices for the named ones.
@@ -32,8 +34,9 @@ _CALLS = {
 
 
 def lower(
-    name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX], returned: str = ""
-) -> str:
+    name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX], returned: str = "",
+    compiled: str = _EXACT,
+) -> str:  # fmt: skip
     """Source of a function ``name(inputs…, outputs…)`` that fills its output arrays.
 
     Only structurally nonzero entries are written: the caller's arrays start as zeros.  An output
@@ -70,11 +73,8 @@ def lower(
             lines.append(f"{target}[{row}, {column}] = {texts[of]}")
     lines.append(f"return {result}")
     arguments = ", ".join([*inputs, *(t for t in targets if t != returned)])
-    return (
-        f"{_COMPILED}\ndef {name}({arguments}):\n"
-        + "\n".join("    " + line for line in lines)
-        + "\n"
-    )
+    head = f"{compiled}\ndef {name}({arguments}):\n"
+    return head + "\n".join("    " + line for line in lines) + "\n"
 
 
 def _values(
@@ -165,7 +165,8 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         lower("step_signature", over | {"slope": slope},
               {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
         lower("follow", calmly, {"xn": calm.x}),
-        lower("transition", calmly, {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm)}),
+        lower("transition", calmly, {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm)},
+              compiled=_CONTRACTED),
         _product("carry", ca.jacobian(calm.x, e.x)),
         lower("gathered", calmly | {"q": calm.q, "noise": calm.noise}, {"Q": calm.Q}),
         lower("implied", at, {"v": e.implied}),
@@ -204,7 +205,7 @@ def _product(name: str, matrix: ca.SX) -> str:
     them.  All rows of a column at once, so that columns are loaded once and go in parallel."""
     places = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     rows = {i: [k for row, k in places if row == i] for i, _ in places}
-    lines = [_COMPILED, f"def {name}(F, X, T, columns):",
+    lines = [_CONTRACTED, f"def {name}(F, X, T, columns):",
              *(f"    f{i}_{k} = F[{i}, {k}]" for i, k in places),
              "    for c in range(columns):",
              *(f"        x{k} = X[{k}, c]" for k in sorted({k for _, k in places})),
