@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import clutchest
+from clutchest.discovery.search import Search
 from clutchest.estimate.modes import Mode
 from clutchest.estimate.timeline import Timeline
-from clutchest.identify.condensed import BENT, NEAR, RESTED, condensed
+from clutchest.identify.condensed import BENT, NEAR, RESTED, SOON, condensed
+from clutchest.identify.problem import Problem
 from clutchest.models.dry_clutch import DRY_CLUTCH
+from clutchest.models.effects import library
 
 SPEED, ZERO = DRY_CLUTCH.sensor("engine_speed"), DRY_CLUTCH.sensor("zero_position")
 REST, SLIP = 0, 7  # rows of the table of flags: nothing acts, everything does
@@ -155,3 +159,41 @@ def test_a_drive_without_rest_stays_whole():
     line = timeline([(5.0, 5.0)], [(0.0, 20.0)], end=20.0)
     short = condensed(line, DRY_CLUTCH)
     np.testing.assert_array_equal(short.t, line.t)
+
+
+def test_samples_of_inputs_stay_where_no_reading_is_near(line):
+    """Between two readings a period apart none is left; in a hole without readings all are."""
+    t = np.sort(np.concatenate([line.t, np.arange(0.003, 60.0, PERIOD)]))
+    sensor = np.full(len(t), -1, np.int8)
+    sensor[np.searchsorted(t, line.t)] = line.sensor
+    hole = (t > 46.0) & (t < 47.0)
+    sensor[hole] = -1
+    row = np.where((t >= 45.0) & (t <= 50.0), SLIP, REST)
+    z, R = np.zeros(len(t)), np.full(len(t), NOISE**2)
+    mode, emit = np.full(len(t), Mode.locked, np.uint8), np.full(len(t), -1)
+    u = np.column_stack([t, t])
+    short = condensed(replace(line, t=t, sensor=sensor, z=z, R=R, u=u, row=row, mode=mode,
+                              emit=emit), DRY_CLUTCH)  # fmt: skip
+    bare = short.t[(short.sensor < 0) & (short.t > 45.0) & (short.t < 50.0)]
+    inside = (t > 46.0 + SOON) & (t < 47.0 - SOON)
+    assert np.sum(inside) > 150
+    np.testing.assert_array_equal(bare, bare[(bare > 46.0) & (bare < 47.0)])
+    assert set(t[inside]) <= set(bare)
+
+
+@pytest.mark.parametrize("scenario", ["city", "pulses"])
+def test_samples_of_inputs_tell_nothing_beside_readings(scenario, monkeypatch):
+    """Every cause's score and information are what they are with all the samples."""
+    truck = clutchest.load_vehicle("truck")
+    signals = clutchest.simulate(truck, scenario, 3, duration=300.0)
+    boards, events = [], []
+    for soon in (0.0, SOON):
+        monkeypatch.setattr("clutchest.identify.condensed.SOON", soon)
+        search = Search.begin(Problem(signals, truck, tuple(library("dry_clutch").values())))
+        boards.append(search.first)
+        events.append(len(search.problem.drives[0].line.t))
+    whole, short = (np.sqrt(np.diag(board.information)) for board in boards)
+    told = whole > 0.1
+    assert events[1] < 0.6 * events[0]
+    np.testing.assert_allclose(short[told], whole[told], rtol=0.05)
+    np.testing.assert_allclose(boards[1].z[told], boards[0].z[told], atol=0.25)

@@ -2,7 +2,8 @@
 
 A closed clutch says little a hundred times a second: its position at rest moves with temperatures
 that take seconds, and while it is locked the engine's speed tells only where the next slip starts.
-Nor do the inputs of an open one, between readings.
+Nor do samples of inputs, between readings: a straight line from one reading to the next has the
+same integral as the bent one, but for what it is off at its two ends.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ RESTED = 1.0  # s; readings of a clutch at rest are averaged over this
 BENT = 0.1  # s; the same where they turn, as where the disc's expansion meets its cap
 TURNS = 5.0  # standard deviations of a change of slope from one such mean to the next
 MEDIAN = 1.4826  # standard deviations to the median of normal noise's size
-SOON = 0.006  # s; as near to a reading as this, an input of an open clutch has no bend of its own
+SOON = 0.006  # s; as near to a reading as this, an input has no bend of its own
 NEAR = 0.3  # s before and after a regime in which they tell more, all readings stay
 
 
@@ -28,7 +29,7 @@ def condensed(line: Timeline, model: Model) -> Timeline:
     """The same drive with fewer events; means of readings at rest carry their smaller variance."""
     free = line.W[line.row].any(axis=1)  # some equation beyond heat flow acts
     close = _gap(line.t, line.t[free]) <= NEAR
-    keep, z, R = close & ~_spare(line, model), line.z.copy(), line.R.copy()
+    keep, z, R = close & ~_spare(line), line.z.copy(), line.R.copy()
     keep[[0, -1]] = True
     for i, sensor in enumerate(model.sensors):
         if sensor.mode:  # read in one mode only, where nothing else happens
@@ -41,15 +42,10 @@ def condensed(line: Timeline, model: Model) -> Timeline:
                    emit=line.emit[keep])  # fmt: skip
 
 
-def _spare(line: Timeline, model: Model) -> NDArray[np.bool_]:
-    """Samples (K) of inputs, of a clutch that passes no torque, that a reading close by can stand
-    for: what they tell there passes slowly."""
+def _spare(line: Timeline) -> NDArray[np.bool_]:
+    """Samples (K) of inputs that a reading close by can stand for."""
     reads = line.sensor >= 0
-    if "engaged" not in model.regime:  # a clutch that always drags
-        return np.zeros(len(line.t), bool)
-    grips = line.W[line.row, model.regime.index("engaged")] > 0.0
-    apart = _gap(line.t, line.t[grips]) > NEAR
-    return ~reads & apart & (_gap(line.t, line.t[reads]) <= SOON)
+    return ~reads & (_gap(line.t, line.t[reads]) <= SOON)
 
 
 def _gap(t: Floats, others: Floats) -> Floats:
