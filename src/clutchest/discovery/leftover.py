@@ -30,7 +30,7 @@ SCALES = np.array(
 )  # standard deviations of coefficients, in units of an error
 FAINT = 3e-7  # of a curve, squared: so little left over is no more than its inputs' noise
 BLOCK_TIME = 2.0  # s
-ENTRIES = 8e6  # of derivatives, held at a time
+ENTRIES = 1e7  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)
