@@ -33,6 +33,7 @@ NOMINAL: Shapes = MappingProxyType({})
 STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is promised
 KINK = 0.1  # s
 SHARES = (0.125, 0.25, 0.5, 1.0)  # of a cause
+COOLING = (1e6, 1e5, 1e4, 1e3, 1e2, 10.0, 1.0)  # a truck's own numbers lie far from the file's
 CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitted in full, and so
 # many of the nearest in any case: far from what is hidden, a first order makes them seem further
 
@@ -73,10 +74,12 @@ class Oracle:
         noisy = self._problem(drive.signals(scenario=scenario))
         self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
         self.centre, self.colour = np.zeros(len(self.thetas)), None
-        near = self._fit(noisy, self.centre).theta
-        self.colour = self._colour_of(noisy, near)
-        self.centre = self._fit(noisy, near).theta  # from here on the truck's own numbers
         self.exact = self._problem(self._exact())
+        near = self.centre
+        for heat in COOLING:
+            near = self._fit(self.exact, near, heat=heat).theta
+        self.colour = self._colour_of(noisy, near)
+        self.centre = self._fit(self.exact, near).theta  # from here on the truck's own numbers
         self.clean = self._fit(self.exact, self.centre)
 
     def _problem(self, signals: Signals) -> Problem:
@@ -100,12 +103,13 @@ class Oracle:
                 for name, numbers in (effects or {}).items()}  # fmt: skip
         return less, outsider and replace(outsider, size=share * outsider.size)
 
-    def _look(self, problem: Problem, theta: Floats, shapes: Shapes) -> Look:
+    def _look(self, problem: Problem, theta: Floats, shapes: Shapes, heat: float = 1.0) -> Look:
         [rows], [drive] = problem.linearise(theta, shapes), problem.drives
         white = np.column_stack([rows.r, rows.psi])
         if self.colour is not None:
             white = self.colour.whiten(drive.stretches, white)
             white = white[_telling(drive)]
+        white /= np.sqrt(heat)
         pull = np.zeros(len(theta))
         pull[self.nuisances] = (theta - self.centre)[self.nuisances]
         return Look(theta, white[:, 0], white[:, 1:], pull)
@@ -165,19 +169,20 @@ class Oracle:
         return look
 
     def _fit(
-        self, problem: Problem, begin: Floats, causes: Sequence[str] = (), shapes: Shapes = NOMINAL
-    ) -> Look:
+        self, problem: Problem, begin: Floats, causes: Sequence[str] = (),
+        shapes: Shapes = NOMINAL, heat: float = 1.0,
+    ) -> Look:  # fmt: skip
         """The most probable numbers from ``begin`` (m) on, with the gains of ``causes`` free:
-        Gauss–Newton."""
+        Gauss–Newton.  ``heat``: by how much the noise seems to have more variance than it has."""
         columns = self._columns(causes)
-        look = self._look(problem, begin, shapes)
+        look = self._look(problem, begin, shapes, heat)
         for _ in range(STEPS):
             step, promised = self._step(look, columns)
             if look.cost - promised < SETTLED:
                 break
             for share in (1.0, 0.5, 0.25, 0.1):
                 try:
-                    tried = self._look(problem, look.theta + share * step, shapes)
+                    tried = self._look(problem, look.theta + share * step, shapes, heat)
                 except ClutchestError:  # so far off that the equations leave the finite numbers
                     continue
                 if tried.cost < look.cost:
