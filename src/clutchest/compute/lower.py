@@ -216,7 +216,7 @@ def _product(name: str, matrix: ca.SX) -> str:
 
 def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
     """A function that picks a sensor's own function by its index and clears its target first."""
-    lines = ["@njit(cache=True, error_model='numpy')",
+    lines = [_EXACT,
              f"def {name}(sensor, x, u, w, p, g, {target}):",
              f"    {target}[:] = 0.0"]  # fmt: skip
     for i in range(sensors):

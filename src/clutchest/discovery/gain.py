@@ -160,7 +160,7 @@ def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
     theta[: other.shared] = search.null.look.theta[: search.problem.shared]
     starts = _starts(other)
     look = fitter.taught(fitter.most_probable(starts, theta, search.null.look.shapes))
-    other.linearise(look.theta, look.shapes)
+    fitter.come(look.theta, look.shapes)
     probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.flaw)
     bases = [hats(drivers(drive)[curve.driver], curve.at) for drive in other.drives]
     # nuisances stood in for the curve: what they give back when it comes
