@@ -22,6 +22,7 @@ from blind.drives import Drive
 from blind.outsiders import Outsider
 from clutchest.errors import ClutchestError
 from clutchest.identify.colour import Colour
+from clutchest.identify.input_noise import Walk
 from clutchest.identify.linearised import LinearDrive
 from clutchest.identify.problem import Problem, Shapes
 from clutchest.models.effects import Effect, library
@@ -107,8 +108,10 @@ class Oracle:
         [rows], [drive] = problem.linearise(theta, shapes), problem.drives
         white = np.column_stack([rows.r, rows.psi])
         if self.colour is not None:
-            white = self.colour.whiten(drive.stretches, white)
-            white = white[_telling(drive)]
+            both = np.column_stack([drive.walks, white])
+            both = self.colour.whiten(drive.stretches, both)[_telling(drive)]
+            walks, white = np.split(both, [drive.walks.shape[1]], axis=1)
+            Walk.of(walks).whiten_in_place(white)
         white /= np.sqrt(heat)
         pull = np.zeros(len(theta))
         pull[self.nuisances] = (theta - self.centre)[self.nuisances]

@@ -45,7 +45,8 @@ class MadeUp:
         count = len(self.data)
         nothing = np.zeros(count, int)
         time = np.arange(count) * PERIOD
-        self.drives = [SimpleNamespace(t=time, stretches=Stretches.of(time, nothing, nothing))]
+        self.drives = [SimpleNamespace(t=time, stretches=Stretches.of(time, nothing, nothing),
+                                       walks=np.zeros((count, 0)))]  # fmt: skip
 
     def linearise(
         self, theta: Floats, shapes: object, active: NDArray[np.int64] | None = None

@@ -11,6 +11,7 @@ from clutchest.compute.step import Step, decays, heun
 from clutchest.models.model import Expressions, Model
 
 START = "start"  # owner of a theta that is a state's first value
+NOISE = "input_noise"  # owner of one that an input is off by, where untracked states take it in
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _EXACT = "@njit(cache=True, error_model='numpy')"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
@@ -117,8 +118,10 @@ def _values(
 def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     """Source of all functions that kernel and online filter call, for one model.
 
-    ``thetas`` are what signatures are taken of: (``"parameter"``, key), (effect name, number) or
-    (``"start"``, state), the value with which a state begins.
+    ``thetas`` are what signatures are taken of: (``"parameter"``, key), (effect name, number),
+    (``"start"``, state), the value with which a state begins, or (``"input_noise"``, input), what
+    an input is off by in the rates of all states but those that readings renew: only fits that
+    track the latter (``transition``) ask for it.
     """
     e = model.expressions()
     taken = heun(model, e)
@@ -141,6 +144,13 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     def by_theta(of: ca.SX, taken: Step = taken) -> ca.SX:
         by_inputs = ca.jacobian(of, e.u) + ca.jacobian(of, taken.u1)
         return ca.jacobian(of, theta) + ca.mtimes(by_inputs, late)
+
+    # too small to matter within a step: the first order will do
+    taken_in = ca.SX(len(model.states), len(thetas))
+    kept = [i for i, state in enumerate(model.states) if state.name not in model.renewed]
+    for k, (owner, name) in enumerate(thetas):
+        if owner == NOISE:
+            taken_in[kept, k] = calm.dt * ca.jacobian(e.rate, e.u)[kept, model.input(name)]
 
     decay = ca.SX(len(model.states), 1)
     for i, rate in decays(model, e).items():
@@ -165,7 +175,8 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         lower("step_signature", over | {"slope": slope},
               {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
         lower("follow", calmly, {"xn": calm.x}),
-        lower("transition", calmly, {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm)},
+        lower("transition", calmly,
+              {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm) + taken_in},
               compiled=_CONTRACTED),
         _product("carry", ca.jacobian(calm.x, e.x)),
         lower("gathered", calmly | {"q": calm.q, "noise": calm.noise}, {"Q": calm.Q}),
@@ -226,8 +237,8 @@ def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
 
 
 def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
-    if owner == START:
-        return ca.SX.sym(key)  # the equations know a start by what it leads to only
+    if owner in (START, NOISE):
+        return ca.SX.sym(key)  # the equations know it by what it leads to only
     if owner == "parameter":
         return e.p[[p.key for p in model.parameters].index(key)]
     return e.g[[(effect.name, number) for effect, number in model.numbers].index((owner, key))]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import ModuleType
 
 import numpy as np
 
 from clutchest.compute import build
-from clutchest.compute.lower import START
+from clutchest.compute.lower import NOISE, START
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.effects import Effect, effects_of_file, library
@@ -118,13 +118,15 @@ def compile_model(
     model: Model,
     effects: tuple[Effect, ...] | None = None,
     starts: Mapping[str, float] = {},
+    noises: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Compiled:
     """The model lowered and loaded, with the vehicle's numbers.
 
     ``effects`` stand in the equations, unless given those of the vehicle file that the model can
     take; what the file says of an effect holds, others are at gain 0.  ``starts`` names states
-    whose first values are thetas too, with their standard deviations.
+    whose first values are thetas too, with their standard deviations; ``noises`` inputs of which
+    what they are off by is one.
     """
     if effects is None:
         effects = tuple(e for e in present_effects(vehicle) if model.takes(e))
@@ -148,6 +150,8 @@ def compile_model(
         spread += [0.0] * len(effect.gains)
     thetas += [(START, name) for name in starts]
     spread += list(starts.values())
+    thetas += [(NOISE, name) for name in noises]
+    spread += [0.0] * len(noises)
     digest, text = build.generate(model, tuple(thetas))
     if progress and not build.is_compiled(digest):
         progress("compiling the model, once on this machine", None)

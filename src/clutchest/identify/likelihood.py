@@ -94,6 +94,7 @@ def _restrict(problem: Problem, sensor: int) -> None:
         keep = drive.sensor == sensor
         drive.rows, drive.t, drive.sensor = drive.rows[keep], drive.t[keep], drive.sensor[keep]
         drive.row, drive.mode, drive.std = drive.row[keep], drive.mode[keep], drive.std[keep]
+        drive.walks = drive.walks[keep]
 
 
 def most_probable(problem: Problem, progress: Progress | None = None) -> Posterior:

@@ -24,6 +24,7 @@ from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.identify.calm import calm, path
 from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
+from clutchest.identify.input_noise import walks
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -43,7 +44,8 @@ class LinearDrive:
     """One drive, to be linearised anywhere; ``units`` (m) of the compiled model's thetas.
 
     Of its readings that tell of θ: ``t`` s, ``sensor`` index, ``row`` the regime's, ``mode``, and
-    ``std`` of the innovation; shape (K,) each.
+    ``std`` of the innovation; shape (K,) each.  ``walks`` (K, c): what the noise of inputs does to
+    innovations by way of states that no reading corrects, in the innovations' ``std``.
     """
 
     def __init__(
@@ -84,9 +86,8 @@ class LinearDrive:
         self.frozen, self.gain = False, np.zeros_like(self.slope)
         self.variance = np.ones(len(self.line.t))
         self.rows = np.arange(len(self.line.t))
-        _, answers = self.answer(
-            compiled.p, compiled.g, self.nominal, {}, np.arange(len(compiled.thetas))
-        )
+        at = compiled.p, compiled.g, self.nominal
+        _, answers = self.answer(*at, {}, np.arange(len(units)))
         self.frozen, std = True, np.sqrt(self.variance)
         tells = np.zeros(len(std), bool)
         for answer, unit in zip(answers.T, units, strict=True):
@@ -102,6 +103,7 @@ class LinearDrive:
         self.t, self.sensor = self.line.t[self.rows], self.line.sensor[self.rows]
         self.row, self.mode = self.line.row[self.rows], self.line.mode[self.rows]
         self.std = std[self.rows]
+        self.walks = walks(self, vehicle)
 
     @property
     def stretches(self) -> Stretches:

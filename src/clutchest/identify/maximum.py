@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.identify.colour import Colour
+from clutchest.identify.input_noise import Walk
 from clutchest.identify.problem import Problem, Rows, Shapes
 from clutchest.signals import Floats
 
@@ -72,6 +73,7 @@ class Fitter:
         self.stretches = [d.stretches for d in problem.drives]
         self.colour = Colour.white(self.stretches)
         self.weights = [np.ones(len(d.t)) for d in problem.drives]  # 0: not counted
+        self.walks = self._walks()
         self.span: Floats | None = None  # (K, q), orthonormal
         self.prior = np.zeros(len(problem.thetas))
         self.prior[problem.nuisances] = 1.0
@@ -84,6 +86,7 @@ class Fitter:
         for weight in self.weights:
             other.weights.append(weight * ~rows[begin : begin + len(weight)])
             begin += len(weight)
+        other.walks = other._walks()
         return other
 
     def settle(self, theta: Floats) -> Look:
@@ -170,10 +173,22 @@ class Fitter:
 
     def _whiten(self, raw: list[Floats]) -> Floats:
         """Tables (K, c) of all drives as one, without colour and outliers; they are used up."""
-        for table, s, weight in zip(raw, self.stretches, self.weights, strict=True):
+        for table, s, weight, walk in zip(
+            raw, self.stretches, self.weights, self.walks, strict=True
+        ):
             self.colour.whiten_in_place(s, table)
             table *= weight[:, None]
+            walk.whiten_in_place(table)
         return raw[0] if len(raw) == 1 else np.concatenate(raw)
+
+    def _walks(self) -> list[Walk]:
+        """Those of the inputs' noise in every drive, as colour and outliers leave them."""
+        return [
+            Walk.of(self.colour.whiten(s, drive.walks) * weight[:, None])
+            for drive, s, weight in zip(
+                self.problem.drives, self.stretches, self.weights, strict=True
+            )
+        ]
 
     def _seen(self, values: Floats) -> Floats:
         """What of ``values`` (K, …) lies in the span."""
@@ -196,11 +211,15 @@ class Fitter:
         prior = np.ones(len(theta))  # a cause is taken to be of a plausible size
         step = np.linalg.solve(look.information + np.diag(prior), -look.slope)
         rest = [rows.r + rows.psi @ step for rows in raw]
+        for e, drive, s, walk in zip(rest, self.problem.drives, self.stretches, self.walks,
+                                     strict=True):  # fmt: skip
+            e -= drive.walks @ walk.probable(self.colour.whiten(s, e))
         self.colour = Colour.fit(self.stretches, rest)
         self.weights = [
             (np.abs(self.colour.whiten(s, e)) < FAR).astype(float)
             for s, e in zip(self.stretches, rest, strict=True)
         ]
+        self.walks = self._walks()
 
     def most_probable(
         self, free: NDArray[np.int64], theta: Floats, shapes: Shapes = NO_SHAPES

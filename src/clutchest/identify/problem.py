@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.compute.lower import START
+from clutchest.compute.lower import NOISE, START
 from clutchest.estimate.start import prior_std
 from clutchest.estimate.whole_log import Progress, compile_model, present_effects
+from clutchest.identify.input_noise import taken_in
 from clutchest.identify.linearised import LinearDrive
 from clutchest.models import model_for
 from clutchest.models.effects import Effect
@@ -84,7 +85,7 @@ class Problem:
         sought = tuple(e for e in effects if e not in present and model.takes(e))
         self.vehicle, self.effects = vehicle, {e.name: e for e in sought}
         self.compiled = compile_model(
-            vehicle, model, present + sought, healthy_stds(vehicle, model), progress
+            vehicle, model, present + sought, healthy_stds(vehicle, model), taken_in(model), progress
         )
         shared, own = [], []
         for (owner, key), spread in zip(self.compiled.thetas, self.compiled.spread, strict=True):
@@ -93,7 +94,7 @@ class Problem:
                 shared.append(Theta(owner, key, gain.upper, gain=True))
             elif owner == START:
                 own.append(Theta(owner, key, spread))
-            else:
+            elif owner != NOISE:
                 shared.append(Theta(owner, key, spread or 1.0))
         self.shared = len(shared)
         starts = [replace(t, drive=i) for i in range(len(drives)) for t in own]
