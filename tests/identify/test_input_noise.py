@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 import clutchest
@@ -13,7 +14,7 @@ from clutchest.estimate.modes import Mode
 from clutchest.identify.input_noise import Walk, taken_in
 from clutchest.identify.problem import Problem
 from clutchest.models import model_for
-from clutchest.signals import Floats, Signal, Signals
+from clutchest.signals import Signal, Signals
 from clutchest.simulated import simulate_sampled
 
 DRAWS, MAIN = 12, 6
@@ -28,12 +29,16 @@ def quiet(seed: int) -> Signals:
     return Signals({n: Signal.of(n, "", t, v) for n, (t, v) in made.signals.items()}, end=400.0)
 
 
-def shaken(signals: Signals, at: Floats, seed: int) -> Signals:
-    """The same with the position's noise where ``at`` (K) allows it."""
-    read = signals["slave_position"]
-    noise = TRUCK.signals["slave_position"].noise * np.random.default_rng(seed).normal(size=len(at))
-    noisy = replace(read, value=read.value + np.where(at, noise, 0.0))
-    return Signals({**signals, "slave_position": noisy}, end=signals.end)
+def shaken(signals: Signals, slips: NDArray[np.bool_], seed: int) -> Signals:
+    """The same with the coolant sensor's noise, and the position's where it ``slips`` (K)."""
+    rng, noisy = np.random.default_rng(seed), {}
+    # the first coolant temperature is what the drive starts from, which is estimated by itself
+    later = signals["coolant_temp"].time > signals["coolant_temp"].time[0] + 1.0
+    for name, at in (("slave_position", slips), ("coolant_temp", later)):
+        read = signals[name]
+        noise = TRUCK.signals[name].noise * rng.normal(size=len(read.value))
+        noisy[name] = replace(read, value=read.value + np.where(at, noise, 0.0))
+    return Signals({**signals, **noisy}, end=signals.end)
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +52,9 @@ def problem(drive: Signals) -> Problem:
 
 
 def test_noise_that_heats_the_clutch_scatters_readings_as_foreseen(drive, problem):
-    """Noise of the position during slips, where it is not read itself, moves the zero positions
-    read afterwards along the walk's main directions as far as those say."""
+    """Noise of the coolant's temperature, and of the position during slips, where it is not read
+    itself, moves the zero positions read afterwards along the walk's main directions as far as
+    those say."""
     [own] = problem.drives
     sensor = own.compiled.model.sensor("zero_position")
     zero = own.sensor == sensor
@@ -69,7 +75,6 @@ def test_noise_that_heats_the_clutch_scatters_readings_as_foreseen(drive, proble
         along = seen.along[:, main].T @ moved / seen.strong[main]
         squares.append(along @ along)
         assert moved @ moved > 0.0
-    print(squares)
     low, high = chi2.ppf([0.005, 0.995], DRAWS * MAIN)
     assert low < sum(squares) < high, (low, sum(squares), high)
 
