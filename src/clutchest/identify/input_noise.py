@@ -107,6 +107,6 @@ def _taken_in(drive: LinearDrive, vehicle: Vehicle) -> Floats:
     e = model.expressions()
     std = prior_std(vehicle, model)
     units = [1.0 / s if s > 0.0 else 0.0 for s in std]
-    weights = _rates(model, ca.DM(units)).T
+    weights = _rates(model, ca.SX(units)).T
     summed = weights @ ca.jacobian(_rates(model, e.rate), e.u)
     return e.along(summed.T, drive.states, line.u, line.W[line.row], compiled.p, compiled.g)

@@ -85,8 +85,9 @@ class Problem:
         sought = tuple(e for e in effects if e not in present and model.takes(e))
         self.vehicle, self.effects = vehicle, {e.name: e for e in sought}
         self.compiled = compile_model(
-            vehicle, model, present + sought, healthy_stds(vehicle, model), taken_in(model), progress
-        )
+            vehicle, model, present + sought, healthy_stds(vehicle, model), taken_in(model),
+            progress,
+        )  # fmt: skip
         shared, own = [], []
         for (owner, key), spread in zip(self.compiled.thetas, self.compiled.spread, strict=True):
             if owner in self.effects:
