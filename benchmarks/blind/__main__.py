@@ -33,7 +33,7 @@ from blind.plan import PARTS, Case, drawn, quick
 from blind.score import hour, score
 from blind.sealed import seal, unseal
 
-KNOWN = Path(__file__).parent / "ci.sealed"  # answers of the short run
+KNOWN = Path(__file__).parent / "answers.sealed"  # what the oracle has been asked so far
 
 
 def finished(out: Path) -> dict[str, dict[str, Any]]:
@@ -67,14 +67,14 @@ def tell(out: Path) -> list[table.Row]:
     return found
 
 
-def prepare(shard: str, out: Path) -> None:
-    """Ask the oracle for the answers of the short run, once; shards leave theirs under ``out``,
-    and whoever comes last puts all of them together."""
+def prepare(cases: list[Case], shard: str, out: Path) -> None:
+    """Ask the oracle for the answers of cases, once; shards leave theirs under ``out``, and
+    whoever comes last puts all of them together."""
     which, of = map(int, shard.split("/"))
     mine = out / f"answers-{which}-of-{of}.sealed"
     own = unseal(mine) if mine.exists() else {}
     known = prepared(out)
-    cases = [case for case in quick()[which::of] if case.name not in known]
+    cases = [case for case in cases[which::of] if case.name not in known]
     for i, case in enumerate(cases, 1):
         own[case.name] = answer(case)
         seal(own, mine)
@@ -83,7 +83,7 @@ def prepare(shard: str, out: Path) -> None:
 
 
 def prepared(out: Path) -> dict[str, Any]:
-    """The answers of the short run that are known so far, by the names of its cases."""
+    """The answers that are known so far, by the names of their cases."""
     files = [path for path in (KNOWN, *sorted(out.glob("answers-*.sealed"))) if path.exists()]
     return {name: answer for path in files for name, answer in unseal(path).items()}
 
@@ -98,18 +98,17 @@ def main() -> None:
     parser.add_argument("--measured", action="store_true", help="gain on the drive held out")
     parser.add_argument("--hour", action="store_true", help="only the cost of a log of one hour")
     parser.add_argument("--table", action="store_true", help="the table of what is finished")
-    parser.add_argument("--prepare", action="store_true", help="sizes of the short run, anew")
+    parser.add_argument("--prepare", action="store_true", help="only the sizes to hide")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
+    cases = quick() if given.ci else drawn(given.parts, given.limit)
     if given.prepare:
-        return prepare(given.shard, given.out)
+        return prepare(cases, given.shard, given.out)
     if given.hour:
         with (given.out / "records-hour.jsonl").open("w") as records:
             records.write(json.dumps(hour(given.out)) + "\n")
     elif not given.table:
-        cases = quick() if given.ci else drawn(given.parts, given.limit)
-        known = unseal(KNOWN) if given.ci and KNOWN.exists() else {}
-        run(cases, given.shard, given.out, known, given.measured)
+        run(cases, given.shard, given.out, prepared(given.out), given.measured)
     found = tell(given.out)
     if given.ci and given.table:
         missing = {case.name for case in quick()} - set(finished(given.out))

@@ -81,7 +81,8 @@ class Oracle:
             near = self._fit(self.exact, near, heat=heat).theta
         self.colour = self._colour_of(noisy, near)
         self.centre = self._fit(self.exact, near).theta  # from here on the truck's own numbers
-        self.clean = self._fit(self.exact, self.centre)
+        settled = self._fit(self.exact, self.centre)
+        self.clean = self._look(self.exact, settled.theta, NOMINAL)
 
     def _problem(self, signals: Signals) -> Problem:
         return Problem(signals, self.drive.vehicle, tuple(self.effects.values()))
@@ -104,8 +105,13 @@ class Oracle:
                 for name, numbers in (effects or {}).items()}  # fmt: skip
         return less, outsider and replace(outsider, size=share * outsider.size)
 
-    def _look(self, problem: Problem, theta: Floats, shapes: Shapes, heat: float = 1.0) -> Look:
-        [rows], [drive] = problem.linearise(theta, shapes), problem.drives
+    def _look(
+        self, problem: Problem, theta: Floats, shapes: Shapes, heat: float = 1.0,
+        causes: Sequence[str] | None = None,
+    ) -> Look:  # fmt: skip
+        """A drive at ``theta``; of gains, derivatives by those of ``causes``, all unless given."""
+        active = None if causes is None else np.append(self.nuisances, self._columns(causes))
+        [rows], [drive] = problem.linearise(theta, shapes, active), problem.drives
         white = np.column_stack([rows.r, rows.psi])
         if self.colour is not None:
             both = np.column_stack([drive.walks, white])
@@ -165,7 +171,7 @@ class Oracle:
         near = self.centre
         for problem in twin.grew:
             begins = near, self.centre + 2.0 * (near - self.centre)
-            looks = [self._look(problem, begin, shapes) for begin in begins]
+            looks = [self._look(problem, begin, shapes, causes=causes) for begin in begins]
             best = min(looks, key=lambda look: look.cost)
             look = self._fit(problem, best.theta, causes, shapes)
             near = look.theta
@@ -178,14 +184,14 @@ class Oracle:
         """The most probable numbers from ``begin`` (m) on, with the gains of ``causes`` free:
         Gauss–Newton.  ``heat``: by how much the noise seems to have more variance than it has."""
         columns = self._columns(causes)
-        look = self._look(problem, begin, shapes, heat)
+        look = self._look(problem, begin, shapes, heat, causes)
         for _ in range(STEPS):
             step, promised = self._step(look, columns)
             if look.cost - promised < SETTLED:
                 break
             for share in (1.0, 0.5, 0.25, 0.1):
                 try:
-                    tried = self._look(problem, look.theta + share * step, shapes, heat)
+                    tried = self._look(problem, look.theta + share * step, shapes, heat, causes)
                 except ClutchestError:  # so far off that the equations leave the finite numbers
                     continue
                 if tried.cost < look.cost:
