@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-
-import numpy as np
 
 
 class _NoPandas:
@@ -21,19 +20,15 @@ class _NoPandas:
         return None
 
 
-def spare_pandas() -> None:
-    """Have pyarrow take arrays without loading pandas.
-
-    It looks for pandas once, when it is given its first array.  Told that there is none, it looks
-    again only where somebody asks it for a DataFrame.
-    """
-    import pyarrow as pa
-
-    if "pandas" in sys.modules:
-        return
+@contextmanager
+def without_pandas() -> Iterator[None]:
+    """Have pyarrow take arrays, lists and texts without loading pandas, which it looks for to see
+    whether they are its own; where pandas is loaded already, nothing is different."""
     hidden = _NoPandas()
-    sys.meta_path.insert(0, hidden)
+    if "pandas" not in sys.modules:
+        sys.meta_path.insert(0, hidden)
     try:
-        pa.array(np.zeros(1))
+        yield
     finally:
-        sys.meta_path.remove(hidden)
+        if hidden in sys.meta_path:
+            sys.meta_path.remove(hidden)

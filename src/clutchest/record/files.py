@@ -33,11 +33,10 @@ def write_run(run: Run, out: Path, innovations: bool = False) -> list[Path]:
     Gives the paths written.  Raises ClutchestError if ``out`` is no folder, OSError if the disk
     refuses.
     """
-    from clutchest.record.arrow import spare_pandas
+    from clutchest.record.arrow import without_pandas
     from clutchest.record.rerun import write_recording
 
-    spare_pandas()
-    with finished_into(out) as folder:
+    with without_pandas(), finished_into(out) as folder:
         _write_tables(_estimates(run), folder / "estimates.parquet", run.provenance)
         (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
         (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
