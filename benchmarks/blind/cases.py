@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ NAMED = 12.0  # d′ from which on causes are to be named, and rivals matter
 TRIES = 6  # drives, or pairs of effects, until one suits
 EXACT = 0.1  # of a size: what it need not be nearer to the d′ aimed at
 NOTHING = 0.05  # of a first order's d′: less is none
+CLOSE = 0.2  # the same of what an outsider leaves
 SHARE = 0.25  # of the largest size: where the search for an outsider's size begins
 
 Answer = dict[str, Any]
@@ -149,22 +151,36 @@ def _outsider(case: Case) -> Answer:
     random, kind = _random(case), OUTSIDERS[case.cause]
     phase, found = float(random.uniform()), []
     for attempt in range(TRIES):
-        oracle, size = Oracle(case.drive(attempt)), SHARE * kind.largest
-        for _ in range(3):
-            twin = oracle.twin(outsider=kind(size, phase))
-            near = oracle.nearest(twin)
-            left = min(near.values())
-            found.append({
-                "attempt": attempt, "d_prime": left, "rivals": near,
-                "outsider": {"name": kind.name, "size": size, "phase": phase},
-                "where": {"equation": kind.equation, "drivers": list(kind.drivers)},
-                "alone": oracle.distance(twin), "excited": oracle.excited(),
-            })  # fmt: skip
-            if abs(left - case.d_prime) < 2.0 * EXACT * case.d_prime:
-                return found[-1]
-            grow = float(np.clip(case.d_prime / max(left, 1e-9), 0.1, 10.0))
-            size = min(size * grow, kind.largest)
-    return min(found, key=lambda one: abs(one["d_prime"] - case.d_prime))
+        oracle, outsider = Oracle(case.drive(attempt)), kind(SHARE * kind.largest, phase)
+        # to first order, which is quick; where even that is too little, a whole search finds less
+        outsider, near, off = _leaving(case, oracle, outsider, whole=False)
+        if off >= -CLOSE:
+            outsider, near, off = _leaving(case, oracle, outsider, whole=True)
+        found.append((abs(off), {
+            "attempt": attempt, "d_prime": min(near.values()), "rivals": near,
+            "outsider": {"name": kind.name, "size": outsider.size, "phase": phase},
+            "where": {"equation": kind.equation, "drivers": list(kind.drivers)},
+            "alone": oracle.distance(oracle.twin(outsider=outsider)), "excited": oracle.excited(),
+        }))  # fmt: skip
+        if abs(off) < CLOSE:
+            break
+    return min(found, key=itemgetter(0))[1]
+
+
+def _leaving(
+    case: Case, oracle: Oracle, outsider: Outsider, whole: bool
+) -> tuple[Outsider, dict[str, float], float]:
+    """The ``outsider`` in a size that leaves as much as the case aims at, if it can; d′ from every
+    effect, and by what share of the aim the least of them is off."""
+    for left in range(2, -1, -1):
+        near = oracle.nearest(oracle.twin(outsider=outsider), whole=whole)
+        off = min(near.values()) / case.d_prime - 1.0
+        most = off < 0.0 and outsider.size == outsider.largest
+        if abs(off) < CLOSE or most or not left:
+            break
+        size = outsider.size * float(np.clip(1.0 / max(1.0 + off, 1e-9), 0.1, 10.0))
+        outsider = replace(outsider, size=min(size, outsider.largest))
+    return outsider, near, off
 
 
 def _random(case: Case) -> np.random.Generator:

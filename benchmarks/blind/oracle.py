@@ -135,9 +135,12 @@ class Oracle:
         model without a cause where there are none."""
         return self._beyond(self._followed(twin, causes).cost)
 
-    def nearest(self, twin: Twin, beside: Sequence[str] = ()) -> dict[str, float]:
+    def nearest(
+        self, twin: Twin, beside: Sequence[str] = (), *, whole: bool = True
+    ) -> dict[str, float]:
         """d′ of a twin from every effect of the library acting with ``beside``, in the shape that
-        comes closest: name → distance.  Far ones to first order, and every choice of a shape."""
+        comes closest: name → distance.  Far ones to first order, and every choice of a shape; all
+        of them unless the ``whole`` is asked for."""
         base = self._followed(twin, beside)
         found: dict[str, tuple[float, Shapes]] = {}
         for look, turn in self._turns(twin.problem, base.theta, beside):
@@ -146,9 +149,9 @@ class Oracle:
                 found[name] = min(found.get(name, tried), tried, key=itemgetter(0))
         told = {name: distance for name, (distance, _) in found.items()}
         for i, name in enumerate(sorted(told, key=told.__getitem__)):
-            if i < NEAREST or told[name] < CLOSE:
-                whole = self._followed(twin, (name, *beside), found[name][1])
-                told[name] = min(told[name], self._beyond(whole.cost))
+            if whole and (i < NEAREST or told[name] < CLOSE):
+                look = self._followed(twin, (name, *beside), found[name][1])
+                told[name] = min(told[name], self._beyond(look.cost))
         return told
 
     def _turns(
