@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 PARTS = 64  # of a drive, with as much noise in each
 NOTHING = 1e-20  # of a square: rounding
+SOME = 16384  # readings that are whitened at a time
 LEAST = 0.3  # standard deviations of all readings together; noise that shows less is left out
 
 
@@ -91,7 +92,10 @@ class Walk:
     def whiten_in_place(self, table: Floats) -> None:
         """Take from white readings (K, k) what makes them scatter more along the walk."""
         more = 1.0 - 1.0 / np.sqrt(1.0 + self.strong**2)
-        table -= (self.along * more) @ (self.along.T @ table)
+        share = more[:, None] * (self.along.T @ table)
+        for begin in range(0, len(table), SOME):  # memory for some, not for all
+            rows = slice(begin, begin + SOME)
+            table[rows] -= self.along[rows] @ share
 
     def probable(self, white: Floats) -> Floats:
         """How often (c) each column is most probably in ``white`` readings (K)."""
