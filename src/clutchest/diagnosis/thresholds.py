@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from clutchest.diagnosis.sequential import cusum, glr, peaks
+from clutchest.identify.colour import median_std
 from clutchest.signals import Floats
 
 DRAWN = 800_000  # blocks
@@ -42,7 +43,7 @@ class Colour:
         if len(z) < FEW:
             return cls()
         share = len(z) / (len(z) + SHRUNK)
-        size = 1.4826 * float(np.median(np.abs(z)))
+        size = median_std(z)
         level = float(np.sqrt(share * size**2 + 1.0 - share))
         signs = np.sign(z - np.median(z))
         agree = float(np.mean(signs[1:] == signs[:-1]))

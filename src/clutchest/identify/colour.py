@@ -104,10 +104,16 @@ class Colour:
         _whiten(table, of, s.place, self.weights, self.level)
 
 
+def median_std(errors: Floats) -> float:
+    """Standard deviation of normal ``errors`` (n) by their median size, to which a few that lie far
+    off do nothing."""
+    return 1.4826 * float(np.median(np.abs(errors)))
+
+
 def _tamed(e: Floats, inside: NDArray[np.bool_]) -> Floats:
     """``e`` with what lies far off, by the median's measure, brought near: an outlier is no
     colour."""
-    scale = 1.4826 * float(np.median(np.abs(e[inside]))) if inside.any() else 0.0
+    scale = median_std(e[inside]) if inside.any() else 0.0
     return np.clip(e, -TAIL * scale, TAIL * scale) if scale > 0.0 else e
 
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.timeline import Timeline
+from clutchest.identify.colour import median_std
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 
 RESTED = 1.0  # s; readings of a clutch at rest are averaged over this
 BENT = 0.1  # s; the same where they turn, as where the disc's expansion meets its cap
 TURNS = 5.0  # standard deviations of a change of slope from one such mean to the next
-MEDIAN = 1.4826  # standard deviations to the median of normal noise's size
 SOON = 0.006  # s; as near to a reading as this, an input has no bend of its own
 NEAR = 0.3  # s before and after a regime in which they tell more, all readings stay
 
@@ -102,5 +102,5 @@ def _bends(
     if len(inner):
         second = np.abs(mean[inner - 1] - 2.0 * mean[inner] + mean[inner + 1])
         white = np.sqrt(variance[inner - 1] + 4.0 * variance[inner] + variance[inner + 1])
-        turn[inner] = second / np.maximum(white, MEDIAN * np.median(second))  # coloured noise: more
+        turn[inner] = second / np.maximum(white, median_std(second))  # coloured noise: more
     return (turn > TURNS)[stretch]

@@ -2,8 +2,8 @@
 
 The clutch is heated by the torque at a measured position and the slip of a measured speed, and
 their noise is summed up in its temperatures: a walk that parameters and causes would otherwise
-have to explain, since a fit takes everything for exact that it does not estimate.  So the noise of
-a drive's parts is estimated along, as numbers whose spread is known.
+have to explain, since a fit takes everything for exact that it does not estimate.  So readings are
+known to scatter along certain directions, each that of the noise in one part of the drive.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def walks(drive: LinearDrive, vehicle: Vehicle) -> Floats:
             continue
         j = compiled.model.input(name)
         grown = np.cumsum(line.noise[j] * rates[j] ** 2 * span)  # variance of the walk
-        if grown[-1] == 0.0:
+        if not 0.0 < grown[-1] < np.inf:
             continue
         part = np.minimum(PARTS * grown / grown[-1], PARTS - 1).astype(int)
         # larger where noise does more: then all noise of a part does what one such number does

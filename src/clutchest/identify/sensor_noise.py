@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.identify import window_likelihood
+from clutchest.identify.colour import median_std
 from clutchest.identify.window_likelihood import factor, toeplitz_row, whiten
 from clutchest.signals import Floats, Signal
 
@@ -152,7 +153,7 @@ def far_off(row: Floats) -> NDArray[np.bool_]:
     around = np.lib.stride_tricks.sliding_window_view(padded, 5)[:, [0, 1, 3, 4]]
     with np.errstate(invalid="ignore"):
         apart = np.abs(row - np.median(around, axis=1))
-        spread = 1.4826 * np.nanmedian(apart) if np.isfinite(apart).any() else 0.0
+        spread = median_std(apart[np.isfinite(apart)]) if np.isfinite(apart).any() else 0.0
         spread = max(spread, bus_step([row[np.isfinite(row)]]))
         # on a steep course the neighbours lie apart from each other as well
         return apart > OUTLIER * spread + np.ptp(around, axis=1)
@@ -216,7 +217,7 @@ def _scatter(values: Floats) -> float:
     finite = values[np.isfinite(values)]
     if not len(finite):
         return 0.0
-    robust = 1.4826 * float(np.median(np.abs(finite)))
+    robust = median_std(finite)
     return robust or float(np.sqrt(np.mean(finite**2)))  # rounding makes most of them nought
 
 
