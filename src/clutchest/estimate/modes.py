@@ -138,13 +138,15 @@ def classify(
         apart = position > kiss_point + thresholds.open_margin
     mode = np.where(home, Mode.retracted, np.where(locked, Mode.locked,
                     np.where(apart, Mode.open, Mode.slipping)))  # fmt: skip
+    slides = ~locked | _ending(time, slip, locked, thresholds.lock_time)
+    slides |= _ending(-time[::-1], slip[::-1], locked[::-1], thresholds.lock_time)[::-1]
     # near lock-up and break-away, and where slip passes zero, the sign of the torque is open
     near = _around(time, locked | still, thresholds.guard)
     return Regimes(
         np.where(lost, Mode.unknown, mode).astype(np.uint8),
         free_running=~(near & ~apart) & ~locked & ~blind,
-        sliding=~locked & ~lost,
-        engaged=~locked & ~apart & ~lost,
+        sliding=slides & ~lost,
+        engaged=slides & ~apart & ~lost,
     )
 
 
@@ -182,6 +184,22 @@ def _lasting(time, flag, least):  # type: ignore[no-untyped-def]
         if (k + 1 == len(flag) or not flag[k + 1]) and time[k] - time[start] >= least:
             kept[start : k + 1] = True
     return kept
+
+
+@njit(cache=True)
+def _ending(time, slip, locked, longest):  # type: ignore[no-untyped-def]
+    """Where a clutch that counts as ``locked`` still slides, for ``longest`` s at most: until the
+    slip first passes zero.  What is left of it then makes a thousandth of the heat."""
+    found, start = np.zeros(len(locked), np.bool_), -1
+    for k in range(1, len(locked)):
+        if not locked[k]:
+            start = -1
+        elif not locked[k - 1]:
+            start = k
+        if start >= 0:
+            found[k] = slip[k] * slip[start] > 0.0 and time[k] - time[start] < longest
+            start = start if found[k] else -1
+    return found
 
 
 @njit(cache=True)
