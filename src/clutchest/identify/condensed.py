@@ -18,8 +18,8 @@ from clutchest.identify.colour import median_std
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 
-RESTED = 1.0  # s; readings of a clutch at rest are averaged over this
-BENT = 0.1  # s; the same where they turn, as where the disc's expansion meets its cap
+RESTED = 0.25  # s; readings of a clutch at rest are averaged over this
+BENT = 0.05  # s; the same where they turn, as where the disc's expansion meets its cap
 TURNS = 5.0  # standard deviations of a change of slope from one such mean to the next
 SOON = 0.006  # s; as near to a reading as this, an input has no bend of its own
 NEAR = 0.3  # s before and after a regime in which they tell more, all readings stay

@@ -15,7 +15,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from clutchest.estimate.samples import slope
 from clutchest.estimate.start import fresh, nominal
@@ -24,13 +23,12 @@ from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.identify.calm import calm, path
 from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
+from clutchest.identify.course import Course, apart
 from clutchest.identify.input_noise import walks
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
-WINDOW = 0.1  # s, over which inputs are smoothed
-BENDS = 4.0  # standard deviations of its noise, by which an input leaves its smooth course
 SLOPE = 0.6  # s, over which a signal that may be late is smoothed: noise that stays in a slope goes
 # with what it did to a tracked state before, and passes for a delay where noise is slow
 RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
@@ -70,13 +68,15 @@ class LinearDrive:
             self.acts |= self.line.W[self.line.row, model.regime.index(flag)] > 0
         self.slope, self.calm = self._tracked(line)
         self.states = np.zeros((len(self.line.t), len(model.states)))
-        self.course = self._courses(signals, vehicle, line)
-        self.smooth = np.column_stack([np.interp(self.line.t, *c) for c in self.course])
+        self.course, self.apart = self._courses(signals, vehicle, line), apart(self.line.t)
+        off = np.column_stack([c.off(self.line.t, self.apart) for c in self.course])
+        self.line = replace(self.line, u=self.line.u - off)
+        self.smooth = np.column_stack([c.at(self.line.t, self.apart) for c in self.course])
         self.still = {}
         mapped = (vehicle.signals.get(item.name) for item in model.inputs)
         noise = [signal.noise if signal else np.inf for signal in mapped]
         for j, freed in _sloped(model, noise).items():
-            time, value = self.course[j]
+            time, value = self.course[j].time, self.course[j].value
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
         self.moved = dict[int, Floats]()  # inputs, by what the run before implies
@@ -187,7 +187,7 @@ class LinearDrive:
         measured = self.smooth.copy()
         for name, delay in late.items():
             j = self.compiled.model.input(name)
-            measured[:, j] = np.interp(self.line.t + delay, *self.course[j])
+            measured[:, j] = self.course[j].at(self.line.t + delay, self.apart)
         return measured
 
     def _imply(self, p: Floats, g: Floats, measured: Floats) -> None:
@@ -222,24 +222,16 @@ class LinearDrive:
             np.divide(np.diff(value, prepend=value[0]), span, out=found[:, j], where=span > 0.0)
         return found
 
-    def _courses(
-        self, signals: Signals, vehicle: Vehicle, whole: Timeline
-    ) -> list[tuple[Floats, Floats]]:
-        """Times and values of every input without its fastest noise: parabolas through ``WINDOW``
-        s, and the readings themselves where those are off by more than noise.  With samples as
-        close as the signal's, so that it can be shifted in time."""
+    def _courses(self, signals: Signals, vehicle: Vehicle, whole: Timeline) -> list[Course]:
+        """Every input, with samples as close as the signal's, so that it can be shifted in time."""
         found = []
         for j, item in enumerate(self.compiled.model.inputs):
-            time, value = self.line.t, self.line.u[:, j]
-            if item.name in signals and self.line.noise[j]:
+            course = Course.straight(self.line.t, self.line.u[:, j])
+            if item.name in signals and self.line.noise[j] and len(signals[item.name].time) > 4:
                 own = signals[item.name].time
-                count = round(WINDOW / max(float(np.median(np.diff(own))), 1e-3)) // 2 * 2 + 1
-                if 5 <= count <= len(own):
-                    read = np.interp(own, whole.t, whole.u[:, j])
-                    smooth = savgol_filter(read, count, 2)
-                    bends = np.abs(read - smooth) > BENDS * vehicle.signals[item.name].noise
-                    time, value = own, np.where(bends, read, smooth)
-            found.append((time, value))
+                read = np.interp(own, whole.t, whole.u[:, j])
+                course = Course.of(own, read, vehicle.signals[item.name].noise)
+            found.append(course)
         return found
 
     def _tracked(self, whole: Timeline) -> tuple[Floats, Floats]:
