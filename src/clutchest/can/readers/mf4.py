@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import BytesIO, StringIO
@@ -21,7 +21,6 @@ from clutchest.can.readers.stream import Source, quiet
 from clutchest.errors import ClutchestError
 
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
-_RECORDS = 1 << 18  # of a group that are read together
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
 _CHANNELS = (
     "BusChannel",
@@ -39,40 +38,31 @@ _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFr
 
 
 def read(source: Source) -> Iterator[Frames]:
-    """All CAN frames of an MDF4 file, by time.
+    """All CAN frames of an MDF4 file, by time, in one block.
 
     One that ends early is mended as far as it goes.
     """
     if source.head[8:9] != b"4":
         raise ClutchestError(f"{source.path}: bus logging needs version 4 of MDF")
-    blocks = _frames(source)
-    try:
-        while (frames := _next(source, blocks)) is not None:
-            yield frames
-    finally:
-        blocks.close()
-
-
-def _next(source: Source, blocks: Iterator[Frames]) -> Frames | None:
     try:
         with quiet("asammdf"), redirect_stdout(StringIO()):  # it prints what it stumbles over
-            return next(blocks, None)
+            frames = _frames(source)
     except ClutchestError:
         raise
     except Exception as error:  # asammdf has no errors of its own
         raise ClutchestError(f"{source.path}: the file is damaged "
                              f"({type(error).__name__}: {error})") from None  # fmt: skip
+    yield frames
 
 
-def _frames(source: Source) -> Generator[Frames, None, None]:
+def _frames(source: Source) -> Frames:
     if source.zipped:
-        yield from _as_it_is(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
-        return
+        return _as_it_is(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
     with source.path.open("rb") as file:
-        yield from _as_it_is(source, file)
+        return _as_it_is(source, file)
 
 
-def _as_it_is(source: Source, file: IO[bytes]) -> Iterator[Frames]:
+def _as_it_is(source: Source, file: IO[bytes]) -> Frames:
     """What is there, with what is lost counted."""
     if not mf4_mend.described(file):
         raise ClutchestError(f"{source.path}: the file ends early, and with its end what describes "
@@ -80,20 +70,17 @@ def _as_it_is(source: Source, file: IO[bytes]) -> Iterator[Frames]:
     whole = mf4_mend.mended(file)
     if whole is None:
         file.seek(0)
-        yield from _groups(file if source.zipped else source.path)
-        return
-    times, last = [], Frames.empty()
-    with whole.file:
-        for frames in _groups(whole.file):
-            times += [*frames.t_ns[:1].tolist(), *frames.t_ns[-1:].tolist()]
-            last = frames.take(slice(0))
-            yield frames
-    end = f" behind {(times[-1] - times[0]) / 1e9:.3f} s" if times else ""
-    lost = (f"file ends early, frames{end} are lost", max(whole.lost, 1))
-    yield replace(last, rejected=(lost,))
+        frames = _groups(file if source.zipped else source.path)
+    else:
+        with whole.file:
+            frames = _groups(whole.file)
+        end = f" behind {(frames.t_ns[-1] - frames.t_ns[0]) / 1e9:.3f} s" if len(frames) else ""
+        lost = (f"file ends early, frames{end} are lost", max(whole.lost, 1))
+        frames = replace(frames, rejected=(*frames.rejected, lost))
+    return frames
 
 
-def _groups(file: Any) -> Iterator[Frames]:
+def _groups(file: Any) -> Frames:
     with _opened(file) as mdf:
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
@@ -103,22 +90,7 @@ def _groups(file: Any) -> Iterator[Frames]:
                  for index, group in enumerate(groups) if group.channel_group.cycles_nr
                  for kind in _KINDS
                  if any(channel.name == kind for channel in group.channels)]  # fmt: skip
-        yield from _merged(parts) if parts else [Frames.empty()]
-
-
-def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
-    """Blocks of several groups, each in order of time, as blocks of all by time."""
-    heads = [next(part, None) for part in parts]
-    while live := [(k, head) for k, head in enumerate(heads) if head is not None]:
-        # what comes later in any group is later than this
-        until = min((int(head.t_ns.max()) for _, head in live if len(head)), default=0)
-        ready = []
-        for k, head in live:
-            now = head.t_ns <= until
-            ready.append(head.take(now))
-            left = None if now.all() else replace(head.take(~now), rejected=())
-            heads[k] = next(parts[k], None) if left is None else left
-        yield Frames.concatenate(ready).sorted()
+    return Frames.concatenate(parts).sorted() if parts else Frames.empty()
 
 
 def _opened(file: Any) -> MDF:
@@ -135,24 +107,12 @@ def _opened(file: Any) -> MDF:
         raise
 
 
-def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Iterator[Frames]:
-    """The frames of one kind in one group, ``_RECORDS`` at a time."""
+def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Frames:
     group: Any = mdf.groups[index]
     present = {channel.name: place for place, channel in enumerate(group.channels)}
     named = [name for name in _CHANNELS if f"{kind}.{name}" in present]
-    wanted = [(None, index, present[f"{kind}.{name}"]) for name in named]
-    for first in range(0, group.channel_group.cycles_nr, _RECORDS):
-        # all channels at once: asammdf unpacks the data anew for each call
-        signals = mdf.select(wanted, first, raw=True, record_count=_RECORDS)
-        if not signals or not len(signals[0].timestamps):
-            return  # the group says that it has more than it has
-        yield _read(kind, named, signals, start_ns, absolute)
-
-
-def _read(
-    kind: str, named: Sequence[str], signals: Sequence[Any], start_ns: int, absolute: bool
-) -> Frames:
-    """Frames of one kind from the ``named`` channels."""
+    # All at once: asammdf unpacks the group's data anew for each call.
+    signals = mdf.select([(None, index, present[f"{kind}.{name}"]) for name in named], raw=True)
     samples: dict[str, NDArray] = dict(zip(named, (s.samples for s in signals), strict=True))
     times = signals[0].timestamps if signals else np.zeros(0)
     n = len(times)
