@@ -219,9 +219,16 @@ def test_a_delay_is_undone_by_its_gain(truck, problem, drive, signal, late):
     effect = f"{signal}_delay"
     delayed = quiet(truck, 1, {effect: {"delay": late}})
     found = Problem(delayed, truck, LIBRARY)
-    left = misses(found.linearise(truth(found, delayed), {})[0])
-    undone = misses(found.linearise(truth(found, delayed, **{effect: ("delay", late)}), {})[0])
-    assert left > 0.07
+    sensor = found.drives[0].sensor
+
+    def most(theta: Floats) -> float:
+        """Misses of the sensor that shows the delay most: the other dilutes them."""
+        r = found.linearise(theta, {})[0].r
+        return max(float(np.mean(r[sensor == own] ** 2)) for own in np.unique(sensor))
+
+    left = most(truth(found, delayed))
+    undone = most(truth(found, delayed, **{effect: ("delay", late)}))
+    assert left > 0.09
     assert undone < 0.01 * left + 0.0025
 
 
