@@ -11,7 +11,7 @@ import pytest
 from asammdf import MDF
 
 import can
-from clutchest.can.files import read_frames, write_frames
+from clutchest.can.files import read_blocks, read_frames, write_frames
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from samples import random_frames
@@ -47,9 +47,9 @@ def test_what_is_written_is_read_back(suffix, absolute, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == [path.name]
 
 
-@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".mf4", ".trc"])
-def test_fd_remote_and_error_frames_are_read_back(suffix, tmp_path):
-    frames = random_frames(200, seed=4, fd=True)
+def of_all_kinds(n: int) -> Frames:
+    """FD, remote, error and sent frames among others."""
+    frames = random_frames(n, seed=4, fd=True)
     classic = np.flatnonzero((frames.flags & Flag.FD) == 0)
     frames.flags[classic[::3]] |= np.uint8(Flag.REMOTE)
     frames.data[classic[::3]] = 0
@@ -57,6 +57,12 @@ def test_fd_remote_and_error_frames_are_read_back(suffix, tmp_path):
     frames.flags[errors], frames.id[errors], frames.length[errors] = Flag.ERROR, 0, 0
     frames.data[errors] = 0
     frames.flags[classic[2::6]] |= np.uint8(Flag.SENT)
+    return frames
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".mf4", ".trc"])
+def test_fd_remote_and_error_frames_are_read_back(suffix, tmp_path):
+    frames = of_all_kinds(200)
     if suffix == ".trc":
         frames = frames.take((frames.flags & Flag.ERROR) == 0)
     path = tmp_path / f"drive{suffix}"
@@ -93,6 +99,34 @@ def test_mf4_is_what_asammdf_takes_for_bus_logging(tmp_path, truck):
         signal.samples, decode(frames, rows, message, ["EngineSpeed"])["EngineSpeed"].value
     )
     np.testing.assert_allclose(signal.timestamps, np.arange(200) * 0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize("bytes_together", [1, 700, 10_000, 1 << 20])
+def test_mf4_is_read_in_blocks(bytes_together, tmp_path, monkeypatch):
+    """Groups of data, remote and error frames, however many at a time, come by time and whole."""
+    whole = of_all_kinds(300)
+    write_frames(whole, tmp_path / "a.mf4")
+    monkeypatch.setattr("clutchest.can.readers.mf4._TOGETHER", bytes_together)
+    blocks = list(read_blocks(tmp_path / "a.mf4"))
+    assert_equal(Frames.concatenate(blocks), whole)
+    assert max(map(len, blocks)) <= 3 * max(bytes_together // 70, 1)
+    edges = [t for block in blocks if len(block) for t in (block.t_ns[0], block.t_ns[-1])]
+    assert np.all(np.diff(edges) >= 0)
+
+
+def test_what_a_damaged_mf4_holds_before_the_damage_is_kept(tmp_path):
+    frames = random_frames(300_000, seed=5)
+    path = tmp_path / "a.mf4"
+    write_frames(frames, path)
+    content = bytearray(path.read_bytes())
+    place = len(content) * 3 // 4
+    content[place : place + 200] = b"\xff" * 200
+    path.write_bytes(content)
+    given = read_frames(path)
+    assert 0.2 * len(frames) < len(given) < 0.75 * len(frames)
+    assert_equal(replace(given, rejected=()), frames.take(slice(len(given))))
+    ((why, lost),) = given.rejected
+    assert "damaged" in why and lost == len(frames) - len(given)
 
 
 def test_python_can_reads_our_mf4(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import BytesIO, StringIO
@@ -21,6 +21,7 @@ from clutchest.can.readers.stream import Source, quiet
 from clutchest.errors import ClutchestError
 
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
+_TOGETHER = 1 << 21  # bytes of a group's records
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
 _CHANNELS = (
     "BusChannel",
@@ -38,31 +39,40 @@ _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFr
 
 
 def read(source: Source) -> Iterator[Frames]:
-    """All CAN frames of an MDF4 file, by time, in one block.
+    """All CAN frames of an MDF4 file, by time.
 
     One that ends early is mended as far as it goes.
     """
     if source.head[8:9] != b"4":
         raise ClutchestError(f"{source.path}: bus logging needs version 4 of MDF")
+    blocks = _blocks(source)
+    try:
+        while (frames := _next(source, blocks)) is not None:
+            yield frames
+    finally:
+        blocks.close()
+
+
+def _next(source: Source, blocks: Iterator[Frames]) -> Frames | None:
     try:
         with quiet("asammdf"), redirect_stdout(StringIO()):  # it prints what it stumbles over
-            frames = _frames(source)
+            return next(blocks, None)
     except ClutchestError:
         raise
     except Exception as error:  # asammdf has no errors of its own
         raise ClutchestError(f"{source.path}: the file is damaged "
                              f"({type(error).__name__}: {error})") from None  # fmt: skip
-    yield frames
 
 
-def _frames(source: Source) -> Frames:
+def _blocks(source: Source) -> Generator[Frames, None, None]:
     if source.zipped:
-        return _as_it_is(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
-    with source.path.open("rb") as file:
-        return _as_it_is(source, file)
+        yield from _as_it_is(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
+    else:
+        with source.path.open("rb") as file:
+            yield from _as_it_is(source, file)
 
 
-def _as_it_is(source: Source, file: IO[bytes]) -> Frames:
+def _as_it_is(source: Source, file: IO[bytes]) -> Iterator[Frames]:
     """What is there, with what is lost counted."""
     if not mf4_mend.described(file):
         raise ClutchestError(f"{source.path}: the file ends early, and with its end what describes "
@@ -70,18 +80,24 @@ def _as_it_is(source: Source, file: IO[bytes]) -> Frames:
     whole = mf4_mend.mended(file)
     if whole is None:
         file.seek(0)
-        frames = _groups(file if source.zipped else source.path)
-    else:
-        with whole.file:
-            frames = _groups(whole.file)
-        end = f" behind {(frames.t_ns[-1] - frames.t_ns[0]) / 1e9:.3f} s" if len(frames) else ""
-        lost = (f"file ends early, frames{end} are lost", max(whole.lost, 1))
-        frames = replace(frames, rejected=(*frames.rejected, lost))
-    return frames
+        # asammdf completes an unfinished file in a copy if it is given a path; a path maps the file
+        unfinished = source.head.startswith(b"UnFin")
+        yield from _groups(source.path if unfinished and not source.zipped else file)
+        return
+    span, absolute = [], True
+    with whole.file:
+        for frames in _groups(whole.file):
+            if len(frames):
+                span, absolute = [*span[:1], *frames.t_ns[[0, -1]]], frames.absolute
+            yield frames
+    end = f" behind {(span[-1] - span[0]) / 1e9:.3f} s" if span else ""
+    lost = (f"file ends early, frames{end} are lost", max(whole.lost, 1))
+    yield Frames.empty(absolute=absolute, rejected=(lost,))
 
 
-def _groups(file: Any) -> Frames:
+def _groups(file: Any) -> Iterator[Frames]:
     with _opened(file) as mdf:
+        mdf.configure(read_fragment_size=_TOGETHER)
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
         start_ns = round(start_s * 1e6) * 1000 if absolute else 0
@@ -90,12 +106,29 @@ def _groups(file: Any) -> Frames:
                  for index, group in enumerate(groups) if group.channel_group.cycles_nr
                  for kind in _KINDS
                  if any(channel.name == kind for channel in group.channels)]  # fmt: skip
-    return Frames.concatenate(parts).sorted() if parts else Frames.empty()
+        if not parts:
+            yield Frames.empty()
+        yield from parts[0] if len(parts) == 1 else _merged(parts)
+
+
+def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
+    """Blocks of several groups, each in order of time, as blocks of all by time."""
+    heads = [next(part, None) for part in parts]
+    while live := [(k, head) for k, head in enumerate(heads) if head is not None]:
+        # what comes later in any group is later than this
+        until = min((int(head.t_ns.max()) for _, head in live if len(head)), default=0)
+        ready = []
+        for k, head in live:
+            now = head.t_ns <= until
+            ready.append(head.take(now))
+            left = None if now.all() else replace(head.take(~now), rejected=())
+            heads[k] = next(parts[k], None) if left is None else left
+        yield Frames.concatenate(ready).sorted()
 
 
 def _opened(file: Any) -> MDF:
     try:
-        return MDF(file)
+        return MDF(file, process_bus_logging=False)  # which would read all of it, to no use here
     except Exception as error:
         for frame, _ in walk_tb(error.__traceback__):
             half_read = frame.f_locals.get("self")
@@ -107,14 +140,38 @@ def _opened(file: Any) -> MDF:
         raise
 
 
-def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Frames:
-    group: Any = mdf.groups[index]
+def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Iterator[Frames]:
+    """The frames of one kind in one group, some at a time; what is damaged behind them is counted.
+
+    The road of asammdf's own bus logging: what it offers to others reads a group as a whole.
+    """
+    inner: Any = mdf._mdf
+    group: Any = inner.groups[index]
     present = {channel.name: place for place, channel in enumerate(group.channels)}
     named = [name for name in _CHANNELS if f"{kind}.{name}" in present]
-    # All at once: asammdf unpacks the group's data anew for each call.
-    signals = mdf.select([(None, index, present[f"{kind}.{name}"]) for name in named], raw=True)
-    samples: dict[str, NDArray] = dict(zip(named, (s.samples for s in signals), strict=True))
-    times = signals[0].timestamps if signals else np.zeros(0)
+    left = group.channel_group.cycles_nr
+    try:
+        for records in inner._load_data(group):
+            inner._set_temporary_master(None)  # it keeps the times of what was read before
+            times = inner.get_master(index, data=records)
+            inner._set_temporary_master(times)
+            samples = {name: inner.get(group=index, index=present[f"{kind}.{name}"], data=records,
+                                       samples_only=True, raw=True)[0]
+                       for name in named}  # fmt: skip
+            frames = _frames(kind, times, samples, start_ns, absolute)
+            left -= len(times)
+            yield frames
+    except Exception as error:  # asammdf has no errors of its own
+        lost = (f"the file is damaged ({type(error).__name__}: {error})", max(left, 1))
+        yield Frames.empty(absolute=absolute, rejected=(lost,))
+    finally:
+        inner._set_temporary_master(None)
+
+
+def _frames(
+    kind: str, times: NDArray, samples: Mapping[str, NDArray], start_ns: int, absolute: bool
+) -> Frames:
+    """Frames of one kind from the channels that their group has; nothing of these is kept."""
     n = len(times)
 
     def column(name: str) -> NDArray:
