@@ -23,6 +23,7 @@ from clutchest.errors import ClutchestError
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _TOGETHER = 1 << 21  # bytes of a group's records
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
+_AS_IT_LIES: dict[str, Any] = {"process_bus_logging": False}  # which goes over all of the file
 _CHANNELS = (
     "BusChannel",
     "ID",
@@ -84,7 +85,8 @@ def _as_it_is(source: Source, file: IO[bytes]) -> Iterator[Frames]:
         unfinished = source.head.startswith(b"UnFin")
         yield from _groups(source.path if unfinished and not source.zipped else file)
         return
-    span, absolute = [], True
+    span: list[int] = []
+    absolute = True
     with whole.file:
         for frames in _groups(whole.file):
             if len(frames):
@@ -128,7 +130,7 @@ def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
 
 def _opened(file: Any) -> MDF:
     try:
-        return MDF(file, process_bus_logging=False)  # which would read all of it, to no use here
+        return MDF(file, **_AS_IT_LIES)
     except Exception as error:
         for frame, _ in walk_tb(error.__traceback__):
             half_read = frame.f_locals.get("self")
@@ -146,7 +148,7 @@ def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> It
     The road of asammdf's own bus logging: what it offers to others reads a group as a whole.
     """
     inner: Any = mdf._mdf
-    group: Any = inner.groups[index]
+    group = inner.groups[index]
     present = {channel.name: place for place, channel in enumerate(group.channels)}
     named = [name for name in _CHANNELS if f"{kind}.{name}" in present]
     left = group.channel_group.cycles_nr
