@@ -215,6 +215,31 @@ def test_the_oracle_agrees_with_itself():
         assert oracle.distance(twin, [name]) < 1.0
 
 
+@pytest.mark.slow
+def test_what_an_extension_gains_is_what_it_explains(tmp_path):
+    """The truth gains all that can be gained, half of it three quarters, its opposite three times
+    as much less, and no extension nothing."""
+    from dataclasses import replace
+
+    from blind.drives import Drive
+    from blind.gain import on_held_out
+
+    drive, cause = Drive(2, "ar05"), {"heat_split": {"fraction": 0.06}}
+    answer = {"effects": cause, "outsider": None}
+    gains = []
+    for share in (1.0, 0.5, -1.0, 0.0):
+        effects = {"heat_split": {"fraction": share * 0.06}} if share else {}
+        path = tmp_path / "extended.toml"
+        clutchest.dump_vehicle(replace(drive.vehicle, effects=effects), path)
+        found = on_held_out(drive, answer, path)
+        assert found["possible"] > 10.0
+        gains.append(found["gained"] / found["possible"])
+    assert gains[0] == pytest.approx(1.0, abs=0.03)
+    assert gains[1] == pytest.approx(0.75, abs=0.06)
+    assert -4.0 < gains[2] < -2.0
+    assert gains[3] == 0.0
+
+
 # --- the table -----------------------------------------------------------------------------------
 
 

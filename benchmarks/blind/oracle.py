@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import ChainMap
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from types import MappingProxyType
@@ -28,6 +29,7 @@ from clutchest.identify.problem import Problem, Shapes
 from clutchest.models.effects import Effect, library
 from clutchest.signals import Floats, Signals
 from clutchest.simulated import Effects
+from clutchest.vehicle import Vehicle
 
 FAR = 5.0  # standard deviations; what is further off is no noise
 NOMINAL: Shapes = MappingProxyType({})
@@ -70,7 +72,7 @@ class Oracle:
     """Of one drive; ``scenario``: of another one by the same truck."""
 
     def __init__(self, drive: Drive, scenario: str | None = None) -> None:
-        self.drive, self.scenario = drive, scenario
+        self.drive, self.scenario, self.vehicle = drive, scenario, drive.vehicle
         self.effects = library(drive.vehicle.model)
         noisy = self._problem(drive.signals(scenario=scenario))
         self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
@@ -85,7 +87,19 @@ class Oracle:
         self.clean = self._look(self.exact, settled.theta, NOMINAL)
 
     def _problem(self, signals: Signals) -> Problem:
-        return Problem(signals, self.drive.vehicle, tuple(self.effects.values()))
+        return Problem(signals, self.vehicle, tuple(self.effects.values()))
+
+    def extended(self, vehicle: Vehicle) -> Oracle:
+        """One that has another model of the same truck and no other cause to free."""
+        other = copy(self)
+        # a delay too small to be a cause belongs to the truck
+        other.effects = {name: effect for name, effect in self.effects.items() if effect.delays}
+        other.vehicle = vehicle
+        problem = other._problem(self._exact())
+        other.thetas, other.nuisances = problem.thetas, problem.nuisances
+        own = {(t.owner, t.key): value for t, value in zip(self.thetas, self.centre, strict=True)}
+        other.centre = np.array([own.get((t.owner, t.key), 0.0) for t in other.thetas])
+        return other
 
     def _exact(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Signals:
         return self.drive.signals(effects, outsider, noiseless=True, scenario=self.scenario)

@@ -15,13 +15,12 @@ from typing import Any
 
 from blind.cases import HELD_OUT, LOG, VEHICLE, drive_of, outsider_of, write
 from blind.drives import VEHICLE as TRUCK
+from blind.gain import on_held_out
 from blind.plan import Case, gains
 from blind.sealed import unseal
-from clutchest import read_log, replay
 from clutchest.reading.tables import write_signals
-from clutchest.signals import Signals
 from clutchest.simulated import Effects, simulate
-from clutchest.vehicle import Vehicle, dump_vehicle, load_vehicle
+from clutchest.vehicle import dump_vehicle, load_vehicle
 
 MEASURED = Path(__file__).parent / "measured.py"
 LONGEST = 1200.0  # s that a discovery may take
@@ -32,7 +31,7 @@ Record = dict[str, Any]
 
 
 def score(case: Case, out: Path, *, measured: bool, known: Record | None = None) -> Record:
-    """The case's record.  ``measured``: hold-out gains too, which compiles a model per cause;
+    """The case's record.  ``measured``: hold-out gains too, which compiles a model per extension;
     ``known``: the answer, where the oracle has been asked before."""
     folder, sealed = out / "work" / case.blind_name, out / "answers" / f"{case.blind_name}.sealed"
     if known is None and sealed.exists():
@@ -43,7 +42,8 @@ def score(case: Case, out: Path, *, measured: bool, known: Record | None = None)
     record = {**asdict(case), "name": case.name, **judged(answer, found)}
     record["followed_up"] = _followed_up(case, answer, found, folder)
     if measured:
-        record |= held_out_gain(case, answer, found, folder)
+        extended = folder / "found" / "extended.toml"
+        record |= on_held_out(drive_of(case, answer), answer, extended)
     shutil.rmtree(folder)
     return record
 
@@ -148,32 +148,3 @@ def _followed_up(case: Case, answer: Record, found: Record, folder: Path) -> Rec
     named = [cause["effect"] for cause in again.get("causes") or []]
     right = again["verdict"] == "named" and named == list(answer["effects"])
     return {"scenario": scenario, "verdict": again["verdict"], "causes": named, "right": right}
-
-
-# --- gain on the drive held out --------------------------------------------------------------
-
-
-def held_out_gain(case: Case, answer: Record, found: Record, folder: Path) -> Record:
-    """Gain in −ln(likelihood) of the drive held out: ``gained`` by the extended vehicle file,
-    ``possible`` when nothing were wrong with the truck, and ``held_out_nll`` before.
-
-    What is possible is measured on the same drive without its cause, reading by reading: the
-    number of readings is not quite the same.
-    """
-    drive = drive_of(case, answer)
-    vehicle = load_vehicle(folder / VEHICLE)
-    held_out = read_log(folder / HELD_OUT, vehicle)
-    before, count = nll(held_out, vehicle)
-    extended = folder / "found" / "extended.toml"
-    changed = found["verdict"] not in ("none", "failed") and extended.exists()
-    after = nll(held_out, load_vehicle(extended))[0] if changed else before
-    healthy, of = nll(drive.signals(held_out=True), vehicle)
-    possible = count * (before / count - healthy / of)
-    return {"gained": before - after, "possible": possible, "held_out_nll": before}
-
-
-def nll(signals: Signals, vehicle: Vehicle) -> tuple[float, int]:
-    """−ln(likelihood) of a replay, and the number of readings."""
-    summary = replay(signals, vehicle).summary
-    count = sum(sensor["count"] for sensor in summary["sensors"].values())
-    return -float(summary["log_likelihood"]), count

@@ -36,6 +36,7 @@ from clutchest.identify.maximum import Look
 from clutchest.identify.problem import Problem
 from clutchest.models import only_for
 from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.models.model import Model
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -109,7 +110,7 @@ class _Finding:
             most = max((curve.worth for curve in errors), default=0.0)
             unnamed |= most > search.null.cost - best.cost
         tied = search.tied()
-        curve = _transferable(errors) if unnamed else None
+        curve = _transferable(errors, problem.compiled.model) if unnamed else None
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
         gained, warnings = self._gain(search, verdict, curve, holdout)
@@ -265,10 +266,11 @@ def _gainsaid(search: Search, error: Curve | None, gained: Gain) -> bool:
     return p > SURE and not search.stays(more)
 
 
-def _transferable(errors: Sequence[Curve]) -> Curve | None:
-    """The best curve of the equation in question that means the same in another drive."""
+def _transferable(errors: Sequence[Curve], model: Model) -> Curve | None:
+    """The best curve of the equation in question that means the same in another drive, and that the
+    equations can follow if there is one."""
     same = [c for c in errors if c.equation == errors[0].equation and c.driver != "time"]
-    return same[0] if same else None
+    return next((c for c in same if patch.text(c, model)), same[0] if same else None)
 
 
 def _grid_std(candidate: Candidate, key: str) -> float:

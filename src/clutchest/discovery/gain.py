@@ -26,25 +26,30 @@ PARTS = 4  # of a log, foretold in turns
 def on_another(search: Search, best: Hypothesis, other: Problem) -> Gain:
     """Of a hypothesis fitted to one problem, on the drives of another.
 
-    Numbers of the vehicle are those found; what a drive starts from is fitted anew to each, with
-    and without the causes.
+    Gains and shapes are those found.  Everything else that is not known is fitted anew, with and
+    without the causes, and costs what its prior makes it cost: the vehicle file says nothing of it,
+    and a number far off what is stated would be the same finding by another name.
     """
-    fitter = Fitter(other)
+    fitter, free = Fitter(other), other.nuisances
     looks: list[Look] = []
     for hypothesis in (best, search.null):
-        theta = np.zeros(len(other.thetas))
-        theta[: other.shared] = hypothesis.look.theta[: search.problem.shared]
-        late = len(search.problem.timing)
-        if late:
-            theta[-late:] = hypothesis.look.theta[-late:]
-        starts = _starts(other)
+        theta = _carried(search, hypothesis.look, other)
         if not looks:  # noise as what was found leaves it
-            first = fitter.most_probable(starts, theta, hypothesis.look.shapes)
+            first = fitter.most_probable(free, theta, hypothesis.look.shapes)
             fitter.focus([fitter.taught(first).psi])
-        looks.append(fitter.most_probable(starts, theta, hypothesis.look.shapes))
-    after, before = (_Foretold.of(other, look) for look in looks)
+        looks.append(fitter.most_probable(free, theta, hypothesis.look.shapes))
+    after, before = (_Foretold.of(other, fitter, look) for look in looks)
     assert fitter.span is not None
     return _gain(other, before, after, fitter.span)
+
+
+def _carried(search: Search, look: Look, other: Problem) -> Floats:
+    """θ of another problem, with what a look at the first one says of the vehicle."""
+    theta = np.zeros(len(other.thetas))
+    theta[: other.shared] = look.theta[: search.problem.shared]
+    if late := len(search.problem.timing):
+        theta[-late:] = look.theta[-late:]
+    return theta
 
 
 def in_turns(search: Search, best: Hypothesis) -> Gain:
@@ -64,7 +69,7 @@ def in_turns(search: Search, best: Hypothesis) -> Gain:
             rest.focus([rest.again(look).psi])
             fit = rest.improve(rest.again(look), search.free(hypothesis.chosen))
             foretold = fitter.most_probable(_starts(problem), fit.theta, look.shapes)
-            parts.append(_Foretold.of(problem, foretold).part(k, edges))
+            parts.append(_Foretold.of(problem, fitter, foretold).part(k, edges))
         found.append(_Foretold.joined(parts))
     assert fitter.span is not None
     return replace(_gain(problem, found[0], found[1], fitter.span), other_logs=False)
@@ -84,7 +89,8 @@ def _one_after_another(problem: Problem, times: Sequence[Floats]) -> Floats:
 @dataclass(frozen=True, slots=True)
 class _Foretold:
     """What was foretold of readings (K) ``at`` times s: the ``white`` innovations and those over
-    their ``own`` standard deviations; how far the ``torque`` was missed, Nm, at ``torque_at`` s.
+    their ``own`` standard deviations; how far the ``torque`` was missed, Nm, at ``torque_at`` s;
+    what the numbers behind it ``cost`` in −2 ln(their prior).
     """
 
     at: Floats
@@ -92,9 +98,10 @@ class _Foretold:
     own: Floats
     torque_at: Floats
     torque: Floats
+    cost: float
 
     @classmethod
-    def of(cls, problem: Problem, look: Look) -> _Foretold:
+    def of(cls, problem: Problem, fitter: Fitter, look: Look) -> _Foretold:
         """At one look."""
         simulated = torques(problem, look)
         return cls(
@@ -103,22 +110,24 @@ class _Foretold:
             np.concatenate([rows.r for rows in look.raw]),
             _one_after_another(problem, [t for t, _, _ in simulated]),
             np.concatenate([measured - made for _, measured, made in simulated]),
+            float(np.sum(fitter.prior * look.theta**2)),
         )
 
     def part(self, k: int, edges: Floats) -> _Foretold:
         """The same in the ``k``-th of the spans between ``edges`` s; nothing elsewhere."""
         mine, its = (np.searchsorted(edges, t) == k for t in (self.at, self.torque_at))
         return _Foretold(self.at, self.white * mine, self.own * mine, self.torque_at,
-                         self.torque * its)  # fmt: skip
+                         self.torque * its, self.cost)  # fmt: skip
 
     @classmethod
     def joined(cls, parts: Sequence[_Foretold]) -> _Foretold:
-        """Parts put together."""
+        """Parts put together; the vehicle is one, and its numbers cost once."""
         white, own, torque = (
             np.sum([getattr(one, name) for one in parts], axis=0)
             for name in ("white", "own", "torque")
         )
-        return cls(parts[0].at, white, own, parts[0].torque_at, torque)
+        cost = float(np.mean([one.cost for one in parts]))
+        return cls(parts[0].at, white, own, parts[0].torque_at, torque, cost)
 
 
 def _gain(problem: Problem, before: _Foretold, after: _Foretold, span: Floats) -> Gain:
@@ -126,26 +135,25 @@ def _gain(problem: Problem, before: _Foretold, after: _Foretold, span: Floats) -
     inside = [span @ (span.T @ one.white) for one in (before, after)]
     noise = (after.white - inside[1]) ** 2
     old, new = inside[0] ** 2 + noise, inside[1] ** 2 + noise
-    low, high = _interval(0.5 * (old - new), before.at)
+    gained = (before.cost - after.cost) / 2.0 + _interval((old - new) / 2.0, before.at)
     return Gain(
         rmse_before=_root_mean_square(before.own),
         rmse_after=_root_mean_square(after.own),
-        nll_before=float(0.5 * old.sum()),
-        nll_after=float(0.5 * new.sum()),
+        nll_before=float(old.sum() + before.cost) / 2.0,
+        nll_after=float(new.sum() + after.cost) / 2.0,
         simulation_rmse_before=_root_mean_square(before.torque),
         simulation_rmse_after=_root_mean_square(after.torque),
-        ci95=(low, high),
+        ci95=(float(gained[0]), float(gained[1])),
     )
 
 
-def _interval(gained: Floats, at: Floats) -> tuple[float, float]:
+def _interval(gained: Floats, at: Floats) -> Floats:
     """Of the sum of what is ``gained`` (K) ``at`` times s, 95 %, by drawing blocks again."""
     _, of = np.unique(np.floor(at / BLOCK), return_inverse=True)
     sums = np.bincount(of, gained)
     rng = np.random.default_rng(0)
     drawn = sums[rng.integers(len(sums), size=(RESAMPLED, len(sums)))].sum(axis=1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return float(low), float(high)
+    return np.quantile(drawn, [0.025, 0.975])
 
 
 def _root_mean_square(values: Floats) -> float:
@@ -153,31 +161,25 @@ def _root_mean_square(values: Floats) -> float:
 
 
 def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
-    """Of a curve in place of a cause, on the drives of another problem, to first order: the curve
-    as it was found, what each drive starts from fitted anew."""
-    fitter = Fitter(other)
-    theta = np.zeros(len(other.thetas))
-    theta[: other.shared] = search.null.look.theta[: search.problem.shared]
-    starts = _starts(other)
-    look = fitter.taught(fitter.most_probable(starts, theta, search.null.look.shapes))
+    """Of a curve in place of a cause, on the drives of another problem: the curve as it was found,
+    everything else fitted anew, with the curve to first order."""
+    fitter, free = Fitter(other), other.nuisances
+    null = search.null.look
+    look = fitter.most_probable(free, _carried(search, null, other), null.shapes)
+    look = fitter.improve(fitter.taught(look), free)
     fitter.come(look.theta, look.shapes)
     probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.flaw)
     bases = [hats(drivers(drive)[curve.driver], curve.at) for drive in other.drives]
-    # nuisances stood in for the curve: what they give back when it comes
-    free = search.problem.nuisances
-    shift = np.zeros(len(theta))
-    mine = [k for k in free if k < search.problem.shared]
-    shift[mine] = -curve.given_back[np.searchsorted(free, mine)]
     count = len(curve.at)
     acts = fitter.modulated(look, np.full(count, probe), bases, np.arange(count))
-    change = acts @ curve.coefficients + look.psi @ shift
-    again = look.psi[:, starts]
-    r = look.r + change
-    r = r - again @ np.linalg.solve(again.T @ again + np.eye(len(starts)),
-                                    again.T @ r + look.theta[starts])  # fmt: skip
+    change = acts @ curve.coefficients
+    own, r = look.psi[:, free], look.r + change
+    step = np.linalg.solve(own.T @ own + np.eye(len(free)), own.T @ r + look.theta[free])
+    r -= own @ step
     fitter.focus([look.psi, change])
     assert fitter.span is not None
-    before = _Foretold.of(other, look)
+    before = _Foretold.of(other, fitter, look)
     shrunk = float(np.sqrt(np.sum(r**2) / np.sum(look.r**2)))
-    after = replace(before, white=r, own=before.own * shrunk)
+    cost = float(np.sum((look.theta[free] - step) ** 2))
+    after = replace(before, white=r, own=before.own * shrunk, cost=cost)
     return _gain(other, before, after, fitter.span)

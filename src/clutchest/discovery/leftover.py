@@ -38,10 +38,9 @@ class Curve:
     """An error of ``equation``, in the way of ``flaw``, as a curve over ``driver``.
 
     ``at`` its knots, ``coefficients`` the most probable ones (units of the probe) under a prior of
-    one unit with their ``covariance``; ``given_back`` by how much each free number had stood in for
-    it; ``worth`` what they bring in −2 ln(probability), less what noise alone gives.  ``evidence``
-    2 ln of the Bayes factor against no such error, ``p_value`` the chance that noise gives as much
-    to any curve.
+    one unit; ``worth`` what they bring in −2 ln(probability), less what noise alone gives.
+    ``evidence`` 2 ln of the Bayes factor against no such error, ``p_value`` the chance that noise
+    gives as much to any curve.
     """
 
     flaw: str
@@ -49,7 +48,6 @@ class Curve:
     driver: str
     at: Floats
     coefficients: Floats
-    given_back: Floats
     worth: float
     evidence: float
     p_value: float
@@ -86,7 +84,7 @@ def curves(
             if evidence(score, information, faint) > 0.0:
                 unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
             found.append(Curve(
-                name, equation, driver, at, best, c.weight[:, columns] @ best,
+                name, equation, driver, at, best,
                 float(score @ best) / unrest - 2.0 * rank,
                 float(evidence(score / unrest, information / unrest, faint / unrest)) - rare, 1.0,
             ))  # fmt: skip

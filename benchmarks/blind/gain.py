@@ -1,0 +1,45 @@
+"""What an extension gains on the drive held out, of what the true model would.
+
+Both are expected values: −ln(probability) of the drive without noise, beyond that of the same drive
+without its cause, numbers of the truck fitted to it at the price of their priors.  Of a drive with
+noise, what readings happen to be off by would weigh as much as most of what is hidden.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from blind.drives import Drive
+from blind.oracle import Oracle
+from blind.outsiders import OUTSIDERS, Outsider
+from clutchest.signals import Signals
+from clutchest.simulated import Effects
+from clutchest.vehicle import load_vehicle
+
+
+@dataclass(frozen=True)
+class HeldOut(Drive):
+    """The other road of a drive's truck."""
+
+    def signals(
+        self, effects: Effects | None = None, outsider: Outsider | None = None, *,
+        held_out: bool = True, noiseless: bool = False, scenario: str | None = None,
+    ) -> Signals:  # fmt: skip
+        return super().signals(effects, outsider, held_out=held_out, noiseless=noiseless)
+
+
+def on_held_out(drive: Drive, answer: Mapping[str, Any], extended: Path) -> dict[str, float]:
+    """``gained`` in −ln(probability) by the ``extended`` vehicle file, ``possible`` by the model
+    that knows what is hidden, and ``held_out_nll`` of the drive as it is expected without a cause.
+    """
+    oracle, given = Oracle(HeldOut(drive.seed, drive.noise)), answer["outsider"]
+    outsider = OUTSIDERS[given["name"]](given["size"], given["phase"]) if given else None
+    cause = answer["effects"], outsider
+    possible, gained = oracle.distance(oracle.twin(*cause)) ** 2 / 2.0, 0.0
+    if extended.exists() and load_vehicle(extended).effects != drive.vehicle.effects:
+        knowing = oracle.extended(load_vehicle(extended))
+        gained = possible - knowing.distance(knowing.twin(*cause)) ** 2 / 2.0
+    return {"gained": gained, "possible": possible, "held_out_nll": len(oracle.clean.r) / 2.0}
