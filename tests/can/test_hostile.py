@@ -125,3 +125,20 @@ def test_a_log_of_nothing_but_headers_ends_soon(tmp_path):
     frames = read_frames(path)
     assert frames.id.tolist() == [0x123]
     assert frames.rejected == (("no CAN frame in this line", 290_000),)
+
+
+@pytest.mark.parametrize("offset", [40, 0x7FFFFFFF, 0xFFFFFFFF])
+def test_an_mf4_channel_beyond_its_records(offset, tmp_path):
+    """asammdf would read there, whatever memory that is."""
+    path = tmp_path / "a.mf4"
+    write_frames(random_frames(100, seed=3), path)
+    content = bytearray(path.read_bytes())
+    at = content.find(b"##CN")
+    while at >= 0:
+        links = int.from_bytes(content[at + 16 : at + 24], "little")
+        place = at + 24 + 8 * links + 4
+        content[place : place + 4] = offset.to_bytes(4, "little")
+        at = content.find(b"##CN", at + 4)
+    path.write_bytes(content)
+    with pytest.raises(ClutchestError, match="lies beyond its records"):
+        read_frames(path)

@@ -152,7 +152,9 @@ def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> It
     present = {channel.name: place for place, channel in enumerate(group.channels)}
     named = [name for name in _CHANNELS if f"{kind}.{name}" in present]
     left = group.channel_group.cycles_nr
+    wanted = [group.channels[present[f"{kind}.{name}"]] for name in named]
     try:
+        _within(group, [*wanted, group.channels[inner.masters_db[index]]])
         for records in inner._load_data(group):
             inner._set_temporary_master(None)  # it keeps the times of what was read before
             times = inner.get_master(index, data=records)
@@ -168,6 +170,14 @@ def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> It
         yield Frames.empty(absolute=absolute, rejected=(lost,))
     finally:
         inner._set_temporary_master(None)
+
+
+def _within(group: Any, channels: Sequence[Any]) -> None:
+    """Raise ValueError for channels beyond the end of their records: asammdf would read there."""
+    size = group.channel_group.samples_byte_nr
+    for channel in channels:
+        if 8 * (size - channel.byte_offset) < channel.bit_offset + channel.bit_count:
+            raise ValueError(f"{channel.name} lies beyond its records of {size} bytes")
 
 
 def _frames(
