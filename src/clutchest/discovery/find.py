@@ -110,10 +110,10 @@ class _Finding:
             most = max((curve.worth for curve in errors), default=0.0)
             unnamed |= most > search.null.cost - best.cost
         tied = search.tied()
-        curve = _transferable(errors, problem.compiled.model) if unnamed else None
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
-        gained, warnings = self._gain(search, verdict, curve, holdout)
+        warnings = list(self.signals.warnings)
+        curve, gained = self._gain(search, verdict, errors, holdout)
         error = _least(errors) if unnamed else None
         if gained is not None and gained.other_logs and _gainsaid(search, error, gained):
             named = " and ".join(sorted(best.names))
@@ -124,7 +124,7 @@ class _Finding:
         causes = () if verdict in ("none", "unknown") else self._causes(search, [best, *tied])
         where = _where(verdict, best, errors)
         extended, text = self._extended(problem, verdict, causes, curve)
-        if gained is not None and gained.nll_after >= gained.nll_before:
+        if gained is not None and gained.total <= 0.0:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
                             "vehicle as it was")  # fmt: skip
             extended, text = self.vehicle, None
@@ -188,21 +188,31 @@ class _Finding:
         self,
         search: Search,
         verdict: str,
-        curve: Curve | None,
+        errors: Sequence[Curve],
         holdout: Sequence[Signals] | Signals | None,
-    ) -> tuple[Gain | None, list[str]]:
-        warnings = list(self.signals.warnings)
+    ) -> tuple[Curve | None, Gain | None]:
+        """The curve that stands for a cause without a name, and what is gained by it or by the
+        causes; on parts of the log where no other is held out."""
+        curve = _transferable(errors, search.problem.compiled.model)
+        curve = curve if verdict == "unknown" else None
         if verdict == "none" or (holdout is None and verdict == "unknown"):
-            return None, warnings
+            return curve, None
         if self.progress:
             self.progress("measuring the gain on data held out", None)
         if holdout is None:
-            return in_turns(search, search.best), warnings
+            return None, in_turns(search, search.best)
         drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
         other = self.problem(replace(drives[0], later=tuple(drives[1:])))
-        if verdict == "unknown":
-            return None if curve is None else of_curve(search, curve, other), warnings
-        return on_another(search, search.best, other), warnings
+        if verdict != "unknown":
+            return None, on_another(search, search.best, other)
+        gained = of_curve(search, curve, other) if curve else None
+        if gained is None or gained.total <= 0.0:
+            # what went wrong at some time of one drive does so in another only if that bears it out
+            for over_time in _over_time(errors, search.problem.compiled.model):
+                again = of_curve(search, over_time, other)
+                if again.ci95[0] > 0.0:
+                    return over_time, again
+        return curve, gained
 
     def _extended(
         self, problem: Problem, verdict: str, causes: Sequence[Cause], curve: Curve | None
@@ -258,7 +268,7 @@ def _least(errors: Sequence[Curve]) -> Curve:
 def _gainsaid(search: Search, error: Curve | None, gained: Gain) -> bool:
     """Whether a finding, an ``error`` where it has no name, might be noise and is none when what
     other drives ``gained`` counts as well."""
-    more = 2.0 * (gained.nll_before - gained.nll_after)
+    more = 2.0 * gained.total
     if error is not None:
         likelier = exp(min(-more / 2.0, 700.0))
         return error.p_value > SURE and error.p_value * likelier > UNNAMED
@@ -271,6 +281,12 @@ def _transferable(errors: Sequence[Curve], model: Model) -> Curve | None:
     equations can follow if there is one."""
     same = [c for c in errors if c.equation == errors[0].equation and c.driver != "time"]
     return next((c for c in same if patch.text(c, model)), same[0] if same else None)
+
+
+def _over_time(errors: Sequence[Curve], model: Model) -> list[Curve]:
+    """Curves of the equation in question over time, that the equations can follow."""
+    return [c for c in errors if c.equation == errors[0].equation and c.driver == "time"
+            and patch.text(c, model)]  # fmt: skip
 
 
 def _grid_std(candidate: Candidate, key: str) -> float:

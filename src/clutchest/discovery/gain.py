@@ -165,21 +165,25 @@ def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
     everything else fitted anew, with the curve to first order."""
     fitter, free = Fitter(other), other.nuisances
     null = search.null.look
-    look = fitter.most_probable(free, _carried(search, null, other), null.shapes)
-    look = fitter.improve(fitter.taught(look), free)
+    look = fitter.taught(fitter.most_probable(free, _carried(search, null, other), null.shapes))
+    fitter.focus([look.psi])
+    look = fitter.improve(fitter.again(look), free)
     fitter.come(look.theta, look.shapes)
     probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.flaw)
     bases = [hats(drivers(drive)[curve.driver], curve.at) for drive in other.drives]
     count = len(curve.at)
     acts = fitter.modulated(look, np.full(count, probe), bases, np.arange(count))
     change = acts @ curve.coefficients
-    own, r = look.psi[:, free], look.r + change
-    step = np.linalg.solve(own.T @ own + np.eye(len(free)), own.T @ r + look.theta[free])
-    r -= own @ step
     fitter.focus([look.psi, change])
     assert fitter.span is not None
-    before = _Foretold.of(other, fitter, look)
-    shrunk = float(np.sqrt(np.sum(r**2) / np.sum(look.r**2)))
-    cost = float(np.sum((look.theta[free] - step) ** 2))
-    after = replace(before, white=r, own=before.own * shrunk, cost=cost)
-    return _gain(other, before, after, fitter.span)
+    own, among = look.psi[:, free], _Foretold.of(other, fitter, look)
+    curvature = own.T @ own + np.eye(len(free))
+
+    def refitted(r: Floats) -> _Foretold:
+        step = np.linalg.solve(curvature, own.T @ r + look.theta[free])
+        white = r - own @ step
+        shrunk = float(np.sqrt(np.sum(white**2) / np.sum(look.r**2)))
+        cost = float(np.sum((look.theta[free] - step) ** 2))
+        return replace(among, white=white, own=among.own * shrunk, cost=cost)
+
+    return _gain(other, refitted(look.r), refitted(look.r + change), fitter.span)

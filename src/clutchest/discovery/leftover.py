@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import softmax
 
 from clutchest.discovery.drivers import TIME_KNOTS, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
@@ -37,8 +38,8 @@ ENTRIES = 1e7  # of derivatives, held at a time
 class Curve:
     """An error of ``equation``, in the way of ``flaw``, as a curve over ``driver``.
 
-    ``at`` its knots, ``coefficients`` the most probable ones (units of the probe) under a prior of
-    one unit; ``worth`` what they bring in −2 ln(probability), less what noise alone gives.
+    ``at`` its knots, ``coefficients`` the expected ones (units of the probe); ``worth`` what they
+    bring in −2 ln(probability) under a prior of one unit, less what noise alone gives.
     ``evidence`` 2 ln of the Bayes factor against no such error, ``p_value`` the chance that noise
     gives as much to any curve.
     """
@@ -83,10 +84,10 @@ def curves(
             best, unrest = covariance @ score, 1.0
             if evidence(score, information, faint) > 0.0:
                 unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
+            told = score / unrest, information / unrest, faint / unrest
             found.append(Curve(
-                name, equation, driver, at, best,
-                float(score @ best) / unrest - 2.0 * rank,
-                float(evidence(score / unrest, information / unrest, faint / unrest)) - rare, 1.0,
+                name, equation, driver, at, expected(*told),
+                float(score @ best) / unrest - 2.0 * rank, float(evidence(*told)) - rare, 1.0,
             ))  # fmt: skip
         del left, c, pure  # before the next ones are made
     # a Bayes factor of B is given to noise once in B times at most
@@ -100,15 +101,28 @@ def evidence(score: Floats, information: Floats, faint: Floats) -> Floats:
     """2 ln of the Bayes factor of coefficients of any of SCALES against none; ``score`` (…, c) and
     its ``information`` (c, c), which says nothing in directions in which it is less than ``faint``
     (c, c): what is left of a curve that is nearly a known one is noise of the inputs."""
+    each = _of_scales(score, information, faint)[0]
+    top = each.max(axis=-1, keepdims=True)
+    mean = np.log(np.mean(np.exp((each - top) / 2.0), axis=-1))
+    return np.asarray(top[..., 0] + 2.0 * mean)
+
+
+def expected(score: Floats, information: Floats, faint: Floats) -> Floats:
+    """Coefficients (c) in the mean over SCALES, each as likely as its ``evidence`` says."""
+    each, means = _of_scales(score, information, faint)
+    return np.asarray(softmax(each / 2.0) @ means)
+
+
+def _of_scales(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats]:
+    """2 ln of the Bayes factor (…, s) of each scale, and its most probable coefficients
+    (…, s, c)."""
     strength, directions = np.linalg.eigh(information)
     told = strength > np.sum(directions * (faint @ directions), axis=0)
     variance = SCALES[:, None] ** 2
     shrunk = 1.0 + variance * np.where(told, strength, 0.0)
-    squares = np.where(told, (score @ directions) ** 2, 0.0)
-    each = squares @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
-    top = each.max(axis=-1, keepdims=True)
-    mean = np.log(np.mean(np.exp((each - top) / 2.0), axis=-1))
-    return np.asarray(top[..., 0] + 2.0 * mean)
+    along = np.where(told, score @ directions, 0.0)
+    each = along**2 @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
+    return each, (along[..., None, :] * (variance / shrunk)) @ directions.T
 
 
 def _unrest(

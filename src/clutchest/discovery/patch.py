@@ -12,10 +12,11 @@ from clutchest.models.model import Model
 
 NAME = "patch"
 FILE = "patch_effects.py"  # stands beside the vehicle file that names it
-# Slip energy is no quantity of the equations: the patch adds it up.
-_ENERGY_STATE = '(State("patch_energy", "J", "", "slip energy so far", 0.0, 0.0, 1.0),)'
-_ENERGY_RATE = """
-        found["patch_energy_rate"] = lambda rate, q: rate + q.power"""
+# What the equations can see of a driver that is no quantity of theirs: a state of the patch's own.
+_OWN_STATES = {
+    "energy": ("patch_energy", "J", "slip energy so far", "q.power"),
+    "time": ("patch_time", "s", "time since the start", "1.0"),
+}
 
 _TEXT = '''"""An error of the equation `{equation}` that goes with `{driver}`.
 
@@ -67,20 +68,25 @@ def text(curve: Curve, model: Model) -> str | None:
     changes = flaws_of(model.name)[curve.flaw].changes
     if not changes:
         return None
-    added = curve.driver == "energy"
-    if not added and curve.driver not in _before(model, changes):
+    before = _before(model, changes)
+    quantity, states, rate = curve.driver, "()", ""
+    if curve.driver in _OWN_STATES:
+        quantity, unit, what, grows = _OWN_STATES[curve.driver]
+        states = f'(State("{quantity}", "{unit}", "", "{what}", 0.0, 0.0, 1.0),)'
+        rate = f'\n        found["{quantity}_rate"] = lambda rate, q: rate + {grows}'
+    elif curve.driver not in before:
         return None
     return _TEXT.format(
         equation=curve.equation,
         flaw=curve.flaw,
         driver=curve.driver,
-        quantity="patch_energy" if added else curve.driver,
+        quantity=quantity,
         name=NAME,
         model=model.name,
         knots=tuple(float(np.round(v, 6)) for v in curve.at),
         values=tuple(float(np.round(v, 6)) for v in curve.coefficients),
-        states=_ENERGY_STATE if added else "()",
-        rate=_ENERGY_RATE if added else "",
+        states=states,
+        rate=rate,
     )
 
 

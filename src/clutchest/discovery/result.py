@@ -90,6 +90,11 @@ class Gain:
     ci95: tuple[float, float]
     other_logs: bool = True
 
+    @property
+    def total(self) -> float:
+        """In −ln(likelihood)."""
+        return self.nll_before - self.nll_after
+
 
 @dataclass(frozen=True, slots=True)
 class Experiment:

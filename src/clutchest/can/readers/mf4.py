@@ -61,8 +61,7 @@ def _next(source: Source, blocks: Iterator[Frames]) -> Frames | None:
     except ClutchestError:
         raise
     except Exception as error:  # asammdf has no errors of its own
-        raise ClutchestError(f"{source.path}: the file is damaged "
-                             f"({type(error).__name__}: {error})") from None  # fmt: skip
+        raise ClutchestError(f"{source.path}: {_damaged(error)}") from None
 
 
 def _blocks(source: Source) -> Generator[Frames, None, None]:
@@ -166,10 +165,14 @@ def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> It
             left -= len(times)
             yield frames
     except Exception as error:  # asammdf has no errors of its own
-        lost = (f"the file is damaged ({type(error).__name__}: {error})", max(left, 1))
-        yield Frames.empty(absolute=absolute, rejected=(lost,))
+        yield Frames.empty(absolute=absolute, rejected=((_damaged(error), max(left, 1)),))
     finally:
         inner._set_temporary_master(None)
+
+
+def _damaged(error: Exception) -> str:
+    """In one line, whatever the file has put into asammdf's words."""
+    return f"the file is damaged ({type(error).__name__}: {' '.join(str(error).split())})"
 
 
 def _within(group: Any, channels: Sequence[Any]) -> None:
