@@ -102,9 +102,11 @@ def test_what_python_can_writes_is_read_as_python_can_reads_it(suffix, tmp_path)
     assert_same(given, theirs(path), first, fd_told=suffix != ".csv")
 
 
-@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc", ".csv", ".mf4"])
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc", ".csv", ".mf4", ".db"])
 def test_python_can_reads_what_is_written(suffix, tmp_path):
     frames = mixture(suffix, 1000, seed=22)
+    if suffix == ".db":
+        frames.t_ns[:] = frames.t_ns // 1000 * 1000
     path = tmp_path / f"a{suffix}"
     assert write_frames(frames, path) == ()
     assert_same(frames, theirs(path), 1 if suffix == ".trc" else 0, fd_told=suffix != ".csv")

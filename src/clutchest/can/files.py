@@ -10,7 +10,11 @@ import gzip
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryDirectory
+from typing import BinaryIO
 
 import numpy as np
 
@@ -19,9 +23,9 @@ from clutchest.can.readers import stream
 from clutchest.can.readers.stream import Source
 from clutchest.errors import ClutchestError, nearest
 
-_EXPECTED = "candump (.log), .asc, .blf, .trc, .csv of python-can or .mf4, each also .gz"
-_WRITABLE = (".log", ".asc", ".blf", ".trc", ".csv", ".mf4")
+_EXPECTED = "candump (.log), .asc, .blf, .trc, .csv or .db of python-can or .mf4, each also .gz"
 _TEXT = (".log", ".asc", ".trc", ".csv")
+_WRITABLE = (*_TEXT, ".blf", ".mf4", ".db")
 
 # First line that matches says what a text log is.
 _SIGNS = {
@@ -78,7 +82,7 @@ def read_frames(path: Path) -> Frames:
 
 
 def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
-    """Writes a log in the format that the suffix names; text formats also as ``.gz``.
+    """Writes a log in the format that the suffix names, with ``.gz`` behind it compressed.
 
     Times are kept to 1 ns.  Gives back what the format could not keep, in words, empty if it is all
     there.  Raises ClutchestError for a suffix that is not known and for a path that cannot be
@@ -87,30 +91,51 @@ def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
     path = Path(path)
     zipped = path.suffix.lower() == ".gz"
     suffix = Path(path.stem).suffix.lower() if zipped else path.suffix.lower()
-    if suffix not in (_TEXT if zipped else _WRITABLE):
+    if suffix not in _WRITABLE:
         given = suffix + ".gz" if zipped else suffix
-        valid = (*_WRITABLE, *(text + ".gz" for text in _TEXT))
+        valid = tuple(known + ".gz" for known in _WRITABLE) if zipped else _WRITABLE
         raise ClutchestError(f"{path}: no log format has the suffix '{given}'"
                              + nearest(given, valid))  # fmt: skip
     try:
         if suffix in _TEXT:
-            with path.open("wb") as file:
-                if zipped:
-                    with gzip.GzipFile("", "wb", 6, file, mtime=0) as packed:
-                        packed.writelines(_text(frames, suffix))
-                else:
-                    file.writelines(_text(frames, suffix))
-        elif suffix == ".blf":
-            from clutchest.can.writers import blf
-
-            blf.write(frames, path)
+            with _file(path, zipped) as file:
+                file.writelines(_text(frames, suffix))
+        elif not zipped:
+            _binary(frames, suffix, path)
         else:
-            from clutchest.can.writers import mf4
-
-            mf4.write(frames, path)
+            with TemporaryDirectory(dir=path.parent, prefix=".clutchest-") as folder:
+                plain = Path(folder) / path.stem
+                _binary(frames, suffix, plain)
+                with plain.open("rb") as whole, _file(path, zipped) as file:
+                    copyfileobj(whole, file)
     except OSError as error:
         raise ClutchestError(f"{path}: cannot be written ({error.strerror or error})") from None
     return _losses(frames, suffix)
+
+
+@contextmanager
+def _file(path: Path, zipped: bool) -> Iterator[BinaryIO | gzip.GzipFile]:
+    with path.open("wb") as file:
+        if zipped:  # without name and time in it: the same frames are the same file
+            with gzip.GzipFile("", "wb", 6, file, mtime=0) as packed:
+                yield packed
+        else:
+            yield file
+
+
+def _binary(frames: Frames, suffix: str, path: Path) -> None:
+    if suffix == ".blf":
+        from clutchest.can.writers import blf
+
+        blf.write(frames, path)
+    elif suffix == ".mf4":
+        from clutchest.can.writers import mf4
+
+        mf4.write(frames, path)
+    else:
+        from clutchest.can.writers import sqlite
+
+        sqlite.write(frames, path)
 
 
 def _text(frames: Frames, suffix: str) -> Iterator[bytes]:
@@ -125,11 +150,16 @@ def _losses(frames: Frames, suffix: str) -> tuple[str, ...]:
     losses = []
     if suffix == ".trc" and (errors := np.count_nonzero(frames.flags & Flag.ERROR)):
         losses.append(f".trc cannot hold {errors} error frames")
-    if suffix == ".csv":
+    if suffix in (".csv", ".db"):
         if len(np.unique(frames.channel)) > 1:
-            losses.append(".csv cannot tell the channels apart")
+            losses.append(f"{suffix} cannot tell the channels apart")
         if np.any(frames.flags & (Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.SENT)):
-            losses.append(".csv cannot hold direction, bit rate switch and error state")
+            losses.append(f"{suffix} cannot hold direction, bit rate switch and error state")
+    if suffix == ".db":
+        if np.any(frames.t_ns % 1000):
+            losses.append(".db holds times to 1 µs")
+        if np.any((frames.length <= 8) & ((frames.flags & Flag.FD) != 0)):
+            losses.append(".db cannot tell FD frames of 8 bytes or less from others")
     return tuple(losses)
 
 

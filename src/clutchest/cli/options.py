@@ -14,7 +14,7 @@ Logs = Annotated[
     typer.Argument(
         metavar="LOG",
         show_default=False,
-        help="CAN logs (.log .asc .blf .trc .csv .mf4, also .gz), decoded .csv or .parquet, or the "
+        help="CAN logs (.log .asc .blf .trc .csv .mf4 .db, also .gz), decoded .csv or .parquet, or the "
         "name of a shipped log: demo.",
     ),
 ]

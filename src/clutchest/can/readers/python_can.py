@@ -12,6 +12,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from can.io.player import MESSAGE_READERS
@@ -19,11 +20,12 @@ from can.io.player import MESSAGE_READERS
 from can import LogReader, Message, SqliteReader
 from clutchest.can.frames import Flag, Frames, Tally
 from clutchest.can.readers import counts_from_epoch, sqlite_pages
-from clutchest.can.readers.stream import Source, quiet
+from clutchest.can.readers.stream import Source, opened, quiet
 from clutchest.errors import ClutchestError
 
 _OWN = {".asc", ".blf", ".csv", ".log", ".mf4", ".trc"}
 _BLOCK = 100_000  # frames
+_LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _BROKEN = "file is damaged or ends early"
 
 
@@ -41,9 +43,16 @@ def _suffixes() -> frozenset[str]:
 def read(source: Source) -> Iterator[Frames]:
     """Frames as python-can reads them; what stands before a damaged place is kept, and in SQLite
     what stands behind it."""
+    is_sqlite = source.head[:15] == b"SQLite format 3"
+    if source.zipped and is_sqlite:
+        with TemporaryDirectory(prefix="clutchest-") as folder:
+            plain = Path(folder) / source.path.stem
+            plain.write_bytes(source.everything(_LARGEST_ZIPPED))
+            with opened(plain) as unpacked:
+                yield from read(unpacked)
+        return
     if source.zipped:
         raise ClutchestError(f"{source.path}: this format cannot be read gzipped, unpack it first")
-    is_sqlite = source.head[:15] == b"SQLite format 3"
     absolute, count = None, 0
     for columns, rejected in _columns(source, is_sqlite):
         frames = columns.frames(rejected)
