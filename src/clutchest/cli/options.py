@@ -14,8 +14,8 @@ Logs = Annotated[
     typer.Argument(
         metavar="LOG",
         show_default=False,
-        help="CAN logs (.log .asc .blf .trc .csv .mf4 .db, also .gz), decoded .csv or .parquet, or the "
-        "name of a shipped log: demo.",
+        help="CAN logs (.log .asc .blf .trc .csv .mf4 .db, also .gz), decoded .csv or .parquet, or "
+        "the name of a shipped log: demo.",
     ),
 ]
 VehicleName = Annotated[
