@@ -21,7 +21,7 @@ def blocks_as_before(monkeypatch):
     monkeypatch.setattr(stream, "BLOCK", stream.BLOCK)  # the fuzzer makes them small
 
 
-@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc", ".csv"])
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc", ".csv", ".db"])
 def test_damaged_logs_are_read_or_refused(suffix, tmp_path):
     results = fuzz(1000, seed=7, formats=[suffix], seconds=20, keep=tmp_path)
     assert results.total() == 1000 and results[f"{suffix} frames"] > 200

@@ -15,6 +15,7 @@ import pytest
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.readers import stream
 from clutchest.errors import ClutchestError
+from logger_mf4 import logged
 from samples import random_frames
 
 GOOD = b"(1436509052.249713) can0 123#0102\n"
@@ -143,4 +144,15 @@ def test_an_mf4_channel_beyond_its_records(offset, tmp_path):
         at = content.find(b"##CN", at + 4)
     path.write_bytes(content)
     with pytest.raises(ClutchestError, match="lies beyond its records"):
+        read_frames(path)
+
+
+def test_an_mf4_whose_records_are_giants(tmp_path):
+    """asammdf would make room for one of them."""
+    path = tmp_path / "a.mf4"
+    content = bytearray(logged(random_frames(100, seed=3), path, "deflated")[0])
+    at = content.find(b"##CG")
+    content[at + 8 : at + 16] = bytes(8)  # no length: what stands in the block is read elsewhere
+    path.write_bytes(content)
+    with within(20), pytest.raises(ClutchestError, match=r"records of \d+ bytes"):
         read_frames(path)

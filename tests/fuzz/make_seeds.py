@@ -18,7 +18,7 @@ SEEDS = Path(__file__).parent / "seeds"
 
 
 def main() -> None:
-    for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4"):
+    for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4", ".db"):
         frames = random_frames(12, seed=1, fd=True)
         classic = np.flatnonzero((frames.flags & Flag.FD) == 0)
         frames.flags[classic[0]] |= np.uint8(Flag.REMOTE)

@@ -22,6 +22,7 @@ from clutchest.errors import ClutchestError
 
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _TOGETHER = 1 << 21  # bytes of a group's records
+_LONGEST = 1 << 16  # bytes of one record
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
 _AS_IT_LIES: dict[str, Any] = {"process_bus_logging": False}  # which goes over all of the file
 _CHANNELS = (
@@ -176,8 +177,11 @@ def _damaged(error: Exception) -> str:
 
 
 def _within(group: Any, channels: Sequence[Any]) -> None:
-    """Raise ValueError for channels beyond the end of their records: asammdf would read there."""
+    """Raise ValueError for records that no frame needs, and for channels beyond their end: asammdf
+    would make room for the one and read there for the other."""
     size = group.channel_group.samples_byte_nr
+    if size + group.channel_group.invalidation_bytes_nr > _LONGEST:
+        raise ValueError(f"records of {size} bytes")
     for channel in channels:
         if 8 * (size - channel.byte_offset) < channel.bit_offset + channel.bit_count:
             raise ValueError(f"{channel.name} lies beyond its records of {size} bytes")

@@ -19,7 +19,7 @@ from can.io.player import MESSAGE_READERS
 
 from can import LogReader, Message, SqliteReader
 from clutchest.can.frames import Flag, Frames, Tally
-from clutchest.can.readers import counts_from_epoch, sqlite_pages
+from clutchest.can.readers import LAST_S, counts_from_epoch, sqlite_pages
 from clutchest.can.readers.stream import Source, opened, quiet
 from clutchest.errors import ClutchestError
 
@@ -27,6 +27,7 @@ _OWN = {".asc", ".blf", ".csv", ".log", ".mf4", ".trc"}
 _BLOCK = 100_000  # frames
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _BROKEN = "file is damaged or ends early"
+_UNSOUND = "frame has no sound id, length or time"
 
 
 def knows(path: Path) -> bool:
@@ -60,7 +61,7 @@ def read(source: Source) -> Iterator[Frames]:
         if absolute is None and len(frames):
             absolute = counts_from_epoch(frames.t_ns)
         yield replace(frames, absolute=absolute is not False)
-        if rejected and is_sqlite:
+        if is_sqlite and any(why == _BROKEN for why, _ in rejected):
             for more in _rest(source, count):
                 yield replace(more.frames(()), absolute=absolute is not False)
 
@@ -83,10 +84,11 @@ def _columns(source: Source, is_sqlite: bool) -> Iterator[tuple[_Columns, Tally]
                 try:
                     for message in islice(messages, _BLOCK):
                         columns.add(message)
-                    reading = len(columns.rows) == _BLOCK
+                    reading = len(columns.rows) + columns.unsound == _BLOCK
                 except Exception:
                     reading, broken = False, True
-                yield columns, ((_BROKEN, 1),) if broken else ()
+                unsound = ((_UNSOUND, columns.unsound),) if columns.unsound else ()
+                yield columns, (*unsound, (_BROKEN, 1)) if broken else unsound
 
 
 def _rest(source: Source, count: int) -> Iterator[_Columns]:
@@ -114,8 +116,15 @@ class _Columns:
     def __init__(self) -> None:
         self.rows: list[tuple[int, int, int, int, int]] = []
         self.payloads: list[bytes] = []
+        self.unsound = 0
 
     def add(self, message: Message) -> None:
+        data = bytes(message.data)
+        length = message.dlc if message.is_remote_frame else len(data)
+        if not (0 <= length <= 64 and len(data) <= 64 and 0 <= message.arbitration_id < 1 << 29
+                and abs(message.timestamp) < LAST_S):  # fmt: skip
+            self.unsound += 1
+            return
         flags = 0
         if message.is_error_frame:
             flags |= Flag.ERROR
@@ -132,8 +141,6 @@ class _Columns:
         if not message.is_rx:
             flags |= Flag.SENT
         channel = message.channel if isinstance(message.channel, int) else 0
-        data = bytes(message.data)
-        length = message.dlc if message.is_remote_frame else len(data)
         self.rows.append((round(message.timestamp * 1e6) * 1000, message.arbitration_id, flags,
                           length, max(channel, 0)))  # fmt: skip
         self.payloads.append(data)

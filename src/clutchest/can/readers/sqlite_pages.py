@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from struct import unpack_from
+from struct import error, unpack_from
 from typing import Any
 
 from clutchest.can.readers.stream import Bytes
@@ -35,7 +35,7 @@ def rows(file: Bytes) -> Iterator[tuple[int, list[Any]]]:
 def _cells(page: bytes) -> Iterator[tuple[int, list[Any]]]:
     (count,) = unpack_from(">H", page, 3)
     for k in range(min(count, (len(page) - 8) // 2)):
-        with suppress(IndexError, ValueError):  # a row that is not all there, or none
+        with suppress(IndexError, ValueError, error):  # a row that is not all there, or none
             yield _row(page, unpack_from(">H", page, 8 + 2 * k)[0])
 
 
