@@ -14,8 +14,8 @@ from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Hypothesis, Search
 from clutchest.discovery.torque import torques
-from clutchest.identify.maximum import Fitter, Look
-from clutchest.identify.problem import Problem
+from clutchest.identify.maximum import NO_SHAPES, Fitter, Look
+from clutchest.identify.problem import Problem, Shapes
 from clutchest.signals import Floats
 
 BLOCK = 20.0  # s; what lies closer together is not independent
@@ -30,17 +30,29 @@ def on_another(search: Search, best: Hypothesis, other: Problem) -> Gain:
     without the causes, and costs what its prior makes it cost: the vehicle file says nothing of it,
     and a number far off what is stated would be the same finding by another name.
     """
-    fitter, free = Fitter(other), other.nuisances
-    looks: list[Look] = []
-    for hypothesis in (best, search.null):
-        theta = _carried(search, hypothesis.look, other)
-        if not looks:  # noise as what was found leaves it
-            first = fitter.most_probable(free, theta, hypothesis.look.shapes)
-            fitter.focus([fitter.taught(first).psi])
-        looks.append(fitter.most_probable(free, theta, hypothesis.look.shapes))
-    after, before = (_Foretold.of(other, fitter, look) for look in looks)
+    fitter = Fitter(other)
+    with_, without = (_carried(search, h.look, other) for h in (best, search.null))
+    shapes = best.look.shapes
+    after = fitter.taught(_fitted(fitter, with_, shapes))  # noise as what was found leaves it
+    fitter.focus([after.psi])
+    begun = after.theta * (fitter.prior > 0.0)
+    before = min(_fitted(fitter, without), _fitted(fitter, begun), key=_cost)
+    gains = with_ * (fitter.prior == 0.0)
+    again = before.theta * (fitter.prior > 0.0) + gains
+    after = min(_fitted(fitter, after.theta, shapes), _fitted(fitter, again, shapes), key=_cost)
     assert fitter.span is not None
-    return _gain(other, before, after, fitter.span)
+    return _gain(other, _Foretold.of(other, fitter, before), _Foretold.of(other, fitter, after),
+                 fitter.span)  # fmt: skip
+
+
+def _fitted(fitter: Fitter, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
+    """The most probable nuisances, from ``theta`` on, which may be far off; gains as there."""
+    free = fitter.problem.nuisances
+    return fitter.improve(fitter.cooled(fitter.arrive(theta, shapes), free), free)
+
+
+def _cost(look: Look) -> float:
+    return look.cost
 
 
 def _carried(search: Search, look: Look, other: Problem) -> Floats:
@@ -165,7 +177,7 @@ def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
     everything else fitted anew, with the curve to first order."""
     fitter, free = Fitter(other), other.nuisances
     null = search.null.look
-    look = fitter.taught(fitter.most_probable(free, _carried(search, null, other), null.shapes))
+    look = fitter.taught(_fitted(fitter, _carried(search, null, other)))
     fitter.focus([look.psi])
     look = fitter.improve(fitter.again(look), free)
     fitter.come(look.theta, look.shapes)

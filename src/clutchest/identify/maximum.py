@@ -92,11 +92,8 @@ class Fitter:
     def settle(self, theta: Floats) -> Look:
         """The most probable nuisances with gains as in ``theta``, and the colour of what is left:
         a step for the one, a lesson for the other, in turns."""
-        look, free = self.look(theta), self.problem.nuisances
-        for heat in COOLING:  # data that lie far off would drag everything along that is not priced
-            if heat * len(look.r) < WARM * (look.r @ look.r):
-                look = self._cooler(look, free, heat)
-        look = self.improve(look, free)
+        free = self.problem.nuisances
+        look = self.improve(self.cooled(self.look(theta), free), free)
         for _ in range(TURNS):
             before = look.r @ look.r
             look = self.taught(look)
@@ -104,6 +101,14 @@ class Fitter:
             look = self.improve(self.again(look), free)
             if abs(before - look.r @ look.r) < NEARLY:
                 break
+        return look
+
+    def cooled(self, look: Look, free: NDArray[np.int64]) -> Look:
+        """A look from far off brought near: at once, such data would drag everything along that is
+        not priced."""
+        for heat in COOLING:
+            if heat * len(look.r) < WARM * (look.r @ look.r):
+                look = self._cooler(look, free, heat)
         return look
 
     def _cooler(self, look: Look, free: NDArray[np.int64], heat: float) -> Look:
