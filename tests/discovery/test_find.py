@@ -48,6 +48,8 @@ def test_what_is_found_pays_on_another_drive(found):
     assert found.gain.nll_after < found.gain.nll_before
     assert found.gain.ci95[0] > 0.0
     assert found.gain.simulation_rmse_after < found.gain.simulation_rmse_before
+    # a drive of the same kind says about as much of the cause as the one in which it was found
+    assert 0.5 < 2.0 * found.gain.total / found.causes[0].statistic < 2.0
 
 
 @pytest.mark.slow
