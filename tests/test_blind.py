@@ -222,17 +222,21 @@ def test_what_an_extension_gains_is_what_it_explains(tmp_path):
     from dataclasses import replace
 
     from blind.drives import Drive
-    from blind.gain import on_held_out
+    from blind.gain import HeldOut, on_held_out
+    from blind.oracle import Oracle
 
-    drive, cause = Drive(2, "ar05"), {"heat_split": {"fraction": 0.06}}
-    answer = {"effects": cause, "outsider": None}
+    from clutchest.vehicle import dump_vehicle
+
+    drive = Drive(2, "ar05")
+    size = 3.0 / Oracle(HeldOut(2, "ar05")).per_largest("friction_level.change") * 0.5
+    answer = {"effects": {"friction_level": {"change": size}}, "outsider": None}
     gains = []
     for share in (1.0, 0.5, -1.0, 0.0):
-        effects = {"heat_split": {"fraction": share * 0.06}} if share else {}
+        effects = {"friction_level": {"change": share * size}} if share else {}
         path = tmp_path / "extended.toml"
-        clutchest.dump_vehicle(replace(drive.vehicle, effects=effects), path)
+        dump_vehicle(replace(drive.vehicle, effects=effects), path)
         found = on_held_out(drive, answer, path)
-        assert found["possible"] > 10.0
+        assert found["possible"] == pytest.approx(4.5, rel=0.15)
         gains.append(found["gained"] / found["possible"])
     assert gains[0] == pytest.approx(1.0, abs=0.03)
     assert gains[1] == pytest.approx(0.75, abs=0.06)
