@@ -37,9 +37,8 @@ def on_held_out(drive: Drive, answer: Mapping[str, Any], extended: Path) -> dict
     """
     oracle, given = Oracle(HeldOut(drive.seed, drive.noise)), answer["outsider"]
     outsider = OUTSIDERS[given["name"]](given["size"], given["phase"]) if given else None
-    cause = answer["effects"], outsider
-    possible, gained = oracle.distance(oracle.twin(*cause)) ** 2 / 2.0, 0.0
-    if extended.exists() and load_vehicle(extended).effects != drive.vehicle.effects:
-        knowing = oracle.extended(load_vehicle(extended))
-        gained = possible - knowing.distance(knowing.twin(*cause)) ** 2 / 2.0
+    twin = oracle.twin(answer["effects"], outsider)
+    possible, gained = oracle.distance(twin) ** 2 / 2.0, 0.0
+    if extended.exists() and (vehicle := load_vehicle(extended)).effects != drive.vehicle.effects:
+        gained = possible - oracle.left(twin, vehicle) ** 2 / 2.0
     return {"gained": gained, "possible": possible, "held_out_nll": len(oracle.clean.r) / 2.0}

@@ -43,8 +43,9 @@ CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitt
 
 @dataclass(frozen=True)
 class Twin:
-    """A drive without noise as a cause in it ``grew``; the whole of it comes last."""
+    """A drive without noise as a cause in it ``grew``; the whole of it, ``signals``, comes last."""
 
+    signals: Signals
     grew: tuple[Problem, ...]
 
     @property
@@ -89,25 +90,30 @@ class Oracle:
     def _problem(self, signals: Signals) -> Problem:
         return Problem(signals, self.vehicle, tuple(self.effects.values()))
 
-    def extended(self, vehicle: Vehicle) -> Oracle:
-        """One that has another model of the same truck and no other cause to free."""
+    def _extended(self, vehicle: Vehicle, signals: Signals) -> tuple[Oracle, Problem]:
+        """One that has another model of the same truck and no cause to free; and its drive."""
         other = copy(self)
         # a delay too small to be a cause belongs to the truck
         other.effects = {name: effect for name, effect in self.effects.items() if effect.delays}
         other.vehicle = vehicle
-        problem = other._problem(self._exact())
+        problem = other._problem(signals)
         other.thetas, other.nuisances = problem.thetas, problem.nuisances
-        own = {(t.owner, t.key): value for t, value in zip(self.thetas, self.centre, strict=True)}
-        other.centre = np.array([own.get((t.owner, t.key), 0.0) for t in other.thetas])
-        return other
+        other.centre = other._taken(self, self.centre)
+        return other, problem
+
+    def _taken(self, other: Oracle, theta: Floats) -> Floats:
+        """What another oracle has at ``theta``, its causes aside."""
+        own = {(t.owner, t.key): value for t, value in zip(other.thetas, theta, strict=True)
+               if not t.gain}  # fmt: skip
+        return np.array([own.get((t.owner, t.key), 0.0) for t in self.thetas])
 
     def _exact(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Signals:
         return self.drive.signals(effects, outsider, noiseless=True, scenario=self.scenario)
 
     def twin(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Twin:
         """The drive with a cause in it and no noise."""
-        return Twin(tuple(self._problem(self._exact(*self._shared(effects, outsider, share)))
-                          for share in SHARES))  # fmt: skip
+        grew = [self._exact(*self._shared(effects, outsider, share)) for share in SHARES]
+        return Twin(grew[-1], tuple(map(self._problem, grew)))
 
     def _shared(
         self, effects: Effects | None, outsider: Outsider | None, share: float
@@ -148,6 +154,15 @@ class Oracle:
         """d′ of a twin from the nearest sizes of the effects ``causes`` acting together; from the
         model without a cause where there are none."""
         return self._beyond(self._followed(twin, causes).cost)
+
+    def left(self, twin: Twin, vehicle: Vehicle) -> float:
+        """d′ of a twin from another model of the same truck, its numbers found from those that
+        come nearest without a cause and with those causes that it names."""
+        other, problem = self._extended(vehicle, twin.signals)
+        named = tuple(name for name in vehicle.effects if name in self.effects)
+        begins = [self._followed(twin, causes).theta for causes in {(), named}]
+        looks = [other._fit(problem, other._taken(self, begin)) for begin in begins]
+        return other._beyond(min(look.cost for look in looks))
 
     def nearest(
         self, twin: Twin, beside: Sequence[str] = (), *, whole: bool = True
