@@ -25,11 +25,11 @@ from clutchest.models.symbols import Input, Sensor, State
 STATES = (
     State("current", "A", "i_a", "armature current", 1.0, 2.0, 1.0,
           "any sample of the armature current", carried=False, stiff=True),
-    State("motor_speed", "rad/s", "ω_m1", "actuator motor's speed", 50.0, 5.0, 20.0,
+    State("motor_speed", "rad/s", "ω_m1", "actuator motor's speed", 100.0, 5.0, 20.0,
           "any two samples of the motor angle", carried=False, stiff=True),
     State("motor_angle", "rad", "α_m1", "actuator motor's angle, 0 at home", 0.03, 0.5, 0.05,
           "any sample of the motor angle", carried=False),
-    State("ball_ramp_bristle", "rad", "z_br", "bristle of the ball ramp's friction", 2e-3, 1e-3,
+    State("ball_ramp_bristle", "rad", "z_br", "bristle of the ball ramp's friction", 0.01, 1e-3,
           0.02, "a motor that turns under load", carried=False, stiff=True),
     State("pack_force", "N", "F_c", "axial force of the clutch pack", 300.0, 10.0, 1000.0,
           "an engagement", carried=False, stiff=True),

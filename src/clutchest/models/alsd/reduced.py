@@ -6,7 +6,7 @@ ball-ramp friction    as in the full model with i = 1: its bristle bends over ra
                       motor
 press plate           quasi-static in the free play, where the squeeze film loads the motor; beyond
                       it the pack force relaxes with the plate's own time constant
-reset spring          taken where the pack begins, not where the plate stands
+reset spring          taken where the pack's force says that the plate stands
 friction potential    begins flat, within some hundred newtons of touching
 driveline             the slip speed is measured; play and bristle wind up with it
 ====================  ==========================================================================
@@ -40,7 +40,8 @@ def axial(q: Quantities) -> None:
     q.input_angle = q.motor_angle / q.gear_ratio
     beyond = q.input_angle - q.gear_backlash
     q.contact = beyond > 0  # f(α)
-    q.spring_force = belleville.force(q, q.spring_preload + q.free_play)
+    plate = q.free_play + q.pack_force / q.pack_stiffness
+    q.spring_force = belleville.force(q, q.spring_preload + plate)
     together = stiffness * ramp**2 + q.pack_stiffness
     share = q.pack_stiffness / together
     reached = share * (stiffness * ramp * (beyond - ramp * q.free_play) - q.spring_force)
@@ -49,7 +50,6 @@ def axial(q: Quantities) -> None:
     film = q.axial_damping * q.motor_speed / (q.gear_ratio * ramp)
     lifted = ca.fmax(q.spring_force + film, 0.0) / ramp  # the plate on its way to the pack
     resting = stiffness * ca.fmax(beyond, 0.0)  # the plate on its limiter
-    plate = q.free_play + q.pack_force / q.pack_stiffness
     pressing = stiffness * (beyond - ramp * plate)  # the plate against the pack
     q.ball_ramp_torque = ca.fmax(ca.fmin(resting, lifted), pressing)
     q.ball_ramp_force = ramp * q.ball_ramp_torque
@@ -57,13 +57,14 @@ def axial(q: Quantities) -> None:
 
 
 def pressed_potential(q: Quantities) -> None:
-    """T_C = μ N_f r_e F_c³/(F_c² + F_1²): below F_1 surfaces hardly touch.
+    """T_C = μ N_f r_e F_c⁵/(F_c⁴ + F_1⁴): below F_1 surfaces hardly touch.
 
     Within one step of touching, whether they slide already hangs on the last micrometre of free
-    play; a slope that begins at nought keeps that from being known too soon.
+    play; a slope that begins at nought keeps that from being known too soon.  Torque that is still
+    missing further up the filter would make up for with too little free play.
     """
     q.friction_now = q.friction_coefficient * q.friction
-    touching = q.pack_force**3 / (q.pack_force**2 + BARELY**2)
+    touching = q.pack_force**5 / (q.pack_force**4 + BARELY**4)
     q.friction_potential = q.friction_now * q.friction_surfaces * q.equivalent_radius * touching
 
 
