@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify, runs
-from clutchest.estimate.setting import Setting
-from clutchest.models import model_for
-from clutchest.vehicle import load_vehicle
+from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify
 
 KISS = 6.5
 T = np.arange(0.0, 10.0, 0.01)
@@ -115,20 +112,3 @@ def test_without_slip_or_torque_nothing_winds_up() -> None:
     without_slip = Regimes.pressing(time, torque, None, 1 / 4e4, lost, 0.1).mode
     assert np.all(without_slip == Mode.slipping)
     assert np.all(Regimes.pressing(time, None, torque, 1 / 4e4, lost, 0.1).mode == Mode.open)
-
-
-def test_every_touch_of_the_surfaces_adds_its_noise_once() -> None:
-    """Twice pressed: the free play's variance grows by the square of what a touch adds, twice."""
-    time = np.arange(0.0, 4.0, 0.005)
-    torque = np.where((time > 0.5) & (time < 1.5) | (time > 2.5), 500.0, 0.0)
-    lost = np.zeros(len(time), bool)
-    touching = Regimes.pressing(time, torque, None, 1 / 4e4, lost, 0.1).touching
-    begins, _ = runs(touching)
-    np.testing.assert_allclose(time[begins], [0.6, 2.6], atol=0.011)
-    setting = Setting(load_vehicle("alsd_rig"), model_for("alsd", {"clutch_torque"}), 10.0, {})
-    flags, Q, longest = setting.tables
-    assert len(flags) == len(Q) == len(longest) == 2
-    model, rows = setting.model, touching.astype(int)
-    added = np.sum(Q[rows, model.state("free_play")] - Q[0, model.state("free_play")]) * 0.005
-    once = next(s.touch_noise for s in model.states if s.name == "free_play")
-    np.testing.assert_allclose(added, 2 * once**2, rtol=0.03)

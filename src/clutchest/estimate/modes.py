@@ -26,8 +26,7 @@ class Mode(IntEnum):
 TOUCHING = 20.0  # Nm, of a measured torque: surfaces are pressed together
 CREEPING = 0.01  # rad/s: at a slower slip nothing says that pressed surfaces slide
 WOUND = 0.5  # of the slip: where more than this winds up the structure, surfaces may stick
-# flags that say more than which equations act
-FREE, SLIDING, TOUCH = "free_running", "sliding", "touching"
+FREE, SLIDING = "free_running", "sliding"  # flags that say more than which equations act
 MODE_NAMES = tuple(mode.name for mode in Mode)
 
 
@@ -76,7 +75,6 @@ class Regimes:
     free_running: NDArray[np.bool_]
     sliding: NDArray[np.bool_]
     engaged: NDArray[np.bool_]
-    touching: NDArray[np.bool_]
 
     @classmethod
     def pressing(
@@ -97,9 +95,7 @@ class Regimes:
             winding = _winding(time, torque * yielding, slip, guard)
         mode = np.where(winding, Mode.locked, Mode.slipping)
         mode = np.where(lost, Mode.unknown, np.where(parted, Mode.open, mode))
-        since = _since(time, ~parted)
-        touching = (since >= 0) & (since < 2 * guard) & ~lost
-        return cls(mode.astype(np.uint8), ~lost, ~lost, ~lost, touching)
+        return cls(mode.astype(np.uint8), ~lost, ~lost, ~lost)
 
     def flags(self, names: Sequence[str]) -> NDArray[np.bool_]:
         """The flags of these names, shape (n, len(names))."""
@@ -127,7 +123,7 @@ def classify(
         lost = np.zeros(len(time), bool)
     if slip is None:
         no = np.zeros(len(time), bool)
-        return Regimes(np.full(len(time), Mode.unknown, np.uint8), no, no, no, no)
+        return Regimes(np.full(len(time), Mode.unknown, np.uint8), no, no, no)
     slip = _average(time, slip, thresholds.lock_average)
     still = np.abs(slip) < thresholds.lock_slip
     locked = _lasting(time, still, thresholds.lock_time)
@@ -151,7 +147,6 @@ def classify(
         free_running=~(near & ~apart) & ~locked & ~blind,
         sliding=slides & ~lost,
         engaged=slides & ~apart & ~lost,
-        touching=np.zeros(len(time), bool),  # its equations know no moment of it
     )
 
 

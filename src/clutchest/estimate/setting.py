@@ -13,7 +13,7 @@ import numpy as np
 from clutchest import spilled
 from clutchest.errors import ClutchestError
 from clutchest.estimate.habits import Habit
-from clutchest.estimate.modes import SLIDING, TOUCH, Thresholds
+from clutchest.estimate.modes import SLIDING, Thresholds
 from clutchest.estimate.spikes import without_spikes
 from clutchest.models.model import Model
 from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
@@ -231,17 +231,10 @@ def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
     Q = np.tile(process_noise(vehicle, model), (len(flags), 1))
     for name, (flag, walk) in model.renewed.items():
         Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = walk**2
-    for state in model.states:
-        if state.touch_noise:
-            touching = flags[:, model.regime.index(TOUCH)] > 0
-            lasts = 2 * Thresholds.of(vehicle.modes).guard
-            Q[touching, model.state(state.name)] += state.touch_noise**2 / lasts
     return Q
 
 
 def _longest(model: Model, table: Floats) -> Floats:
     """The longest step, s, under every row of flags."""
-    slides = np.ones(len(table), bool)
-    if SLIDING in model.regime:
-        slides = table[:, model.regime.index(SLIDING)] > 0
+    slides = table[:, model.regime.index(SLIDING)] > 0 if SLIDING in model.regime else [True]
     return np.where(slides, *model.longest)

@@ -14,11 +14,10 @@ class State:
     ``useful_std`` is the largest standard deviation at which the estimate still tells something;
     ``informed_by`` is the manoeuvre that lowers it.  ``parked_noise`` (unit/√s) is what a parked
     vehicle adds: wear and friction stay as they were; ``slip_noise`` (unit/√J) is what slip adds,
-    by the energy it turns to heat, ``touch_noise`` (unit) what surfaces add each time they touch.
-    What is not ``carried`` starts every drive from its prior.  ``healthy_std`` (unit) is how far
-    from nominal it starts in a healthy vehicle, where ``initial_std`` is wider because it allows
-    for ageing.  ``prior`` is the parameter whose spread is where the state starts, relative to its
-    value for a pure number.  A ``stiff`` state
+    by the energy it turns to heat.  What is not ``carried`` starts every drive
+    from its prior.  ``healthy_std`` (unit) is how far from nominal it starts in a healthy vehicle,
+    where ``initial_std`` is wider because it allows for ageing.  ``prior`` is the parameter whose
+    spread is where the state starts, relative to its value for a pure number.  A ``stiff`` state
     relaxes faster than the steps that everything else asks for.
     """
 
@@ -32,7 +31,6 @@ class State:
     informed_by: str = ""
     parked_noise: float = 0.0
     slip_noise: float = 0.0
-    touch_noise: float = 0.0
     carried: bool = True
     healthy_std: float | None = None
     role: str = "adaptive"  # adaptive | constant | nuisance
