@@ -129,7 +129,7 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
     lateness, effort, memory, begun = [], [], [], time.monotonic()
 
     def show(status, piece, events):
-        if piece is not None and not piece.begins:
+        if piece is not None and not piece.begins and len(piece.track.time):
             lateness.append((time.time_ns() - piece.released_ns) / 1e6)
             effort.append(1e3 * monitor.used)
         if len(memory) < (time.monotonic() - begun) / 5.0:

@@ -278,7 +278,8 @@ class Monitor:
         is shown, then what no estimate waits for, and is shown with the next one."""
         if piece is not None:
             self._told(piece)
-            self.status.latency_s.append((time.time_ns() - piece.released_ns) / 1e9)
+            if len(piece.track.time):  # a stretch between two rows releases none
+                self.status.latency_s.append((time.time_ns() - piece.released_ns) / 1e9)
         if show is not None:
             show(self.status, piece, self._new)
         self._new = []
