@@ -37,8 +37,7 @@ def on_held_out(drive: Drive, answer: Mapping[str, Any], extended: Path) -> dict
     """
     oracle, given = Oracle(HeldOut(drive.seed, drive.noise)), answer["outsider"]
     outsider = OUTSIDERS[given["name"]](given["size"], given["phase"]) if given else None
-    twin = oracle.twin(answer["effects"], outsider)
-    possible, gained = oracle.distance(twin) ** 2 / 2.0, 0.0
-    if extended.exists() and (vehicle := load_vehicle(extended)).effects != drive.vehicle.effects:
-        gained = possible - oracle.left(twin, vehicle) ** 2 / 2.0
+    vehicle = load_vehicle(extended) if extended.exists() else drive.vehicle
+    other = vehicle if vehicle.effects != drive.vehicle.effects else None
+    gained, possible = oracle.gains(oracle.twin(answer["effects"], outsider), other)
     return {"gained": gained, "possible": possible, "held_out_nll": len(oracle.clean.r) / 2.0}

@@ -155,14 +155,19 @@ class Oracle:
         model without a cause where there are none."""
         return self._beyond(self._followed(twin, causes).cost)
 
-    def left(self, twin: Twin, vehicle: Vehicle) -> float:
-        """d′ of a twin from another model of the same truck, its numbers found from those that
-        come nearest without a cause and with those causes that it names."""
+    def gains(self, twin: Twin, vehicle: Vehicle | None) -> tuple[float, float]:
+        """−ln(probability) of a twin that another model of the same truck gains, nought without
+        one, and that the model which knows what is hidden does.  The other's numbers are found
+        from those that come nearest without a cause and with those causes that it names."""
+        looks = [self._followed(twin)]
+        possible = self._beyond(looks[0].cost) ** 2 / 2.0
+        if vehicle is None:
+            return 0.0, possible
+        if named := tuple(name for name in vehicle.effects if name in self.effects):
+            looks.append(self._followed(twin, named))
         other, problem = self._extended(vehicle, twin.signals)
-        named = tuple(name for name in vehicle.effects if name in self.effects)
-        begins = [self._followed(twin, causes).theta for causes in {(), named}]
-        looks = [other._fit(problem, other._taken(self, begin)) for begin in begins]
-        return other._beyond(min(look.cost for look in looks))
+        found = [other._fit(problem, other._taken(self, look.theta)) for look in looks]
+        return possible - other._beyond(min(look.cost for look in found)) ** 2 / 2.0, possible
 
     def nearest(
         self, twin: Twin, beside: Sequence[str] = (), *, whole: bool = True
