@@ -102,6 +102,13 @@ class TestEquations:
         assert not found.faults
         assert verdict(found, "wear").status == "passed"
 
+    @pytest.mark.parametrize("seed", [0, 3])
+    def test_a_body_that_loses_heat_is_not_a_sensor_that_drifts(self, truck, seed):
+        lost = {"transmission_heat_path": {"conductance": 20.0}}
+        found = diagnosed(truck, lost, "cooldown", seed, duration=1200.0)
+        assert not found.faults
+        assert verdict(found, "drift:slave_position").status == "passed"
+
     def test_what_a_drive_can_tell_is_known_without_a_fault(self, truck):
         told = diagnosed(truck).isolability
         row, column = told.faults.index("wear"), told.faults.index("position_offset")

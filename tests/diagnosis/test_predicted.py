@@ -72,7 +72,7 @@ def test_healthy_residuals_are_white_and_of_variance_one():
 
 
 def test_a_healthy_clutch_may_wear():
-    thetas = (*THETAS, Theta("wear", "rate", 0.5, gain=True))
+    thetas = (*THETAS, Theta("wear", "rate", 0.5, gain=True, healthy=0.1))
     blocks = Blocks(thetas, np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros((0, 7, 7)))
     free, variance, walk = nuisances(blocks)
     assert free.tolist() == [0, 1, 2, 5]

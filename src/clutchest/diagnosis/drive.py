@@ -74,9 +74,12 @@ def _unharmed(signals: Signals, streams: Streams, run: Run) -> Signals:
 
 
 def effects_for(model: str) -> tuple[Effect, ...]:
-    """What is put into the equations: every fault, and wear, which a healthy clutch has too."""
+    """What is put into the equations: every fault, and what healthy vehicles differ by too."""
     made = {fault.effect: fault.make() for fault in model_faults(model)}
-    return (*made.values(), *(e for name, e in library(model).items() if name == "wear"))
+    for name, effect in library(model).items():
+        if any(gain.healthy for gain in effect.gains):
+            made.setdefault(name, effect)
+    return tuple(made.values())
 
 
 def _watched(

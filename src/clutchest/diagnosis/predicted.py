@@ -23,7 +23,6 @@ from clutchest.signals import Floats
 # By how much what may wander does so in a healthy truck, in its unit per √h: one standard deviation
 # of its first value.
 WANDERS: Mapping[str, float] = {"friction": 1.0, "torque_bias": 1.0}
-WEAR_RATE = 0.05  # mm/MJ, standard deviation of what a healthy clutch wears
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +64,8 @@ class Since:
 def nuisances(blocks: Blocks) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Indices (n) of what a healthy truck may differ by, prior variances, and what each gains per
     hour (n), all in units."""
-    found = [i for i, t in enumerate(blocks.thetas) if not t.gain]
-    variance = [1.0] * len(found)
-    for i, t in enumerate(blocks.thetas):
-        if (t.owner, t.key) == ("wear", "rate"):
-            found.append(i)
-            variance.append((WEAR_RATE / t.unit) ** 2)
+    found = [i for i, t in enumerate(blocks.thetas) if not t.gain or t.healthy]
+    variance = [t.healthy**2 if t.gain else 1.0 for t in (blocks.thetas[i] for i in found)]
     walk = [
         WANDERS.get(t.key, 0.0) ** 2 if t.owner == "start" else 0.0
         for t in (blocks.thetas[i] for i in found)

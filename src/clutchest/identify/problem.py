@@ -30,6 +30,7 @@ class Theta:
 
     ``unit`` is what 1 means: the prior's standard deviation of a nuisance, the largest plausible
     size of a gain (``gain`` True).  ``drive``: whose start it is, −1 for a number of all drives.
+    ``healthy``: standard deviation of a gain, in its unit, from one healthy vehicle to the next.
     A delay is both: ``timing`` is the small one that any signal may have.
     """
 
@@ -38,6 +39,7 @@ class Theta:
     unit: float
     gain: bool = False
     drive: int = -1
+    healthy: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +94,9 @@ class Problem:
         for (owner, key), spread in zip(self.compiled.thetas, self.compiled.spread, strict=True):
             if owner in self.effects:
                 gain = next(n for n in self.effects[owner].gains if n.key == key)
-                shared.append(Theta(owner, key, gain.upper, gain=True))
+                shared.append(
+                    Theta(owner, key, gain.upper, gain=True, healthy=gain.healthy / gain.upper)
+                )
             elif owner == START:
                 own.append(Theta(owner, key, spread))
             elif owner != NOISE:

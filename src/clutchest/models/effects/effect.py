@@ -28,7 +28,8 @@ class Number:
 
     A *gain* makes the effect absent at 0 and lies between ``lower`` and ``upper``, its largest
     plausible sizes; a *shape* (``shape=True``) has no absent value, ``default`` stands where none
-    is given and ``grid`` lists what a search tries.
+    is given and ``grid`` lists what a search tries.  ``healthy``: the standard deviation of a gain
+    from one healthy vehicle to the next, which no fault test may mistake for a fault.
     """
 
     key: str
@@ -38,6 +39,7 @@ class Number:
     shape: bool = False
     default: float = 0.0
     grid: tuple[float, ...] = ()
+    healthy: float = 0.0
 
     @property
     def one_sided(self) -> bool:

@@ -14,7 +14,7 @@ class CoolantCoupling(Effect):
     name = "coolant_coupling"
     model = "dry_clutch"
     equation = "body_heat"
-    parameters = (Number("change", "1", -0.8, 2.0),)
+    parameters = (Number("change", "1", -0.8, 2.0, healthy=0.5),)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

@@ -14,7 +14,7 @@ class HousingAirflow(Effect):
     name = "housing_airflow"
     model = "dry_clutch"
     equation = "housing_heat"
-    parameters = (Number("slope", "s/(20 m)", -0.5, 3.0),)
+    parameters = (Number("slope", "s/(20 m)", -0.5, 3.0, healthy=0.75),)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

@@ -17,7 +17,7 @@ class TransmissionHeatPath(Effect):
     name = "transmission_heat_path"
     model = "dry_clutch"
     equation = "body_heat"
-    parameters = (Number("conductance", "W/K", 0.0, 60.0),)
+    parameters = (Number("conductance", "W/K", 0.0, 60.0, healthy=15.0),)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

@@ -18,7 +18,7 @@ class Wear(Effect):
     name = "wear"
     model = "dry_clutch"
     equation = "zero_position"
-    parameters = (Number("amount", "mm", 0.0, 3.0), Number("rate", "mm/MJ", 0.0, 0.5))
+    parameters = (Number("amount", "mm", 0.0, 3.0), Number("rate", "mm/MJ", 0.0, 0.5, healthy=0.05))
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""
