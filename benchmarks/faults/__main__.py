@@ -70,7 +70,7 @@ def main() -> None:
         hot.mkdir(exist_ok=True)
         told = [(given.vehicle, scenario, given.first + i, heat, hot)
                 for i in range(given.hot) for heat in healthy.HEAT
-                for scenario in healthy.HOT]  # fmt: skip
+                for scenario in healthy.scenarios(heat)]  # fmt: skip
         ran("hot", healthy.record, told, given.jobs)
         found["hot"] = healthy.tally(hot)
         print(json.dumps(found["hot"], indent=1))
