@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import clutchest
+from clutchest.diagnosis.drive import Drive
 from clutchest.diagnosis.isolation import told_apart
+from clutchest.diagnosis.predicted import since
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.record.files import json_text
@@ -108,6 +110,19 @@ class TestEquations:
         found = diagnosed(truck, lost, "cooldown", seed, duration=1200.0)
         assert not found.faults
         assert verdict(found, "drift:slave_position").status == "passed"
+
+    def test_a_hot_start_is_not_a_sensor_that_drifts(self, truck):
+        drift = []
+        for seed in range(4):
+            run = clutchest.replay(
+                clutchest.simulate(truck, "cooldown", seed, duration=1200.0), truck
+            )
+            watched = Drive.of(run, run.signals, run.tracks[0]).watched
+            whole = since(watched.blocks, watched.columns, watched.residuals.before, 0,
+                          len(watched.blocks))  # fmt: skip
+            k = [j.fault.name for j in watched.faults].index("drift:slave_position")
+            drift.append(whole.score[-1, k] / np.sqrt(whole.information[-1, k, k]))
+        assert abs(np.mean(drift)) < 3.0 / np.sqrt(len(drift))
 
     def test_what_a_drive_can_tell_is_known_without_a_fault(self, truck):
         told = diagnosed(truck).isolability

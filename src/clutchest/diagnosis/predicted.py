@@ -23,6 +23,9 @@ from clutchest.signals import Floats
 # By how much what may wander does so in a healthy truck, in its unit per √h: one standard deviation
 # of its first value.
 WANDERS: Mapping[str, float] = {"friction": 1.0, "torque_bias": 1.0}
+# How far a healthy truck may start from the warmth of coolant and air, K: restarted while its
+# clutch is hot, it cools for half an hour, and its zero position moves all that time.
+STARTS_HOT: Mapping[str, float] = {"temp_body": 40.0, "temp_housing": 25.0, "temp_disc": 50.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +68,13 @@ def nuisances(blocks: Blocks) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Indices (n) of what a healthy truck may differ by, prior variances, and what each gains per
     hour (n), all in units."""
     found = [i for i, t in enumerate(blocks.thetas) if not t.gain or t.healthy]
-    variance = [t.healthy**2 if t.gain else 1.0 for t in (blocks.thetas[i] for i in found)]
-    walk = [
-        WANDERS.get(t.key, 0.0) ** 2 if t.owner == "start" else 0.0
-        for t in (blocks.thetas[i] for i in found)
-    ]
+    thetas = [blocks.thetas[i] for i in found]
+    variance = [
+        t.healthy**2 if t.gain
+        else (STARTS_HOT.get(t.key, t.unit) / t.unit) ** 2 if t.owner == "start" else 1.0
+        for t in thetas
+    ]  # fmt: skip
+    walk = [WANDERS.get(t.key, 0.0) ** 2 if t.owner == "start" else 0.0 for t in thetas]
     return np.array(found, np.int64), np.array(variance), np.array(walk)
 
 
