@@ -11,6 +11,7 @@ import clutchest
 from clutchest.discovery import find
 from clutchest.discovery.find import discover
 from clutchest.discovery.result import Discovery
+from clutchest.errors import ClutchestError
 from clutchest.models.effects import effects_of_file, library
 from clutchest.record.discovery import write_discovery
 
@@ -151,3 +152,47 @@ def test_a_cause_without_a_name_is_located_and_patched(tmp_path: Path):
         extended = clutchest.load_vehicle(tmp_path / "found" / "extended.toml")
         better = clutchest.replay(signals, extended)
         assert not any("without patch" in w for w in better.summary["warnings"])
+
+
+class Lazy:
+    """The torque report is the later the slower the engine turns."""
+
+    def law(self):
+        return None
+
+    def readings(self, true):
+        def torque(t):
+            return true["engine_torque"](
+                t - 0.05 * np.clip((130.0 - true["engine_speed"](t)) / 65, 0, 1)
+            )
+
+        return {**true, "engine_torque": torque}
+
+
+@pytest.mark.slow
+def test_a_clock_without_a_name_is_patched_and_pays(tmp_path: Path):
+    one, other = (drive(seed, duration=900.0, outsider=Lazy()) for seed in (76, 77))
+    answer = discover(one, TRUCK, holdout=other)
+    assert answer.verdict == "unknown"
+    assert answer.where is not None and answer.where.equation == "timing:engine_torque"
+    assert answer.where.drivers[0] == "engine_speed"
+    assert answer.gain is not None and answer.gain.ci95[0] > 0.0
+    write_discovery(answer, tmp_path / "found")
+    patch = effects_of_file(tmp_path / "found" / "patch_effects.py")["patch"]
+    late = patch.lateness["engine_torque"]
+    assert np.interp(75.0, late.at, late.seconds) == pytest.approx(0.042, abs=0.01)
+    extended = clutchest.load_vehicle(tmp_path / "found" / "extended.toml")
+    assert discover(other, extended).verdict == "none"
+
+
+def test_a_delay_that_varies_is_nothing_to_look_for(tmp_path: Path):
+    (tmp_path / "own.py").write_text(
+        "from clutchest.models.effects import Effect, Lateness, Number\n"
+        "class Own(Effect):\n"
+        "    name, model, equation = 'own', 'dry_clutch', 'timing:engine_torque'\n"
+        "    parameters = (Number('size', '1', 0.0, 2.0),)\n"
+        "    delays = {'engine_torque': 'size'}\n"
+        "    lateness = {'engine_torque': Lateness('time', (0.0, 9.0), (0.0, 0.1))}\n"
+    )
+    with pytest.raises(ClutchestError, match="'own' is late"):
+        discover(drive(71), TRUCK, effects_files=(tmp_path / "own.py",))

@@ -1,5 +1,6 @@
 """Estimates of a drive that is going on equal those of a replay of its frames."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +86,27 @@ def test_a_truck(seed, tmp_path):
     run = replayed(truck, frames, tmp_path)
     assert_same(pieces, run)
     assert drive.final()["x"] == pytest.approx(run.final["x"], rel=1e-9)
+
+
+LAZY = """
+from clutchest.models.effects import Effect, Lateness, Number
+
+class Lazy(Effect):
+    name, model, equation = "lazy", "dry_clutch", "timing:engine_torque"
+    parameters = (Number("size", "1", 0.0, 2.0),)
+    delays = {"engine_torque": "size"}
+    lateness = {"engine_torque": Lateness("engine_speed", (60.0, 130.0), (0.3, -0.05))}
+"""
+
+
+def test_a_report_that_is_late_by_turns(tmp_path):
+    (tmp_path / "lazy.py").write_text(LAZY)
+    truck = replace(clutchest.load_vehicle("truck"), effects={"lazy": {"size": 1.0}},
+                    effects_files=(tmp_path / "lazy.py",))  # fmt: skip
+    frames = frames_of("demo", 60.0)
+    batches = np.unique(np.random.default_rng(6).integers(0, len(frames), 60)).tolist()
+    pieces, _ = live(truck, frames, batches)
+    assert_same(pieces, replayed(truck, frames, tmp_path))
 
 
 def without(frames, start, stop, *ids):

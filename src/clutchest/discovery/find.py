@@ -31,6 +31,7 @@ from clutchest.discovery.result import (
     Where,
 )
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
+from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.maximum import Look
 from clutchest.identify.problem import Problem
@@ -66,11 +67,14 @@ def discover(
     ``holdout``: drives of the same vehicle on which the gain is measured.  ``effects_files``: the
     user's own causes, tried beside the library's.  ``told``: called with what these data can tell
     of every cause, before any is fitted.  Raises ClutchestError where the model cannot be driven by
-    these signals.
+    these signals, or for an effect whose delay varies.
     """
     vehicle = load_vehicle(vehicle)
     only_for("dry_clutch", vehicle.model, "discover")
     own = [effect for path in effects_files for effect in effects_of_file(path).values()]
+    if turning := [effect.name for effect in own if effect.lateness]:
+        raise ClutchestError(f"'{turning[0]}' is late by more at one time than at another: nothing "
+                             "to look for, but to be stated in the vehicle file")  # fmt: skip
     effects = (*library(vehicle.model).values(), *own, *probes(vehicle.model))
     finding = _Finding(signals, vehicle, effects, tuple(effects_files), progress, told)
     return finding.answer(holdout)
@@ -206,12 +210,11 @@ class _Finding:
         if verdict != "unknown":
             return None, on_another(search, search.best, other)
         gained = of_curve(search, curve, other) if curve else None
-        if gained is None or gained.total <= 0.0:
-            # what went wrong at some time of one drive does so in another only if that bears it out
-            for over_time in _over_time(errors, search.problem.compiled.model):
-                again = of_curve(search, over_time, other)
-                if again.ci95[0] > 0.0:
-                    return over_time, again
+        # what went wrong at some time of one drive does so in another only if that bears it out
+        for over_time in _over_time(errors, search.problem.compiled.model):
+            again = of_curve(search, over_time, other)
+            if again.ci95[0] > max(gained.total if gained else 0.0, 0.0):
+                return over_time, again
         return curve, gained
 
     def _extended(

@@ -9,6 +9,7 @@ import numpy as np
 from clutchest.discovery.leftover import Curve
 from clutchest.models import flaws_of
 from clutchest.models.model import Model
+from clutchest.signals import Floats
 
 NAME = "patch"
 FILE = "patch_effects.py"  # stands beside the vehicle file that names it
@@ -17,6 +18,25 @@ _OWN_STATES = {
     "energy": ("patch_energy", "J", "slip energy so far", "q.power"),
     "time": ("patch_time", "s", "time since the start", "1.0"),
 }
+
+_LATE = '''"""The signal `{signal}` is late by a curve over `{driver}`.
+
+Written by `clutchest discover`.  Between the knots the curve is straight, beyond them it stays.
+"""
+
+from clutchest.models.effects import Effect, Lateness, Number
+
+
+class Patch(Effect):
+    """`{signal}` arrives late by so many s, times `size`."""
+
+    name = "{name}"
+    model = "{model}"
+    equation = "{equation}"
+    parameters = (Number("size", "1", 0.0, 2.0),)
+    delays = {{"{signal}": "size"}}
+    lateness = {{"{signal}": Lateness("{driver}", {knots}, {seconds})}}
+'''
 
 _TEXT = '''"""An error of the equation `{equation}` that goes with `{driver}`.
 
@@ -65,9 +85,15 @@ def curve(at):
 
 def text(curve: Curve, model: Model) -> str | None:
     """Python source of the effect, None where the equations cannot see what it depends on."""
-    changes = flaws_of(model.name)[curve.flaw].changes
-    if not changes:
-        return None
+    flaw = flaws_of(model.name)[curve.flaw]
+    if flaw.late is not None:
+        signal, per_unit = flaw.late
+        return _LATE.format(
+            signal=signal, driver=curve.driver, name=NAME, model=model.name,
+            equation=curve.equation, knots=_numbers(curve.at),
+            seconds=_numbers(per_unit * curve.coefficients),
+        )  # fmt: skip
+    changes = flaw.changes
     before = _before(model, changes)
     quantity, states, rate = curve.driver, "()", ""
     if curve.driver in _OWN_STATES:
@@ -83,11 +109,15 @@ def text(curve: Curve, model: Model) -> str | None:
         quantity=quantity,
         name=NAME,
         model=model.name,
-        knots=tuple(float(np.round(v, 6)) for v in curve.at),
-        values=tuple(float(np.round(v, 6)) for v in curve.coefficients),
+        knots=_numbers(curve.at),
+        values=_numbers(curve.coefficients),
         states=states,
         rate=rate,
     )
+
+
+def _numbers(values: Floats) -> tuple[float, ...]:
+    return tuple(float(np.round(v, 6)) for v in values)
 
 
 def _before(model: Model, changes: Mapping[str, object]) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchest.estimate.clocks import Clocks
 from clutchest.estimate.habits import Habit
 from clutchest.estimate.modes import Mode
 from clutchest.estimate.run import Engagement, Track
@@ -77,6 +78,7 @@ class Drive:
         self.compiled: Compiled = compile_model(vehicle, model, progress=progress)
         self.setting = Setting(vehicle, self.compiled.model, rate, delays(vehicle))
         self.thresholds = self.setting.thresholds
+        self.clocks = Clocks(vehicle)
         self.samples: dict[str, Signal] = {}
         self.unseen: dict[str, list[Signal]] = {}  # since the last piece
         self.lags: dict[str, int] = {}  # how many samples beyond must come
@@ -102,8 +104,9 @@ class Drive:
         """Filter what ``new`` samples make certain, everything where they are the ``last``; each
         signal is complete up to when it is ``settled``, s."""
         begins = not self.samples
+        even = self.clocks.take(new)
         for name, signal in new.items():
-            valid = signal.only_valid()
+            valid = even[name].only_valid()
             if name in self.samples:
                 self.samples[name] = self.samples[name].then(valid)
             elif begins and len(valid):

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.estimate.clocks import evenly_late
 from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import build
 from clutchest.estimate.whole_log import Compiled, compile_model, delays, run
@@ -52,7 +53,8 @@ def open_loop(signals: Signals, vehicle: Vehicle, model: Model, rate: float = 10
     alone is set to each of its samples, and slip with it.
     """
     compiled = compile_model(vehicle, model)
-    timeline = build(signals, vehicle, compiled.model, rate, delays(vehicle))
+    even = evenly_late(signals, vehicle)
+    timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))
     gains = np.zeros((len(timeline.t), len(compiled.model.states)))
     speed = compiled.model.sensor(model.anchor)
     gains[timeline.sensor == speed, compiled.model.state(model.anchor)] = 1.0

@@ -15,6 +15,7 @@ import numpy as np
 
 from clutchest import __version__, spilled
 from clutchest.errors import ClutchestError
+from clutchest.estimate.clocks import evenly_late
 from clutchest.estimate.drive import Drive, begun
 from clutchest.estimate.run import Run, Track
 from clutchest.estimate.setting import Unusable, warnings_of
@@ -143,7 +144,8 @@ def _whole(
     """One drive at once, since a smoother goes back over all of it."""
     usable = {name for name in signals if signals[name].valid.any()}
     compiled = compile_model(vehicle, model_for(vehicle.model, usable), progress=progress)
-    timeline = build(signals, vehicle, compiled.model, rate, delays(vehicle))
+    even = evenly_late(signals, vehicle)
+    timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))
     start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)
     filtered = run(compiled, timeline, start, consider=True, progress=progress)
     track = track_of(vehicle, compiled, timeline, filtered)

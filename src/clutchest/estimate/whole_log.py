@@ -105,11 +105,13 @@ def present_effects(vehicle: Vehicle) -> tuple[Effect, ...]:
 
 
 def delays(vehicle: Vehicle) -> dict[str, float]:
-    """Delay in s that the vehicle's effects put on a signal."""
+    """Delay in s that the vehicle's effects put on a signal, the largest where it varies."""
     late: dict[str, float] = {}
     for effect in present_effects(vehicle):
         for signal, key in effect.delays.items():
-            late[signal] = late.get(signal, 0.0) + vehicle.effects[effect.name].get(key, 0.0)
+            most = effect.lateness[signal].most if signal in effect.lateness else 1.0
+            size = vehicle.effects[effect.name].get(key, 0.0)
+            late[signal] = late.get(signal, 0.0) + size * most
     return late
 
 

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.estimate.clocks import evenly_late
 from clutchest.estimate.samples import slope
 from clutchest.estimate.start import fresh, nominal
 from clutchest.estimate.timeline import Timeline, build
@@ -49,7 +50,7 @@ class LinearDrive:
     def __init__(
         self, signals: Signals, vehicle: Vehicle, compiled: Compiled, units: Floats
     ) -> None:
-        model = compiled.model
+        model, signals = compiled.model, evenly_late(signals, vehicle)
         line = build(signals, vehicle, model, 1.0, delays(vehicle))
         self.tracked = np.array([state.name in model.renewed for state in model.states])
         line = replace(line, Q=np.where(np.tile(self.tracked, 2), line.Q, 0.0))

@@ -12,9 +12,9 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.models.effects.effect import Effect, Gains, Number
+from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
 
-__all__ = ["Effect", "Gains", "Number", "effects_of_file", "library"]
+__all__ = ["Effect", "Gains", "Lateness", "Number", "effects_of_file", "library"]
 
 
 @cache

@@ -5,7 +5,8 @@ An effect reaches the model through one of four hooks.
 - **equation** and **sensor**: :meth:`Effect.terms` names the quantities it changes, and how.  An
   input that the model reads is a sensor's reading too: there the term maps reading → truth, while
   on a ``…_reading`` quantity it maps truth → reading.
-- **timeline**: :attr:`Effect.delays` says which signal arrives late by which of its parameters.
+- **timeline**: :attr:`Effect.delays` says which signal arrives late by which of its parameters,
+  :attr:`Effect.lateness` how much later at one time than at another.
 - **step map**: :attr:`Effect.states` brings a state of its own, :meth:`Effect.after_step` updates
   it after each integration step.
 """
@@ -54,6 +55,24 @@ class Number:
         return 0.0 if self.one_sided else -inf
 
 
+TIME = "time"  # since the drive's start: what a delay may go with beside signals
+
+
+@dataclass(frozen=True, slots=True)
+class Lateness:
+    """A signal's delay per unit of its parameter: ``seconds`` at values ``at`` of the signal that
+    it ``goes_with``, or of ``time``; straight between them, constant beyond."""
+
+    goes_with: str
+    at: tuple[float, ...]
+    seconds: tuple[float, ...]
+
+    @property
+    def most(self) -> float:
+        """The largest of them, s."""
+        return max(self.seconds)
+
+
 class Gains:
     """The numbers of one effect as symbols: ``g.slope``."""
 
@@ -80,6 +99,7 @@ class Effect:
     parameters: ClassVar[tuple[Number, ...]]
     states: ClassVar[tuple[State, ...]] = ()
     delays: ClassVar[Mapping[str, str]] = {}  # signal → parameter that holds its delay, s
+    lateness: ClassVar[Mapping[str, Lateness]] = {}  # of those that are late by turns
 
     def terms(self, g: Gains) -> Mapping[str, Callable[[Any, Any], Any]]:
         """Quantity → function (value, all quantities) → changed value; the same value at gain 0."""
