@@ -162,7 +162,8 @@ class Fitter:
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
         white = self._whiten([rows.table.copy() for rows in raw])
         r, psi = white[:, 0], white[:, 1:]
-        cost = float(np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2))
+        with np.errstate(over="ignore"):  # infinite, where the equations run away
+            cost = float(np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2))
         if psi.size and not (psi.min() > -RUNAWAY and psi.max() < RUNAWAY):
             cost = np.inf  # nowhere to go on from
         return Look(theta, shapes, r, psi, cost, raw)

@@ -173,8 +173,9 @@ class Problem:
             compiled_ones = np.flatnonzero(wanted[columns])
             columns = columns[compiled_ones]
             innovations, answers = drive.answer(p, g, self._first(i, theta), late, compiled_ones)
-            answers /= drive.std[:, None]
-            answers *= self.units[columns]
+            with np.errstate(over="ignore"):  # a step tried too far, where the equations run away
+                answers /= drive.std[:, None]
+                answers *= self.units[columns]
             rows = Rows(np.zeros((len(answers), 1 + len(self.thetas))))
             rows.r[:] = innovations / drive.std
             rows.psi[:, columns] = answers

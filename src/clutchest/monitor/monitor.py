@@ -168,7 +168,8 @@ class Monitor:
         end = None if duration is None else time.monotonic() + duration
         for note in self._session.notes if self._session else ():
             self._tell("warning", note)
-        gc.freeze()  # what is there stays: nobody need look through it while a row waits
+        gc.freeze()  # what is there stays: nobody need look through it
+        gc.disable()  # rubbish is cleared away when no row waits, see _after
         try:
             while not self.stopped and (end is None or time.monotonic() < end):
                 frames = self._listen()
@@ -182,6 +183,7 @@ class Monitor:
             if self._new and show is not None:
                 show(self.status, None, self._new)
         finally:
+            gc.enable()
             gc.unfreeze()
             self._close()
         return self.status
@@ -293,6 +295,8 @@ class Monitor:
             self._watch()
         if piece is not None:
             self._record(piece)
+        if piece is not None or not len(frames):
+            gc.collect()
 
     def _arrive(self, frames: Frames) -> None:
         """Hold what has come until the watchers look at it."""
