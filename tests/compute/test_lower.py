@@ -161,7 +161,7 @@ class Lowered:
         slope = (at["u1"] - at["u0"]) / at["dt"]
         self.f.step_signature(*over, slope, out["G"], out["eG"])
         self.f.dynamics(*one, out["f"], out["A"], out["B"])
-        self.f.step_map(*(at[k] for k in ("x", "u0", "u1", "p", "g")), out["mapped"], out["J"])
+        self.f.step_map(*(at[k] for k in ("x", "u0", "u1", "w", "p", "g")), out["mapped"], out["J"])
         self.f.outputs(*one, out["y"], out["Y"], out["Yu"])
         self.f.outputs_signature(*one, out["Ym"])
         self.f.initial(at["x"], at["p"], at["g"], out["xi"], out["Si"])

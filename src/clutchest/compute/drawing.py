@@ -99,7 +99,7 @@ def draw(
                         y, Y, Yu,
                     )  # fmt: skip
                     if HAS_MAP:
-                        step_map(x, uf, ug, p, g, at, A)
+                        step_map(x, uf, ug, w, p, g, at, A)
                         x[:] = at
         if sensor[k] >= 0:
             h = reading(sensor[k], x, u[k], w, p, g, H)

@@ -6,14 +6,16 @@ Matrices are small and their sizes constants of the generated module: plain loop
 compiler unrolls, are the fastest form.
 """
 
-from math import ceil, log, pi
+from math import ceil, log, pi, sqrt
 
 import numpy as np
 from numba import njit
 
 from clutchest.compute.lowered import (
+    DOUBTED,
     INPUTS,
     OUTPUTS,
+    SCALES,
     STATES,
     THETAS,
     implied,
@@ -127,6 +129,14 @@ def inputs_between(u, k, i, steps, ua, ub):
 
 
 @njit(cache=True, error_model="numpy")
+def doubt(P, w):
+    """The end of w ← standard deviations that equations may use."""
+    first = len(w) - len(DOUBTED)
+    for i in range(len(DOUBTED)):
+        w[first + i] = sqrt(max(P[DOUBTED[i], DOUBTED[i]], 0.0))
+
+
+@njit(cache=True, error_model="numpy")
 def reading_answer(sensor, x, u, w, p, g, H, S, Hm):
     """Hm (m) ← how a sensor's reading answers to every θ, by itself and through the state."""
     reading_signature(sensor, x, u, w, p, g, Hm)
@@ -182,21 +192,46 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     used = predicted
     if innovation * innovation > limit * limit * predicted:
         used = innovation * innovation / (limit * limit)
-    R_used = R + (used - predicted)
     for i in range(STATES):
         K[i] /= used
         x[i] += K[i] * innovation
-    # (I − K Hᵀ) P (I − K Hᵀ)ᵀ + K R Kᵀ, one factor after the other
+    leave(P, H, PH, K, R + (used - predicted))
+    return innovation, predicted, used
+
+
+@njit(cache=True, error_model="numpy")
+def leave(P, H, PH, K, R):
+    """P ← (I − K Hᵀ) P (I − K Hᵀ)ᵀ + K R Kᵀ, for any gain, one factor after the other; ``PH`` is
+    P H before."""
     for i in range(STATES):
         for j in range(STATES):
             P[i, j] -= K[i] * PH[j]
     times(P, H, PH)
     for i in range(STATES):
         for j in range(i + 1):
-            value = P[i, j] - PH[i] * K[j] + R_used * K[i] * K[j] + TINY - TINY
+            value = P[i, j] - PH[i] * K[j] + R * K[i] * K[j] + TINY - TINY
             P[i, j] = value
             P[j, i] = value
-    return innovation, predicted, used
+
+
+@njit(cache=True, error_model="numpy")
+def in_proportion(x, P, S, cE, K, innovation):
+    """What is known of factors, in proportion to where the last update has moved them.
+
+    A reading of a product does not tell its factors apart.  Linearised at one value of a factor and,
+    once that has moved the factor, at another, two readings would: what both leave open is not the
+    same direction.  It is where uncertainties keep their shares of the factors.
+    """
+    for c in range(len(SCALES)):
+        i = SCALES[c]
+        ratio = x[i] / (x[i] - K[i] * innovation)
+        for j in range(STATES):
+            P[i, j] *= ratio
+        for j in range(STATES):
+            P[j, i] *= ratio
+        for j in range(THETAS):
+            S[i, j] *= ratio
+        cE[i] *= ratio
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -241,13 +276,14 @@ def run(
     followed = m if with_signature else 0
 
     for k in range(len(t)):
-        w = W[row[k]]
+        w = W[row[k]].copy()
         span = t[k] - t[k - 1] if k > 0 else 0.0
         if span > 0.0:
             steps = ceil(span / longest[row[k]])
             dt = span / steps
             for i in range(steps):
                 inputs_between(u, k, i, steps, ua, ub)
+                doubt(P, w)
                 E[0] += step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 if with_signature:
                     if len(considered) > 0:
@@ -275,6 +311,9 @@ def run(
                     K[i] = gains[k, i]
                     x[i] += K[i] * innovation
                 predicted, used = 1.0, 1.0
+                if len(DOUBTED) > 0:  # equations that see P need it for these gains
+                    times(P, H, PH)
+                    leave(P, H, PH, K, R[k])
             else:
                 innovation, predicted, used = update(
                     x, P, S, h, H, Hm, z[k], R[k], considered, K, PH, limit
@@ -294,6 +333,7 @@ def run(
                 if len(out_signature) > 0:
                     for c in range(m):
                         out_signature[k, c] = -Hm[c]
+            in_proportion(x, P, S, cE, K, innovation)
             out_innovation[k, 0] = innovation
             out_innovation[k, 1] = predicted
             out_innovation[k, 2] = used

@@ -165,6 +165,8 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         f"STATES, INPUTS, OUTPUTS, SENSORS, THETAS = {len(model.states)}, {len(model.inputs)}, "
         f"{len(model.outputs)}, {len(model.sensors)}, {len(thetas)}",
         f"HAS_MAP = {not ca.is_equal(e.mapped, e.x)}",
+        f"SCALES = np.array({[i for i, s in enumerate(model.states) if s.factor]}, np.int64)",
+        f"DOUBTED = np.array({[model.state(name) for name in model.doubted]}, np.int64)",
         lower(
             "step",
             over | {"q": taken.q, "noise": taken.noise},
@@ -184,7 +186,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),
         lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
                                "B": ca.jacobian(e.rate, e.u)}),
-        lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "p": e.p, "g": e.g},
+        lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "w": e.w, "p": e.p, "g": e.g},
               {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x)}),
         lower("outputs", at, {"y": e.outputs, "Y": ca.jacobian(e.outputs, e.x),
                               "Yu": ca.jacobian(e.outputs, e.u)}),

@@ -11,6 +11,8 @@ from typing import Any
 
 STATES = INPUTS = OUTPUTS = SENSORS = THETAS = 0
 HAS_MAP = False
+SCALES: Any = ()  # states that are factors
+DOUBTED: Any = ()  # states whose standard deviations stand at the end of w
 
 
 def step(
@@ -101,7 +103,7 @@ def initial(x: Any, p: Any, g: Any, xi: Any, Si: Any) -> float:
     raise NotImplementedError
 
 
-def step_map(x: Any, u0: Any, u: Any, p: Any, g: Any, mapped: Any, J: Any) -> float:
+def step_map(x: Any, u0: Any, u: Any, w: Any, p: Any, g: Any, mapped: Any, J: Any) -> float:
     """The state after a step's discrete part, and its derivative J (n, n)."""
     raise NotImplementedError
 

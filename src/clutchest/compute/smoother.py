@@ -17,6 +17,7 @@ from numba import njit
 from clutchest.compute.kernel import (
     add_product,
     correct_signature,
+    doubt,
     inputs_between,
     propagate,
     propagate_signature,
@@ -71,7 +72,7 @@ def remember(
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     slope = np.zeros(INPUTS)
     for k in range(len(t)):
-        w = W[row[k]]
+        w = W[row[k]].copy()
         for i in range(n):
             for j in range(n):
                 Phi[k, i, j] = 1.0 if i == j else 0.0
@@ -81,6 +82,7 @@ def remember(
             dt = span / steps
             for i in range(steps):
                 inputs_between(u, k, i, steps, ua, ub)
+                doubt(P, w)
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG)
                 propagate_signature(S, F, G, Tm)

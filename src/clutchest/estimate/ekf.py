@@ -46,33 +46,39 @@ class OnlineFilter(ExtendedKalmanFilter):
         self.functions, self.p, self.g = compiled.functions, compiled.p, compiled.g
         self.timeline, self.limit = timeline, limit
 
+    def holding(self, row: int) -> Floats:
+        """What holds now: regime flags, and standard deviations that equations may use."""
+        w, doubted = self.timeline.W[row].copy(), self.functions.DOUBTED
+        w[len(w) - len(doubted) :] = np.sqrt(np.diag(self.P)[doubted])
+        return w
+
     def rates(self, x: Floats, u: Floats, row: int) -> tuple[Floats, Floats, Floats]:
         """dx/dt (n) with its derivatives by x (n, n) and by u (n, nu)."""
         n, nu = len(x), len(u)
         f, A, B = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu))
-        self.functions.dynamics(x, u, self.timeline.W[row], self.p, self.g, f, A, B)
+        self.functions.dynamics(x, u, self.holding(row), self.p, self.g, f, A, B)
         return f, A, B
 
     def power(self, x: Floats, u: Floats, row: int) -> float:
         """Slip power in W: the model's last output."""
         f = self.functions
         y, Y, Yu = np.zeros(f.OUTPUTS), np.zeros((f.OUTPUTS, len(x))), np.zeros((f.OUTPUTS, len(u)))
-        f.outputs(x, u, self.timeline.W[row], self.p, self.g, y, Y, Yu)
+        f.outputs(x, u, self.holding(row), self.p, self.g, y, Y, Yu)
         return float(y[-1])
 
-    def mapped(self, x: Floats, u0: Floats, u1: Floats) -> tuple[Floats, Floats]:
+    def mapped(self, x: Floats, u0: Floats, u1: Floats, row: int) -> tuple[Floats, Floats]:
         """The state after the step map, and its derivative (n, n)."""
         if not self.functions.HAS_MAP:
             return x, np.eye(len(x))
         n = len(x)
         new, J = np.zeros(n), np.zeros((n, n))
-        self.functions.step_map(x, u0, u1, self.p, self.g, new, J)
+        self.functions.step_map(x, u0, u1, self.holding(row), self.p, self.g, new, J)
         return new, J
 
     def decays(self, x: Floats, u: Floats, row: int) -> tuple[Floats, Floats]:
         """Own decay (n) of every stiff state, 1/s, and its derivative (n, n)."""
         decay, D = np.zeros(len(x)), np.zeros((len(x), len(x)))
-        self.functions.decays(x, u, self.timeline.W[row], self.p, self.g, decay, D)
+        self.functions.decays(x, u, self.holding(row), self.p, self.g, decay, D)
         return decay, D
 
     def predict_x(self, u: tuple[float, Floats, Floats, int] | int = 0) -> None:
@@ -89,11 +95,11 @@ class OnlineFilter(ExtendedKalmanFilter):
         decay, D = self.decays(x, u0, row)
         phi1, phi2, by_z1, by_z2 = phi(decay * dt)
         D = dt * D
-        guess, J0 = self.mapped(x + dt * phi1 * f0, u0, u1)
+        guess, J0 = self.mapped(x + dt * phi1 * f0, u0, u1, row)
         f1, A1, B1 = self.rates(guess, u1, row)
         energy = dt / 2 * (self.power(x, u0, row) + self.power(guess, u1, row))
         bend = f1 - f0 - decay * (guess - x)
-        xn, J1 = self.mapped(x + dt * (phi1 * f0 + phi2 * bend), u0, u1)
+        xn, J1 = self.mapped(x + dt * (phi1 * f0 + phi2 * bend), u0, u1, row)
         straight = dt * (phi1[:, None] * A0 + (f0 * by_z1)[:, None] * D)
         G = J0 @ (one + straight)
         bent = A1 @ G - A0 - decay[:, None] * (G - one) - (guess - x)[:, None] * D / dt
@@ -114,7 +120,7 @@ class OnlineFilter(ExtendedKalmanFilter):
         """Derivative (n, m) of a step from ``x`` to ``xn`` by the uncertain parameters, at the
         inputs that other measurements imply: see ``compute.kernel.step_answer``."""
         dt, u0, u1, row = u
-        w, v0, v1 = self.timeline.W[row], np.zeros(len(u0)), np.zeros(len(u1))
+        w, v0, v1 = self.holding(row), np.zeros(len(u0)), np.zeros(len(u1))
         self.functions.implied(x, u0, w, self.p, self.g, v0)
         self.functions.implied(xn, u1, w, self.p, self.g, v1)
         G, of_energy = np.zeros((self.states, self.dim_x - self.states)), np.zeros(self.dim_x)
@@ -130,15 +136,20 @@ class OnlineFilter(ExtendedKalmanFilter):
             ua, ub = u0 + step * slope, u0 + (step + 1) * slope
             self.predict((span / steps, ua, ub, row))
 
+    def predicted(self, sensor: int, x: Floats, u: Floats, row: int) -> tuple[float, Floats]:
+        """A sensor's reading at ``x``, and its derivative by all that ``x`` holds."""
+        n, w = self.states, self.holding(row)
+        H, by_theta = np.zeros(self.dim_x), np.zeros(self.functions.THETAS)
+        h = self.functions.reading(sensor, x[:n], u, w, self.p, self.g, H[:n])
+        if self.consider:
+            self.functions.reading_signature(sensor, x[:n], u, w, self.p, self.g, by_theta)
+            H[n:] = by_theta
+        return float(h), H
+
     def correct(self, sensor: int, z: float, R: float, u: Floats, row: int) -> tuple[float, float]:
         """Take one reading; returns innovation and its predicted variance."""
-        n, w = self.states, self.timeline.W[row]
-        H, by_theta = np.zeros(self.dim_x), np.zeros(self.functions.THETAS)
-        h = self.functions.reading(sensor, self.x[:n], u, w, self.p, self.g, H[:n])
-        if self.consider:
-            self.functions.reading_signature(sensor, self.x[:n], u, w, self.p, self.g, by_theta)
-            H[n:] = by_theta
-        S = H @ self.P @ H + R
+        h, H = self.predicted(sensor, self.x, u, row)
+        S = float(H @ self.P @ H) + R
         used = max(S, (z - h) ** 2 / self.limit**2)
         measured, R_used = np.array([z]), R + (used - S)
         if self.consider:
@@ -146,7 +157,15 @@ class OnlineFilter(ExtendedKalmanFilter):
         else:
             self.update(measured, HJacobian=lambda x: H[None, :], Hx=lambda x: np.array([h]),
                         R=R_used)  # fmt: skip
+        self._in_proportion(z - h)
         return float(z - h), float(S)
+
+    def _in_proportion(self, innovation: float) -> None:
+        """See ``compute.kernel.in_proportion``."""
+        for i in self.functions.SCALES:
+            ratio = self.x[i] / (self.x[i] - float(self.K.reshape(-1)[i]) * innovation)
+            self.P[i] *= ratio
+            self.P[:, i] *= ratio
 
     def _leave_parameters(self, innovation: Floats, H: Floats, R: float) -> None:
         """filterpy's update with no gain on the parameters: Joseph's form allows any gain."""

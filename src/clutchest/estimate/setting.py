@@ -45,7 +45,12 @@ class Setting:
     def tables(self) -> tuple[Floats, Floats, Floats]:
         """Flags, process noise and longest step of every regime, as :class:`Timeline` has them."""
         flags = np.array(list(product((0.0, 1.0), repeat=len(self.model.regime))))
-        return flags, _noise_table(self.vehicle, self.model, flags), _longest(self.model, flags)
+        certain = np.zeros((len(flags), len(self.model.doubted)))
+        return (
+            np.hstack([flags, certain]),
+            _noise_table(self.vehicle, self.model, flags),
+            _longest(self.model, flags),
+        )
 
     @cached_property
     def _slow(self) -> frozenset[str]:

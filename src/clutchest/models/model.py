@@ -103,6 +103,8 @@ class Model:
     a sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
     of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
     otherwise.  ``hottest`` is the state of the friction surface.
+    ``doubted`` names states whose standard deviation, as a filter holds it, equations may use as
+    ``<state>_std``; where nothing is estimated it is 0.
     ``unobservable`` says of a state why no signal at hand can inform it.  ``implied`` names for a
     noisy input the quantity that says what it is by other measurements: input → quantity.  Vary a
     model with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
@@ -120,6 +122,7 @@ class Model:
     slopes: Mapping[str, str] = field(default_factory=dict)
     longest: tuple[float, float] = (0.02, 0.5)
     hottest: str = ""
+    doubted: tuple[str, ...] = ()
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     unobservable: Mapping[str, str] = field(default_factory=dict)
     implied: Mapping[str, str] = field(default_factory=dict)
@@ -174,7 +177,7 @@ class Model:
         x = ca.SX.sym("x", len(self.states))
         u = ca.SX.sym("u", len(self.inputs))
         u0 = ca.SX.sym("u0", len(self.inputs))
-        w = ca.SX.sym("w", len(self.regime))
+        w = ca.SX.sym("w", len(self.regime) + len(self.doubted))
         p = ca.SX.sym("p", len(self.parameters))
         g = ca.SX.sym("g", len(self.numbers))
 
@@ -195,6 +198,8 @@ class Model:
             setattr(q, item.name, u[i])
         for i, flag in enumerate(self.regime):
             setattr(q, flag, w[i])
+        for i, name in enumerate(self.doubted, len(self.regime)):
+            setattr(q, f"{name}_std", w[i])
         states = {state.name for state in self.states}
         for i, parameter in enumerate(self.parameters):
             if parameter.key not in states:  # a state's nominal value leaves it the name

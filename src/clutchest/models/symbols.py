@@ -18,7 +18,8 @@ class State:
     from its prior.  ``healthy_std`` (unit) is how far from nominal it starts in a healthy vehicle,
     where ``initial_std`` is wider because it allows for ageing.  ``prior`` is the parameter whose
     spread is where the state starts, relative to its value for a pure number.  A ``stiff`` state
-    relaxes faster than the steps that everything else asks for.
+    relaxes faster than the steps that everything else asks for.  A ``factor`` is always above 0,
+    and measurements move its logarithm.
     """
 
     name: str
@@ -35,6 +36,7 @@ class State:
     healthy_std: float | None = None
     role: str = "adaptive"  # adaptive | constant | nuisance
     stiff: bool = False
+    factor: bool = False
     prior: str = ""
 
 

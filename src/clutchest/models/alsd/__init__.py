@@ -38,7 +38,8 @@ STATES = (
     State("free_play", "m", "x_fp", "free play of the pack; wear widens it", 4e-7, 5e-5, 5e-6,
           "an engagement", slip_noise=1e-10, healthy_std=1e-5, prior="free_play"),
     State("friction", "1", "μ/μ_0", "friction relative to its nominal coefficient", 5e-4, 0.15,
-          0.05, "an engagement with slip", healthy_std=0.03, prior="friction_coefficient"),
+          0.05, "an engagement with slip", healthy_std=0.03, factor=True,
+          prior="friction_coefficient"),
     State("temp_pack", "°C", "ϑ_p", "clutch pack", 0.02, 10.0, 10.0,
           "the oil temperature, while the clutch rests", 0.15),
     State("temp_armature", "°C", "ϑ_a", "armature of the actuator's motor", 0.05, 10.0, 10.0,
@@ -100,6 +101,7 @@ ALSD = Model(
     anchor="motor_angle",
     longest=(1e-3, 1e-3),
     hottest="temp_pack",
+    doubted=("free_play",),
 )
 
 _NO_SLIP = "no slip speed and no wheel speeds, so that torque and its heat are unknown"
