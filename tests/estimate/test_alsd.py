@@ -5,14 +5,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from clutchest.compute.forward import forward
+from clutchest.estimate.drawn import draw
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
+from clutchest.estimate.start import fresh
+from clutchest.estimate.timeline import build
+from clutchest.estimate.whole_log import compile_model, run
+from clutchest.models import model_for
 from clutchest.models.alsd import ALSD, full, resting
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
@@ -139,6 +145,35 @@ def test_a_wrong_start_is_recovered_from(key: str, wrong: float) -> None:
     nominal = 1.0 / wrong if key == "friction_coefficient" else parameter.value
     state = "friction" if key == "friction_coefficient" else "free_play"
     assert track.states[state].value[-1] == pytest.approx(nominal, rel=0.03)
+
+
+@pytest.mark.slow
+def test_both_wrong_at_once_are_recovered_from() -> None:
+    """On the reduced model's own data, free play by half (3.2 σ) and friction by a fifth."""
+    rig = load_vehicle("alsd_rig")
+    known = {k: v if k in ("free_play", "friction_coefficient") else replace(v, spread=0.0)
+             for k, v in rig.parameters.items()}  # fmt: skip
+    rig = replace(rig, parameters=known)
+    signals = simulate(rig, "rig-steps", 3, duration=LENGTH, nominal=True)
+    compiled = compile_model(rig, model_for("alsd", set(signals)))
+    line = build(signals, rig, compiled.model, 10.0, {})
+    prior, rest = fresh(rig, compiled, line), line.t[line.emit >= 0] > 1.0
+    play, friction = map(compiled.model.state, ("free_play", "friction"))
+    errors, inside = [], []
+    for seed, (more, rougher) in product(range(3), product((-1, 1), repeat=2)):
+        truth = prior.x.copy()
+        truth[play] += more * 9.5e-5
+        truth[friction] += rougher * 0.2
+        drawn = draw(compiled, line, prior, seed, truth, None)
+        found = run(compiled, drawn.timeline, prior)
+        error = (found.x - drawn.x)[rest][:, [play, friction]]
+        errors.append(error)
+        std = np.sqrt(found.P[rest][:, [play, friction], [play, friction]])
+        inside.append(np.abs(error) < 3.0 * std)
+    left = np.sqrt(np.mean(np.square(errors), axis=(0, 1)))
+    assert left[0] < 0.05 * 9.5e-5
+    assert left[1] < 0.05 * 0.2
+    assert np.mean(inside) > 0.95
 
 
 def test_free_play_and_friction_are_carried_over() -> None:

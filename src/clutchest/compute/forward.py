@@ -51,7 +51,7 @@ class Forward:
         )
         u = np.stack([np.asarray(inputs[item.name], np.float64) for item in model.inputs], axis=1)
         out = np.zeros((len(u), len(self.watched)))
-        w = np.ones(len(model.regime))
+        w = np.append(np.ones(len(model.regime)), np.zeros(len(model.doubted)))
         self.functions.march(x, u, period / steps, steps, w, p, g, out)
         return dict(zip(self.watched, out.T, strict=True))
 

@@ -218,13 +218,14 @@ def leave(P, H, PH, K, R):
 def in_proportion(x, P, S, cE, K, innovation):
     """What is known of factors, in proportion to where the last update has moved them.
 
-    A reading of a product does not tell its factors apart.  Linearised at one value of a factor and,
-    once that has moved the factor, at another, two readings would: what both leave open is not the
-    same direction.  It is where uncertainties keep their shares of the factors.
+    A reading of a product does not tell its factors apart.  Linearised at one value of a factor
+    and, once that has moved the factor, at another, two readings would: what both leave open is
+    not the same direction.  It is where uncertainties keep their shares of the factors.
     """
     for c in range(len(SCALES)):
         i = SCALES[c]
-        ratio = x[i] / (x[i] - K[i] * innovation)
+        before = x[i] - K[i] * innovation
+        ratio = x[i] / before if before > 0.0 < x[i] else 1.0
         for j in range(STATES):
             P[i, j] *= ratio
         for j in range(STATES):
@@ -269,14 +270,15 @@ def run(
     xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
                            np.zeros(m))  # fmt: skip
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
-    slope = np.zeros(INPUTS)
+    slope, w = np.zeros(INPUTS), np.zeros(W.shape[1])
     y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
                     np.zeros((OUTPUTS, m)))  # fmt: skip
     log_likelihood = 0.0
     followed = m if with_signature else 0
 
     for k in range(len(t)):
-        w = W[row[k]].copy()
+        for j in range(len(w)):
+            w[j] = W[row[k], j]
         span = t[k] - t[k - 1] if k > 0 else 0.0
         if span > 0.0:
             steps = ceil(span / longest[row[k]])

@@ -163,7 +163,8 @@ class OnlineFilter(ExtendedKalmanFilter):
     def _in_proportion(self, innovation: float) -> None:
         """See ``compute.kernel.in_proportion``."""
         for i in self.functions.SCALES:
-            ratio = self.x[i] / (self.x[i] - float(self.K.reshape(-1)[i]) * innovation)
+            before = self.x[i] - float(self.K[i, 0]) * innovation
+            ratio = self.x[i] / before if before > 0.0 < self.x[i] else 1.0
             self.P[i] *= ratio
             self.P[:, i] *= ratio
 
