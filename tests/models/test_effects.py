@@ -251,9 +251,9 @@ def test_torque_opposes_slip(model: str, name: str, bench: BenchOf) -> None:
     m = b.model.with_effects((library(model)[name],))
     e, rng = m.expressions(), np.random.default_rng(3)
     at = [e.x, e.u, e.w, e.p, e.g]
-    settled = ca.Function("settled", [e.x, e.u, e.p, e.g], [ca.substitute(e.mapped, e.u0, e.u)])
+    settled = ca.Function("settled", at, [ca.substitute(e.mapped, e.u0, e.u)])
     brake = ca.Function("brake", at, [e.quantities.clutch_torque, e.quantities.slip_speed])
-    after = brake(settled(e.x, e.u, e.p, e.g), *at[1:])  # as every step leaves the state
+    after = brake(settled(*at), *at[1:])  # as every step leaves the state
     function = ca.Function("after", at, list(after))
     for corners in (False, True):
         drawn = [{**draw(rng, ranges_of(b, m)), **draw(rng, bounds(*m.effects), corners),
@@ -312,7 +312,9 @@ def check_units(model: Model) -> None:
     states = [dimensions_of(s.unit) for s in model.states]
     inputs = [dimensions_of(i.unit) for i in model.inputs]
     given = {
-        0: states, 1: inputs, 2: inputs, 3: [dimensions_of("1")] * len(model.regime),
+        0: states, 1: inputs, 2: inputs,
+        3: [dimensions_of("1")] * len(model.regime)
+        + [states[model.state(name)] for name in model.doubted],
         4: [dimensions_of(p.unit) for p in model.parameters],
         5: [dimensions_of(n.unit) for effect in model.effects for n in effect.parameters],
     }  # fmt: skip

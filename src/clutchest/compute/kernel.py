@@ -129,11 +129,10 @@ def inputs_between(u, k, i, steps, ua, ub):
 
 
 @njit(cache=True, error_model="numpy")
-def doubt(P, w):
-    """The end of w ← standard deviations that equations may use."""
-    first = len(w) - len(DOUBTED)
+def doubt(P, held):
+    """held ← the standard deviations that equations may use until the next reading."""
     for i in range(len(DOUBTED)):
-        w[first + i] = sqrt(max(P[DOUBTED[i], DOUBTED[i]], 0.0))
+        held[i] = sqrt(max(P[DOUBTED[i], DOUBTED[i]], 0.0))
 
 
 @njit(cache=True, error_model="numpy")
@@ -192,30 +191,25 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     used = predicted
     if innovation * innovation > limit * limit * predicted:
         used = innovation * innovation / (limit * limit)
+    R_used = R + (used - predicted)
     for i in range(STATES):
         K[i] /= used
         x[i] += K[i] * innovation
-    leave(P, H, PH, K, R + (used - predicted))
-    return innovation, predicted, used
-
-
-@njit(cache=True, error_model="numpy")
-def leave(P, H, PH, K, R):
-    """P ← (I − K Hᵀ) P (I − K Hᵀ)ᵀ + K R Kᵀ, for any gain, one factor after the other; ``PH`` is
-    P H before."""
+    # (I − K Hᵀ) P (I − K Hᵀ)ᵀ + K R Kᵀ, one factor after the other
     for i in range(STATES):
         for j in range(STATES):
             P[i, j] -= K[i] * PH[j]
     times(P, H, PH)
     for i in range(STATES):
         for j in range(i + 1):
-            value = P[i, j] - PH[i] * K[j] + R * K[i] * K[j] + TINY - TINY
+            value = P[i, j] - PH[i] * K[j] + R_used * K[i] * K[j] + TINY - TINY
             P[i, j] = value
             P[j, i] = value
+    return innovation, predicted, used
 
 
 @njit(cache=True, error_model="numpy")
-def in_proportion(x, P, S, cE, K, innovation):
+def in_proportion(x, P, cE, K, innovation):
     """What is known of factors, in proportion to where the last update has moved them.
 
     A reading of a product does not tell its factors apart.  Linearised at one value of a factor
@@ -230,15 +224,13 @@ def in_proportion(x, P, S, cE, K, innovation):
             P[i, j] *= ratio
         for j in range(STATES):
             P[j, i] *= ratio
-        for j in range(THETAS):
-            S[i, j] *= ratio
         cE[i] *= ratio
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def run(
-    x, P, S, E, cE, sE, gained, spread, considered, t, sensor, z, R, u, row, W, Qs, longest, noise,
-    variance, p, g, limit,
+    x, P, S, E, cE, sE, held, gained, spread, considered, t, sensor, z, R, u, row, W, Qs, longest,
+    noise, variance, p, g, limit,
     emit, with_signature, frozen, gains, out_x, out_P, out_total, out_y, out_energy, out_gained,
     out_innovation, out_signature,
 ):  # fmt: skip
@@ -246,8 +238,9 @@ def run(
 
     Advanced in place, so that a log can be run piece by piece: state ``x`` (n), covariance ``P``
     (n, n) and signatures ``S`` (n, m) at ``t[0]``; ``E`` (2), the slip energy and its variance,
-    with its covariance ``cE`` (n) with x and its own signature ``sE`` (m); ``gained`` (2, n), the
-    information in nats that measurements gave of each state up to the last output (½ log of its
+    with its covariance ``cE`` (n) with x and its own signature ``sE`` (m); ``held`` (n), whose
+    first ones are the standard deviations that equations use, as the last reading left them
+    (negative: as in P); ``gained`` (2, n), the information in nats that measurements gave of each state up to the last output (½ log of its
     variance before over that after, summed up), and the variance they took away since.
 
     Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with variance
@@ -255,8 +248,9 @@ def run(
     that ends at k: a row of the flags ``W``, process noise ``Qs`` and step ``longest``; ``emit``
     (K) output row, −1 for none.  ``noise`` (nu) input noise density, ``variance`` (nu) of one
     input sample, ``spread`` (m) standard deviation of every θ, ``considered`` the variances that
-    gains weigh: (m), or (0) where they weigh none.  ``gains`` (K, n): with ``frozen`` they are
-    used, else stored where it has rows.
+    gains weigh: (m), or (0) where they weigh none.  ``gains`` (K, n + doubted), behind each
+    the standard deviations that it leaves: with ``frozen`` they are used, else stored where it has
+    rows.
 
     Outputs per emitted row: ``out_x`` (n), ``out_P`` (n, n), ``out_total`` (n) variance with the
     spreads (where signatures are followed), ``out_y`` (outputs, value and variance),
@@ -271,6 +265,8 @@ def run(
                            np.zeros(m))  # fmt: skip
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     slope, w = np.zeros(INPUTS), np.zeros(W.shape[1])
+    if len(DOUBTED) > 0 and held[0] < 0.0:
+        doubt(P, held)
     y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
                     np.zeros((OUTPUTS, m)))  # fmt: skip
     log_likelihood = 0.0
@@ -283,9 +279,10 @@ def run(
         if span > 0.0:
             steps = ceil(span / longest[row[k]])
             dt = span / steps
+            for j in range(len(DOUBTED)):
+                w[W.shape[1] - len(DOUBTED) + j] = held[j]
             for i in range(steps):
                 inputs_between(u, k, i, steps, ua, ub)
-                doubt(P, w)
                 E[0] += step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 if with_signature:
                     if len(considered) > 0:
@@ -313,9 +310,8 @@ def run(
                     K[i] = gains[k, i]
                     x[i] += K[i] * innovation
                 predicted, used = 1.0, 1.0
-                if len(DOUBTED) > 0:  # equations that see P need it for these gains
-                    times(P, H, PH)
-                    leave(P, H, PH, K, R[k])
+                for i in range(len(DOUBTED)):
+                    held[i] = gains[k, n + i]
             else:
                 innovation, predicted, used = update(
                     x, P, S, h, H, Hm, z[k], R[k], considered, K, PH, limit
@@ -326,16 +322,19 @@ def run(
                 for i in range(n):
                     cE[i] = cE[i] - K[i] * correlated + TINY - TINY
                     gained[1, i] += K[i] * K[i] * used
+                in_proportion(x, P, cE, K, innovation)
+                doubt(P, held)
                 log_likelihood -= 0.5 * (log(2.0 * pi * used) + innovation * innovation / used)
                 if len(gains) > 0:
                     for i in range(n):
                         gains[k, i] = K[i]
+                    for i in range(len(DOUBTED)):
+                        gains[k, n + i] = sqrt(P[DOUBTED[i], DOUBTED[i]])
             if with_signature:
                 correct_signature(S, K, Hm)
                 if len(out_signature) > 0:
                     for c in range(m):
                         out_signature[k, c] = -Hm[c]
-            in_proportion(x, P, S, cE, K, innovation)
             out_innovation[k, 0] = innovation
             out_innovation[k, 1] = predicted
             out_innovation[k, 2] = used

@@ -26,6 +26,7 @@ from clutchest.compute.kernel import (
     update,
 )
 from clutchest.compute.lowered import (
+    DOUBTED,
     INPUTS,
     STATES,
     THETAS,
@@ -73,6 +74,7 @@ def remember(
     slope = np.zeros(INPUTS)
     for k in range(len(t)):
         w = W[row[k]].copy()
+        doubt(P, w[len(w) - len(DOUBTED) :])
         for i in range(n):
             for j in range(n):
                 Phi[k, i, j] = 1.0 if i == j else 0.0
@@ -82,7 +84,6 @@ def remember(
             dt = span / steps
             for i in range(steps):
                 inputs_between(u, k, i, steps, ua, ub)
-                doubt(P, w)
                 step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
                 step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG)
                 propagate_signature(S, F, G, Tm)

@@ -45,11 +45,12 @@ class OnlineFilter(ExtendedKalmanFilter):
             self.P = np.block([[start.P + across @ start.S.T, across], [across.T, spread]])
         self.functions, self.p, self.g = compiled.functions, compiled.p, compiled.g
         self.timeline, self.limit = timeline, limit
+        self.doubts = np.sqrt(np.diag(start.P)[self.functions.DOUBTED])
 
     def holding(self, row: int) -> Floats:
         """What holds now: regime flags, and standard deviations that equations may use."""
-        w, doubted = self.timeline.W[row].copy(), self.functions.DOUBTED
-        w[len(w) - len(doubted) :] = np.sqrt(np.diag(self.P)[doubted])
+        w = self.timeline.W[row].copy()
+        w[len(w) - len(self.doubts) :] = self.doubts
         return w
 
     def rates(self, x: Floats, u: Floats, row: int) -> tuple[Floats, Floats, Floats]:
@@ -161,12 +162,20 @@ class OnlineFilter(ExtendedKalmanFilter):
         return float(z - h), float(S)
 
     def _in_proportion(self, innovation: float) -> None:
-        """See ``compute.kernel.in_proportion``."""
-        for i in self.functions.SCALES:
+        """See ``compute.kernel.in_proportion``; what parameters do to the state stays as it is."""
+        n, scales, doubted = self.states, self.functions.SCALES, self.functions.DOUBTED
+        if not len(scales) and not len(doubted):
+            return
+        across, variance = self.P[:n, n:], np.diag(self.P)[n:]
+        theirs = across / np.where(variance > 0.0, variance, 1.0) @ across.T
+        own = self.P[:n, :n] - theirs
+        for i in scales:
             before = self.x[i] - float(self.K[i, 0]) * innovation
             ratio = self.x[i] / before if before > 0.0 < self.x[i] else 1.0
-            self.P[i] *= ratio
-            self.P[:, i] *= ratio
+            own[i] *= ratio
+            own[:, i] *= ratio
+        self.P[:n, :n] = own + theirs
+        self.doubts = np.sqrt(np.diag(own)[doubted])
 
     def _leave_parameters(self, innovation: Floats, H: Floats, R: float) -> None:
         """filterpy's update with no gain on the parameters: Joseph's form allows any gain."""

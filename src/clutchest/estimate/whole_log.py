@@ -45,7 +45,8 @@ class Belief:
     """State ``x`` (n), covariance ``P`` (n, n), and the response ``S`` (n, m) to every theta.
 
     The slip energy so far, which no measurement corrects: ``E`` (2) J and its variance, ``cE`` (n)
-    its covariance with x, ``sE`` (m) its response to every theta.
+    its covariance with x, ``sE`` (m) its response to every theta.  ``held`` (n): the standard
+    deviations that equations use, as the last reading left them; negative before the first.
     """
 
     x: Floats
@@ -54,11 +55,13 @@ class Belief:
     E: Floats
     cE: Floats
     sE: Floats
+    held: Floats
 
     @classmethod
     def of(cls, x: Floats, P: Floats, S: Floats) -> Belief:
         """Before any slip."""
-        return cls(x, P, S, np.zeros(2), np.zeros(len(x)), np.zeros(S.shape[1]))
+        return cls(x, P, S, np.zeros(2), np.zeros(len(x)), np.zeros(S.shape[1]),
+                   np.full(len(x), -1.0))  # fmt: skip
 
     def copy(self) -> Belief:
         """An independent copy."""
@@ -189,7 +192,8 @@ def run(
     belief = start.copy()
     gained = np.zeros((2, n)) if gained is None else gained
     considered = compiled.spread**2 if consider and with_signature else np.zeros(0)
-    gains = np.zeros((K if keep_gains else 0, n)) if frozen is None else frozen
+    width = n + len(compiled.model.doubted)
+    gains = np.zeros((K if keep_gains else 0, width)) if frozen is None else frozen
     out = (np.zeros((rows, n)), np.zeros((rows, n, n)), np.zeros((rows, n)),
            np.zeros((rows, outputs, 2)), np.zeros((rows, 3 + m)), np.zeros((rows, n)))  # fmt: skip
     innovation = np.zeros((K, 3))
@@ -204,7 +208,8 @@ def run(
         if begin:
             sensor[0] = emit[0] = -1
         total += compiled.functions.run(
-            belief.x, belief.P, belief.S, belief.E, belief.cE, belief.sE, gained, compiled.spread,
+            belief.x, belief.P, belief.S, belief.E, belief.cE, belief.sE, belief.held, gained,
+            compiled.spread,
             considered, timeline.t[piece], sensor, timeline.z[piece], timeline.R[piece],
             timeline.u[piece], timeline.row[piece], timeline.W, timeline.Q, timeline.longest,
             timeline.noise, timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,
