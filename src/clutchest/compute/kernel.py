@@ -240,8 +240,9 @@ def run(
     (n, n) and signatures ``S`` (n, m) at ``t[0]``; ``E`` (2), the slip energy and its variance,
     with its covariance ``cE`` (n) with x and its own signature ``sE`` (m); ``held`` (n), whose
     first ones are the standard deviations that equations use, as the last reading left them
-    (negative: as in P); ``gained`` (2, n), the information in nats that measurements gave of each state up to the last output (½ log of its
-    variance before over that after, summed up), and the variance they took away since.
+    (negative: as in P); ``gained`` (2, n), the information in nats that measurements gave of each
+    state up to the last output (½ log of its variance before over that after, summed up), and the
+    variance they took away since.
 
     Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with variance
     ``R``; ``u`` (K, nu) inputs, straight between events; ``row`` (K) the regime of the interval

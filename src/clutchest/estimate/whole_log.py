@@ -209,10 +209,9 @@ def run(
             sensor[0] = emit[0] = -1
         total += compiled.functions.run(
             belief.x, belief.P, belief.S, belief.E, belief.cE, belief.sE, belief.held, gained,
-            compiled.spread,
-            considered, timeline.t[piece], sensor, timeline.z[piece], timeline.R[piece],
-            timeline.u[piece], timeline.row[piece], timeline.W, timeline.Q, timeline.longest,
-            timeline.noise, timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,
+            compiled.spread, considered, timeline.t[piece], sensor, timeline.z[piece],
+            timeline.R[piece], timeline.u[piece], timeline.row[piece], timeline.W, timeline.Q,
+            timeline.longest, timeline.noise, timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,
             frozen is not None, gains[piece] if len(gains) else gains, *out,
             innovation[piece], signature[piece] if len(signature) else signature,
         )  # fmt: skip
