@@ -211,8 +211,8 @@ def run(
             belief.x, belief.P, belief.S, belief.E, belief.cE, belief.sE, belief.held, gained,
             compiled.spread, considered, timeline.t[piece], sensor, timeline.z[piece],
             timeline.R[piece], timeline.u[piece], timeline.row[piece], timeline.W, timeline.Q,
-            timeline.longest, timeline.noise, timeline.variance, compiled.p, compiled.g, limit, emit, with_signature,
-            frozen is not None, gains[piece] if len(gains) else gains, *out,
+            timeline.longest, timeline.noise, timeline.variance, compiled.p, compiled.g, limit,
+            emit, with_signature, frozen is not None, gains[piece] if len(gains) else gains, *out,
             innovation[piece], signature[piece] if len(signature) else signature,
         )  # fmt: skip
     if progress:
