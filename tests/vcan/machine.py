@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-MEMORY = "1G"
+MEMORY = "2G"  # taken as it is used; whatever compiles the filter for the first time needs most
 _BOOT = Path(__file__).with_name("machine_boot.py")
 _DIES_WITH_PARENT = 1  # prctl: PR_SET_PDEATHSIG
 NEVER_RAN = 125
