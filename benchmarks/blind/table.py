@@ -159,7 +159,10 @@ def naming(records: Sequence[Record]) -> list[Row]:
 def ambiguity(records: Sequence[Record]) -> list[Row]:
     alike = [r for r in _large(records) if r["alike"]]
     inside = [r for r in alike if r["truth"][0] in r["causes"]]
-    after = [r["followed_up"]["right"] for r in alike if r["followed_up"]]
+    after, of_any_size = (
+        [r["followed_up"]["right"] for r in of if r["followed_up"]]
+        for of in (alike, [r for r in records if r["part"] == "effect"])
+    )
     size = Row("ambiguous: mean size over the oracle's", "≤ 1.3")
     if inside:
         ratio = float(np.sum([len(r["causes"]) for r in inside])
@@ -170,6 +173,8 @@ def ambiguity(records: Sequence[Record]) -> list[Row]:
               [r["truth"][0] in r["causes"] for r in alike], lambda p: p >= 0.95),
         size,
         share("ambiguous: right after the manoeuvre", "≥ 90 %", after, lambda p: p >= 0.90),
+        share("ambiguous, any size: right after the manoeuvre", "≥ 90 %", of_any_size,
+              lambda p: p >= 0.90),
     ]  # fmt: skip
 
 
