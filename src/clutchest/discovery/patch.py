@@ -65,11 +65,15 @@ class Patch(Effect):
     def terms(self, g):
         """See :meth:`Effect.terms`."""
 
-        def changed(change):
-            return lambda value, q: change(value, g.size * curve(q.{quantity}))
+        def changed(quantity, change):
+            def by_curve(value, q):
+                at = {at}
+                return change(value, g.size * curve(at))
 
-        changes = FLAWS["{flaw}"].changes
-        found = {{quantity: changed(change) for quantity, change in changes.items()}}{rate}
+            return by_curve
+
+        changes = FLAWS["{flaw}"].changes.items()
+        found = {{quantity: changed(quantity, change) for quantity, change in changes}}{rate}
         return found
 
 
@@ -94,19 +98,21 @@ def text(curve: Curve, model: Model) -> str | None:
             seconds=_numbers(per_unit * curve.coefficients),
         )  # fmt: skip
     changes = flaw.changes
-    before = _before(model, changes)
-    quantity, states, rate = curve.driver, "()", ""
+    at, states, rate = f"q.{curve.driver}", "()", ""
     if curve.driver in _OWN_STATES:
         quantity, unit, what, grows = _OWN_STATES[curve.driver]
+        at = f"q.{quantity}"
         states = f'(State("{quantity}", "{unit}", "", "{what}", 0.0, 0.0, 1.0),)'
         rate = f'\n        found["{quantity}_rate"] = lambda rate, q: rate + {grows}'
-    elif curve.driver not in before:
+    elif curve.driver in changes:  # an error of a reading that goes with the reading itself
+        at = f'value if quantity == "{curve.driver}" else q.{curve.driver}'
+    elif curve.driver not in _before(model, changes):
         return None
     return _TEXT.format(
         equation=curve.equation,
         flaw=curve.flaw,
         driver=curve.driver,
-        quantity=quantity,
+        at=at,
         name=NAME,
         model=model.name,
         knots=_numbers(curve.at),

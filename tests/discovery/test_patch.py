@@ -1,0 +1,57 @@
+"""Curves written as effects."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clutchest.discovery import patch
+from clutchest.discovery.leftover import Curve
+from clutchest.models.dry_clutch import DRY_CLUTCH
+from clutchest.models.effects import Effect, effects_of_file
+from clutchest.vehicle import load_vehicle
+from equations import argument_names, evaluator
+
+TRUCK = {key: value.value for key, value in load_vehicle("truck").parameters.items()}
+AT = np.array([38.0, 42.0, 46.0, 50.0])
+TALL = np.array([0.0, 1.0, -1.0, 2.0])
+FOUND = Curve("torque", "torque", "slave_position", AT, TALL, 0.0, 0.0, 0.0)
+
+
+def written(folder: Path, curve: Curve) -> Effect:
+    text = patch.text(curve, DRY_CLUTCH)
+    assert text is not None
+    (folder / patch.FILE).write_text(text, encoding="utf-8")
+    return effects_of_file(folder / patch.FILE)[patch.NAME]
+
+
+@pytest.mark.parametrize(("position", "value"), [(37.0, 0.0), (41.0, 0.75), (45.0, -0.5),
+                                                 (52.0, 2.0)])  # fmt: skip
+def test_a_reading_is_corrected_by_what_goes_with_the_reading_itself(tmp_path, position, value):
+    curve = replace(FOUND, flaw="sensor:slave_position", equation="sensor:slave_position")
+    model = DRY_CLUTCH.with_effects((written(tmp_path, curve),))
+    values = {name: 1.0 for group in argument_names(model) for name in group}
+    values |= {"slave_position": position, "patch.size": 0.5}
+    made = evaluator(model, ["slave_position"])(values)
+    assert made["slave_position"] == pytest.approx(position - 0.1 * 0.5 * value)
+
+
+def test_a_curve_over_what_stands_before_is_followed(tmp_path):
+    model = DRY_CLUTCH.with_effects((written(tmp_path, FOUND),))
+    plain = evaluator(DRY_CLUTCH, ["sliding_torque"])
+    values = {name: 1.0 for group in argument_names(model) for name in group} | TRUCK
+    values |= {"slave_position": 41.0, "zero_position": 38.4, "engine_speed": 150.0}
+    values |= {"temp_body": 70.0, "temp_disc": 70.0}
+    known = {name for group in argument_names(DRY_CLUTCH) for name in group}
+    without = plain({k: v for k, v in values.items() if k in known})["sliding_torque"]
+    made = evaluator(model, ["sliding_torque"])(values)["sliding_torque"]
+    assert without != 0.0
+    assert made == pytest.approx(without * (1.0 + 0.1 * 0.75))
+
+
+def test_what_the_equations_cannot_see_has_no_text():
+    assert patch.text(replace(FOUND, driver="position_rate"), DRY_CLUTCH) is None
+    # the clutch's torque is known only after the report that its error would change
+    late = replace(FOUND, flaw="sensor:engine_torque", driver="clutch_torque")
+    assert patch.text(late, DRY_CLUTCH) is None
