@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import version
 from math import exp
 from pathlib import Path
@@ -101,6 +102,8 @@ class _Finding:
             self.told(tells)
         errors = self._left_over(search, before)
         search.run(self.progress)
+        other = self._other(holdout)
+        dropped = self._weeded(search, other)
         best, left = search.best, errors
         if best.chosen:
             look = search.fitter.arrive(best.look.theta, best.look.shapes)
@@ -116,14 +119,13 @@ class _Finding:
         tied = search.tied()
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
-        warnings = list(self.signals.warnings)
-        curve, gained = self._gain(search, verdict, errors, holdout)
+        warnings = [*self.signals.warnings, *map(_not_borne_out, dropped)]
+        curve, gained = self._gain(search, verdict, errors, other)
         error = _least(errors) if unnamed else None
         if gained is not None and gained.other_logs and _gainsaid(search, error, gained):
             named = " and ".join(sorted(best.names))
             what = f"an error in '{errors[0].equation}'" if unnamed else named
-            warnings.append(f"{what}: seemed to be there, and the drives held out do not bear "
-                            "it out; taken for noise")  # fmt: skip
+            warnings.append(_not_borne_out(what))
             verdict, curve, gained = "none", None, None
         causes = () if verdict in ("none", "unknown") else self._causes(search, [best, *tied])
         where = _where(verdict, best, errors)
@@ -167,6 +169,29 @@ class _Finding:
         """What neither the nuisances nor the ``chosen`` causes explain at ``look``."""
         return curves(search.problem, search.fitter, look, search.free(chosen), seed=3)
 
+    def _other(self, holdout: Sequence[Signals] | Signals | None) -> Callable[[], Problem] | None:
+        """The drives held out, linearised when they are asked for."""
+        if holdout is None:
+            return None
+        drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
+        return cache(lambda: self.problem(replace(drives[0], later=tuple(drives[1:]))))
+
+    def _weeded(self, search: Search, other: Callable[[], Problem] | None) -> list[str]:
+        """Take back causes that might be noise beside others, and that the drives held out do not
+        bear out: names."""
+        dropped: list[str] = []
+        if other is None:
+            return dropped
+        for cause in sorted(search.best.chosen, key=lambda c: -search.p_of.get(c.name, 0.0)):
+            if len(search.best.chosen) == 1 or search.p_of.get(cause.name, 0.0) <= SURE:
+                break
+            fewer = search.without(cause)
+            gained = on_another(search, search.best, other(), fewer)
+            if gained.total <= 0.0 or not search.stays(2.0 * gained.total, fewer):
+                search.settle_for(fewer)
+                dropped.append(cause.name)
+        return dropped
+
     def _causes(self, search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Cause, ...]:
         found: dict[str, Cause] = {}
         for h in hypotheses:
@@ -193,26 +218,24 @@ class _Finding:
         search: Search,
         verdict: str,
         errors: Sequence[Curve],
-        holdout: Sequence[Signals] | Signals | None,
+        other: Callable[[], Problem] | None,
     ) -> tuple[Curve | None, Gain | None]:
         """The curve that stands for a cause without a name, and what is gained by it or by the
         causes; on parts of the log where no other is held out."""
         curve = _transferable(errors, search.problem.compiled.model)
         curve = curve if verdict == "unknown" else None
-        if verdict == "none" or (holdout is None and verdict == "unknown"):
+        if verdict == "none" or (other is None and verdict == "unknown"):
             return curve, None
         if self.progress:
             self.progress("measuring the gain on data held out", None)
-        if holdout is None:
+        if other is None:
             return None, in_turns(search, search.best)
-        drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
-        other = self.problem(replace(drives[0], later=tuple(drives[1:])))
         if verdict != "unknown":
-            return None, on_another(search, search.best, other)
-        gained = of_curve(search, curve, other) if curve else None
+            return None, on_another(search, search.best, other())
+        gained = of_curve(search, curve, other()) if curve else None
         # what went wrong at some time of one drive does so in another only if that bears it out
         for over_time in _over_time(errors, search.problem.compiled.model):
-            again = of_curve(search, over_time, other)
+            again = of_curve(search, over_time, other())
             if again.ci95[0] > max(gained.total if gained else 0.0, 0.0):
                 return over_time, again
         return curve, gained
@@ -262,6 +285,11 @@ class _Finding:
             "vehicle_hash": self.vehicle.hash,
             "model_hash": problem.compiled.digest,
         }
+
+
+def _not_borne_out(what: str) -> str:
+    return (f"{what}: seemed to be there, and the drives held out do not bear it out; "
+            "taken for noise")  # fmt: skip
 
 
 def _least(errors: Sequence[Curve]) -> Curve:

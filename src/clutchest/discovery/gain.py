@@ -23,22 +23,25 @@ RESAMPLED = 1000
 PARTS = 4  # of a log, foretold in turns
 
 
-def on_another(search: Search, best: Hypothesis, other: Problem) -> Gain:
-    """Of a hypothesis fitted to one problem, on the drives of another.
+def on_another(
+    search: Search, best: Hypothesis, other: Problem, than: Hypothesis | None = None
+) -> Gain:
+    """Of a hypothesis fitted to one problem, on the drives of another; more ``than`` by one with
+    fewer causes, the model as it is unless given.
 
     Gains and shapes are those found.  Everything else that is not known is fitted anew, with and
     without the causes, and costs what its prior makes it cost: the vehicle file says nothing of it,
     and a number far off what is stated would be the same finding by another name.
     """
-    fitter = Fitter(other)
-    with_, without = (_carried(search, h.look, other) for h in (best, search.null))
-    shapes = best.look.shapes
+    fitter, than = Fitter(other), than or search.null
+    with_, without = (_carried(search, h.look, other) for h in (best, than))
+    shapes, fewer = best.look.shapes, than.look.shapes
     after = fitter.taught(_fitted(fitter, with_, shapes))  # noise as what was found leaves it
     fitter.focus([after.psi])
-    begun = after.theta * (fitter.prior > 0.0)
-    before = min(_fitted(fitter, without), _fitted(fitter, begun), key=_cost)
-    gains = with_ * (fitter.prior == 0.0)
-    again = before.theta * (fitter.prior > 0.0) + gains
+    known, gains = fitter.prior > 0.0, fitter.prior == 0.0
+    begun = after.theta * known + without * gains
+    before = min(_fitted(fitter, without, fewer), _fitted(fitter, begun, fewer), key=_cost)
+    again = before.theta * known + with_ * gains
     after = min(_fitted(fitter, after.theta, shapes), _fitted(fitter, again, shapes), key=_cost)
     assert fitter.span is not None
     return _gain(other, _Foretold.of(other, fitter, before), _Foretold.of(other, fitter, after),

@@ -47,7 +47,8 @@ class Search:
 
     ``null`` the model as it is, ``first`` the scores of all causes against it; ``best`` the causes
     found (none at first), ``rivals`` hypotheses of the same size, best first; ``p_of`` by effect
-    the family-wise p-value with which it joined; ``tried`` what has been fitted.
+    the family-wise p-value with which it joined; ``tried`` what has been fitted; ``sizes`` the best
+    and its rivals at every number of causes.
     """
 
     problem: Problem
@@ -59,6 +60,7 @@ class Search:
     rivals: list[Hypothesis] = field(default_factory=list)
     p_of: dict[str, float] = field(default_factory=dict)
     tried: set[frozenset[Candidate]] = field(default_factory=set)
+    sizes: dict[int, list[Hypothesis]] = field(default_factory=dict)
 
     @classmethod
     def begin(cls, problem: Problem, progress: Progress | None = None) -> Search:
@@ -129,25 +131,35 @@ class Search:
             if not grown or self.best.cost - min(h.cost for h in grown) < self._least_gain():
                 break
             grown.sort(key=lambda h: h.cost)
-            fewer, self.best, self.rivals = [self.best, *self.rivals], grown[0], grown[1:]
-            spared = self._spared()
-            if spared:
-                self.best, self.rivals = spared, [h for h in fewer if h.names != spared.names]
+            self.sizes[size + 1] = grown
+            self.best, self.rivals = grown[0], grown[1:]
+            if spared := self._spared():
+                self.settle_for(spared)
 
     def _spared(self) -> Hypothesis | None:
         """The best without a cause that brings too little beside those which joined after it: by
         first order, the wrong one may come first."""
-        rests = [tuple(c for c in self.best.chosen if c is not gone)
-                 for gone in self.best.chosen[:-1]]  # fmt: skip
-        fits = sorted((self.fitted(rest, self.best.look) for rest in rests), key=lambda h: h.cost)
+        fits = sorted(map(self.without, self.best.chosen[:-1]), key=lambda h: h.cost)
         enough = self.best.cost + self._least_gain()
         return fits[0] if fits and fits[0].cost < enough else None
 
-    def stays(self, more: float) -> bool:
-        """Whether the best is still found when other drives add ``more`` to what it brings, in
-        −2 ln(probability)."""
-        brings = self.null.cost - self.best.cost + more
-        return brings >= len(self.best.chosen) * self._least_gain()
+    def without(self, cause: Candidate) -> Hypothesis:
+        """The best less one of its causes."""
+        rest = tuple(c for c in self.best.chosen if c is not cause)
+        return self.fitted(rest, self.best.look)
+
+    def settle_for(self, fewer: Hypothesis) -> None:
+        """Take a hypothesis with fewer causes for the best."""
+        same = self.sizes[len(fewer.chosen)]
+        self.best, self.rivals = fewer, [h for h in same if h.names != fewer.names]
+        self.sizes[len(fewer.chosen)] = [fewer, *self.rivals]
+
+    def stays(self, more: float, than: Hypothesis | None = None) -> bool:
+        """Whether the best is still found, not one ``than`` it with fewer causes (none unless
+        given), when other drives add ``more`` to what it brings, in −2 ln(probability)."""
+        than = than or self.null
+        brings = than.cost - self.best.cost + more
+        return brings >= (len(self.best.chosen) - len(than.chosen)) * self._least_gain()
 
     def _least_gain(self) -> float:
         """In −2 ln(probability), what one more cause must bring."""
