@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -48,6 +49,19 @@ def test_a_curve_over_what_stands_before_is_followed(tmp_path):
     made = evaluator(model, ["sliding_torque"])(values)["sliding_torque"]
     assert without != 0.0
     assert made == pytest.approx(without * (1.0 + 0.1 * 0.75))
+
+
+def test_a_peak_is_kept(tmp_path):
+    model = DRY_CLUTCH.with_effects((written(tmp_path, replace(FOUND, driver="temp_disc_peak")),))
+    e = model.expressions()
+    step = ca.Function("step", [e.x, e.u0, e.u, e.p, e.g], [e.mapped])
+    x, disc, peak = np.zeros(len(model.states)), model.state("temp_disc"), len(model.states) - 1
+    rest = [np.zeros(len(group)) for group in argument_names(model)[1:]]
+    seen = []
+    for x[disc] in (80.0, 150.0, 120.0, 160.0):
+        x = np.array(step(x, rest[0], rest[0], *rest[-2:])).ravel()
+        seen.append(x[peak])
+    assert seen == [80.0, 150.0, 150.0, 160.0]
 
 
 def test_what_the_equations_cannot_see_has_no_text():

@@ -1,4 +1,5 @@
-"""What an error may go with: inputs, states, rates, time and energy, at every event of a drive."""
+"""What an error may go with, at every event of a drive: inputs, states and the highest that they
+have been, rates, time and energy."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from clutchest.identify.calm import calm, pace
 from clutchest.identify.linearised import LinearDrive
-from clutchest.models import drivers_of
+from clutchest.models import drivers_of, peaks_of
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a driver
@@ -34,6 +35,7 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     found = {name: calm(line.t, value, drive.acts) for name, value in found.items()}
     found |= {name: pace(line.t, drive.expected[:, model.input(of)], drive.acts)
               for name, of in rates.items() if of in found}  # fmt: skip
+    found |= {name: np.maximum.accumulate(found[of]) for name, of in peaks_of(model.name).items()}
     found["energy"] = np.cumsum(values[-1] * spans)
     found["time"] = line.t
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
@@ -36,7 +36,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.maximum import Look
 from clutchest.identify.problem import Problem
-from clutchest.models import only_for
+from clutchest.models import only_for, peaks_of
 from clutchest.models.effects import Effect, effects_of_file, library
 from clutchest.models.model import Model
 from clutchest.signals import Signals
@@ -128,7 +128,7 @@ class _Finding:
             warnings.append(_not_borne_out(what))
             verdict, curve, gained = "none", None, None
         causes = () if verdict in ("none", "unknown") else self._causes(search, [best, *tied])
-        where = _where(verdict, best, errors)
+        where = _where(verdict, best, errors, peaks_of(problem.compiled.model.name))
         extended, text = self._extended(problem, verdict, causes, curve)
         if gained is not None and gained.total <= 0.0:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
@@ -328,13 +328,17 @@ def _grid_std(candidate: Candidate, key: str) -> float:
     return float(np.max(steps) / np.sqrt(12.0))
 
 
-def _where(verdict: str, best: Hypothesis, errors: Sequence[Curve]) -> Where | None:
-    """The equation, and drivers ranked by how likely an error is that goes with them."""
+def _where(
+    verdict: str, best: Hypothesis, errors: Sequence[Curve], peaks: Mapping[str, str]
+) -> Where | None:
+    """The equation, and drivers ranked by how likely an error is that goes with them; a state
+    stands for its ``peaks`` as well."""
     if verdict == "none":
         return None
     equation = errors[0].equation if verdict == "unknown" else best.chosen[0].effect.equation
-    ranked = dict.fromkeys(c.driver for c in errors if c.equation == equation)
-    return Where(equation, tuple(ranked))
+    ranked = [c.driver for c in errors if c.equation == equation]
+    names = dict.fromkeys(peaks.get(driver, driver) for driver in ranked)
+    return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)
 
 
 def _sentence(verdict: str, causes: Sequence[Cause], where: Where | None, excited: bool) -> str:
@@ -346,6 +350,7 @@ def _sentence(verdict: str, causes: Sequence[Cause], where: Where | None, excite
     if verdict == "unknown":
         assert where is not None
         with_ = f" and goes with {where.drivers[0]}" if where.drivers else ""
+        with_ += ", the highest it has been" if where.peak else ""
         return (f"Something is wrong in the equation '{where.equation}'{with_}, "
                 "and no known cause explains it.")  # fmt: skip
     words = []

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from clutchest.discovery.leftover import Curve
-from clutchest.models import flaws_of
+from clutchest.models import flaws_of, peaks_of
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 
@@ -75,7 +75,7 @@ class Patch(Effect):
         changes = FLAWS["{flaw}"].changes.items()
         found = {{quantity: changed(quantity, change) for quantity, change in changes}}{rate}
         return found
-
+{kept}
 
 def curve(at):
     """The error at a value of the driver."""
@@ -84,6 +84,15 @@ def curve(at):
         share = ca.fmin(ca.fmax((at - left) / (right - left), 0.0), 1.0)
         value += (b - a) * share
     return value
+'''
+
+_PEAK = '''
+    def after_step(self, model, x, u0, u, g):
+        """The highest that `{state}` has been."""
+        row, now = model.state("{peak}"), x[model.state("{state}")]
+        mapped = ca.SX(x)
+        mapped[row] = ca.if_else(x[row] < now, now, x[row])
+        return mapped
 '''
 
 
@@ -98,12 +107,17 @@ def text(curve: Curve, model: Model) -> str | None:
             seconds=_numbers(per_unit * curve.coefficients),
         )  # fmt: skip
     changes = flaw.changes
-    at, states, rate = f"q.{curve.driver}", "()", ""
+    peaks = peaks_of(model.name)
+    at, states, rate, kept = f"q.{curve.driver}", "()", "", ""
     if curve.driver in _OWN_STATES:
         quantity, unit, what, grows = _OWN_STATES[curve.driver]
-        at = f"q.{quantity}"
-        states = f'(State("{quantity}", "{unit}", "", "{what}", 0.0, 0.0, 1.0),)'
+        at, states = f"q.{quantity}", _state(quantity, unit, what)
         rate = f'\n        found["{quantity}_rate"] = lambda rate, q: rate + {grows}'
+    elif curve.driver in peaks:
+        of, peak = peaks[curve.driver], f"patch_{curve.driver}"
+        unit = model.states[model.state(of)].unit
+        at, states = f"q.{peak}", _state(peak, unit, f"highest {of} so far")
+        kept = _PEAK.format(state=of, peak=peak)
     elif curve.driver in changes:  # an error of a reading that goes with the reading itself
         at = f'value if quantity == "{curve.driver}" else q.{curve.driver}'
     elif curve.driver not in _before(model, changes):
@@ -119,7 +133,12 @@ def text(curve: Curve, model: Model) -> str | None:
         values=_numbers(curve.coefficients),
         states=states,
         rate=rate,
+        kept=kept,
     )
+
+
+def _state(name: str, unit: str, what: str) -> str:
+    return f'(State("{name}", "{unit}", "", "{what}", 0.0, 0.0, 1.0),)'
 
 
 def _numbers(values: Floats) -> tuple[float, ...]:

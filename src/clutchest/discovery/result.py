@@ -45,10 +45,12 @@ class Rival:
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """The equation that is wrong, and the quantities its error goes with, best first."""
+    """The equation that is wrong, and the quantities its error goes with, best first; ``peak``:
+    with the highest that the first of them has been."""
 
     equation: str
     drivers: tuple[str, ...]
+    peak: bool = False
 
 
 @dataclass(frozen=True, slots=True)

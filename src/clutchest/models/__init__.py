@@ -75,6 +75,12 @@ def drivers_of(name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
     return module.DRIVERS, module.RATES
 
 
+def peaks_of(name: str) -> Mapping[str, str]:
+    """Memories that an error may go with: name → the state whose highest value so far it is."""
+    peaks: Mapping[str, str] = _module(name).PEAKS
+    return peaks
+
+
 def told_apart_by(name: str, equations: Sequence[str]) -> str:
     """The sensor that would tell errors in these equations apart."""
     for pair, sensor in _module(name).TOLD_APART_BY:

@@ -307,10 +307,11 @@ TOLD_APART_BY = (
     (("disc_heat", "body_heat"), "a temperature sensor on the pressure plate"),
 )  # fmt: skip
 
-# What an error may go with, beside inputs, states, time and slip energy: quantities by name, and
-# rates of inputs.
+# What an error may go with, beside inputs, states, time and slip energy: quantities by name, rates
+# of inputs, and the highest so far of states: a lining that was overheated remembers it.
 DRIVERS = ("slip_speed",)
 RATES = {"position_rate": "slave_position"}
+PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}
 
 
 DRY_CLUTCH = Model(

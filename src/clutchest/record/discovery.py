@@ -78,7 +78,10 @@ def whereabouts(discovery: Discovery) -> str | None:
         return None
     kind, colon, signal = where.equation.partition(":")
     place = f"{_EQUATION.get(kind, kind)} {signal}" if colon else f"the equation {where.equation}"
-    drivers = ", then with ".join(Quantity(name, "1").words for name in where.drivers[:3])
+    words = [Quantity(name, "1").words for name in where.drivers[:3]]
+    if where.peak:
+        words[0] = f"the highest {words[0]} so far"
+    drivers = ", then with ".join(words)
     return f"The error is in {place}" + (f" and goes with {drivers}." if drivers else ".")
 
 

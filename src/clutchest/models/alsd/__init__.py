@@ -154,3 +154,4 @@ TOLD_APART_BY = (
 )
 DRIVERS = ("slip_speed", "motor_torque")
 RATES = {"voltage_rate": "armature_voltage"}
+PEAKS = {"temp_pack_peak": "temp_pack"}

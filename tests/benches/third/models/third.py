@@ -54,3 +54,4 @@ FLAWS = {
 TOLD_APART_BY = ()
 DRIVERS = ()
 RATES = {}
+PEAKS = {}
