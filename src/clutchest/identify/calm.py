@@ -18,7 +18,8 @@ BRIEF = 0.06  # s over which a rate is taken
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
-LEFT = 3.0  # of what a smooth has kept of it
+PATHS = 0.05 * 2.0 ** (np.arange(11) / 2.0)  # s, to 1.6
+AGREE = 2.5  # standard deviations of a mean, by which the truth may be off it
 
 
 def calm(
@@ -40,16 +41,27 @@ def calm(
     return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
 
 
-def path(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
-    """The same for what drags something along: it follows moves as small as the noise, and stays
-    near the reading, so that turns come in time."""
-    if not where.any():
+def path(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
+    """The same for what drags something along, by moves as small as the noise: at each sample the
+    mean over the longest of ``PATHS`` s that agrees with all shorter ones, given the signal's
+    ``noise`` and its AR(1) coefficient (Katkovnik 1999, intersection of confidence intervals)."""
+    period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    if not (period > 0.0 and 0.0 < noise < np.inf):
         return value
-    smooth = _smooth(t, value, NARROW)
-    reach = LEFT * _noise(smooth - _smooth(t, value, WIDE), where)
-    out = np.empty_like(value)
-    _play(smooth, reach, out)
-    return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
+    grid = np.arange(t[0], t[-1] + period / 2.0, period)
+    read = np.interp(grid, t, value)
+    found, agree = read.copy(), np.ones(len(read), bool)
+    lower, upper = np.full(len(read), -np.inf), np.full(len(read), np.inf)
+    for window in PATHS:
+        count = round(window / period) | 1
+        if count > len(read):
+            break
+        mean = savgol_filter(read, count, 1)
+        reach = AGREE * noise * _scatter(count, ar)
+        lower, upper = np.maximum(lower, mean - reach), np.minimum(upper, mean + reach)
+        agree &= lower <= upper
+        found = np.where(agree, mean, found)
+    return np.asarray(np.interp(t, grid, found))
 
 
 def pace(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
@@ -65,6 +77,12 @@ def pace(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
 def _noise(off: Floats, where: NDArray[np.bool_]) -> float:
     """The standard deviation of what of ``off`` (K) is noise: what bends is off by more."""
     return QUARTER * float(np.quantile(np.abs(off[where]), 0.25))
+
+
+def _scatter(count: int, ar: float) -> float:
+    """Standard deviation of the mean of so many samples of AR(1) noise, of one sample's."""
+    lags = np.arange(1, count)
+    return float(np.sqrt((1.0 + 2.0 * ((1.0 - lags / count) * ar**lags).sum()) / count))
 
 
 def _smooth(t: Floats, value: Floats, window: float, rate: int = 0) -> Floats:

@@ -75,8 +75,9 @@ class LinearDrive:
         self.smooth = np.column_stack([c.at(self.line.t, self.apart) for c in self.course])
         self.still = {}
         mapped = (vehicle.signals.get(item.name) for item in model.inputs)
-        noise = [signal.noise if signal else np.inf for signal in mapped]
-        for j, freed in _sloped(model, noise).items():
+        noise, ar = zip(*((s.noise, s.noise_ar) if s else (np.inf, 0.0) for s in mapped),
+                        strict=True)  # fmt: skip
+        for j, freed in _sloped(model, noise, ar).items():
             time, value = self.course[j].time, self.course[j].value
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
@@ -257,11 +258,16 @@ class LinearDrive:
 
 
 def _sloped(
-    model: Model, noise: Sequence[float]
+    model: Model, noise: Sequence[float], ar: Sequence[float]
 ) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
     """Indices of inputs that may be late, or that drag something along, to how they are freed of
-    their ``noise``, which each has at most."""
+    their ``noise``, which each has at most, and its ``ar``."""
     late = {model.input(signal) for effect in model.effects for signal in effect.delays}
     # where a signal moves in short pulses, they are no more noise than its sensor has
     slow = {j: partial(calm, narrow=SLOPE, wide=2.0 * SLOPE, most=noise[j]) for j in late}
-    return slow | dict.fromkeys(model.expressions().dragging, path)
+    return slow | {j: _dragging(noise[j], ar[j]) for j in model.expressions().dragging}
+
+
+def _dragging(noise: float, ar: float) -> Callable[[Floats, Floats, NDArray[np.bool_]], Floats]:
+    """How an input that drags something along is freed of its noise, wherever it acts."""
+    return lambda time, value, acts: path(time, value, noise, ar)
