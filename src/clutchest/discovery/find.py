@@ -14,6 +14,7 @@ import numpy as np
 
 from clutchest import __version__
 from clutchest.discovery import patch
+from clutchest.discovery.beyond import cause_beyond, model_beyond
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.experiment import propose
 from clutchest.discovery.gain import in_turns, of_curve, on_another
@@ -31,7 +32,7 @@ from clutchest.discovery.result import (
     Rival,
     Where,
 )
-from clutchest.discovery.search import LEVEL, Hypothesis, Search
+from clutchest.discovery.search import LEVEL, MOST, Hypothesis, Search
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.maximum import Look
@@ -101,7 +102,16 @@ class _Finding:
         if self.told:
             self.told(tells)
         errors = self._left_over(search, before)
+        if errors and _least(errors).p_value < UNNAMED and model_beyond(search):
+            before = search.null.look
+            errors = self._left_over(search, before)
         search.run(self.progress)
+        for _ in range(MOST):  # a place that was left must not be come back to for ever
+            if not cause_beyond(search):
+                break
+            search.run(self.progress)
+            before = search.null.look
+            errors = self._left_over(search, before)
         other = self._other(holdout)
         dropped = self._weeded(search, other)
         best, left = search.best, errors

@@ -128,7 +128,7 @@ class Search:
             grown = self._grown([self.best, *self.rivals][:PARENTS])
             if grown and not size:
                 grown = self._relearned(grown)
-            if not grown or self.best.cost - min(h.cost for h in grown) < self._least_gain():
+            if not grown or self.best.cost - min(h.cost for h in grown) < self.least_gain():
                 break
             grown.sort(key=lambda h: h.cost)
             self.sizes[size + 1] = grown
@@ -140,7 +140,7 @@ class Search:
         """The best without a cause that brings too little beside those which joined after it: by
         first order, the wrong one may come first."""
         fits = sorted(map(self.without, self.best.chosen[:-1]), key=lambda h: h.cost)
-        enough = self.best.cost + self._least_gain()
+        enough = self.best.cost + self.least_gain()
         return fits[0] if fits and fits[0].cost < enough else None
 
     def without(self, cause: Candidate) -> Hypothesis:
@@ -154,14 +154,27 @@ class Search:
         self.best, self.rivals = fewer, [h for h in same if h.names != fewer.names]
         self.sizes[len(fewer.chosen)] = [fewer, *self.rivals]
 
+    def move_to(self, there: Hypothesis) -> None:
+        """Begin again from a hypothesis at quite other numbers, or from a rival of as many causes
+        that is better there."""
+        size = len(there.chosen)
+        rivals = [self.fitted(h.chosen, there.look)
+                  for h in self.sizes.get(size, []) if h.names != there.names]  # fmt: skip
+        self.sizes[size] = sorted([there, *rivals], key=lambda h: h.cost)
+        self.best, *self.rivals = self.sizes[size]
+        self.tried.clear()
+        if not size:
+            self.null = there
+            self.first = self.scores(there, self.all, seed=1)
+
     def stays(self, more: float, than: Hypothesis | None = None) -> bool:
         """Whether the best is still found, not one ``than`` it with fewer causes (none unless
         given), when other drives add ``more`` to what it brings, in −2 ln(probability)."""
         than = than or self.null
         brings = than.cost - self.best.cost + more
-        return brings >= (len(self.best.chosen) - len(than.chosen)) * self._least_gain()
+        return brings >= (len(self.best.chosen) - len(than.chosen)) * self.least_gain()
 
-    def _least_gain(self) -> float:
+    def least_gain(self) -> float:
         """In −2 ln(probability), what one more cause must bring."""
         return float(np.min(self.first.threshold(LEVEL))) ** 2
 

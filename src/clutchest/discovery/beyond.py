@@ -1,0 +1,30 @@
+"""Numbers past a threshold of some state, where they do as much as a cause."""
+
+from __future__ import annotations
+
+from clutchest.discovery.search import Hypothesis, Search
+from clutchest.identify.elsewhere import elsewhere
+
+
+def model_beyond(search: Search) -> bool:
+    """Whether the model as it is explains the data better past a threshold: then it is there."""
+    look = elsewhere(search.fitter, search.null.look, search.free(()))
+    if look is not None:
+        search.move_to(Hypothesis((), look))
+    return look is not None
+
+
+def cause_beyond(search: Search) -> bool:
+    """Whether one of the best's causes brings too little beside numbers past a threshold: then it
+    goes, and there may be others to find."""
+    for cause in search.best.chosen:
+        fewer = search.without(cause)
+        look = elsewhere(search.fitter, fewer.look, search.free(fewer.chosen))
+        if look is None:
+            continue
+        there, again = Hypothesis(fewer.chosen, look), search.fitted(search.best.chosen, look)
+        search.best = best = min(search.best, again, key=lambda h: h.cost)
+        if there.cost - best.cost < search.least_gain():
+            search.move_to(there)
+            return True
+    return False
