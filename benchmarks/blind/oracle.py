@@ -37,6 +37,7 @@ STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is
 KINK = 0.1  # s
 SHARES = (0.125, 0.25, 0.5, 1.0)  # of a cause
 COOLING = (1e6, 1e5, 1e4, 1e3, 1e2, 10.0, 1.0)  # a truck's own numbers lie far from the file's
+LOST = 25.0  # d′, from which on a fit may have strayed: no cause is hidden so large
 CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitted in full, and so
 # many of the nearest in any case: far from what is hidden, a first order makes them seem further
 
@@ -79,9 +80,7 @@ class Oracle:
         self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
         self.centre, self.colour = np.zeros(len(self.thetas)), None
         self.exact = self._problem(self._exact())
-        near = self.centre
-        for heat in COOLING:
-            near = self._fit(self.exact, near, heat=heat).theta
+        near = self._cooled(self.exact, self.centre)
         self.colour = self._colour_of(noisy, near)
         self.centre = self._fit(self.exact, near).theta  # from here on the truck's own numbers
         settled = self._fit(self.exact, self.centre)
@@ -211,8 +210,21 @@ class Oracle:
             looks = [self._look(problem, begin, shapes, causes=causes) for begin in begins]
             best = min(looks, key=lambda look: look.cost)
             look = self._fit(problem, best.theta, causes, shapes)
+            if self._beyond(look.cost) > LOST:
+                begin = self._cooled(problem, best.theta, causes, shapes)
+                again = self._fit(problem, begin, causes, shapes)
+                look = min(look, again, key=lambda look: look.cost)
             near = look.theta
         return look
+
+    def _cooled(
+        self, problem: Problem, begin: Floats, causes: Sequence[str] = (),
+        shapes: Shapes = NOMINAL,
+    ) -> Floats:  # fmt: skip
+        """Numbers (m) near the most probable ones, from a ``begin`` (m) far off."""
+        for heat in COOLING:
+            begin = self._fit(problem, begin, causes, shapes, heat).theta
+        return begin
 
     def _fit(
         self, problem: Problem, begin: Floats, causes: Sequence[str] = (),
