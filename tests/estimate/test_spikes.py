@@ -31,6 +31,18 @@ def test_what_is_far_off_is_left_out(seed: int) -> None:
     assert len(kept) == len(TIME) - count
 
 
+def test_a_few_standard_deviations_beyond_the_limit_are_seen() -> None:
+    """The limit is that of the stated noise, not one that its own roughness raises."""
+    seen = expected = 0
+    for seed in range(10):
+        random = np.random.default_rng(100 + seed)
+        value, far = rough(seed), np.arange(10, len(TIME) - 10, 50)
+        value[far] += NOISE * random.uniform(8.0, 12.0, len(far)) * random.choice([-1, 1], len(far))
+        seen += without_spikes(signal(value), NOISE)[1]
+        expected += len(far)
+    assert seen >= 0.9 * expected
+
+
 @pytest.mark.parametrize(
     "course",
     [np.where(TIME > 10.0, 500.0, 0.0), 4000.0 * TIME, 300.0 * np.sin(2 * np.pi * 2.0 * TIME),

@@ -8,7 +8,7 @@ from clutchest.estimate.habits import Habit, sticking_out
 from clutchest.signals import Signal
 
 FAR = 6.0  # standard deviations of the noise beyond both neighbours
-ROUGH = 5.0  # times what nine samples out of ten stay within, should the stated noise be too small
+ROUGH = 3.5  # times what nine samples out of ten stay within, 1.7 of white noise: as far
 
 
 def without_spikes(signal: Signal, noise: float, habit: Habit | None = None) -> tuple[Signal, int]:
