@@ -17,7 +17,7 @@ from clutchest.discovery import patch
 from clutchest.discovery.beyond import cause_beyond, model_beyond
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.experiment import propose
-from clutchest.discovery.gain import in_turns, of_curve, on_another
+from clutchest.discovery.gain import in_turns, on_another
 from clutchest.discovery.identifiable import identifiability
 from clutchest.discovery.leftover import Curve, curves
 from clutchest.discovery.misfit import misfit
@@ -33,13 +33,13 @@ from clutchest.discovery.result import (
     Where,
 )
 from clutchest.discovery.search import LEVEL, MOST, Hypothesis, Search
+from clutchest.discovery.transfer import Transfer
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.maximum import Look
 from clutchest.identify.problem import Problem
 from clutchest.models import only_for, peaks_of
 from clutchest.models.effects import Effect, effects_of_file, library
-from clutchest.models.model import Model
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -130,7 +130,11 @@ class _Finding:
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
         warnings = [*self.signals.warnings, *map(_not_borne_out, dropped)]
-        curve, gained = self._gain(search, verdict, errors, other)
+        curve, gained = None, None
+        if verdict == "unknown":
+            errors, curve, gained = self._borne_out(search, errors, other)
+        elif verdict != "none":
+            gained = self._gain(search, other)
         error = _least(errors) if unnamed else None
         if gained is not None and gained.other_logs and _gainsaid(search, error, gained):
             named = " and ".join(sorted(best.names))
@@ -223,32 +227,32 @@ class _Finding:
                 ))  # fmt: skip
         return tuple(found.values())
 
-    def _gain(
-        self,
-        search: Search,
-        verdict: str,
-        errors: Sequence[Curve],
-        other: Callable[[], Problem] | None,
-    ) -> tuple[Curve | None, Gain | None]:
-        """The curve that stands for a cause without a name, and what is gained by it or by the
-        causes; on parts of the log where no other is held out."""
-        curve = _transferable(errors, search.problem.compiled.model)
-        curve = curve if verdict == "unknown" else None
-        if verdict == "none" or (other is None and verdict == "unknown"):
-            return curve, None
+    def _gain(self, search: Search, other: Callable[[], Problem] | None) -> Gain:
+        """What is gained by the causes; on parts of the log where no other is held out."""
         if self.progress:
             self.progress("measuring the gain on data held out", None)
         if other is None:
-            return None, in_turns(search, search.best)
-        if verdict != "unknown":
-            return None, on_another(search, search.best, other())
-        gained = of_curve(search, curve, other()) if curve else None
-        # what went wrong at some time of one drive does so in another only if that bears it out
-        for over_time in _over_time(errors, search.problem.compiled.model):
-            again = of_curve(search, over_time, other())
-            if again.ci95[0] > max(gained.total if gained else 0.0, 0.0):
-                return over_time, again
-        return curve, gained
+            return in_turns(search, search.best)
+        return on_another(search, search.best, other())
+
+    def _borne_out(
+        self, search: Search, errors: list[Curve], other: Callable[[], Problem] | None
+    ) -> tuple[list[Curve], Curve | None, Gain | None]:
+        """The curves, those of the equation in question as the drives held out bear them out; the
+        one that stands for a cause without a name, and what it gains there."""
+        model = search.problem.compiled.model
+        first = {c.driver: c for c in reversed(errors) if c.equation == errors[0].equation}
+        leading = list(first.values())
+        followed = [patch.text(c, model) is not None for c in leading]
+        if other is None:
+            mean_the_same = [c for c, can in zip(leading, followed, strict=True)
+                             if can and c.driver != "time"]  # fmt: skip
+            return errors, max(mean_the_same, key=lambda c: c.evidence, default=None), None
+        if self.progress:
+            self.progress("measuring the gain on data held out", None)
+        transfer = Transfer.of(search, leading, other())
+        curve, gained = transfer.patch(followed)
+        return [*transfer.ranked(), *errors], curve, gained
 
     def _extended(
         self, problem: Problem, verdict: str, causes: Sequence[Cause], curve: Curve | None
@@ -315,19 +319,6 @@ def _gainsaid(search: Search, error: Curve | None, gained: Gain) -> bool:
         return error.p_value > SURE and error.p_value * likelier > UNNAMED
     p = max(search.p_of.get(name, 0.0) for name in search.best.names)
     return p > SURE and not search.stays(more)
-
-
-def _transferable(errors: Sequence[Curve], model: Model) -> Curve | None:
-    """The best curve of the equation in question that means the same in another drive, and that the
-    equations can follow if there is one."""
-    same = [c for c in errors if c.equation == errors[0].equation and c.driver != "time"]
-    return next((c for c in same if patch.text(c, model)), same[0] if same else None)
-
-
-def _over_time(errors: Sequence[Curve], model: Model) -> list[Curve]:
-    """Curves of the equation in question over time, that the equations can follow."""
-    return [c for c in errors if c.equation == errors[0].equation and c.driver == "time"
-            and patch.text(c, model)]  # fmt: skip
 
 
 def _grid_std(candidate: Candidate, key: str) -> float:

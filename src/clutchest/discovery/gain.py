@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.discovery.drivers import drivers, hats
-from clutchest.discovery.leftover import Curve
-from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Hypothesis, Search
 from clutchest.discovery.torque import torques
@@ -34,21 +32,21 @@ def on_another(
     and a number far off what is stated would be the same finding by another name.
     """
     fitter, than = Fitter(other), than or search.null
-    with_, without = (_carried(search, h.look, other) for h in (best, than))
+    with_, without = (carried(search, h.look, other) for h in (best, than))
     shapes, fewer = best.look.shapes, than.look.shapes
-    after = fitter.taught(_fitted(fitter, with_, shapes))  # noise as what was found leaves it
+    after = fitter.taught(fitted(fitter, with_, shapes))  # noise as what was found leaves it
     fitter.focus([after.psi])
     known, gains = fitter.prior > 0.0, fitter.prior == 0.0
     begun = after.theta * known + without * gains
-    before = min(_fitted(fitter, without, fewer), _fitted(fitter, begun, fewer), key=_cost)
+    before = min(fitted(fitter, without, fewer), fitted(fitter, begun, fewer), key=_cost)
     again = before.theta * known + with_ * gains
-    after = min(_fitted(fitter, after.theta, shapes), _fitted(fitter, again, shapes), key=_cost)
+    after = min(fitted(fitter, after.theta, shapes), fitted(fitter, again, shapes), key=_cost)
     assert fitter.span is not None
-    return _gain(other, _Foretold.of(other, fitter, before), _Foretold.of(other, fitter, after),
+    return between(Foretold.of(other, fitter, before), Foretold.of(other, fitter, after),
                  fitter.span)  # fmt: skip
 
 
-def _fitted(fitter: Fitter, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
+def fitted(fitter: Fitter, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
     """The most probable nuisances, from ``theta`` on, which may be far off; gains as there."""
     free = fitter.problem.nuisances
     return fitter.improve(fitter.cooled(fitter.arrive(theta, shapes), free), free)
@@ -58,7 +56,7 @@ def _cost(look: Look) -> float:
     return look.cost
 
 
-def _carried(search: Search, look: Look, other: Problem) -> Floats:
+def carried(search: Search, look: Look, other: Problem) -> Floats:
     """θ of another problem, with what a look at the first one says of the vehicle."""
     theta = np.zeros(len(other.thetas))
     theta[: other.shared] = look.theta[: search.problem.shared]
@@ -75,19 +73,24 @@ def in_turns(search: Search, best: Hypothesis) -> Gain:
     times = _one_after_another(problem, [d.t for d in problem.drives])
     edges = np.quantile(times, np.linspace(0.0, 1.0, PARTS + 1))[1:-1]
     part = np.searchsorted(edges, times)
-    found: list[_Foretold] = []
+    found: list[Foretold] = []
     for hypothesis in (search.null, best):
         look = fitter.arrive(hypothesis.look.theta, hypothesis.look.shapes)
-        parts: list[_Foretold] = []
+        parts: list[Foretold] = []
         for k in range(PARTS):
             rest = fitter.without(part == k)
             rest.focus([rest.again(look).psi])
             fit = rest.improve(rest.again(look), search.free(hypothesis.chosen))
             foretold = fitter.most_probable(_starts(problem), fit.theta, look.shapes)
-            parts.append(_Foretold.of(problem, fitter, foretold).part(k, edges))
-        found.append(_Foretold.joined(parts))
+            parts.append(Foretold.of(problem, fitter, foretold).only(partial(_lies, edges, k)))
+        found.append(Foretold.joined(parts))
     assert fitter.span is not None
-    return replace(_gain(problem, found[0], found[1], fitter.span), other_logs=False)
+    return replace(between(found[0], found[1], fitter.span), other_logs=False)
+
+
+def _lies(edges: Floats, k: int, t: Floats) -> NDArray[np.bool_]:
+    """Which times lie in the ``k``-th of the spans between ``edges`` s."""
+    return np.searchsorted(edges, t) == k
 
 
 def _starts(problem: Problem) -> NDArray[np.int64]:
@@ -102,7 +105,7 @@ def _one_after_another(problem: Problem, times: Sequence[Floats]) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class _Foretold:
+class Foretold:
     """What was foretold of readings (K) ``at`` times s: the ``white`` innovations and those over
     their ``own`` standard deviations; how far the ``torque`` was missed, Nm, at ``torque_at`` s;
     what the numbers behind it ``cost`` in −2 ln(their prior).
@@ -116,7 +119,7 @@ class _Foretold:
     cost: float
 
     @classmethod
-    def of(cls, problem: Problem, fitter: Fitter, look: Look) -> _Foretold:
+    def of(cls, problem: Problem, fitter: Fitter, look: Look) -> Foretold:
         """At one look."""
         simulated = torques(problem, look)
         return cls(
@@ -128,14 +131,14 @@ class _Foretold:
             float(np.sum(fitter.prior * look.theta**2)),
         )
 
-    def part(self, k: int, edges: Floats) -> _Foretold:
-        """The same in the ``k``-th of the spans between ``edges`` s; nothing elsewhere."""
-        mine, its = (np.searchsorted(edges, t) == k for t in (self.at, self.torque_at))
-        return _Foretold(self.at, self.white * mine, self.own * mine, self.torque_at,
+    def only(self, when: Callable[[Floats], NDArray[np.bool_]]) -> Foretold:
+        """The same at times s ``when`` it counts; nothing elsewhere."""
+        mine, its = when(self.at), when(self.torque_at)
+        return Foretold(self.at, self.white * mine, self.own * mine, self.torque_at,
                          self.torque * its, self.cost)  # fmt: skip
 
     @classmethod
-    def joined(cls, parts: Sequence[_Foretold]) -> _Foretold:
+    def joined(cls, parts: Sequence[Foretold]) -> Foretold:
         """Parts put together; the vehicle is one, and its numbers cost once."""
         white, own, torque = (
             np.sum([getattr(one, name) for one in parts], axis=0)
@@ -145,7 +148,7 @@ class _Foretold:
         return cls(parts[0].at, white, own, parts[0].torque_at, torque, cost)
 
 
-def _gain(problem: Problem, before: _Foretold, after: _Foretold, span: Floats) -> Gain:
+def between(before: Foretold, after: Foretold, span: Floats) -> Gain:
     """What lies outside of the ``span`` (K, q) is noise of the inputs and the same for both."""
     inside = [span @ (span.T @ one.white) for one in (before, after)]
     noise = (after.white - inside[1]) ** 2
@@ -173,32 +176,3 @@ def _interval(gained: Floats, at: Floats) -> Floats:
 
 def _root_mean_square(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-
-
-def of_curve(search: Search, curve: Curve, other: Problem) -> Gain:
-    """Of a curve in place of a cause, on the drives of another problem: the curve as it was found,
-    everything else fitted anew, with the curve to first order."""
-    fitter, free = Fitter(other), other.nuisances
-    null = search.null.look
-    look = fitter.taught(_fitted(fitter, _carried(search, null, other)))
-    fitter.focus([look.psi])
-    look = fitter.improve(fitter.again(look), free)
-    fitter.come(look.theta, look.shapes)
-    probe = next(k for k, t in enumerate(other.thetas) if t.owner == PREFIX + curve.flaw)
-    bases = [hats(drivers(drive)[curve.driver], curve.at) for drive in other.drives]
-    count = len(curve.at)
-    acts = fitter.modulated(look, np.full(count, probe), bases, np.arange(count))
-    change = acts @ curve.coefficients
-    fitter.focus([look.psi, change])
-    assert fitter.span is not None
-    own, among = look.psi[:, free], _Foretold.of(other, fitter, look)
-    curvature = own.T @ own + np.eye(len(free))
-
-    def refitted(r: Floats) -> _Foretold:
-        step = np.linalg.solve(curvature, own.T @ r + look.theta[free])
-        white = r - own @ step
-        shrunk = float(np.sqrt(np.sum(white**2) / np.sum(look.r**2)))
-        cost = float(np.sum((look.theta[free] - step) ** 2))
-        return replace(among, white=white, own=among.own * shrunk, cost=cost)
-
-    return _gain(other, refitted(look.r), refitted(look.r + change), fitter.span)
