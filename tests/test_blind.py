@@ -362,9 +362,15 @@ def test_what_a_discovery_takes_is_its_own(tmp_path, monkeypatch):
 
 
 def test_an_hour_counts_for_its_cost_alone():
-    records = [{"part": "hour", "verdict": "none", "seconds": 31.0, "MiB": 500.0}]
+    records = [
+        {"part": "hour", "name": "hour", "verdict": "none", "seconds": 31.0, "MiB": 500.0},
+        {"part": "hour", "name": "hour with a cause", "verdict": "named", "seconds": 9.0,
+         "MiB": 2e3},
+    ]  # fmt: skip
     assert row(records, "a log of one hour: s").passed is False
     assert row(records, "a log of one hour: MiB").passed is True
+    assert row(records, "a log of one hour with a cause: s").value == 9.0
+    assert row(records, "a log of one hour with a cause: s").passed is None
     assert row(records, "false findings, white").count == 0
 
 

@@ -106,7 +106,8 @@ def main() -> None:
         return prepare(cases, given.shard, given.out)
     if given.hour:
         with (given.out / "records-hour.jsonl").open("w") as records:
-            records.write(json.dumps(hour(given.out)) + "\n")
+            for name, effects in table.HOURS.items():
+                records.write(json.dumps(hour(given.out, name, effects)) + "\n")
     elif not given.table:
         run(cases, given.shard, given.out, prepared(given.out), given.measured)
     found = tell(given.out)

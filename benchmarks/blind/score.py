@@ -75,17 +75,17 @@ def discovered(logs: Sequence[Path], folder: Path, out: Path) -> Record:
     return {**json.loads(written.read_text(encoding="utf-8")), **cost}
 
 
-def hour(out: Path) -> Record:
+def hour(out: Path, name: str, effects: Effects) -> Record:
     """A log of one hour, all that is measured of it being the cost."""
     folder, vehicle = out / "work" / "hour", load_vehicle(TRUCK)
     folder.mkdir(parents=True, exist_ok=True)
-    write_signals(simulate(vehicle, "mixed", 1, duration=3600.0), folder / LOG)
+    write_signals(simulate(vehicle, "mixed", 1, effects, duration=3600.0), folder / LOG)
     dump_vehicle(vehicle, folder / VEHICLE)
     discovered([folder / LOG], folder, folder / "compiles")
     found = discovered([folder / LOG], folder, folder / "found")
     shutil.rmtree(folder)
     kept = {key: found.get(key) for key in ("verdict", "why", "seconds", "MiB")}
-    return {"name": "hour", "part": "hour", **kept}
+    return {"name": name, "part": "hour", **kept}
 
 
 def judged(answer: Record, found: Record) -> Record:

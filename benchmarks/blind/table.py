@@ -16,6 +16,9 @@ from clutchest.signals import Floats
 NOMINAL = 0.01  # rate of false findings
 NAMED, NEAR, FAR, LEFT = 12.0, 2.0, 4.0, 8.0  # d′: to be named, alike, apart, left of an outsider
 TOLD = 0.9  # of a d′ aimed at, what counts as having come out
+HOURS: Mapping[str, Mapping[str, Mapping[str, float]]] = {  # logs of one hour, and what they hide
+    "hour": {}, "hour with a cause": {"friction_fade": {"slope": 0.02, "onset": 120.0}},
+}  # fmt: skip
 STEEPEST = 30.0  # of the logistic curves over ln d′
 
 Record = Mapping[str, Any]
@@ -252,12 +255,17 @@ def coverage(records: Sequence[Record]) -> list[Row]:
 
 
 def cost(records: Sequence[Record]) -> list[Row]:
+    of_hours = {r["name"]: r for r in records if r["part"] == "hour" and r["verdict"] != "failed"}
     found = []
-    for what, key, most in (("s of one core", "seconds", 30.0), ("MiB", "MiB", 1024.0)):
-        row = Row(f"a log of one hour: {what}", f"≤ {most:.0f}")
-        for r in (r for r in records if r["part"] == "hour" and r["verdict"] != "failed"):
-            row = Row(row.what, row.must, 1, r[key], passed=r[key] <= most)
-        found.append(row)
+    for name in HOURS:
+        for what, key, most in (("s of one core", "seconds", 30.0), ("MiB", "MiB", 1024.0)):
+            hides = bool(HOURS[name])  # how long that takes depends on what there is to fit
+            row = Row(f"a log of one {name}: {what}", "" if hides else f"≤ {most:.0f}")
+            if name in of_hours:
+                value = of_hours[name][key]
+                passed = None if hides else value <= most
+                row = Row(row.what, row.must, 1, value, passed=passed)
+            found.append(row)
     return [*found, *_each(records)] if records else found
 
 
