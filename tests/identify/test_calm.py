@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from clutchest.identify.calm import REACH, calm, pace, path
+from clutchest.identify.calm import REACH, calm, firm, pace, path
 
 T = np.arange(0.0, 60.0, 0.01)
 ALWAYS = np.ones(len(T), bool)
@@ -69,6 +69,27 @@ def test_a_play_below_the_noise_hangs_back_where_the_plate_does(ar):
     read = [lag(creeps + coloured(rng, ar), 0.8) @ hangs / (hangs @ hangs)
             for rng in np.random.default_rng(5).spawn(10)]  # fmt: skip
     assert np.mean(seen) > 0.9 > 0.7 > np.mean(read)
+
+
+@pytest.mark.parametrize("ar", [0.0, 0.9])
+def test_a_play_of_nothing_hangs_back_where_a_small_one_does(ar):
+    """Where the plate is held, it stays hung back; what noise leaves in the path would turn it."""
+    hangs = lag(trapezium(), 1e-6)
+    alike: dict[str, list[float]] = {"path": [], "firm": []}
+    for rng in np.random.default_rng(7).spawn(10):
+        read = trapezium() + 0.1 * coloured(rng, ar)
+        follows = path(T, read, 0.1, ar)
+        for name, moves in (("path", follows), ("firm", firm(T, read, follows, ALWAYS, 0.1, ar))):
+            alike[name].append(np.mean(lag(moves, 1e-6) * hangs) / np.mean(hangs**2))
+    assert np.mean(alike["firm"]) > np.mean(alike["path"]) + 0.1
+    assert np.mean(alike["firm"]) > 0.8
+
+
+def test_a_path_without_noise_is_firm():
+    """Whatever the vehicle file says of the sensor."""
+    follows = path(T, trapezium(), 0.1, 0.0)
+    firmer = firm(T, trapezium(), follows, ALWAYS, 0.1, 0.0)
+    np.testing.assert_allclose(firmer, follows, atol=1e-9)
 
 
 def lag(x: np.ndarray, play: float) -> np.ndarray:

@@ -171,3 +171,13 @@ def test_the_plate_follows_the_sensor_with_play(play: float) -> None:
         plate = np.clip(plate, after - play, after + play)
         assert after + x[row] == pytest.approx(plate, abs=1e-11)
         assert np.array_equal(np.delete(x, row), np.delete(others, row)), "no other state jumps"
+
+
+def test_only_a_play_drags() -> None:
+    """The input that is dragged along behind, and the number by which, are found in the map."""
+    model = DRY_CLUTCH.with_effects(tuple(EFFECTS.values()))
+    found = model.expressions()
+    assert [model.inputs[j].name for j in found.dragging] == ["slave_position"]
+    named = [(effect.name, number) for effect, number in model.numbers]
+    assert [named[k] for k in found.plays] == [("position_hysteresis", "play")]
+    assert DRY_CLUTCH.expressions().plays == []

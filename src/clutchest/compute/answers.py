@@ -30,8 +30,8 @@ LANES = 16  # columns that the processor takes at once: what is over, it takes o
 
 @njit(cache=True, error_model="numpy")
 def answer(
-    x, P, S, active, basis, which, t, sensor, z, R, u, expected, slope, calm, tracked, row, W, Qs,
-    longest, noise, p, g, frozen, gain, variance, place, out_x, out_innovation, out_answer,
+    x, P, S, active, basis, which, t, sensor, z, R, u, expected, slope, moves, calm, tracked, row,
+    W, Qs, longest, noise, p, g, frozen, gain, variance, place, out_x, out_innovation, out_answer,
 ):  # fmt: skip
     """Filter a log and follow the signatures ``S`` (n, a) of the ``active`` (a) thetas; the rest as
     the kernel's ``run`` takes it.  A theta may come and go: c acts in proportion to the column
@@ -40,10 +40,10 @@ def answer(
     States that are ``tracked`` (indices) are corrected by readings; of others nothing is unknown
     but θ.  Signatures are taken at the inputs ``expected`` (K, nu), not at the measured ``u``, and
     where tracked states stand at ``calm`` (K, len(tracked)), not where noisy readings put them;
-    ``slope`` (K, nu) is that of the inputs on the way to each event, without their noise, and that
-    by which step maps see them move: what has a play does not follow the noise of a reading.  Noise
-    that stands in an innovation and in its derivative alike would make every number that multiplies
-    an input seem smaller than it is.
+    ``slope`` (K, nu) is that of the inputs on the way to each event, without their noise, and
+    ``moves`` (K, nu) that by which step maps see them move: what has a play does not follow the
+    noise of a reading.  Noise that stands in an innovation and in its derivative alike would make
+    every number that multiplies an input seem smaller than it is.
 
     ``gain`` (K, len(tracked)) of each reading and its predicted ``variance`` (K) are used where
     they are ``frozen``, so that innovations are a smooth function of θ; else filled.  Filled: per
@@ -73,10 +73,10 @@ def answer(
                     xc[j] = x[j]
                 for b, j in enumerate(tracked):
                     xc[j] = calm[k - 1, b]
-                follow(x, ua, ub, dt, w, p, g, slope[k], xn)
-                transition(xc, va, vb, dt, w, p, g, slope[k], F, G)
+                follow(x, ua, ub, dt, w, p, g, moves[k], xn)
+                transition(xc, va, vb, dt, w, p, g, moves[k], slope[k], F, G)
                 if not frozen:
-                    gathered(xc, va, vb, dt, w, p, g, slope[k], Qs[row[k]], noise, Q)
+                    gathered(xc, va, vb, dt, w, p, g, moves[k], Qs[row[k]], noise, Q)
                     spread(P, F, Q, tracked)
                 for j in range(n):
                     for c in range(a):

@@ -138,8 +138,9 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
                 if effect.name == owner and number == key:
                     late[model.input(signal), k] = slope[model.input(signal)]
 
-    calm = heun(model, e, slope) if e.dragging else taken
-    calmly = over | {"u1": calm.u1, "dt": calm.dt, "slope": slope}
+    moves = ca.SX.sym("moves", len(model.inputs))
+    calm = heun(model, e, moves) if e.dragging else taken
+    calmly = over | {"u1": calm.u1, "dt": calm.dt, "moves": moves}
 
     def by_theta(of: ca.SX, taken: Step = taken) -> ca.SX:
         by_inputs = ca.jacobian(of, e.u) + ca.jacobian(of, taken.u1)
@@ -177,7 +178,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         lower("step_signature", over | {"slope": slope},
               {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
         lower("follow", calmly, {"xn": calm.x}),
-        lower("transition", calmly,
+        lower("transition", calmly | {"slope": slope},
               {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm) + taken_in},
               compiled=_CONTRACTED),
         _product("carry", ca.jacobian(calm.x, e.x)),

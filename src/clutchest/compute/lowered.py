@@ -37,15 +37,16 @@ def advance(x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, xn: Any
 
 
 def follow(
-    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, xn: Any
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, moves: Any, xn: Any
 ) -> float:
-    """xn (n) = x after ``dt`` s; step maps see inputs that move by ``slope`` (nu) per s."""
+    """xn (n) = x after ``dt`` s; step maps see inputs that move by ``moves`` (nu) per s."""
     raise NotImplementedError
 
 
 def transition(
-    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, F: Any, G: Any
-) -> float:
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, moves: Any, slope: Any, F: Any,
+    G: Any,
+) -> float:  # fmt: skip
     """F and G of ``follow``, as ``step`` and ``step_signature`` have them."""
     raise NotImplementedError
 
@@ -56,7 +57,7 @@ def carry(F: Any, X: Any, T: Any, columns: int) -> None:
 
 
 def gathered(
-    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, slope: Any, q: Any, noise: Any,
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, moves: Any, q: Any, noise: Any,
     Q: Any,
 ) -> float:  # fmt: skip
     """Q of ``follow``, as ``step`` has it."""

@@ -31,13 +31,13 @@ class Step:
     energy: ca.SX
 
 
-def heun(model: Model, e: Expressions, slope: ca.SX | None = None) -> Step:
+def heun(model: Model, e: Expressions, moves: ca.SX | None = None) -> Step:
     """Heun's rule, second order and explicit; exponential where a state is ``stiff``.
 
     A stiff state relaxes by its own linear decay λ = ∂f_i/∂x_i, taken exactly (an exponential
     Runge–Kutta rule with the Jacobian's diagonal as linear part); at λ = 0 that is Heun's rule.
-    A step map acts on the guess and on the result alike; where a ``slope`` (nu) of the inputs
-    is given, it sees them move by that and not as they are measured.
+    A step map acts on the guess and on the result alike; where ``moves`` (nu) of the inputs
+    per s are given, it sees those and not what is measured.
     """
     u1, dt = ca.SX.sym("u1", len(model.inputs)), ca.SX.sym("dt")
     q, noise = ca.SX.sym("q", 2 * len(model.states)), ca.SX.sym("noise", len(model.inputs))
@@ -46,7 +46,7 @@ def heun(model: Model, e: Expressions, slope: ca.SX | None = None) -> Step:
     rates = ca.Function("rates", at, [e.rate, power])
     by_input = ca.Function("by_input", at, [ca.jacobian(e.rate, e.u)])
     mapped = ca.Function("mapped", [e.x, e.u0, e.u, e.w, e.p, e.g], [e.mapped])
-    before = e.u if slope is None else u1 - dt * slope
+    before = e.u if moves is None else u1 - dt * moves
 
     f0, power0 = rates(*at)
     growth = decays(model, e)

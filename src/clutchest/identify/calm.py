@@ -64,6 +64,21 @@ def path(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
     return np.asarray(np.interp(t, grid, found))
 
 
+def firm(
+    t: Floats, value: Floats, path: Floats, where: NDArray[np.bool_], most: float, ar: float
+) -> Floats:
+    """The ``path`` of ``value`` without the moves that noise still gives it: a play of nothing,
+    which is how a play begins, is turned by any move, however small.  The noise is what the path
+    leaves ``where`` (K) the signal matters, at ``most`` so much."""
+    period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    if not (period > 0.0 and where.any()):
+        return path
+    noise = min(_noise(value - path, where), most) * _scatter(round(NARROW / period) | 1, ar)
+    out = np.empty_like(path)
+    _play(path, REACH * noise, out)
+    return out
+
+
 def pace(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
     """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``BRIEF`` s; nought
     within the reach of its noise, which the innovations hold as well."""

@@ -21,7 +21,7 @@ from clutchest.estimate.samples import slope
 from clutchest.estimate.start import fresh, nominal
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Compiled, delays
-from clutchest.identify.calm import calm, path
+from clutchest.identify.calm import calm, firm, path
 from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
 from clutchest.identify.course import Course, apart
@@ -73,7 +73,8 @@ class LinearDrive:
         off = np.column_stack([c.off(self.line.t, self.apart) for c in self.course])
         self.line = replace(self.line, u=self.line.u - off)
         self.smooth = np.column_stack([c.at(self.line.t, self.apart) for c in self.course])
-        self.still = {}
+        e, self.still, self.dragging, self.firm = model.expressions(), {}, {}, {}
+        self.plays = e.plays
         mapped = (vehicle.signals.get(item.name) for item in model.inputs)
         noise, ar = zip(*((s.noise, s.noise_ar) if s else (np.inf, 0.0) for s in mapped),
                         strict=True)  # fmt: skip
@@ -81,6 +82,9 @@ class LinearDrive:
             time, value = self.course[j].time, self.course[j].value
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
+            if j in e.dragging:
+                self.dragging[j] = self.still[j]
+                self.firm[j] = time, firm(time, value, self.still[j][1], acts, noise[j], ar[j])
         self.moved = dict[int, Floats]()  # inputs, by what the run before implies
         self.reach = IMPLIED * np.array(noise)
         self.expected = self.smooth.copy()
@@ -176,9 +180,11 @@ class LinearDrive:
         answers = np.zeros((len(self.rows), len(active)))
         place = np.full(len(line.t), -1)
         place[self.rows] = np.arange(len(self.rows))
+        drags = self.dragging if g[self.plays].any() else self.firm
         functions.answer(
             started, self.start.P.copy(), S[:, active].copy(), active, basis, which,
-            line.t, line.sensor, line.z, line.R, u, true, self._slopes(late), self.calm,
+            line.t, line.sensor, line.z, line.R, u, true, self._slopes(self.still, late),
+            self._slopes(drags, late), self.calm,
             np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
             self.frozen, self.gain, self.variance, place, states, innovations, answers,
         )  # fmt: skip
@@ -214,12 +220,12 @@ class LinearDrive:
             measured[:, j] += by
         self.expected = measured
 
-    def _slopes(self, late: Mapping[str, float]) -> Floats:
-        """Slopes (K, nu), on the way to each event, of inputs that may be late or that drag
-        something along, without those of their noise."""
+    def _slopes(self, of: Mapping[int, tuple[Floats, Floats]], late: Mapping[str, float]) -> Floats:
+        """Slopes (K, nu), on the way to each event, of inputs: index → times, and values without
+        their noise."""
         found, t = np.zeros_like(self.smooth), self.line.t
         span = np.diff(t, prepend=t[0])
-        for j, course in self.still.items():
+        for j, course in of.items():
             value = np.interp(t + late.get(self.compiled.model.inputs[j].name, 0.0), *course)
             np.divide(np.diff(value, prepend=value[0]), span, out=found[:, j], where=span > 0.0)
         return found

@@ -80,6 +80,14 @@ class Expressions:
         sees = ca.which_depends(self.mapped, self.u0, 1, False)
         return [j for j, seen in enumerate(sees) if seen]
 
+    @property
+    def plays(self) -> list[int]:
+        """Indices of the numbers of effects by which what it drags along hangs back."""
+        sees = ca.which_depends(self.mapped, self.u0, 1, True)
+        dragged = [i for i, seen in enumerate(sees) if seen]
+        by = ca.which_depends(self.mapped[dragged], self.g, 1, False)
+        return [k for k, hangs in enumerate(by) if hangs]
+
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
