@@ -80,8 +80,8 @@ def in_turns(search: Search, best: Hypothesis) -> Gain:
         for k in range(PARTS):
             rest = fitter.without(part == k)
             rest.focus([rest.again(look).psi])
-            fit = rest.improve(rest.again(look), search.free(hypothesis.chosen))
-            foretold = fitter.most_probable(_starts(problem), fit.theta, look.shapes)
+            fit = rest.improve(rest.again(look), search.free(hypothesis.chosen)).theta
+            foretold = fitter.most_probable(_starts(problem), fit, look.shapes)
             parts.append(Foretold.of(problem, fitter, foretold).only(partial(_lies, edges, k)))
         found.append(Foretold.joined(parts))
     assert fitter.span is not None

@@ -25,7 +25,8 @@ PER_SHAPE = 1.0  # the same: what the choice among the values of a shape gains b
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """Causes acting together, fitted; ``cost`` −2 ln(probability) up to a constant."""
+    """Causes acting together, fitted; ``cost`` −2 ln(probability) up to a constant.  The ``look``
+    may be bare."""
 
     chosen: tuple[Candidate, ...]
     look: Look
@@ -34,6 +35,11 @@ class Hypothesis:
     def cost(self) -> float:
         """Of the fit, with what the choice of shapes is worth by itself."""
         return self.look.cost + PER_SHAPE * sum(bool(c.shapes) for c in self.chosen)
+
+    @property
+    def bare(self) -> Hypothesis:
+        """The same with a bare look."""
+        return replace(self, look=self.look.bare)
 
     @property
     def names(self) -> frozenset[str]:
@@ -158,7 +164,7 @@ class Search:
         """Begin again from a hypothesis at quite other numbers, or from a rival of as many causes
         that is better there."""
         size = len(there.chosen)
-        rivals = [self.fitted(h.chosen, there.look)
+        rivals = [self.fitted(h.chosen, there.look).bare
                   for h in self.sizes.get(size, []) if h.names != there.names]  # fmt: skip
         self.sizes[size] = sorted([there, *rivals], key=lambda h: h.cost)
         self.best, *self.rivals = self.sizes[size]
@@ -195,7 +201,7 @@ class Search:
                 if frozenset(chosen) in self.tried:
                     continue
                 self.tried.add(frozenset(chosen))
-                found.append(self.fitted(chosen, parent.look))
+                found.append(self.fitted(chosen, parent.look).bare)
                 self.p_of.setdefault(others[i].name, float(scores.p_among_all(p[i])))
         return found
 
@@ -210,12 +216,7 @@ class Search:
         self.fitter.focus([*known, null.psi, self.columns(null, self.all)], SAME)
         null = self.fitter.improve(self.fitter.again(null), self.free(()))
         self.null = self.best = Hypothesis((), self.fitter.look(null.theta))
-        return [
-            Hypothesis(
-                h.chosen, self.fitter.improve(self.fitter.again(h.look), self.free(h.chosen))
-            )
-            for h in grown
-        ]
+        return [self.fitted(h.chosen, h.look).bare for h in grown]
 
     def tied(self) -> list[Hypothesis]:
         """Rivals of the same size that the data do not exclude."""

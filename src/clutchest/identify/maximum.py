@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -48,6 +48,11 @@ class Look:
     psi: Floats
     cost: float
     raw: Sequence[Rows]
+
+    @property
+    def bare(self) -> Look:
+        """Where it is and what that costs; of an hour, innovations and derivatives are 100 MiB."""
+        return replace(self, r=np.zeros(0), psi=np.zeros((0, len(self.theta))), raw=())
 
     @property
     def information(self) -> Floats:
