@@ -414,6 +414,31 @@ def test_rivals_see_the_torque_that_is_lacking():
     assert "engine_torque" in regression(drivers, lacks)[:3]
 
 
+def test_discover_and_its_rivals_stand_side_by_side():
+    from blind.rivals import counted, lines
+
+    plain = {"noise": "white", "verdict": "none", "drivers": None, "reached": 0.0}
+    scored = [
+        {**plain, "name": "a", "part": "null"},
+        {**plain, "name": "b", "part": "effect", "reached": 12.0, "verdict": "named"},
+        {**plain, "name": "c", "part": "outsider", "reached": 9.0, "verdict": "unknown",
+         "drivers": ["time", "energy"], "expected_where": {"drivers": ["energy"]}},
+    ]  # fmt: skip
+    found = [
+        {"name": "a", "regression": ["time"], "sindy": []},
+        {"name": "b", "regression": ["time"], "sindy": []},
+        {"name": "c", "regression": ["time", "temp_disc", "energy"], "sindy": ["energy"]},
+    ]
+    head, *told = [line.split() for line in lines(scored, found).splitlines()]
+    assert head == ["what", "cases", "discover", "regression", "sindy"]
+    rows = [[w for w in line if w.replace(".", "").isdigit()] for line in told if "–" not in line]
+    assert rows[0] == ["1", "0.00", "1.00", "0.00"]
+    assert rows[1] == ["12", "1", "1.00", "1.00", "0.00"]
+    assert rows[2] == ["1", "1.00", "0.00", "1.00"]
+    small = {**plain, "part": "effect", "reached": 5.0}
+    assert [counted(r) for r in (*scored, small)] == [True, True, True, False]
+
+
 def test_a_row_is_refuted_where_its_interval_holds_nothing_that_passes():
     from blind.table import share
 

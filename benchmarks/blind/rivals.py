@@ -6,7 +6,9 @@ Both look at the torque that the engine's acceleration lacks when the equations 
 true temperatures, speeds and zero position, and the vehicle file's numbers.  ``regression`` takes
 every driver that goes with it significantly; ``sindy`` is pysindy's sparse regression on all
 drivers and their products, its threshold chosen by what it explains of the other half of the
-drive.  Neither knows a cause by name: a finding is any term at all.  Needs pysindy.
+drive.  Neither knows a cause by name: a finding is any term at all.  What ``discover`` found in the
+same cases, from the log alone, stands beside them.  A run that was stopped goes on where it was.
+Needs pysindy.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ import argparse
 import json
 import sys
 import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +27,11 @@ from scipy.stats import pearsonr
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a file, not as a package
 
-from blind.cases import drive_of, outsider_of
+from blind.cases import answer, drive_of, outsider_of
 from blind.drives import NOISES, Drive
 from blind.plan import Case
-from blind.sealed import unseal
-from blind.table import LEFT, NAMED, Row, share, show
+from blind.sealed import KNOWN, unseal
+from blind.table import LEFT, NAMED, TOLD, Record, share
 from clutchest.estimate.samples import slope
 from clutchest.models import model_for, resting
 from clutchest.signals import Floats, Signals
@@ -116,48 +120,95 @@ def sindy(drivers: dict[str, Floats], lacks: Floats) -> list[str]:
 METHODS = {"regression": regression, "sindy": sindy}
 
 
-def judged(case: Case, answer: dict[str, Any]) -> dict[str, Any]:
-    """What each method finds in one case."""
+def judged(record: Record, answer: dict[str, Any]) -> Record:
+    """What each method finds in a case that was scored."""
+    case = case_of(record)
     drive = drive_of(case, answer)
-    signals = drive.signals(answer["effects"], outsider_of(answer))
-    drivers, lacks = lacking(signals, drive)
-    return {
-        "part": case.part, "noise": case.noise, "reached": answer.get("d_prime", 0.0),
-        "drivers": (answer.get("where") or {}).get("drivers", []),
-        **{name: method(drivers, lacks) for name, method in METHODS.items()},
-    }  # fmt: skip
+    drivers, lacks = lacking(drive.signals(answer["effects"], outsider_of(answer)), drive)
+    return {"name": record["name"]} | {n: method(drivers, lacks) for n, method in METHODS.items()}
 
 
-def rows(records: list[dict[str, Any]]) -> list[Row]:
-    """The table's lines, method by method."""
-    found = []
-    for name in METHODS:
-        for noise in NOISES:
-            nulls = [bool(r[name]) for r in records if r["part"] == "null" and r["noise"] == noise]
-            found.append(share(f"{name}: false findings, {noise}", "", nulls, lambda _: True, 0.99))
-        large = [r for r in records if r["part"] == "effect" and r["reached"] >= NAMED]
-        found.append(share(f"{name}: finds effects, d′ ≥ 12", "", [bool(r[name]) for r in large],
-                           lambda _: True))  # fmt: skip
-        left = [r for r in records if r["part"] == "outsider" and r["reached"] >= LEFT]
-        found.append(share(f"{name}: outsiders, driver in the first two", "",
-                           [bool(set(r["drivers"]) & set(r[name][:2])) for r in left],
-                           lambda _: True))  # fmt: skip
-    return found
+def case_of(record: Record) -> Case:
+    return Case(*(record[key] for key in ("part", "cause", "d_prime", "noise", "number")))
+
+
+def answer_of(record: Record, out: Path, known: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """What was hidden in a case; asks no oracle where nothing was."""
+    case = case_of(record)
+    sealed = out / "answers" / f"{case.blind_name}.sealed"
+    if sealed.exists():
+        return unseal(sealed)
+    return known[case.name] if case.name in known else answer(case)
+
+
+def counted(record: Record) -> bool:
+    """Whether a line of the table is about this case."""
+    least = {"null": 0.0, "effect": TOLD * NAMED, "outsider": LEFT}.get(record["part"], np.inf)
+    return bool(record["reached"] >= least)
+
+
+def lines(scored: list[Record], found: Sequence[Record]) -> str:
+    """The table: discover's column, and one of each method."""
+    by_name = {r["name"]: r for r in found}
+    both = [(r, by_name[r["name"]]) for r in scored if r["name"] in by_name]
+
+    def first_two(r: Record, named: Sequence[str]) -> bool:
+        return bool(set(r["expected_where"]["drivers"]) & set(named[:2]))
+
+    def line(what: str, of: list[tuple[Record, Record]], ours: Callable[[Record], bool],
+             theirs: Callable[[Record, list[str]], bool]) -> str:  # fmt: skip
+        hits = [[ours(r) for r, _ in of]]
+        hits += [[theirs(r, other[name]) for r, other in of] for name in METHODS]
+        return f"{what:36}{len(of):6}" + "".join(f"{_share(each):>22}" for each in hits)
+
+    head = f"{'what':36}{'cases':>6}" + "".join(f"{n:>22}" for n in ("discover", *METHODS))
+    nulls = [
+        line(f"false findings, {noise}",
+             [(r, o) for r, o in both if r["part"] == "null" and r["noise"] == noise],
+             lambda r: bool(r["verdict"] != "none"), lambda _, named: bool(named))
+        for noise in NOISES
+    ]  # fmt: skip
+    large = [(r, o) for r, o in both if r["part"] == "effect"]
+    left = [(r, o) for r, o in both if r["part"] == "outsider"]
+    return "\n".join([
+        head, *nulls,
+        line("finds effects, d′ ≥ 12", large,
+             lambda r: bool(r["verdict"] != "none"), lambda _, named: bool(named)),
+        line("outsiders, driver in the first two", left,
+             lambda r: first_two(r, r["drivers"] or []), first_two),
+    ])  # fmt: skip
+
+
+def _share(hits: list[bool]) -> str:
+    row = share("", "", hits, lambda _: True)
+    return "–" if row.value is None else f"{row.value:.2f} [{row.low:.2f}, {row.high:.2f}]"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="plain methods on the cases that were scored")
     parser.add_argument("--out", type=Path, default=Path("blind-out"))
-    out = parser.parse_args().out
-    lines = [line for path in sorted(out.glob("records-*.jsonl")) for line in path.open()]
-    scored = [r for r in map(json.loads, lines) if r["part"] != "hour"]
-    records = []
-    for i, r in enumerate(scored, 1):
-        case = Case(r["part"], r["cause"], r["d_prime"], r["noise"], r["number"])
-        records.append(judged(case, unseal(out / "answers" / f"{case.blind_name}.sealed")))
-        print(f"{i}/{len(scored)}", file=sys.stderr, flush=True)
-    (out / "rivals.json").write_text(json.dumps(records, indent=1), encoding="utf-8")
-    print(show(rows(records)))
+    parser.add_argument("--jobs", type=int, default=1)
+    given = parser.parse_args()
+    of = {r["name"]: r for r in map(json.loads, _read(given.out, "records-*.jsonl"))
+          if r["part"] != "hour" and counted(r)}  # fmt: skip
+    found = [json.loads(line) for line in _read(given.out, "rivals.jsonl")]
+    known, done = unseal(KNOWN), {r["name"] for r in found}
+    left = [r for name, r in of.items() if name not in done]
+    with (ProcessPoolExecutor(given.jobs) as pool,
+          (given.out / "rivals.jsonl").open("a", encoding="utf-8") as kept):  # fmt: skip
+        told = [answer_of(r, given.out, known) for r in left]
+        for i, each in enumerate(pool.map(judged, left, told), 1):
+            found.append(each)
+            kept.write(json.dumps(each) + "\n")
+            kept.flush()
+            print(f"{i}/{len(left)}", file=sys.stderr, flush=True)
+    table = lines(list(of.values()), found)
+    (given.out / "rivals.txt").write_text(table + "\n", encoding="utf-8")
+    print(table)
+
+
+def _read(out: Path, pattern: str) -> list[str]:
+    return [line for path in sorted(out.glob(pattern)) for line in path.open(encoding="utf-8")]
 
 
 if __name__ == "__main__":
