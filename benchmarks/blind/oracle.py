@@ -81,7 +81,8 @@ class Oracle:
         self.centre, self.colour = np.zeros(len(self.thetas)), None
         self.exact = self._problem(self._exact())
         near = self._cooled(self.exact, self.centre)
-        self.colour = self._colour_of(noisy, near)
+        for _ in range(2):  # a drive begins where its own noisy readings say: fitted anew
+            self.colour = self._colour_of(noisy, self._fit(noisy, near).theta)
         self.centre = self._fit(self.exact, near).theta  # from here on the truck's own numbers
         settled = self._fit(self.exact, self.centre)
         self.clean = self._look(self.exact, settled.theta, NOMINAL)
