@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 import clutchest
 
@@ -213,6 +213,47 @@ def test_the_oracle_agrees_with_itself():
         twin = oracle.twin({name: {key: size}})
         assert oracle.distance(twin) == pytest.approx(6.0, rel=0.15)
         assert oracle.distance(twin, [name]) < 1.0
+
+
+@pytest.mark.slow
+def test_scores_are_as_far_from_nought_as_the_oracle_says():
+    """Of causes that act at once and of causes that act by way of temperatures: in drives with
+    noise, the score of what is hidden scatters by one standard deviation around its d′."""
+    from blind.drives import Drive
+    from blind.oracle import Oracle
+
+    from clutchest.discovery.search import Search
+    from clutchest.identify.problem import Problem
+    from clutchest.models.effects import library
+
+    gains = ("expansion_body.change", "friction_temperature.slope", "heat_capacity_body.change",
+             "torque_curve.change", "wear.rate", "centrifugal.slope")  # fmt: skip
+    effects, off = library("dry_clutch"), []
+    for seed, gain in enumerate(gains, 20):
+        drive, (name, key) = Drive(seed, ("white", "ar05", "quantised")[seed % 3]), gain.split(".")
+        oracle = Oracle(drive)
+        number = next(n for n in effects[name].gains if n.key == key)
+        size = min(5.0 / oracle.per_largest(gain), 1.0) * number.upper
+        hidden = {name: {key: size}}
+        search = Search.begin(
+            Problem(drive.signals(hidden), drive.vehicle, tuple(effects.values()))
+        )
+        own = [i for i, candidate in enumerate(search.all) if candidate.name == name]
+        promised = oracle.distance(oracle.twin(hidden))
+        off.append(search.first.z[own].max() - promised)
+    assert np.sum(np.square(off)) < chi2.isf(0.001, len(off)), off
+
+
+@pytest.mark.parametrize("noise", ["white", "quantised"])
+def test_the_oracle_takes_nothing_slow_for_noise(short, noise):
+    """Neighbouring readings of these sensors have nothing in common."""
+    from blind.drives import Drive
+    from blind.oracle import Oracle
+
+    oracle = Oracle(Drive(3, noise))
+    assert oracle.colour is not None
+    assert np.abs(oracle.colour.weights[:, -1].sum(axis=1)).max() < 0.3
+    assert oracle.colour.level[:, -1].max() < 1.2
 
 
 @pytest.mark.slow
