@@ -33,6 +33,7 @@ from clutchest.discovery.result import (
     Where,
 )
 from clutchest.discovery.search import LEVEL, MOST, Hypothesis, Search
+from clutchest.discovery.shapes import Spread, refine
 from clutchest.discovery.transfer import Transfer
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
@@ -114,7 +115,8 @@ class _Finding:
             errors = self._left_over(search, before)
         other = self._other(holdout)
         dropped = self._weeded(search, other)
-        best, left = search.best, errors
+        left = errors
+        spreads, best = refine(search), search.best
         if best.chosen:
             look = search.fitter.arrive(best.look.theta, best.look.shapes)
             search.best = best = Hypothesis(best.chosen, look)
@@ -141,7 +143,9 @@ class _Finding:
             what = f"an error in '{errors[0].equation}'" if unnamed else named
             warnings.append(_not_borne_out(what))
             verdict, curve, gained = "none", None, None
-        causes = () if verdict in ("none", "unknown") else self._causes(search, [best, *tied])
+        causes = (
+            () if verdict in ("none", "unknown") else self._causes(search, [best, *tied], spreads)
+        )
         where = _where(verdict, best, errors, peaks_of(problem.compiled.model.name))
         extended, text = self._extended(problem, verdict, causes, curve)
         if gained is not None and gained.total <= 0.0:
@@ -206,21 +210,25 @@ class _Finding:
                 dropped.append(cause.name)
         return dropped
 
-    def _causes(self, search: Search, hypotheses: Sequence[Hypothesis]) -> tuple[Cause, ...]:
+    def _causes(
+        self, search: Search, hypotheses: Sequence[Hypothesis],
+        spreads: Mapping[frozenset[str], Spread],
+    ) -> tuple[Cause, ...]:  # fmt: skip
         found: dict[str, Cause] = {}
         for h in hypotheses:
-            look = search.fitter.arrive(h.look.theta, h.look.shapes)
+            look, spread = search.fitter.arrive(h.look.theta, h.look.shapes), spreads[h.names]
             free = search.free(h.chosen)
             curvature = look.information[np.ix_(free, free)] + np.diag(
                 search.fitter.prior[free] + 1e-9
             )
-            std = np.sqrt(np.diag(np.linalg.inv(curvature)))
+            std = np.sqrt(np.diag(np.linalg.inv(curvature)) + spread.variance[free])
             for c in h.chosen:
                 unit = search.problem.units[c.index]
                 at = int(np.flatnonzero(free == c.index)[-1])
                 numbers = {c.gain.key: Found(float(look.theta[c.index] * unit),
                                              float(std[at] * unit))}  # fmt: skip
-                numbers |= {key: Found(value, _grid_std(c, key)) for key, value in c.shapes}
+                numbers |= {key: Found(value, spread.std.get((c.name, key), 0.0))
+                            for key, value in c.shapes}  # fmt: skip
                 found.setdefault(c.name, Cause(
                     c.name, c.effect.equation, numbers,
                     search.null.cost - h.cost, search.p_of.get(c.name, 0.0),
@@ -319,14 +327,6 @@ def _gainsaid(search: Search, error: Curve | None, gained: Gain) -> bool:
         return error.p_value > SURE and error.p_value * likelier > UNNAMED
     p = max(search.p_of.get(name, 0.0) for name in search.best.names)
     return p > SURE and not search.stays(more)
-
-
-def _grid_std(candidate: Candidate, key: str) -> float:
-    """How coarsely a shape was tried: its standard deviation if any value between neighbours on
-    its grid is as likely."""
-    number = next(n for n in candidate.effect.parameters if n.key == key)
-    steps = np.diff(number.grid) if len(number.grid) > 1 else np.array([0.0])
-    return float(np.max(steps) / np.sqrt(12.0))
 
 
 def _where(

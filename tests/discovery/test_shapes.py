@@ -1,0 +1,79 @@
+"""Shapes of effects are found between the values that a search tries, and honestly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import clutchest
+from clutchest.discovery.search import Hypothesis, Search
+from clutchest.discovery.shapes import FINER, refine
+from clutchest.identify.problem import Problem
+from clutchest.models.effects import library
+
+LIBRARY = tuple(library("dry_clutch").values())
+SPEED, CHANGE = 14.0, 0.1  # tried: 10 and 20 rad/s
+
+
+def begun(seed: int, cause: str) -> Search:
+    """A drive with friction that changes with slip, and the fits of one cause at all its shapes."""
+    truck = clutchest.load_vehicle("truck")
+    hidden = {"friction_slip": {"change": CHANGE, "speed": SPEED}}
+    drive = clutchest.simulate(truck, "city", seed, hidden, duration=400.0)
+    search = Search.begin(Problem(drive, truck, LIBRARY))
+    tried = [c for c in search.all if c.name == cause]
+    fits = [search.fitted((c,), search.null.look).bare for c in tried]
+    search.best, *search.rivals = sorted(fits, key=lambda h: h.cost)
+    return search
+
+
+def gain(search: Search, h: Hypothesis) -> tuple[float, float]:
+    """The size of the one cause, and its standard deviation were the shape known."""
+    look, free = search.fitter.arrive(h.look.theta, h.look.shapes), search.free(h.chosen)
+    precision = look.information[np.ix_(free, free)] + np.diag(search.fitter.prior[free] + 1e-9)
+    unit = float(search.problem.units[h.chosen[0].index])
+    return look.theta[h.chosen[0].index] * unit, np.sqrt(np.linalg.inv(precision)[-1, -1]) * unit
+
+
+def test_what_a_shape_leaves_open_is_not_known_of_the_gain() -> None:
+    off, of_shape = [], []
+    for seed in range(1, 7):
+        search = begun(seed, "friction_slip")
+        before = search.best
+        spread = refine(search)[search.best.names]
+        cause = search.best.chosen[0]
+        assert search.best.cost <= before.cost
+        value, std = gain(search, search.best)
+        more = spread.variance[cause.index] * float(search.problem.units[cause.index]) ** 2
+        off.append((value - CHANGE) / np.sqrt(std**2 + more))
+        of_shape.append(
+            (dict(cause.shapes)["speed"] - SPEED) / spread.std["friction_slip", "speed"]
+        )
+        assert 0.05 * std**2 < more < 25.0 * std**2
+    for each in (off, of_shape):
+        assert np.sum(np.square(each)) < chi2.isf(0.001, len(each)), each
+
+
+def test_a_value_stays_plausible_and_near_what_was_tried() -> None:
+    search = begun(1, "friction_slip")
+    tried = dict(search.best.chosen[0].shapes)["speed"]
+    refine(search)
+    found = dict(search.best.chosen[0].shapes)["speed"]
+    assert 2.0 <= found <= 60.0
+    assert (found - tried) % (5.0 / FINER) == pytest.approx(0.0)
+
+
+def test_one_hypothesis_of_each_name_is_left() -> None:
+    search = begun(1, "friction_slip")
+    assert len(search.rivals) == 3
+    refine(search)
+    assert search.rivals == [], "the others were the same cause in other shapes"
+
+
+def test_what_has_no_shape_stays_as_it_is() -> None:
+    search = begun(1, "friction_level")
+    before = search.best
+    spread = refine(search)[before.names]
+    assert search.best is before
+    assert not spread.variance.any() and not spread.std
