@@ -465,19 +465,20 @@ def test_discover_and_its_rivals_stand_side_by_side():
         {**plain, "name": "c", "part": "outsider", "reached": 9.0, "verdict": "unknown",
          "drivers": ["time", "energy"], "expected_where": {"drivers": ["energy"]}},
     ]  # fmt: skip
-    found = [
-        {"name": "a", "regression": ["time"], "sindy": []},
-        {"name": "b", "regression": ["time"], "sindy": []},
-        {"name": "c", "regression": ["time", "temp_disc", "energy"], "sindy": ["energy"]},
-    ]
+    found = {
+        "a": {"regression": ["time"], "sindy": []},
+        "b": {"regression": ["time"], "sindy": []},
+        "c": {"regression": ["time", "temp_disc", "energy"], "sindy": ["energy"]},
+    }
     head, *told = [line.split() for line in lines(scored, found).splitlines()]
     assert head == ["what", "cases", "discover", "regression", "sindy"]
     rows = [[w for w in line if w.replace(".", "").isdigit()] for line in told if "–" not in line]
     assert rows[0] == ["1", "0.00", "1.00", "0.00"]
     assert rows[1] == ["12", "1", "1.00", "1.00", "0.00"]
     assert rows[2] == ["1", "1.00", "0.00", "1.00"]
-    small = {**plain, "part": "effect", "reached": 5.0}
-    assert [counted(r) for r in (*scored, small)] == [True, True, True, False]
+    small = {**plain, "name": "d", "part": "effect", "reached": 5.0}
+    cases = [r["name"] for part in counted([*scored, small]).values() for r in part]
+    assert cases == ["a", "b", "c"]
 
 
 def test_a_row_is_refuted_where_its_interval_holds_nothing_that_passes():

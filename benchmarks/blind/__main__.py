@@ -34,16 +34,10 @@ from blind.score import hour, score
 from blind.sealed import KNOWN, seal, unseal
 
 
-def finished(out: Path) -> dict[str, dict[str, Any]]:
-    """Name → record of every case that any shard has finished."""
-    lines = (line for path in sorted(out.glob("records-*.jsonl")) for line in path.open())
-    return {record["name"]: record for record in map(json.loads, lines)}
-
-
 def run(cases: list[Case], shard: str, out: Path, known: dict[str, Any], measured: bool) -> None:
     """Score every n-th case that has not been scored yet."""
     which, of = map(int, shard.split("/"))
-    done = finished(out)
+    done = table.finished(out)
     mine = [case for case in cases[which::of] if case.name not in done]
     with (out / f"records-{which}-of-{of}.jsonl").open("a") as records:
         for i, case in enumerate(mine, 1):
@@ -57,7 +51,7 @@ def run(cases: list[Case], shard: str, out: Path, known: dict[str, Any], measure
 
 def tell(out: Path) -> list[table.Row]:
     """Print the table of what is finished, and write it beside the list of its cases."""
-    records = finished(out)
+    records = table.finished(out)
     found = table.rows(list(records.values()))
     print(table.show(found))
     told = {"rows": [asdict(row) for row in found], "cases": sorted(records)}
@@ -110,7 +104,7 @@ def main() -> None:
         run(cases, given.shard, given.out, prepared(given.out), given.measured)
     found = tell(given.out)
     if given.ci and given.table:
-        missing = {case.name for case in quick()} - set(finished(given.out))
+        missing = {case.name for case in quick()} - set(table.finished(given.out))
         refuted = [row.what for row in found if row.refuted]
         if missing or refuted:
             parser.exit(1, f"{len(missing)} cases missing; refuted: {', '.join(refuted)}\n")

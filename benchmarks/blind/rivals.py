@@ -17,7 +17,7 @@ import argparse
 import json
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ from blind.cases import answer, drive_of, outsider_of
 from blind.drives import NOISES, Drive
 from blind.plan import Case
 from blind.sealed import KNOWN, unseal
-from blind.table import LEFT, NAMED, TOLD, Record, share
+from blind.table import Record, driven, finished, large, left_over, share
 from clutchest.estimate.samples import slope
 from clutchest.models import model_for, resting
 from clutchest.signals import Floats, Signals
@@ -141,41 +141,32 @@ def answer_of(record: Record, out: Path, known: dict[str, dict[str, Any]]) -> di
     return known[case.name] if case.name in known else answer(case)
 
 
-def counted(record: Record) -> bool:
-    """Whether a line of the table is about this case."""
-    least = {"null": 0.0, "effect": TOLD * NAMED, "outsider": LEFT}.get(record["part"], np.inf)
-    return bool(record["reached"] >= least)
+def counted(scored: Sequence[Record]) -> dict[str, list[Record]]:
+    """Part → the cases that a line of the table is about."""
+    nulls = [r for r in scored if r["part"] == "null"]
+    return {"null": nulls, "effect": large(scored), "outsider": left_over(scored)}
 
 
-def lines(scored: list[Record], found: Sequence[Record]) -> str:
-    """The table: discover's column, and one of each method."""
-    by_name = {r["name"]: r for r in found}
-    both = [(r, by_name[r["name"]]) for r in scored if r["name"] in by_name]
+def lines(scored: Sequence[Record], found: Mapping[str, Record]) -> str:
+    """The table: discover's column, and one of each method; what each ``found`` by name."""
+    of = counted([r for r in scored if r["name"] in found])
 
-    def first_two(r: Record, named: Sequence[str]) -> bool:
-        return bool(set(r["expected_where"]["drivers"]) & set(named[:2]))
-
-    def line(what: str, of: list[tuple[Record, Record]], ours: Callable[[Record], bool],
+    def line(what: str, cases: list[Record], ours: Callable[[Record], bool],
              theirs: Callable[[Record, list[str]], bool]) -> str:  # fmt: skip
-        hits = [[ours(r) for r, _ in of]]
-        hits += [[theirs(r, other[name]) for r, other in of] for name in METHODS]
-        return f"{what:36}{len(of):6}" + "".join(f"{_share(each):>22}" for each in hits)
+        hits = [[ours(r) for r in cases]]
+        hits += [[theirs(r, found[r["name"]][method]) for r in cases] for method in METHODS]
+        return f"{what:36}{len(cases):6}" + "".join(f"{_share(each):>22}" for each in hits)
 
-    head = f"{'what':36}{'cases':>6}" + "".join(f"{n:>22}" for n in ("discover", *METHODS))
-    nulls = [
-        line(f"false findings, {noise}",
-             [(r, o) for r, o in both if r["part"] == "null" and r["noise"] == noise],
-             lambda r: bool(r["verdict"] != "none"), lambda _, named: bool(named))
-        for noise in NOISES
-    ]  # fmt: skip
-    large = [(r, o) for r, o in both if r["part"] == "effect"]
-    left = [(r, o) for r, o in both if r["part"] == "outsider"]
+    def finds(what: str, cases: list[Record]) -> str:
+        return line(what, cases, lambda r: bool(r["verdict"] != "none"), lambda _, n: bool(n))
+
     return "\n".join([
-        head, *nulls,
-        line("finds effects, d′ ≥ 12", large,
-             lambda r: bool(r["verdict"] != "none"), lambda _, named: bool(named)),
-        line("outsiders, driver in the first two", left,
-             lambda r: first_two(r, r["drivers"] or []), first_two),
+        f"{'what':36}{'cases':>6}" + "".join(f"{n:>22}" for n in ("discover", *METHODS)),
+        *(finds(f"false findings, {noise}", [r for r in of["null"] if r["noise"] == noise])
+          for noise in NOISES),
+        finds("finds effects, d′ ≥ 12", of["effect"]),
+        line("outsiders, driver in the first two", of["outsider"],
+             lambda r: driven(r, r["drivers"]), driven),
     ])  # fmt: skip
 
 
@@ -189,26 +180,20 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("blind-out"))
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
-    of = {r["name"]: r for r in map(json.loads, _read(given.out, "records-*.jsonl"))
-          if r["part"] != "hour" and counted(r)}  # fmt: skip
-    found = [json.loads(line) for line in _read(given.out, "rivals.jsonl")]
-    known, done = unseal(KNOWN), {r["name"] for r in found}
-    left = [r for name, r in of.items() if name not in done]
-    with (ProcessPoolExecutor(given.jobs) as pool,
-          (given.out / "rivals.jsonl").open("a", encoding="utf-8") as kept):  # fmt: skip
+    scored, kept = list(finished(given.out).values()), given.out / "rivals.jsonl"
+    found = {r["name"]: r for r in map(json.loads, kept.open() if kept.exists() else ())}
+    left = [r for part in counted(scored).values() for r in part if r["name"] not in found]
+    known = unseal(KNOWN)
+    with ProcessPoolExecutor(given.jobs) as pool, kept.open("a") as records:
         told = [answer_of(r, given.out, known) for r in left]
         for i, each in enumerate(pool.map(judged, left, told), 1):
-            found.append(each)
-            kept.write(json.dumps(each) + "\n")
-            kept.flush()
+            found[each["name"]] = each
+            records.write(json.dumps(each) + "\n")
+            records.flush()
             print(f"{i}/{len(left)}", file=sys.stderr, flush=True)
-    table = lines(list(of.values()), found)
+    table = lines(scored, found)
     (given.out / "rivals.txt").write_text(table + "\n", encoding="utf-8")
     print(table)
-
-
-def _read(out: Path, pattern: str) -> list[str]:
-    return [line for path in sorted(out.glob(pattern)) for line in path.open(encoding="utf-8")]
 
 
 if __name__ == "__main__":

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,12 @@ HOURS: Mapping[str, Mapping[str, Mapping[str, float]]] = {  # logs of one hour, 
 STEEPEST = 30.0  # of the logistic curves over ln d′
 
 Record = Mapping[str, Any]
+
+
+def finished(out: Path) -> dict[str, dict[str, Any]]:
+    """Name → record of every case that any shard has finished."""
+    lines = (line for path in sorted(out.glob("records-*.jsonl")) for line in path.open())
+    return {record["name"]: record for record in map(json.loads, lines)}
 
 
 @dataclass(frozen=True)
@@ -141,13 +149,13 @@ def nulls(records: Sequence[Record]) -> list[Row]:
     return found
 
 
-def _large(records: Sequence[Record]) -> list[Record]:
+def large(records: Sequence[Record]) -> list[Record]:
     """Single effects that are to be named."""
     return [r for r in records if r["part"] == "effect" and r["reached"] >= TOLD * NAMED]
 
 
 def naming(records: Sequence[Record]) -> list[Row]:
-    apart = [r for r in _large(records) if r["nearest"] is not None and r["nearest"] >= FAR]
+    apart = [r for r in large(records) if r["nearest"] is not None and r["nearest"] >= FAR]
     hidden = [r for r in records if r["part"] == "effect" and r["hidden_unexcited"]]
     return [
         share("named right, rivals d′ ≥ 4 away", "≥ 95 %",
@@ -160,7 +168,7 @@ def naming(records: Sequence[Record]) -> list[Row]:
 
 
 def ambiguity(records: Sequence[Record]) -> list[Row]:
-    alike = [r for r in _large(records) if r["alike"]]
+    alike = [r for r in large(records) if r["alike"]]
     inside = [r for r in alike if r["truth"][0] in r["causes"]]
     after, of_any_size = (
         [r["followed_up"]["right"] for r in of if r["followed_up"]]
@@ -181,22 +189,29 @@ def ambiguity(records: Sequence[Record]) -> list[Row]:
     ]  # fmt: skip
 
 
+def left_over(records: Sequence[Record]) -> list[Record]:
+    """Outsiders of which enough is left when every single effect has been tried."""
+    return [r for r in records if r["part"] == "outsider" and r["reached"] >= LEFT]
+
+
+def driven(record: Record, drivers: Sequence[str] | None) -> bool:
+    """Whether a true driver is among the first two."""
+    return bool(set(record["expected_where"]["drivers"]) & set((drivers or [])[:2]))
+
+
 def outsiders(records: Sequence[Record]) -> list[Row]:
-    left = [r for r in records if r["part"] == "outsider" and r["reached"] >= LEFT]
+    left = left_over(records)
 
     def at(r: Record) -> bool:
         return bool(r["equation"] == r["expected_where"]["equation"])
-
-    def driven(r: Record) -> bool:
-        return bool(set(r["expected_where"]["drivers"]) & set((r["drivers"] or [])[:2]))
 
     library = [r for r in records if r["part"] in ("effect", "two")]
     return [
         share("outsiders: unknown", "≥ 90 %", [r["verdict"] == "unknown" for r in left],
               lambda p: p >= 0.90),
         share("outsiders: equation", "≥ 85 %", [at(r) for r in left], lambda p: p >= 0.85),
-        share("outsiders: driver in the first two", "≥ 80 %", [driven(r) for r in left],
-              lambda p: p >= 0.80),
+        share("outsiders: driver in the first two", "≥ 80 %",
+              [driven(r, r["drivers"]) for r in left], lambda p: p >= 0.80),
         share("library effects called unknown", "≤ 3 %",
               [r["verdict"] == "unknown" for r in library], lambda p: p <= 0.03),
     ]  # fmt: skip
@@ -239,7 +254,7 @@ def gain(records: Sequence[Record]) -> list[Row]:
 
 def coverage(records: Sequence[Record]) -> list[Row]:
     inside: dict[str, list[bool]] = {}
-    for r in _large(records):
+    for r in large(records):
         for key, hit in r["covered"].items():
             inside.setdefault(key, []).append(hit)
     pooled = [hit for hits in inside.values() for hit in hits]

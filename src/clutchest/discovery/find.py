@@ -218,10 +218,7 @@ class _Finding:
         for h in hypotheses:
             look, spread = search.fitter.arrive(h.look.theta, h.look.shapes), spreads[h.names]
             free = search.free(h.chosen)
-            curvature = look.information[np.ix_(free, free)] + np.diag(
-                search.fitter.prior[free] + 1e-9
-            )
-            std = np.sqrt(np.diag(np.linalg.inv(curvature)) + spread.variance[free])
+            std = np.sqrt(np.diag(search.fitter.covariance(look, free)) + spread.variance[free])
             for c in h.chosen:
                 unit = search.problem.units[c.index]
                 at = int(np.flatnonzero(free == c.index)[-1])

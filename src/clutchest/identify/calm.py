@@ -45,7 +45,7 @@ def path(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
     """The same for what drags something along, by moves as small as the noise: at each sample the
     mean over the longest of ``PATHS`` s that agrees with all shorter ones, given the signal's
     ``noise`` and its AR(1) coefficient (Katkovnik 1999, intersection of confidence intervals)."""
-    period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    period = _period(t)
     if not (period > 0.0 and 0.0 < noise < np.inf):
         return value
     grid = np.arange(t[0], t[-1] + period / 2.0, period)
@@ -70,7 +70,7 @@ def firm(
     """The ``path`` of ``value`` without the moves that noise still gives it: a play of nothing,
     which is how a play begins, is turned by any move, however small.  The noise is what the path
     leaves ``where`` (K) the signal matters, at ``most`` so much."""
-    period = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    period = _period(t)
     if not (period > 0.0 and where.any()):
         return path
     noise = min(_noise(value - path, where), most) * _scatter(round(NARROW / period) | 1, ar)
@@ -87,6 +87,11 @@ def pace(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
         return rate
     reach = REACH * _noise(rate - _smooth(t, value, NARROW, 1), where)
     return np.asarray(np.sign(rate) * np.maximum(np.abs(rate) - reach, 0.0))
+
+
+def _period(t: Floats) -> float:
+    """s from sample to sample; 0 where there are none."""
+    return float(np.median(np.diff(t))) if len(t) > 1 else 0.0
 
 
 def _noise(off: Floats, where: NDArray[np.bool_]) -> float:

@@ -21,8 +21,7 @@ BENT = 1.0  # of −2 ln(probability): by so much more or less than expected, th
 def elsewhere(fitter: Fitter, look: Look, free: NDArray[np.int64]) -> Look | None:
     """The most probable place beyond a threshold, where it is better than ``look`` at the most
     probable values of the ``free`` thetas (indices); None where there is none."""
-    curvature = look.information[np.ix_(free, free)] + np.diag(fitter.prior[free] + 1e-9)
-    variance, directions = np.linalg.eigh(np.linalg.inv(curvature))
+    variance, directions = np.linalg.eigh(fitter.covariance(look, free))
     std = np.sqrt(variance)
     lowest, start = look.cost, None
     for along in (directions * std).T[std > LOOSE]:

@@ -73,17 +73,16 @@ class LinearDrive:
         off = np.column_stack([c.off(self.line.t, self.apart) for c in self.course])
         self.line = replace(self.line, u=self.line.u - off)
         self.smooth = np.column_stack([c.at(self.line.t, self.apart) for c in self.course])
-        e, self.still, self.dragging, self.firm = model.expressions(), {}, {}, {}
-        self.plays = e.plays
+        e, self.still, self.firm = model.expressions(), {}, {}
+        dragging, self.plays = e.dragging, e.plays
         mapped = (vehicle.signals.get(item.name) for item in model.inputs)
         noise, ar = zip(*((s.noise, s.noise_ar) if s else (np.inf, 0.0) for s in mapped),
                         strict=True)  # fmt: skip
-        for j, freed in _sloped(model, noise, ar).items():
+        for j, freed in _sloped(model, dragging, noise, ar).items():
             time, value = self.course[j].time, self.course[j].value
             acts = np.interp(time, self.line.t, self.acts) > 0.5
             self.still[j] = time, freed(time, value, acts)
-            if j in e.dragging:
-                self.dragging[j] = self.still[j]
+            if j in dragging:
                 self.firm[j] = time, firm(time, value, self.still[j][1], acts, noise[j], ar[j])
         self.moved = dict[int, Floats]()  # inputs, by what the run before implies
         self.reach = IMPLIED * np.array(noise)
@@ -180,11 +179,11 @@ class LinearDrive:
         answers = np.zeros((len(self.rows), len(active)))
         place = np.full(len(line.t), -1)
         place[self.rows] = np.arange(len(self.rows))
-        drags = self.dragging if g[self.plays].any() else self.firm
+        slope = self._slopes(self.still, late)
+        moves = slope if g[self.plays].any() else self._slopes(self.firm, late)
         functions.answer(
             started, self.start.P.copy(), S[:, active].copy(), active, basis, which,
-            line.t, line.sensor, line.z, line.R, u, true, self._slopes(self.still, late),
-            self._slopes(drags, late), self.calm,
+            line.t, line.sensor, line.z, line.R, u, true, slope, moves, self.calm,
             np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
             self.frozen, self.gain, self.variance, place, states, innovations, answers,
         )  # fmt: skip
@@ -264,14 +263,14 @@ class LinearDrive:
 
 
 def _sloped(
-    model: Model, noise: Sequence[float], ar: Sequence[float]
+    model: Model, dragging: Sequence[int], noise: Sequence[float], ar: Sequence[float]
 ) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
-    """Indices of inputs that may be late, or that drag something along, to how they are freed of
-    their ``noise``, which each has at most, and its ``ar``."""
+    """Indices of inputs that may be late, or that are ``dragging`` something along, to how they are
+    freed of their ``noise``, which each has at most, and its ``ar``."""
     late = {model.input(signal) for effect in model.effects for signal in effect.delays}
     # where a signal moves in short pulses, they are no more noise than its sensor has
     slow = {j: partial(calm, narrow=SLOPE, wide=2.0 * SLOPE, most=noise[j]) for j in late}
-    return slow | {j: _dragging(noise[j], ar[j]) for j in model.expressions().dragging}
+    return slow | {j: _dragging(noise[j], ar[j]) for j in dragging}
 
 
 def _dragging(noise: float, ar: float) -> Callable[[Floats, Floats, NDArray[np.bool_]], Floats]:

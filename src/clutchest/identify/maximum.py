@@ -325,6 +325,11 @@ class Fitter:
             free = np.setdiff1d(free, out)
         return step
 
+    def covariance(self, look: Look, free: NDArray[np.int64]) -> Floats:
+        """Of the ``free`` thetas (f), (f, f), as far as all is linear at a look."""
+        curvature = look.information[np.ix_(free, free)] + np.diag(self.prior[free] + 1e-9)
+        return np.asarray(np.linalg.inv(curvature), np.float64)
+
     def _promised(self, look: Look, step: Floats) -> float:
         """By how much a step would lower the cost if all were linear."""
         before, after = self._seen(look.r), self._seen(look.r + look.psi @ step)
