@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify
 
@@ -57,6 +58,21 @@ def test_an_open_clutch_whose_speeds_meet_still_tells_the_engine_torque():
     regimes = modes(100.0 * np.cos(T), np.full(len(T), 12.0))
     assert regimes.free_running.all()
     assert not regimes.engaged.any()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_what_noise_makes_of_no_slip_is_no_sliding(turned):
+    """A clutch closed to 5 s that then opens, and one that closes: the noise of AR(1) 0.95 is of
+    one sign for tenths of a second."""
+    slides, slip = T > 5.0, np.clip(20.0 * (T - 5.0), 0.0, None)
+    if turned:
+        slides, slip = slides[::-1], slip[::-1]
+    for seed in range(20):
+        noise = lfilter([0.02], [1.0, -0.95], np.random.default_rng(seed).standard_normal(len(T)))
+        regimes = modes(slip + noise, np.full(len(T), 4.5))
+        assert np.sum(regimes.sliding[~slides]) <= 1  # the noise is 0.06 rad/s, and BARELY 0.2
+        late = slides & (regimes.mode == Mode.locked) & (slip > 0.5)
+        assert late.any() and regimes.sliding[late].all(), "slow, but more than noise"
 
 
 def test_a_shaken_driveline_locks_on_its_mean_slip():

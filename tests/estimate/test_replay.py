@@ -55,6 +55,18 @@ def test_torque_while_slipping(drives):
         assert np.sqrt(np.mean(wrong[slipping] ** 2)) < 0.03 * 3500  # [ME15]'s three per cent
 
 
+def test_a_closed_clutch_carries_what_the_engine_gives():
+    """Not what its surfaces could carry, thousands of Nm more, whatever noise makes of its slip."""
+    signals = {name: replace(s, noise_ar=0.9) for name, s in TRUCK.signals.items()}
+    truck = replace(TRUCK, signals=signals)
+    for seed in (0, 1):
+        drive = clutchest.simulate(truck, "city", seed, duration=300.0, noise_ar=0.9)
+        track, truth = clutchest.replay(drive, truck).tracks[0], drive.truth
+        wrong = track.clutch_torque.value - np.interp(
+            track.time, truth.time, truth.columns["clutch_torque"])  # fmt: skip
+        assert np.abs(wrong).max() < 350.0
+
+
 def test_slip_events_and_their_energy(drives):
     for signals, run in drives:
         truth = signals.truth

@@ -25,6 +25,7 @@ class Mode(IntEnum):
 
 TOUCHING = 20.0  # Nm, of a measured torque: surfaces are pressed together
 CREEPING = 0.01  # rad/s: at a slower slip nothing says that pressed surfaces slide
+BARELY = 0.1  # of the slip that counts as locked: slower, and noise may be all there is of it
 WOUND = 0.5  # of the slip: where more than this winds up the structure, surfaces may stick
 FREE, SLIDING = "free_running", "sliding"  # flags that say more than which equations act
 MODE_NAMES = tuple(mode.name for mode in Mode)
@@ -138,8 +139,9 @@ def classify(
         apart = position > kiss_point + thresholds.open_margin
     mode = np.where(home, Mode.retracted, np.where(locked, Mode.locked,
                     np.where(apart, Mode.open, Mode.slipping)))  # fmt: skip
-    slides = ~locked | _ending(time, slip, locked, thresholds.lock_time)
-    slides |= _ending(-time[::-1], slip[::-1], locked[::-1], thresholds.lock_time)[::-1]
+    longest, least = thresholds.lock_time, BARELY * thresholds.lock_slip
+    slides = ~locked | _ending(time, slip, locked, longest, least)
+    slides |= _ending(-time[::-1], slip[::-1], locked[::-1], longest, least)[::-1]
     # near lock-up and break-away, and where slip passes zero, the sign of the torque is open
     near = _around(time, locked | still, thresholds.guard)
     return Regimes(
@@ -187,9 +189,9 @@ def _lasting(time, flag, least):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _ending(time, slip, locked, longest):  # type: ignore[no-untyped-def]
+def _ending(time, slip, locked, longest, least):  # type: ignore[no-untyped-def]
     """Where a clutch that counts as ``locked`` still slides, for ``longest`` s at most: until the
-    slip first passes zero.  What is left of it then makes a thousandth of the heat."""
+    slip first falls below ``least``.  What is left of it then makes a thousandth of the heat."""
     found, start = np.zeros(len(locked), np.bool_), -1
     for k in range(1, len(locked)):
         if not locked[k]:
@@ -197,7 +199,8 @@ def _ending(time, slip, locked, longest):  # type: ignore[no-untyped-def]
         elif not locked[k - 1]:
             start = k
         if start >= 0:
-            found[k] = slip[k] * slip[start] > 0.0 and time[k] - time[start] < longest
+            along = slip[k] if slip[start] > 0.0 else -slip[k]
+            found[k] = along > least and time[k] - time[start] < longest
             start = start if found[k] else -1
     return found
 
