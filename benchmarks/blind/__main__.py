@@ -34,15 +34,20 @@ from blind.score import hour, score
 from blind.sealed import KNOWN, seal, unseal
 
 
-def run(cases: list[Case], shard: str, out: Path, known: dict[str, Any], measured: bool) -> None:
-    """Score every n-th case that has not been scored yet."""
+def run(
+    cases: list[Case], shard: str, out: Path, known: dict[str, Any], *, measured: bool, short: bool
+) -> None:
+    """Score every n-th case that has not been scored yet.  A ``short`` run drives the manoeuvres
+    that it is told to only where a line of the table is about them."""
     which, of = map(int, shard.split("/"))
     done = table.finished(out)
     mine = [case for case in cases[which::of] if case.name not in done]
     with (out / f"records-{which}-of-{of}.jsonl").open("a") as records:
         for i, case in enumerate(mine, 1):
             began = time.monotonic()
-            record = score(case, out, measured=measured, known=known.get(case.name))
+            followed = not short or case.d_prime >= table.NAMED
+            record = score(case, out, measured=measured, followed=followed,
+                           known=known.get(case.name))  # fmt: skip
             records.write(json.dumps(record) + "\n")
             records.flush()
             print(f"{i}/{len(mine)} {record['verdict']} {time.monotonic() - began:.0f} s",
@@ -101,7 +106,8 @@ def main() -> None:
             for name, effects in table.HOURS.items():
                 records.write(json.dumps(hour(given.out, name, effects)) + "\n")
     elif not given.table:
-        run(cases, given.shard, given.out, prepared(given.out), given.measured)
+        run(cases, given.shard, given.out, prepared(given.out), measured=given.measured,
+            short=given.ci)  # fmt: skip
     found = tell(given.out)
     if given.ci and given.table:
         missing = {case.name for case in quick()} - set(table.finished(given.out))

@@ -30,8 +30,11 @@ SEEN = 3.5  # d′; an effect that does not reach it at its largest plausible si
 Record = dict[str, Any]
 
 
-def score(case: Case, out: Path, *, measured: bool, known: Record | None = None) -> Record:
+def score(
+    case: Case, out: Path, *, measured: bool, followed: bool = True, known: Record | None = None
+) -> Record:
     """The case's record.  ``measured``: hold-out gains too, which compiles a model per extension;
+    ``followed``: the manoeuvre that an ambiguous verdict proposes is driven;
     ``known``: the answer, where the oracle has been asked before."""
     folder, sealed = out / "work" / case.blind_name, out / "answers" / f"{case.blind_name}.sealed"
     if known is None and sealed.exists():
@@ -40,7 +43,7 @@ def score(case: Case, out: Path, *, measured: bool, known: Record | None = None)
     found = discovered([folder / LOG], folder, folder / "found")
     answer = unseal(sealed)
     record = {**asdict(case), "name": case.name, **judged(answer, found)}
-    record["followed_up"] = _followed_up(case, answer, found, folder)
+    record["followed_up"] = _followed_up(case, answer, found, folder) if followed else None
     if measured:
         extended = folder / "found" / "extended.toml"
         record |= on_held_out(drive_of(case, answer), answer, extended)

@@ -351,8 +351,8 @@ def test_an_effect_on_a_quantity_that_is_not_there_is_refused() -> None:
 
 def test_a_model_says_which_effects_it_takes() -> None:
     effects = library("dry_clutch")
-    assert all(DRY_CLUTCH.takes(effect) for effect in effects.values())
-    refused = {name for name, effect in effects.items() if not WITHOUT_POSITION.takes(effect)}
+    assert DRY_CLUTCH.taking(effects.values()) == tuple(effects.values())
+    refused = set(effects) - {effect.name for effect in WITHOUT_POSITION.taking(effects.values())}
     about_torque = {name for name, e in effects.items() if e.equation == "torque"}
     at_parameters = {"kiss_point", "expansion_disc"}  # there, if without consequence
     assert refused == about_torque - at_parameters | {

@@ -61,9 +61,12 @@ def _least_distance(rivals: Sequence[tuple[Candidate, float]], problem: Problem)
     theta = np.zeros(len(problem.thetas))
     theta[problem.index(first.name, first.gain.key)] = size
     shapes = settings(tuple(c for c, _ in rivals))
-    look = fitter.taught(fitter.arrive(theta, shapes))
-    columns = look.psi[:, [problem.index(c.name, c.gain.key) for c, _ in rivals]]
-    scores: Board = board(look, problem.nuisances, fitter.prior, columns,
+    gains = [problem.index(c.name, c.gain.key) for c, _ in rivals]
+    fitter.come(theta, shapes)
+    look = fitter.look(theta, shapes, np.union1d(problem.nuisances, gains))
+    fitter.learn(look.raw, theta)
+    look = fitter.again(look)
+    scores: Board = board(look, problem.nuisances, fitter.prior, look.psi[:, gains],
                           [c.gain.one_sided for c, _ in rivals], SEED, draws=1)  # fmt: skip
     return min(distance(scores, i, rivals[i][1], k)
                for i in range(len(rivals)) for k in range(len(rivals)) if i != k)  # fmt: skip

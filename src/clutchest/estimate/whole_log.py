@@ -134,7 +134,7 @@ def compile_model(
     what they are off by is one.
     """
     if effects is None:
-        effects = tuple(e for e in present_effects(vehicle) if model.takes(e))
+        effects = model.taking(present_effects(vehicle))
     model = model.with_effects(effects)
     lacking = [p.key for p in model.parameters if p.key not in vehicle.parameters]
     if lacking:

@@ -83,8 +83,8 @@ class Problem:
         model = model_for(vehicle.model, usable)
         # readings count in full: Gauss–Newton steps take care of what a first order lacks
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
-        present = tuple(e for e in present_effects(vehicle) if model.takes(e))
-        sought = tuple(e for e in effects if e not in present and model.takes(e))
+        present = model.taking(present_effects(vehicle))
+        sought = tuple(e for e in model.taking(effects) if e not in present)
         self.vehicle, self.effects = vehicle, {e.name: e for e in sought}
         self.compiled = compile_model(
             vehicle, model, present + sought, healthy_stds(vehicle, model), taken_in(model),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -166,14 +166,17 @@ class Model:
         brought = tuple(state for effect in effects for state in effect.states)
         return replace(self, effects=effects, states=self.states + brought)
 
-    def takes(self, effect: Effect) -> bool:
-        """Whether these equations have every quantity and signal that the effect changes."""
-        g = Gains({number.key: ca.SX.sym(number.key) for number in effect.parameters})
-        known = set(replace(self, effects=()).expressions().quantities.names())
-        known |= {f"{state.name}_rate" for state in effect.states}
-        return set(effect.terms(g)) <= known and set(effect.delays) <= {
-            item.name for item in self.inputs
-        }
+    def taking(self, effects: Iterable[Effect]) -> tuple[Effect, ...]:
+        """Those of which these equations have every quantity and signal that they change."""
+        bare = set(replace(self, effects=()).expressions().quantities.names())
+        inputs = {item.name for item in self.inputs}
+
+        def takes(effect: Effect) -> bool:
+            g = Gains({number.key: ca.SX.sym(number.key) for number in effect.parameters})
+            known = bare | {f"{state.name}_rate" for state in effect.states}
+            return set(effect.terms(g)) <= known and set(effect.delays) <= inputs
+
+        return tuple(effect for effect in effects if takes(effect))
 
     @property
     def numbers(self) -> tuple[tuple[Effect, str], ...]:
