@@ -19,7 +19,7 @@ SIZES = (2.0, 3.0, 4.0, 5.0, 6.0, 12.0, 20.0)  # d′ of single effects
 TWO = 10.0  # d′ of each of two effects, the other projected out
 LEFTOVER = (9.0, 15.0)  # of outsiders, when every single effect has been tried
 NULLS, SEEDS, PAIRS = 1000, 20, 400  # per noise kind; per effect and size; in all
-QUICK = {"null": 28, "effect": 60, "two": 8, "outsider": 24}  # cases of the fixed short run
+QUICK = {"null": 32, "effect": 60, "two": 6, "outsider": 22}  # cases of the fixed short run
 
 
 @dataclass(frozen=True)
