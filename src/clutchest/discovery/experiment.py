@@ -63,9 +63,7 @@ def _least_distance(rivals: Sequence[tuple[Candidate, float]], problem: Problem)
     shapes = settings(tuple(c for c, _ in rivals))
     gains = [problem.index(c.name, c.gain.key) for c, _ in rivals]
     fitter.come(theta, shapes)
-    look = fitter.look(theta, shapes, np.union1d(problem.nuisances, gains))
-    fitter.learn(look.raw, theta)
-    look = fitter.again(look)
+    look = fitter.lesson(theta, shapes, np.union1d(problem.nuisances, gains))
     scores: Board = board(look, problem.nuisances, fitter.prior, look.psi[:, gains],
                           [c.gain.one_sided for c, _ in rivals], SEED, draws=1)  # fmt: skip
     return min(distance(scores, i, rivals[i][1], k)

@@ -156,8 +156,14 @@ class Fitter:
 
     def taught(self, look: Look) -> Look:
         """The same with every derivative, once the colour has been learned from it."""
-        look = self.look(look.theta, look.shapes)
-        self.learn(look.raw, look.theta)
+        return self.lesson(look.theta, look.shapes)
+
+    def lesson(
+        self, theta: Floats, shapes: Shapes, active: NDArray[np.int64] | None = None
+    ) -> Look:
+        """As :meth:`look`, once the colour has been learned there."""
+        look = self.look(theta, shapes, active)
+        self.learn(look.raw, theta)
         return self.again(look)
 
     def again(self, look: Look) -> Look:
