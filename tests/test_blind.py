@@ -431,6 +431,7 @@ def test_an_answer_and_a_finding_are_compared():
     told = judged(answer, found)
     assert told["truth"] == told["causes"] == ["wear"]
     assert (told["nearest"], told["alike"]) == (1.5, ["transmission_heat_path"])
+    assert told["sizes"] == {"wear.rate": (0.1, 0.13, 0.014)}
     assert told["covered"] == {"wear.rate": False}, "0.03 off at 0.014"
     assert not told["hidden_unexcited"]
     assert judged({**answer, "excited": {"wear.rate": 1.0}}, found)["hidden_unexcited"]

@@ -109,7 +109,7 @@ def judged(answer: Record, found: Record) -> Record:
         "equation": where.get("equation"), "drivers": where.get("drivers"),
         "expected_where": answer.get("where"),
         "unexcited": found.get("unexcited"), "gain": found.get("gain"),
-        "covered": covered(effects, found),
+        "covered": covered(effects, found), "sizes": sizes(effects, found),
         "seconds": found["seconds"], "MiB": found["MiB"],
     }  # fmt: skip
 
@@ -117,15 +117,21 @@ def judged(answer: Record, found: Record) -> Record:
 def covered(effects: Effects, found: Record) -> dict[str, bool]:
     """``effect.gain`` → whether the truth lies within two standard deviations of what was found,
     for every gain of a named true effect, shapes left out."""
+    return {gain: abs(value - true) <= 2.0 * std
+            for gain, (true, value, std) in sizes(effects, found).items()}  # fmt: skip
+
+
+def sizes(effects: Effects, found: Record) -> dict[str, tuple[float, float, float]]:
+    """The same numbers themselves: the truth, what was found and its standard deviation."""
     if found["verdict"] != "named":
         return {}
-    inside, known = {}, gains()
+    numbers, known = {}, gains()
     for cause in found["causes"]:
         for key, true in effects.get(cause["effect"], {}).items():
             told, gain = cause["parameters"].get(key), f"{cause['effect']}.{key}"
             if gain in known and told and told.get("std") is not None:
-                inside[gain] = abs(told["value"] - true) <= 2.0 * told["std"]
-    return inside
+                numbers[gain] = true, told["value"], told["std"]
+    return numbers
 
 
 def _unexcited(answer: Record) -> bool:

@@ -265,8 +265,12 @@ def coverage(records: Sequence[Record]) -> list[Row]:
     strays = Row("±2 σ: effects outside 92–98 %", "none")
     if each:
         strays = Row(strays.what, strays.must, len(each), float(len(out)), passed=not out)
-    return [share("±2 σ coverage, pooled", "94–97 %", pooled, lambda p: 0.94 <= p <= 0.97),
-            strays, *each]  # fmt: skip
+    of_two = [hit for r in records if r["part"] == "two" for hit in r["covered"].values()]
+    return [
+        share("±2 σ coverage, pooled", "94–97 %", pooled, lambda p: 0.94 <= p <= 0.97),
+        strays, *each,
+        share("±2 σ: sizes of two effects", "", of_two, lambda _: True),
+    ]  # fmt: skip
 
 
 def cost(records: Sequence[Record]) -> list[Row]:

@@ -28,6 +28,7 @@ AHEAD = 0.05  # of a step: where one looks how the valley bends
 SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
 SLOW = 0.003  # of the cost: what lies so far off need not be found to the last digit
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
+SLIGHT = 2.0  # the same: one that promises less, and of which no part kept it, is the last
 NOTHING = 1e-10  # of a derivative, squared: rounding
 SAME = 3e-6  # the same: what a derivative at two places differs by less is its inputs' noise
 NEARLY = (
@@ -257,7 +258,7 @@ class Fitter:
         last, bend, share = np.zeros(len(look.theta)), None, 1.0
         for _ in range(STEPS):
             move = self.step(look, free, damping)
-            if self._promised(look, move) < SETTLED:
+            if (promised := self._promised(look, move)) < SETTLED:
                 break
             move = self._lengthened(look, move, last)
             if share < 1.0 and bend is None:
@@ -280,6 +281,8 @@ class Fitter:
                 bend = self._bend(best, move, free)
             elif bend is not None and share > SHORTEST:
                 share *= SHORTENED
+            elif promised < SLIGHT:
+                break
             else:
                 bend, share, damping = None, 1.0, max(10.0 * damping, 1.0)
         return best
