@@ -1,7 +1,7 @@
 """The blind suite: causes hidden in simulated drives, looked for by `clutchest discover`.
 
     python benchmarks/blind --out blind-out [--parts null effect two outsider] [--limit 900]
-                            [--shard 0/2] [--measured]
+                            [--least 12] [--shard 0/2] [--measured]
     python benchmarks/blind --out blind-out --hour
     python benchmarks/blind --out blind-out --table
     python benchmarks/blind --ci --out blind-ci [--shard 0/2]
@@ -9,9 +9,9 @@
 
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
-one holding the smaller.  ``--ci`` is the fixed short run, whose sizes are already known; with
-``--table`` it fails where a case is missing, or where what must be reached lies outside a row's
-interval.
+one holding the smaller; ``--least`` only cases aimed at so large a d′.  ``--ci`` is the fixed
+short run, whose sizes are already known; with ``--table`` it fails where a case is missing, or
+where what must be reached lies outside a row's interval.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour.
 """
 
@@ -90,6 +90,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("blind-out"))
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--limit", type=int, help="a random part of so many cases")
+    parser.add_argument("--least", type=float, default=0.0, metavar="d′",
+                        help="only cases aimed at so much or more")  # fmt: skip
     parser.add_argument("--shard", default="0/1", metavar="i/n")
     parser.add_argument("--ci", action="store_true", help="the fixed short run")
     parser.add_argument("--measured", action="store_true", help="gain on the drive held out")
@@ -99,6 +101,7 @@ def main() -> None:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     cases = quick() if given.ci else drawn(given.parts, given.limit)
+    cases = [case for case in cases if case.d_prime >= given.least]
     if given.prepare:
         return prepare(cases, given.shard, given.out)
     if given.hour:

@@ -44,6 +44,15 @@ def test_a_hidden_cause_is_named_with_its_size(found):
 
 
 @pytest.mark.slow
+def test_a_size_beyond_what_is_plausible_is_found_as_it_is_and_said_to_be_so():
+    answer = discover(drive(71, {"kiss_point": {"shift": -1.2}}), TRUCK)
+    assert [cause.effect for cause in answer.causes] == ["kiss_point"]
+    shift = answer.causes[0].parameters["shift"]
+    assert abs(shift.value + 1.2) < 3.5 * shift.std < 0.1
+    assert any("kiss_point" in w and "plausible (-1)" in w for w in answer.warnings)
+
+
+@pytest.mark.slow
 def test_what_is_found_pays_on_another_drive(found):
     assert found.gain is not None
     assert found.gain.nll_after < found.gain.nll_before

@@ -116,11 +116,11 @@ class _Finding:
         other = self._other(holdout)
         dropped = self._weeded(search, other)
         left = errors
-        spreads, best = refine(search), search.best
+        spreads, tied, best = refine(search), search.tied(), search.best
         if best.chosen:
-            look = search.fitter.arrive(best.look.theta, best.look.shapes)
-            search.best = best = Hypothesis(best.chosen, look)
-            left = self._left_over(search, look, best.chosen)
+            tied = [search.released(h).bare for h in tied]
+            search.best = best = search.released(best)
+            left = self._left_over(search, best.look, best.chosen)
             before = search.null.look
         unnamed = bool(left) and _least(left).p_value < UNNAMED
         if len(best.chosen) > 1:  # one curve may do as much as several causes
@@ -128,7 +128,6 @@ class _Finding:
             errors = self._left_over(search, before)
             most = max((curve.worth for curve in errors), default=0.0)
             unnamed |= most > search.null.cost - best.cost
-        tied = search.tied()
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
         warnings = [*self.signals.warnings, *map(_not_borne_out, dropped)]
@@ -146,6 +145,7 @@ class _Finding:
         causes = (
             () if verdict in ("none", "unknown") else self._causes(search, [best, *tied], spreads)
         )
+        warnings += [words for c in causes for words in _implausible(c, self.effects)]
         where = _where(verdict, best, errors, peaks_of(problem.compiled.model.name))
         extended, text = self._extended(problem, verdict, causes, curve)
         if gained is not None and gained.total <= 0.0:
@@ -309,6 +309,20 @@ class _Finding:
 def _not_borne_out(what: str) -> str:
     return (f"{what}: seemed to be there, and the drives held out do not bear it out; "
             "taken for noise")  # fmt: skip
+
+
+def _implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
+    """In words, sizes of which the data say that they are larger than is plausible."""
+    effect = next(effect for effect in effects if effect.name == cause.effect)
+    said = []
+    for n in effect.gains:
+        if (size := cause.parameters.get(n.key)) is None:
+            continue
+        nearest = min(max(size.value, n.lower), n.upper)
+        if abs(size.value - nearest) > 2.0 * size.std:
+            said.append(f"{cause.effect}: {n.key} = {size.value:.3g} ± {size.std:.2g} {n.unit} "
+                        f"is more than is plausible ({nearest:.3g})")  # fmt: skip
+    return said
 
 
 def _least(errors: Sequence[Curve]) -> Curve:

@@ -20,6 +20,7 @@ LEADERS, PARENTS = 8, 3  # fitted in full: causes alone, and causes to which ano
 MOST = 3  # causes acting together
 CLOSE = 10.0  # of −2 ln(probability): by how much a cause may lag by first order to be fitted
 TIED = 1.645**2  # the same: nearer to the best, a rival is not excluded at 95 %, one-sided
+BEYOND = 1.25  # of its largest plausible size: how far a gain may go that is there
 PER_SHAPE = 1.0  # the same: what the choice among the values of a shape gains by noise alone
 
 
@@ -124,6 +125,16 @@ class Search:
         bent[[i for i in self.problem.gains if i not in kept]] = 0.0
         best = self.fitter.improve(self.fitter.arrive(bent, shapes, free), free)
         return Hypothesis(chosen, best)
+
+    def released(self, h: Hypothesis) -> Hypothesis:
+        """A hypothesis with a look that is not bare, and sizes that need not be plausible: that
+        decides which causes there are, and the data how much there is of them."""
+        look = self.fitter.arrive(h.look.theta, h.look.shapes)
+        gains = [c.index for c in h.chosen]
+        sizes = look.theta[gains]
+        if np.any((sizes <= self.fitter.low[gains]) | (sizes >= self.fitter.high[gains])):
+            look = self.fitter.roomier(BEYOND).improve(look, self.free(h.chosen))
+        return replace(h, look=look)
 
     def run(self, progress: Progress | None = None) -> None:
         """Find what there is to find: ``best``, ``rivals``, ``p_of``."""

@@ -95,6 +95,12 @@ class Fitter:
         other.walks = other._walks()
         return other
 
+    def roomier(self, times: float) -> Fitter:
+        """One that lets gains go so many ``times`` as far as is plausible."""
+        other = copy(self)
+        other.low, other.high = times * self.low, times * self.high
+        return other
+
     def settle(self, theta: Floats) -> Look:
         """The most probable nuisances with gains as in ``theta``, and the colour of what is left:
         a step for the one, a lesson for the other, in turns."""
@@ -172,9 +178,9 @@ class Fitter:
         return self._white(look.raw, look.theta, look.shapes)
 
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
-        white = self._whiten([rows.table.copy() for rows in raw])
-        r, psi = white[:, 0], white[:, 1:]
-        with np.errstate(over="ignore"):  # infinite, where the equations run away
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite, where the equations run away
+            white = self._whiten([rows.table.copy() for rows in raw])
+            r, psi = white[:, 0], white[:, 1:]
             cost = float(np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2))
         if psi.size and not (psi.min() > -RUNAWAY and psi.max() < RUNAWAY):
             cost = np.inf  # nowhere to go on from
