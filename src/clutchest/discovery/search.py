@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from clutchest.discovery.candidates import Candidate, candidates, settings
 from clutchest.discovery.score import Board, board
 from clutchest.estimate.whole_log import Progress
+from clutchest.identify.homeward import homeward
 from clutchest.identify.maximum import SAME, Fitter, Look
 from clutchest.identify.problem import Problem
 from clutchest.signals import Floats
@@ -124,7 +125,7 @@ class Search:
         bent = begin.theta.copy()
         bent[[i for i in self.problem.gains if i not in kept]] = 0.0
         best = self.fitter.improve(self.fitter.arrive(bent, shapes, free), free)
-        return Hypothesis(chosen, best)
+        return Hypothesis(chosen, homeward(self.fitter, best, free))
 
     def released(self, h: Hypothesis) -> Hypothesis:
         """A hypothesis with a look that is not bare, and sizes that need not be plausible: that
