@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,6 +71,28 @@ def test_a_cause_that_joined_first_goes_when_another_does_without_it():
     stage = [{c.name for c in chosen} for chosen in search.tried]
     assert any(len(names) > 1 for names in stage)  # else nothing was let go, and nothing is tested
     assert all(len(h.chosen) == 1 for h in search.rivals)
+
+
+@pytest.mark.parametrize("scenario", ["heating", "mixed"])
+def test_a_large_play_is_found_where_its_slope_at_nought_shows_little(scenario):
+    play = 0.42  # mm; where it is small, what it does is of another shape
+    search = searched(1, {"position_hysteresis": {"play": play}}, scenario, LONGER)
+    first = search.first.z**2
+    place = next(i for i, c in enumerate(search.all) if c.name == "position_hysteresis")
+    assert first.max() > 3.0 * first[place]  # else any search finds it, and nothing is tested
+    assert [c.name for c in search.best.chosen] == ["position_hysteresis"]
+    (value,), _ = sizes(search, search.best)
+    assert value == pytest.approx(play, rel=0.02)
+
+
+def test_what_equations_leave_of_a_strong_cause_is_not_another_one(hidden):
+    """As much as one per cent of it."""
+    best, null = hidden.best, hidden.null
+    noise = hidden.least_gain()
+    assert hidden.least_gain(null) == noise
+    assert hidden.least_gain(best) == noise  # of ten standard deviations, one per cent is little
+    strong = replace(best, look=replace(best.look, cost=null.cost - 1e6))
+    assert hidden.least_gain(strong) == pytest.approx(2.0 * 1e6 * 0.01**2, rel=0.01)
 
 
 def test_rivals_are_fits_that_lost(hidden):

@@ -24,7 +24,7 @@ def cause_beyond(search: Search) -> bool:
             continue
         there, again = Hypothesis(fewer.chosen, look), search.fitted(search.best.chosen, look)
         search.best = best = min(search.best, again, key=lambda h: h.cost)
-        if there.cost - best.cost < search.least_gain():
+        if there.cost - best.cost < search.least_gain(there):
             search.move_to(there)
             return True
     return False

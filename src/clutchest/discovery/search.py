@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.candidates import Candidate, candidates, settings
-from clutchest.discovery.score import Board, board
+from clutchest.discovery.score import ABSENT, Board, board, cleared
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.homeward import homeward
 from clutchest.identify.maximum import SAME, Fitter, Look
@@ -20,7 +20,9 @@ LEVEL = 0.0085  # family-wise chance of a false finding; the rest to 1 % is for 
 LEADERS, PARENTS = 8, 3  # fitted in full: causes alone, and causes to which another may join
 MOST = 3  # causes acting together
 CLOSE = 10.0  # of −2 ln(probability): by how much a cause may lag by first order to be fitted
+STRONG = 2.0 * CLOSE  # of a score, squared: from here on, the first order is not exact
 TIED = 1.645**2  # the same: nearer to the best, a rival is not excluded at 95 %, one-sided
+INEXACT = 2e-4  # of what causes explain: what equations that are 1 % off leave of it, no cause
 BEYOND = 1.25  # of its largest plausible size: how far a gain may go that is there
 PER_SHAPE = 1.0  # the same: what the choice among the values of a shape gains by noise alone
 
@@ -146,7 +148,8 @@ class Search:
             grown = self._grown([self.best, *self.rivals][:PARENTS])
             if grown and not size:
                 grown = self._relearned(grown)
-            if not grown or self.best.cost - min(h.cost for h in grown) < self.least_gain():
+            least = self.least_gain(self.best)
+            if not grown or self.best.cost - min(h.cost for h in grown) < least:
                 break
             grown.sort(key=lambda h: h.cost)
             self.sizes[size + 1] = grown
@@ -158,8 +161,9 @@ class Search:
         """The best without a cause that brings too little beside those which joined after it: by
         first order, the wrong one may come first."""
         fits = sorted(map(self.without, self.best.chosen[:-1]), key=lambda h: h.cost)
-        enough = self.best.cost + self.least_gain()
-        return fits[0] if fits and fits[0].cost < enough else None
+        if fits and fits[0].cost - self.best.cost < self.least_gain(fits[0]):
+            return fits[0]
+        return None
 
     def without(self, cause: Candidate) -> Hypothesis:
         """The best less one of its causes."""
@@ -192,9 +196,12 @@ class Search:
         brings = than.cost - self.best.cost + more
         return brings >= (len(self.best.chosen) - len(than.chosen)) * self.least_gain()
 
-    def least_gain(self) -> float:
-        """In −2 ln(probability), what one more cause must bring."""
-        return float(np.min(self.first.threshold(LEVEL))) ** 2
+    def least_gain(self, beside: Hypothesis | None = None) -> float:
+        """In −2 ln(probability), what one more cause must bring, ``beside`` others more than what
+        may be left of them because equations are not exact."""
+        more_than_noise = float(np.min(self.first.threshold(LEVEL))) ** 2
+        explained = self.null.cost - beside.cost if beside else 0.0
+        return max(more_than_noise, INEXACT * explained)
 
     def _grown(self, parents: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Fits of one more cause beside those of each parent, where one is significant."""
@@ -206,16 +213,40 @@ class Search:
             if not others or scores.p_among_all(p.min()) > LEVEL:
                 continue
             squares = np.where(scores.one_sided, np.maximum(scores.z, 0.0), scores.z) ** 2
+            begins: dict[int, Look] = {}
+            if squares.max() > STRONG:
+                begins = self._afar(parent, others, squares)
             # by first order only: the stronger, the less exact
-            enough = squares.max() - CLOSE - 0.4 * max(squares.max() - 2.0 * CLOSE, 0.0)
+            enough = squares.max() - CLOSE - 0.4 * max(squares.max() - STRONG, 0.0)
             for i in [i for i in np.argsort(-squares)[:LEADERS] if squares[i] >= enough]:
                 chosen = (*parent.chosen, others[i])
                 if frozenset(chosen) in self.tried:
                     continue
                 self.tried.add(frozenset(chosen))
-                found.append(self.fitted(chosen, parent.look).bare)
+                fits = [self.fitted(chosen, parent.look)]
+                fits += [self.fitted(chosen, begins[i])] if i in begins else []
+                found.append(min(fits, key=lambda h: h.cost).bare)
                 self.p_of.setdefault(others[i].name, float(scores.p_among_all(p[i])))
         return found
+
+    def _afar(
+        self, parent: Hypothesis, others: Sequence[Candidate], squares: Floats
+    ) -> dict[int, Look]:
+        """Where else to begin, for those of the ``others`` of which a size that may be tried shows
+        more than the slope at 0 does; their squared scores (C) become that of the secant."""
+        free, nothing = self.free(parent.chosen), np.zeros(0, np.int64)
+        look, begins = self.fitter.arrive(parent.look.theta, parent.look.shapes, free), {}
+        for i, cause in enumerate(others):
+            for size in cause.gain.trials:
+                theta = look.theta.copy()
+                theta[cause.index] = size / cause.gain.upper
+                there = self.fitter.arrive(theta, {**settings((cause,)), **look.shapes}, nothing)
+                secant = (there.r - look.r)[:, None]
+                of = cleared(look, free, self.fitter.prior, secant)
+                (score,), ((information,),) = of.score, of.information
+                if score > 0.0 and score**2 > squares[i] * max(information, ABSENT):
+                    squares[i], begins[i] = score**2 / information, there.bare
+        return begins
 
     def _relearned(self, grown: list[Hypothesis]) -> list[Hypothesis]:
         """The same fits with the noise that the best of them leaves over: what a cause explains

@@ -30,7 +30,8 @@ class Number:
     A *gain* makes the effect absent at 0 and lies between ``lower`` and ``upper``, its largest
     plausible sizes; a *shape* (``shape=True``) has no absent value, ``default`` stands where none
     is given and ``grid`` lists what a search tries.  ``healthy``: the standard deviation of a gain
-    from one healthy vehicle to the next, which no fault test may mistake for a fault.
+    from one healthy vehicle to the next, which no fault test may mistake for a fault.  ``trials``:
+    sizes of a gain, strong enough that the slope at 0 tells little of what they do.
     """
 
     key: str
@@ -41,6 +42,7 @@ class Number:
     default: float = 0.0
     grid: tuple[float, ...] = ()
     healthy: float = 0.0
+    trials: tuple[float, ...] = ()
 
     @property
     def one_sided(self) -> bool:

@@ -21,7 +21,7 @@ class PositionHysteresis(Effect):
     name = "position_hysteresis"
     model = "dry_clutch"
     equation = "sensor:slave_position"
-    parameters = (Number("play", "mm", 0.0, 0.5),)
+    parameters = (Number("play", "mm", 0.0, 0.5, trials=(0.05, 0.2)),)
     states = (State("position_play", "mm", "d", "plate behind the sensor", 0.0, 0.0, 1.0),)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
