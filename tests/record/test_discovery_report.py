@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from io import StringIO
 
@@ -15,6 +16,7 @@ from rich.console import Console
 
 from clutchest.discovery.result import VERDICTS, Experiment, Identifiable
 from clutchest.errors import ClutchestError
+from clutchest.models.effects import library
 from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_terminal import print_discovery, print_identifiable
@@ -76,6 +78,19 @@ def test_files(tmp_path, verdict, gain):
     assert replace(again, effects={}, effects_files=()) == found.vehicle
     assert (out / "misfit.png").read_bytes()[:4] == b"\x89PNG"
     assert "(misfit.png)" in (out / "report.md").read_text("utf-8")
+
+
+def test_what_a_log_can_tell_is_whole_on_80_columns():
+    effects = library("dry_clutch").values()
+    longest = max((effect.name for effect in effects), key=len)
+    tells = [Identifiable(effect.name, n.unit, 0.00123456, n.upper, longest, 12.3)
+             for effect in effects for n in effect.gains]  # fmt: skip
+    text = StringIO()
+    print_identifiable(tells, Console(file=text, width=80))
+    said = text.getvalue()
+    assert "…" not in said
+    for effect in effects:
+        assert re.search(rf"^{effect.name} +0\.00123 .* {longest} +12\.3 *$", said, re.MULTILINE)
 
 
 def test_numbers_that_are_not_finite_become_null(tmp_path):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from clutchest.discovery.result import Discovery, Identifiable
 from clutchest.record.discovery import (
@@ -52,9 +53,11 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
 
 def print_identifiable(tells: Sequence[Identifiable], console: Console) -> None:
     """Print what a log can tell of every cause."""
+    whole = partial(Column, no_wrap=True)  # on 80 columns, units give way
     table = Table(
-        "effect", "shows from", "plausible up to", "", "nearest rival", "apart by d′",
-        title="what this log can tell", title_justify="left",
+        whole("effect"), whole("shows\nfrom"), whole("plausible\nup to"), "",
+        whole("nearest rival"), whole("apart\nby d′"), title="what this log can tell",
+        title_justify="left", box=None, padding=(0, 1, 0, 0), pad_edge=False,
     )  # fmt: skip
     for i in tells:
         table.add_row(
