@@ -192,6 +192,17 @@ def test_a_folder_that_cannot_be(run, log, tmp_path):
     assert code == 1 and err == f"clutchest: {tmp_path / 'x.asc'}: is a folder, expected a file\n"
 
 
+@pytest.mark.parametrize("inside", ["", "deeper/still"])
+@pytest.mark.parametrize("verb", ["replay", "identify", "diagnose", "discover", "inspect"])
+def test_a_folder_for_results_is_asked_for_before_the_work(run, tmp_path, verb, inside):
+    file = tmp_path / "file"
+    file.write_text("mine")
+    code, _, err = run(verb, "no.log", "--out", file / inside)  # nor is there such a log
+    assert code == 1
+    assert err == f"clutchest: {file}: is a file, expected a folder for the results\n"
+    assert file.read_text() == "mine"
+
+
 def test_out_of_memory_is_one_line(run, tmp_path):
     arguments = ["simulate", "--vehicle", "truck", "--scenario", "city", "--seed", 1]
     code, out, err = run(*arguments, "--duration", 1e13, "-o", tmp_path / "x.log")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -72,7 +73,22 @@ To = Annotated[
         "--to", metavar="T", show_default=False, help="Leave out what lies after, likewise."
     ),
 ]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")]
+
+
+def _folder(out: Path) -> Path:
+    """That results can be put there is asked before the work, not after it."""
+    nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
+    if not nearest.is_dir():
+        raise ClutchestError(f"{nearest}: is a file, expected a folder for the results")
+    if not os.access(nearest, os.W_OK):
+        raise ClutchestError(f"{nearest}: must not be written to, expected a folder that may")
+    return out
+
+
+Out = Annotated[
+    Path,
+    typer.Option("--out", metavar="DIR", help="Folder for the results.", callback=_folder),
+]
 AsJson = Annotated[
     bool,
     typer.Option(
