@@ -83,6 +83,7 @@ def test_a_large_play_is_found_where_its_slope_at_nought_shows_little(scenario):
     assert [c.name for c in search.best.chosen] == ["position_hysteresis"]
     (value,), _ = sizes(search, search.best)
     assert value == pytest.approx(play, rel=0.02)
+    assert search.p_of["position_hysteresis"] < 1e-10
 
 
 def test_what_equations_leave_of_a_strong_cause_is_not_another_one(hidden):

@@ -209,13 +209,11 @@ class Search:
         for parent in parents:
             others = [c for c in self.all if c.name not in parent.names]
             scores = self.scores(parent, others, seed=2) if parent.chosen else self.first
-            p = scores.p_alone(scores.z)
+            z, p = scores.z, scores.p_alone(scores.z)
             if not others or scores.p_among_all(p.min()) > LEVEL:
                 continue
-            squares = np.where(scores.one_sided, np.maximum(scores.z, 0.0), scores.z) ** 2
-            begins: dict[int, Look] = {}
-            if squares.max() > STRONG:
-                begins = self._afar(parent, others, squares)
+            begins = self._afar(parent, others, z) if (z**2).max() > STRONG else {}
+            p, squares = scores.p_alone(z), np.where(scores.one_sided, np.maximum(z, 0.0), z) ** 2
             # by first order only: the stronger, the less exact
             enough = squares.max() - CLOSE - 0.4 * max(squares.max() - STRONG, 0.0)
             for i in [i for i in np.argsort(-squares)[:LEADERS] if squares[i] >= enough]:
@@ -229,11 +227,9 @@ class Search:
                 self.p_of.setdefault(others[i].name, float(scores.p_among_all(p[i])))
         return found
 
-    def _afar(
-        self, parent: Hypothesis, others: Sequence[Candidate], squares: Floats
-    ) -> dict[int, Look]:
+    def _afar(self, parent: Hypothesis, others: Sequence[Candidate], z: Floats) -> dict[int, Look]:
         """Where else to begin, for those of the ``others`` of which a size that may be tried shows
-        more than the slope at 0 does; their squared scores (C) become that of the secant."""
+        more than the slope at 0 does; their scores ``z`` (C) become those of the secants."""
         free, nothing = self.free(parent.chosen), np.zeros(0, np.int64)
         look, begins = self.fitter.arrive(parent.look.theta, parent.look.shapes, free), {}
         for i, cause in enumerate(others):
@@ -244,8 +240,8 @@ class Search:
                 secant = (there.r - look.r)[:, None]
                 of = cleared(look, free, self.fitter.prior, secant)
                 (score,), ((information,),) = of.score, of.information
-                if score > 0.0 and score**2 > squares[i] * max(information, ABSENT):
-                    squares[i], begins[i] = score**2 / information, there.bare
+                if score > max(z[i], 0.0) * (std := max(information, ABSENT) ** 0.5):
+                    z[i], begins[i] = score / std, there.bare
         return begins
 
     def _relearned(self, grown: list[Hypothesis]) -> list[Hypothesis]:
