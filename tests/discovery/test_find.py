@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from clutchest.discovery import find
 from clutchest.discovery.find import discover
 from clutchest.discovery.result import Discovery
 from clutchest.errors import ClutchestError
+from clutchest.identify.problem import CLOCK, TIMING, Problem
 from clutchest.models.effects import effects_of_file, library
 from clutchest.record.discovery import write_discovery
 
@@ -50,6 +52,28 @@ def test_a_size_beyond_what_is_plausible_is_found_as_it_is_and_said_to_be_so():
     shift = answer.causes[0].parameters["shift"]
     assert abs(shift.value + 1.2) < 3.5 * shift.std < 0.1
     assert any("kiss_point" in w and "plausible (-1)" in w for w in answer.warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("effect", "signal"), [("torque_delay", "engine_torque"),
+                                                ("position_delay", "slave_position")])  # fmt: skip
+def test_a_delay_that_is_found_holds_the_tolerance_of_its_signal(effect, signal):
+    """How late a signal is in all is told better than by what it may be late beyond the file; the
+    slower its noise, the less well."""
+    late, best = 0.03, []
+    for ar in (0.0, 0.9):
+        signals = {**TRUCK.signals, signal: replace(TRUCK.signals[signal], noise_ar=ar)}
+        truck = replace(TRUCK, signals=signals)
+        made = clutchest.simulate(truck, "slip-steps", 71, {effect: {"delay": late}})
+        problem = Problem(made, truck, (library("dry_clutch")[effect],))
+        best.append(problem.clock(problem.index(effect, "delay")))
+        if ar == 0.0:
+            (cause,) = discover(made, truck).causes
+            assert cause.effect == effect
+            delay = cause.parameters["delay"]
+            assert abs(delay.value - late) < 3.5 * delay.std
+            assert CLOCK <= delay.std < TIMING
+    assert best == pytest.approx([CLOCK, CLOCK * np.sqrt(19.0)])
 
 
 @pytest.mark.slow

@@ -217,13 +217,15 @@ class _Finding:
         found: dict[str, Cause] = {}
         for h in hypotheses:
             look, spread = search.fitter.arrive(h.look.theta, h.look.shapes), spreads[h.names]
-            free = search.free(h.chosen)
+            # of a signal that is late, the tolerance is part of what was found
+            within = search.problem.tolerances(c.index for c in h.chosen)
+            free = np.setdiff1d(search.free(h.chosen), within)
             std = np.sqrt(np.diag(search.fitter.covariance(look, free)) + spread.variance[free])
             for c in h.chosen:
                 unit = search.problem.units[c.index]
-                at = int(np.flatnonzero(free == c.index)[-1])
+                of_noise, clock = std[free == c.index][0] * unit, search.problem.clock(c.index)
                 numbers = {c.gain.key: Found(float(look.theta[c.index] * unit),
-                                             float(std[at] * unit))}  # fmt: skip
+                                             float(np.hypot(of_noise, clock)))}  # fmt: skip
                 numbers |= {key: Found(value, spread.std.get((c.name, key), 0.0))
                             for key, value in c.shapes}  # fmt: skip
                 found.setdefault(c.name, Cause(
