@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 import clutchest
+from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.search import Hypothesis, Search
-from clutchest.discovery.shapes import FINER, refine
+from clutchest.discovery.shapes import FINER, HALVED, refine
+from clutchest.identify.maximum import Look
 from clutchest.identify.problem import Problem
 from clutchest.models.effects import library
 
@@ -55,13 +60,33 @@ def test_what_a_shape_leaves_open_is_not_known_of_the_gain() -> None:
         assert np.sum(np.square(each)) < chi2.isf(0.001, len(each)), each
 
 
+@pytest.mark.parametrize("std", [0.3, 1.0, 3.0])
+def test_values_are_tried_as_close_as_the_data_tell_them_apart(std: float) -> None:
+    """A search that knows the answer: the likeliest speed is 13.8 rad/s, give or take ``std``."""
+    effect = library("dry_clutch")["friction_slip"]
+    cause = Candidate(effect, effect.gains[0], 0, (("speed", 10.0),))
+
+    def fitted(chosen: tuple[Candidate, ...], near: Look) -> Hypothesis:
+        off = dict(chosen[0].shapes)["speed"] - 13.8
+        return Hypothesis(chosen, replace(near, theta=np.array([0.2 * off]), cost=(off / std) ** 2))
+
+    nowhere = Look(np.zeros(1), {}, np.zeros(0), np.zeros((0, 1)), 0.0, ())
+    search = SimpleNamespace(fitted=fitted, best=fitted((cause,), nowhere), rivals=[])
+    spread = refine(search)[search.best.names]  # type: ignore[arg-type]
+    found = dict(search.best.chosen[0].shapes)["speed"]
+    about = np.hypot(std, found - 13.8)  # of the value that is told, which was tried
+    assert abs(found - 13.8) < std
+    assert spread.std["friction_slip", "speed"] == pytest.approx(about, rel=0.1)
+    assert spread.variance[0] == pytest.approx((0.2 * about) ** 2, rel=0.2)
+
+
 def test_a_value_stays_plausible_and_near_what_was_tried() -> None:
     search = begun(1, "friction_slip")
     tried = dict(search.best.chosen[0].shapes)["speed"]
     refine(search)
     found = dict(search.best.chosen[0].shapes)["speed"]
     assert 2.0 <= found <= 60.0
-    assert (found - tried) % (5.0 / FINER) == pytest.approx(0.0)
+    assert (found - tried) % (5.0 / FINER / 2**HALVED) == pytest.approx(0.0)
 
 
 def test_one_hypothesis_of_each_name_is_left() -> None:

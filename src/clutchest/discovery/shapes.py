@@ -7,10 +7,11 @@ the gain is at each of them adds to what is not known of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.search import CLOSE, Hypothesis, Search
@@ -20,6 +21,9 @@ from clutchest.signals import Floats
 FINER = 4  # values for each that the search tries
 FAR = 6.0  # of −2 ln(probability): a value that is so much less likely is the last
 MOST = 2 * FINER  # values on each side
+CLEAR, HALVED = 1.0, 3  # the same: by which both values beside the best may be less likely; else
+# others between them are tried, so many times at most
+BETWEEN = 200  # values between those tried, at which the probability is read off
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,39 +53,56 @@ def _refined(search: Search, h: Hypothesis) -> tuple[Hypothesis, Spread]:
     variance, std = np.zeros(len(h.look.theta)), dict[tuple[str, str], float]()
     for i, cause in enumerate(h.chosen):
         for key, _ in cause.shapes:
-            if len(_number(cause, key).grid) > 1:
-                tried = dict(_around(search, h, i, key))
-                cost = np.array([other.cost for other in tried.values()])
+            if len(_number(cause, key).grid) > 1 and len(tried := _tried(search, h, i, key)) > 1:
+                best, h = min(tried.items(), key=lambda each: each[1].cost)
+                at = np.array([*tried])
+                value = np.linspace(at[0], at[-1], BETWEEN)
+                cost = PchipInterpolator(at, [other.cost for other in tried.values()])(value)
                 share = np.exp(-(cost - cost.min()) / 2.0)
                 share /= share.sum()
-                value, h = min(tried.items(), key=lambda each: each[1].cost)
                 theta = np.array([other.look.theta for other in tried.values()])
-                variance += share @ (theta - h.look.theta) ** 2
-                std[cause.name, key] = float(np.sqrt(share @ (np.array([*tried]) - value) ** 2))
+                off = PchipInterpolator(at, theta)(value) - h.look.theta
+                variance += share @ off**2
+                std[cause.name, key] = float(np.sqrt(share @ (value - best) ** 2))
     return h, Spread(variance, std)
 
 
-def _around(search: Search, h: Hypothesis, i: int, key: str) -> Iterator[tuple[float, Hypothesis]]:
-    """Fits (value, hypothesis) at values of one shape of the i-th cause, on both sides as far as
-    they are likely and plausible."""
-    cause, lowest = h.chosen[i], h.cost
-    number, first = _number(cause, key), dict(cause.shapes)[key]
+def _tried(search: Search, h: Hypothesis, i: int, key: str) -> dict[float, Hypothesis]:
+    """Fits at values of one shape of the i-th cause, in order: on both sides as far as they are
+    likely and plausible, and as close as the data tell them apart."""
+    number, first = _number(h.chosen[i], key), dict(h.chosen[i].shapes)[key]
     grid = np.sort(number.grid)
     after = int(np.clip(np.searchsorted(grid, first), 1, len(grid) - 1))
-    step = float(grid[after] - grid[after - 1]) / FINER
-    yield first, h
+    step = 2**HALVED  # in the smallest that may come
+    small = float(grid[after] - grid[after - 1]) / FINER / step
+    tried = {0: h}  # by steps from the first
+
+    def lowest() -> float:
+        return min(other.cost for other in tried.values())
+
+    def fit(place: int, near: Hypothesis) -> float:
+        """The cost there, infinite where it is not plausible."""
+        if not number.lower <= (value := first + place * small) <= number.upper:
+            return np.inf
+        cause = near.chosen[i]
+        shapes = tuple((k, value if k == key else v) for k, v in cause.shapes)
+        chosen = (*near.chosen[:i], replace(cause, shapes=shapes), *near.chosen[i + 1 :])
+        tried[place] = search.fitted(chosen, near.look).bare
+        return tried[place].cost
+
     for side in (-step, step):
-        last = h
-        for value in first + side * np.arange(1, MOST + 1):
-            if not number.lower <= value <= number.upper:
+        for place in side * np.arange(1, MOST + 1):
+            if fit(int(place), tried[int(place) - side]) > lowest() + FAR:
                 break
-            shapes = tuple((k, float(value) if k == key else v) for k, v in cause.shapes)
-            chosen = (*h.chosen[:i], replace(cause, shapes=shapes), *h.chosen[i + 1 :])
-            last = search.fitted(chosen, last.look).bare
-            lowest = min(lowest, last.cost)
-            if last.cost > lowest + FAR:
-                break
-            yield float(value), last
+    for _ in range(HALVED):
+        best = min(tried, key=lambda place: tried[place].cost)
+        beside = [tried[place].cost for place in (best - step, best + step) if place in tried]
+        if min(beside, default=np.inf) < lowest() + CLEAR:
+            break
+        step //= 2
+        for place in (best - step, best + step):
+            fit(place, tried[best])
+    return {first + place * small: tried[place] for place in sorted(tried)}
 
 
 def _number(cause: Candidate, key: str) -> Number:
