@@ -8,6 +8,7 @@ import pytest
 
 import clutchest
 from clutchest.discovery.find import discover
+from clutchest.record.discovery import title
 
 TRUCK = clutchest.load_vehicle("truck")
 
@@ -23,3 +24,7 @@ def test_without_a_signal_nothing_is_claimed(lost):
     assert "friction_level" not in {i.effect for i in answer.identifiability if i.excited}
     if not any(i.excited for i in answer.identifiability):
         assert "nothing for or against" in answer.sentence
+        assert title(answer) == "the data cannot tell"
+    [said] = [words for words in answer.warnings if lost in words]
+    assert said.startswith(f"not looked for, because there is no {lost}: ")
+    assert "friction_level" in said

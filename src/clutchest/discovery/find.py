@@ -18,10 +18,10 @@ from clutchest.discovery.beyond import cause_beyond, model_beyond
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.experiment import propose
 from clutchest.discovery.gain import in_turns, on_another
-from clutchest.discovery.identifiable import identifiability
+from clutchest.discovery.identifiable import identifiability, untried
 from clutchest.discovery.leftover import Curve, curves
 from clutchest.discovery.misfit import misfit
-from clutchest.discovery.probes import probes
+from clutchest.discovery.probes import PREFIX, probes
 from clutchest.discovery.result import (
     Cause,
     Discovery,
@@ -130,7 +130,9 @@ class _Finding:
             unnamed |= most > search.null.cost - best.cost
         verdict = ("unknown" if unnamed else "none" if not best.chosen
                    else "ambiguous" if tied else "named")  # fmt: skip
-        warnings = [*self.signals.warnings, *map(_not_borne_out, dropped)]
+        known = [e for e in self.effects if not e.name.startswith(PREFIX)]
+        warnings = [*self.signals.warnings, *untried(problem, known)]
+        warnings += map(_not_borne_out, dropped)
         curve, gained = None, None
         if verdict == "unknown":
             errors, curve, gained = self._borne_out(search, errors, other)

@@ -9,6 +9,9 @@ import numpy as np
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.result import Identifiable
 from clutchest.discovery.score import Board
+from clutchest.identify.problem import Problem
+from clutchest.models import card, model_for
+from clutchest.models.effects import Effect
 from clutchest.signals import Floats
 
 
@@ -45,6 +48,23 @@ def identifiability(
             )
         )
     return tuple(found)
+
+
+def untried(problem: Problem, effects: Sequence[Effect]) -> list[str]:
+    """Of ``effects`` those that these signals' equations cannot have, by the signal that would
+    bring them: a sentence for each."""
+    name, usable = problem.vehicle.model, problem.usable
+    left = [e for e in effects if e not in problem.compiled.model.taking(effects)]
+    words = []
+    for column in [c for c, _ in card(name).columns if left and c not in usable]:
+        brought = model_for(name, usable | {column}).taking(left)
+        if brought:
+            names = ", ".join(e.name for e in brought)
+            words.append(f"not looked for, because there is no {column}: {names}")
+        left = [e for e in left if e not in brought]
+    if left:
+        words.append(f"not looked for with these signals: {', '.join(e.name for e in left)}")
+    return words
 
 
 def distance(scores: Board, i: int, size: float, k: int) -> float:

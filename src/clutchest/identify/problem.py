@@ -71,7 +71,8 @@ class Problem:
 
     ``thetas`` (m) in the order of all vectors θ here, each in its own unit and 0 where the vehicle
     file has it.  ``nuisances`` are indices of those with a prior, of variance 1; ``gains`` of the
-    rest, the gains of ``effects``, which are absent at 0.
+    rest, the gains of ``effects``, which are absent at 0.  ``usable``: the signals of which every
+    drive has readings.
     """
 
     def __init__(
@@ -82,8 +83,10 @@ class Problem:
         progress: Progress | None = None,
     ) -> None:
         drives = signals.drives
-        usable = set.intersection(*({n for n in d if d[n].valid.any()} for d in drives))
-        model = model_for(vehicle.model, usable)
+        self.usable = frozenset.intersection(
+            *(frozenset(n for n in d if d[n].valid.any()) for d in drives)
+        )
+        model = model_for(vehicle.model, self.usable)
         # readings count in full: Gauss–Newton steps take care of what a first order lacks
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
         present = model.taking(present_effects(vehicle))

@@ -63,7 +63,8 @@ def title(discovery: Discovery) -> str:
     """The verdict in a few words."""
     names = [cause.effect for cause in discovery.causes]
     if discovery.verdict == "none":
-        return "the model explains the data"
+        told = any(i.excited for i in discovery.identifiability)
+        return "the model explains the data" if told else "the data cannot tell"
     if discovery.verdict == "named":
         return f"found {' and '.join(names)}"
     if discovery.verdict == "ambiguous":
