@@ -56,7 +56,7 @@ class MadeUp:
             step = np.zeros(len(theta))
             step[k] = 1e-6
             psi[:, k] = (self.law(theta - step) - self.law(theta + step)) / 2e-6
-        return [Rows(np.column_stack([self.data - self.law(theta), psi]))]
+        return [Rows(np.column_stack([self.data - self.law(theta), psi]), len(theta))]
 
     @property
     def fitter(self) -> Fitter:

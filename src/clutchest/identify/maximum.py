@@ -180,11 +180,11 @@ class Fitter:
     def _white(self, raw: Sequence[Rows], theta: Floats, shapes: Shapes) -> Look:
         with np.errstate(over="ignore", invalid="ignore"):  # infinite, where the equations run away
             white = self._whiten([rows.table.copy() for rows in raw])
-            r, psi = white[:, 0], white[:, 1:]
+            r, active = white[:, 0], white[:, 1:]
             cost = float(np.sum(self._seen(r) ** 2) + np.sum(self.prior * theta**2))
-        if psi.size and not (psi.min() > -RUNAWAY and psi.max() < RUNAWAY):
+        if active.size and not (active.min() > -RUNAWAY and active.max() < RUNAWAY):
             cost = np.inf  # nowhere to go on from
-        return Look(theta, shapes, r, psi, cost, raw)
+        return Look(theta, shapes, r, raw[0].spread(active), cost, raw)
 
     def modulated(
         self, look: Look, thetas: NDArray[np.int64], bases: Sequence[Floats],

@@ -49,11 +49,13 @@ class Theta:
 class Rows:
     """The readings of one drive that tell of any θ, sensor after sensor, each in order of time.
 
-    ``table`` (K, 1 + m): ``r`` (K) innovations over their predicted standard deviation, and
-    ``psi`` (K, m) their derivatives by every θ in its unit.
+    ``table`` (K, 1 + a): ``r`` (K) innovations over their predicted standard deviation, and their
+    derivatives by the ``active`` (a) ones of ``count`` thetas, all unless given, each in its unit.
     """
 
     table: Floats
+    count: int
+    active: NDArray[np.int64] | None = None
 
     @property
     def r(self) -> Floats:
@@ -62,8 +64,16 @@ class Rows:
 
     @property
     def psi(self) -> Floats:
-        """Shape (K, m)."""
-        return self.table[:, 1:]
+        """Derivatives by every θ, shape (K, count): 0 by those that are not active."""
+        return self.spread(self.table[:, 1:])
+
+    def spread(self, columns: Floats) -> Floats:
+        """``columns`` (K, a) of active thetas at their places among all of them, (K, count)."""
+        if self.active is None:
+            return columns
+        every = np.zeros((len(columns), self.count))
+        every[:, self.active] = columns
+        return every
 
 
 class Problem:
@@ -183,9 +193,10 @@ class Problem:
         p, g, late = self.numbers(theta, shapes)
         wanted = np.ones(len(theta), bool) if active is None else np.zeros(len(theta), bool)
         wanted[slice(None) if active is None else active] = True
-        late_rows = range(len(self.thetas) - len(self.timing), len(self.thetas))
-        wanted[list(self.timing)] |= wanted[list(late_rows)]
-        found = []
+        late_rows = np.arange(len(self.thetas) - len(self.timing), len(self.thetas))
+        wanted[list(self.timing)] |= wanted[late_rows]
+        found, active = [], np.flatnonzero(wanted)
+        place = np.cumsum(wanted) - 1  # of each active θ among them
         for i, drive in enumerate(self.drives):
             own = [k for k, t in enumerate(self.thetas) if t.drive == i]
             columns = np.array([*range(self.shared), *own])
@@ -195,12 +206,14 @@ class Problem:
             with np.errstate(over="ignore"):  # a step tried too far, where the equations run away
                 answers /= drive.std[:, None]
                 answers *= self.units[columns]
-            rows = Rows(np.zeros((len(answers), 1 + len(self.thetas))))
-            rows.r[:] = innovations / drive.std
-            rows.psi[:, columns] = answers
+            table = np.zeros((len(answers), 1 + len(active)))
+            table[:, 0] = innovations / drive.std
+            table[:, 1 + place[columns]] = answers
             for k, of in zip(late_rows, self.timing, strict=True):
-                rows.psi[:, k] = rows.psi[:, of] / self.units[of] * self.units[k]
-            found.append(rows)
+                if wanted[k]:
+                    per_delay = table[:, 1 + place[of]] / self.units[of]
+                    table[:, 1 + place[k]] = per_delay * self.units[k]
+            found.append(Rows(table, len(theta), None if wanted.all() else active))
         return found
 
     def modulated(
