@@ -18,6 +18,7 @@ from clutchest.discovery.beyond import cause_beyond, model_beyond
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.experiment import propose
 from clutchest.discovery.gain import in_turns, on_another
+from clutchest.discovery.holes import without_holes
 from clutchest.discovery.identifiable import identifiability, untried
 from clutchest.discovery.leftover import Curve, curves
 from clutchest.discovery.misfit import misfit
@@ -93,7 +94,8 @@ class _Finding:
     told: Told | None
 
     def problem(self, signals: Signals) -> Problem:
-        return Problem(signals, self.vehicle, self.effects, self.progress)
+        return Problem(without_holes(signals, self.vehicle), self.vehicle, self.effects,
+                       self.progress)  # fmt: skip
 
     def answer(self, holdout: Sequence[Signals] | Signals | None) -> Discovery:
         """The four questions in order."""
@@ -132,6 +134,9 @@ class _Finding:
                    else "ambiguous" if tied else "named")  # fmt: skip
         known = [e for e in self.effects if not e.name.startswith(PREFIX)]
         warnings = [*self.signals.warnings, *untried(problem, known)]
+        if more := len(problem.drives) - len(self.signals.drives):
+            warnings.append(f"{more} hole(s) through which the clutch may have slipped unseen: "
+                            "what comes after one is taken for a drive of its own")  # fmt: skip
         warnings += map(_not_borne_out, dropped)
         curve, gained = None, None
         if verdict == "unknown":
