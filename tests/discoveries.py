@@ -22,6 +22,8 @@ from clutchest.discovery.result import (
 )
 from clutchest.vehicle import Vehicle, load_vehicle
 
+VERDICTS = ("none", "named", "ambiguous", "unknown")
+
 GAIN = Gain(1.42, 1.01, 900.0, 765.8, 48.3, 21.4, (98.1, 170.3))
 NO_GAIN = Gain(1.011, 1.010, 900.0, 899.4, 21.6, 21.5, (-1.2, 2.3))
 
@@ -96,8 +98,8 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
         patched = {"torque_patch": {"scale": 0.2}}
         extended = replace(truck, effects=patched, effects_files=(Path("patch_effects.py"),))
     lost = (
-        Rival("centrifugal", 61.0, {"slope": 0.03}),
         Rival("friction_level", 7.0, {"change": -0.1}),
+        Rival("centrifugal", 61.0, {"slope": 0.03}),
     )
     steps = Experiment("Slip in steps at one position.", "slip-steps")
     return Discovery(
@@ -105,6 +107,7 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
         verdict=verdict,
         sentence=f"In one sentence: {verdict}.",
         causes=causes,
+        sets=tuple((cause.effect,) for cause in causes),
         rivals=() if verdict == "none" else lost,
         where=where,
         identifiability=(
@@ -118,5 +121,5 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
         extended=extended,
         patch=PATCH if verdict == "unknown" else None,
         warnings=("parameter 'kiss_point' is a guess",),
-        provenance={"clutchest": "0.1.0", "logs": "monday.log, tuesday.log"},
+        provenance={"clutchest": "0.1.0", "logs": "monday.log, tuesday.log", "held_out": ""},
     )

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from clutchest import cli
-from clutchest.discovery.result import VERDICTS
 from clutchest.vehicle import load_vehicle
-from discoveries import GAIN, discovery
+from discoveries import GAIN, VERDICTS, discovery
 
 MANUAL = Path(__file__).parents[2] / "docs" / "discover.md"
 

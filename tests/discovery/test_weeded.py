@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from clutchest.discovery import find
+from clutchest.discovery import verdict
 
 DOUBTFUL, SURELY = 1e-3, 1e-12  # chances of noise
 
@@ -15,6 +15,10 @@ class Searched:
     def __init__(self, p_of: dict[str, float]) -> None:
         self.p_of = p_of
         self.best = SimpleNamespace(chosen=tuple(SimpleNamespace(name=name) for name in p_of))
+
+    def established(self, cause, of):
+        assert of is self.best
+        return 50.0, self.p_of[cause.name]
 
     def without(self, cause):
         return SimpleNamespace(chosen=tuple(c for c in self.best.chosen if c is not cause))
@@ -34,8 +38,8 @@ def weeded(monkeypatch, p_of, gains):
         (gone,) = {c.name for c in best.chosen} - {c.name for c in than.chosen}
         return SimpleNamespace(total=gains[gone])
 
-    monkeypatch.setattr(find, "on_another", on_another)
-    dropped = find._Finding._weeded(None, search, lambda: None)
+    monkeypatch.setattr(verdict, "on_another", on_another)
+    dropped = verdict.weeded(search, lambda: None)
     return {c.name for c in search.best.chosen}, dropped
 
 
@@ -56,9 +60,3 @@ def test_the_most_doubtful_goes_first_and_the_last_one_stays(monkeypatch):
     left, dropped = weeded(monkeypatch, p_of, dict.fromkeys(p_of, -1.0))
     assert left == {"a"}
     assert dropped == ["c", "b"]
-
-
-def test_without_other_drives_nothing_is_taken_back():
-    search = Searched({"a": DOUBTFUL, "b": DOUBTFUL})
-    assert find._Finding._weeded(None, search, None) == []
-    assert len(search.best.chosen) == 2

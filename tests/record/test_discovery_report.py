@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from rerun.components import AggregationPolicy
 from rich.console import Console
 
-from clutchest.discovery.result import VERDICTS, Experiment, Identifiable
+from clutchest.discovery.result import Experiment, Identifiable, either
 from clutchest.errors import ClutchestError
 from clutchest.models.effects import library
 from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
@@ -22,7 +22,7 @@ from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_terminal import print_discovery, print_identifiable
 from clutchest.record.misfit_pictures import draw_misfit, most_telling, pieces, worst_stretch
 from clutchest.vehicle import load_vehicle
-from discoveries import FADE, GAIN, NO_GAIN, PATCH, discovery, misfit
+from discoveries import FADE, GAIN, NO_GAIN, PATCH, VERDICTS, discovery, misfit
 
 FILES = ["discovery.json", "extended.toml", "misfit.png", "recording.rrd", "report.md"]
 
@@ -164,6 +164,35 @@ def test_the_gain_says_whether_it_pays():
     assert "[95 %: -1.2 to 2.3]" in gain_words(NO_GAIN) and "nought" in gain_words(NO_GAIN)
     assert "Not measured.  `--holdout LOG`" in report(discovery("named", None))
     assert "Not measured.  `--holdout LOG`" in printed(discovery("named", None))
+
+
+def test_why_nothing_was_measured():
+    assert "Nothing was found that could gain anything." in report(discovery("none", None))
+    held_out = {**discovery("unknown").provenance, "held_out": "wednesday.log"}
+    patchless = replace(discovery("unknown", None), provenance=held_out)
+    for words in (report(patchless), printed(patchless)):
+        assert "No curve could be put into the model" in words and "Not measured" not in words
+
+
+def test_no_torque_is_told_that_was_not_computed():
+    parted = replace(GAIN, simulation_rmse_after=None)
+    assert "torque" in gain_words(GAIN) and "torque" not in gain_words(parted)
+    assert "from 1.420 to 1.010 standard deviations." in gain_words(parted)
+
+
+@pytest.mark.parametrize(
+    ("sets", "words"),
+    [
+        ([["a"]], "a"),
+        ([["a", "b"]], "a and b"),
+        ([["a"], ["b"], ["c"]], "one of a, b, c"),
+        ([["a", "b"], ["a", "c"]], "a and one of b, c"),
+        ([["a", "b"], ["c", "d"]], "one of: a and b; c and d"),
+        ([["a", "b"], ["a", "c"], ["d", "c"]], "one of: a and b; a and c; d and c"),
+    ],
+)
+def test_sets_of_causes_in_words(sets, words):
+    assert either(sets) == words
 
 
 def test_the_gain_says_on_what_it_was_measured():

@@ -21,7 +21,7 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     model, line = drive.compiled.model, drive.line
     quantities, rates = drivers_of(model.name)
     found = {item.name: drive.expected[:, j] for j, item in enumerate(model.inputs)
-             if item.name != "engine_acceleration"}  # fmt: skip
+             if item.name not in model.slopes}  # fmt: skip
     found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())

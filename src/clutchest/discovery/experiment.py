@@ -21,29 +21,33 @@ from clutchest.vehicle import Vehicle
 APART = 4.0  # standard deviations at which two causes are told apart
 SEED = 1  # of the simulated manoeuvres
 
+Sized = tuple[Candidate, float]  # and its size, in its unit
+
 
 def propose(
-    rivals: Sequence[tuple[Candidate, float]],
+    rivals: Sequence[Sized],
+    beside: Sequence[Sized],
     vehicle: Vehicle,
     scenarios: Sequence[str],
     simulated: Callable[[str, dict[str, dict[str, float]]], Signals],
     problem_of: Callable[[Signals], Problem],
     progress: Progress | None = None,
 ) -> Experiment:
-    """The manoeuvre in which the closest two of ``rivals`` (candidate, size in its unit) lie
-    furthest apart, each judged by one simulated drive with the first rival in it."""
+    """The manoeuvre in which the closest two of ``rivals`` lie furthest apart, each judged by one
+    simulated drive with the first rival in it, and the causes ``beside`` it that are certain."""
     names = " or ".join(c.name for c, _ in rivals)
-    best, scenario = 0.0, None
-    first, size = rivals[0]
+    best, scenario, tried, why = 0.0, None, False, ""
+    hidden = {c.name: {c.gain.key: size * c.gain.upper, **dict(c.shapes)}
+              for c, size in (rivals[0], *beside)}  # fmt: skip
     for k, name in enumerate(scenarios):
         if progress:
             progress(f"trying what '{name}' would tell", k / len(scenarios))
-        values = {first.gain.key: size * first.gain.upper, **dict(first.shapes)}
         try:
-            signals = simulated(name, {first.name: values})
-            least = _least_distance(rivals, problem_of(signals))
-        except ClutchestError:  # a cause of the user's own, or a manoeuvre that this size upsets
+            least = _least_distance(rivals, beside, problem_of(simulated(name, hidden)))
+        except ClutchestError as error:  # a cause of the user's own, or too large for a manoeuvre
+            why = str(error)
             continue
+        tried = True
         if least > best:
             best, scenario = least, name
     if scenario is not None and best >= APART:
@@ -51,20 +55,25 @@ def propose(
             f"drive '{scenario}': there {names} lie {best:.0f} standard deviations apart", scenario
         )
     sensor = told_apart_by(vehicle.model, [c.effect.equation for c, _ in rivals])
+    if not tried:
+        return Experiment(f"no manoeuvre could be tried out ({why}); {sensor} would tell {names} "
+                          "apart", None)  # fmt: skip
     return Experiment(f"no manoeuvre tells {names} apart on these signals: {sensor} would", None)
 
 
-def _least_distance(rivals: Sequence[tuple[Candidate, float]], problem: Problem) -> float:
+def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: Problem) -> float:
     """Between the closest two, by first order at the numbers that the drive was simulated with."""
     fitter = Fitter(problem)
-    first, size = rivals[0]
     theta = np.zeros(len(problem.thetas))
-    theta[problem.index(first.name, first.gain.key)] = size
-    shapes = settings(tuple(c for c, _ in rivals))
+    for c, size in (rivals[0], *beside):
+        theta[problem.index(c.name, c.gain.key)] = size
+    shapes = settings(tuple(c for c, _ in (*rivals, *beside)))
     gains = [problem.index(c.name, c.gain.key) for c, _ in rivals]
+    certain = [problem.index(c.name, c.gain.key) for c, _ in beside]
+    free = np.concatenate([problem.nuisances, certain]).astype(int)
     fitter.come(theta, shapes)
-    look = fitter.lesson(theta, shapes, np.union1d(problem.nuisances, gains))
-    scores: Board = board(look, problem.nuisances, fitter.prior, look.psi[:, gains],
+    look = fitter.lesson(theta, shapes, np.union1d(free, gains))
+    scores: Board = board(look, free, fitter.prior, look.psi[:, gains],
                           [c.gain.one_sided for c, _ in rivals], SEED, draws=1)  # fmt: skip
     return min(distance(scores, i, rivals[i][1], k)
                for i in range(len(rivals)) for k in range(len(rivals)) if i != k)  # fmt: skip

@@ -7,20 +7,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
-from math import exp
 from pathlib import Path
 
 import numpy as np
 
 from clutchest import __version__
 from clutchest.discovery import patch
-from clutchest.discovery.beyond import cause_beyond, model_beyond
-from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.experiment import propose
 from clutchest.discovery.gain import in_turns, on_another
 from clutchest.discovery.holes import without_holes
 from clutchest.discovery.identifiable import identifiability, untried
-from clutchest.discovery.leftover import Curve, curves
+from clutchest.discovery.leftover import Curve
 from clutchest.discovery.misfit import misfit
 from clutchest.discovery.probes import PREFIX, probes
 from clutchest.discovery.result import (
@@ -32,28 +29,21 @@ from clutchest.discovery.result import (
     Identifiable,
     Rival,
     Where,
+    either,
 )
-from clutchest.discovery.search import LEVEL, MOST, Hypothesis, Search
-from clutchest.discovery.shapes import Spread, refine
+from clutchest.discovery.search import LEVEL, Hypothesis, Search
+from clutchest.discovery.suspicions import suspicions
 from clutchest.discovery.transfer import Transfer
+from clutchest.discovery.verdict import HeldOut, Judged, gainsaid, judge
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.maximum import Look
 from clutchest.identify.problem import Problem
-from clutchest.models import only_for, peaks_of
+from clutchest.models import model_for, only_for, peaks_of
 from clutchest.models.effects import Effect, effects_of_file, library
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
-# Family-wise chance that noise is taken for a cause without a name; several times as much in truth,
-# as curves follow small errors of integration and of time stamps too (of 93 drives in which nothing
-# is hidden, three came out below 0.001).
-UNNAMED = 0.0001
 MOST_RIVALS = 6
-# Chance of noise from which on other drives may take a finding back.  Below, it is there in this
-# log, whatever they say: a drive may have been spoilt by what passes.
-SURE = 1e-5
-
 Told = Callable[[tuple[Identifiable, ...]], None]
 
 
@@ -71,22 +61,23 @@ def discover(
     ``holdout``: drives of the same vehicle on which the gain is measured.  ``effects_files``: the
     user's own causes, tried beside the library's.  ``told``: called with what these data can tell
     of every cause, before any is fitted.  Raises ClutchestError where the model cannot be driven by
-    these signals, or for an effect whose delay varies.
+    these signals, for drives held out that lack some of them, or for an effect of the user's that
+    cannot be looked for.
     """
     vehicle = load_vehicle(vehicle)
     only_for("dry_clutch", vehicle.model, "discover")
-    own = [effect for path in effects_files for effect in effects_of_file(path).values()]
-    if turning := [effect.name for effect in own if effect.lateness]:
-        raise ClutchestError(f"'{turning[0]}' is late by more at one time than at another: nothing "
-                             "to look for, but to be stated in the vehicle file")  # fmt: skip
+    own = suspicions(effects_files, vehicle)
+    drives = [] if holdout is None else [holdout] if isinstance(holdout, Signals) else holdout
+    other = _alike(signals, [drive for each in drives for drive in each.drives], vehicle.model)
     effects = (*library(vehicle.model).values(), *own, *probes(vehicle.model))
-    finding = _Finding(signals, vehicle, effects, tuple(effects_files), progress, told)
-    return finding.answer(holdout)
+    finding = _Finding(signals, other, vehicle, effects, tuple(effects_files), progress, told)
+    return finding.answer()
 
 
 @dataclass
 class _Finding:
     signals: Signals
+    held_out: tuple[Signals, ...]
     vehicle: Vehicle
     effects: tuple[Effect, ...]
     files: tuple[Path, ...]
@@ -97,133 +88,74 @@ class _Finding:
         return Problem(without_holes(signals, self.vehicle), self.vehicle, self.effects,
                        self.progress)  # fmt: skip
 
-    def answer(self, holdout: Sequence[Signals] | Signals | None) -> Discovery:
+    def answer(self) -> Discovery:
         """The four questions in order."""
         search = Search.begin(self.problem(self.signals), self.progress)
-        problem, before = search.problem, search.null.look
+        problem = search.problem
         tells = identifiability(search.all, problem.units, search.first, LEVEL)
         if self.told:
             self.told(tells)
-        errors = self._left_over(search, before)
-        if errors and _least(errors).p_value < UNNAMED and model_beyond(search):
-            before = search.null.look
-            errors = self._left_over(search, before)
-        search.run(self.progress)
-        for _ in range(MOST):  # a place that was left must not be come back to for ever
-            if not cause_beyond(search):
-                break
-            search.run(self.progress)
-            before = search.null.look
-            errors = self._left_over(search, before)
-        other = self._other(holdout)
-        dropped = self._weeded(search, other)
-        left = errors
-        spreads, tied, best = refine(search), search.tied(), search.best
-        if best.chosen:
-            tied = [search.released(h).bare for h in tied]
-            search.best = best = search.released(best)
-            left = self._left_over(search, best.look, best.chosen)
-            before = search.null.look
-        unnamed = bool(left) and _least(left).p_value < UNNAMED
-        if len(best.chosen) > 1:  # one curve may do as much as several causes
-            before = search.fitter.arrive(before.theta)
-            errors = self._left_over(search, before)
-            most = max((curve.worth for curve in errors), default=0.0)
-            unnamed |= most > search.null.cost - best.cost
-        verdict = ("unknown" if unnamed else "none" if not best.chosen
-                   else "ambiguous" if tied else "named")  # fmt: skip
-        known = [e for e in self.effects if not e.name.startswith(PREFIX)]
-        warnings = [*self.signals.warnings, *untried(problem, known)]
-        if more := len(problem.drives) - len(self.signals.drives):
-            warnings.append(f"{more} hole(s) through which the clutch may have slipped unseen: "
-                            "what comes after one is taken for a drive of its own")  # fmt: skip
-        warnings += map(_not_borne_out, dropped)
-        curve, gained = None, None
+        other = self._other()
+        judged = judge(search, other, self.progress)
+        verdict, errors, curve, gained = judged.verdict, judged.errors, None, None
+        warnings = [*self._unseen(problem), *map(_not_borne_out, judged.dropped)]
         if verdict == "unknown":
             errors, curve, gained = self._borne_out(search, errors, other)
         elif verdict != "none":
             gained = self._gain(search, other)
-        error = _least(errors) if unnamed else None
-        if gained is not None and gained.other_logs and _gainsaid(search, error, gained):
-            named = " and ".join(sorted(best.names))
-            what = f"an error in '{errors[0].equation}'" if unnamed else named
+        if gained is not None and gained.other_logs and gainsaid(search, judged, gained):
+            what = (f"an error in '{errors[0].equation}'" if judged.unnamed
+                    else " and ".join(sorted(judged.best.names)))  # fmt: skip
             warnings.append(_not_borne_out(what))
             verdict, curve, gained = "none", None, None
-        causes = (
-            () if verdict in ("none", "unknown") else self._causes(search, [best, *tied], spreads)
-        )
+        named = verdict in ("named", "ambiguous")
+        causes = self._causes(search, judged) if named else ()
         warnings += [words for c in causes for words in _implausible(c, self.effects)]
-        where = _where(verdict, best, errors, peaks_of(problem.compiled.model.name))
-        extended, text = self._extended(problem, verdict, causes, curve)
+        where = _where(verdict, judged.best, errors, peaks_of(problem.compiled.model.name))
+        extended, text = self._extended(problem, causes[: len(judged.best.chosen)], curve)
         if gained is not None and gained.total <= 0.0:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
                             "vehicle as it was")  # fmt: skip
             extended, text = self.vehicle, None
-        experiment = None
-        if verdict == "ambiguous":
-            experiment = self._experiment(search, [best, *tied])
-        rivals = [] if verdict in ("none", "unknown") else search.rivals
-        shown = tuple(where.drivers[:2]) if where else ()
-        over = tuple(dict.fromkeys((*shown, "temp_disc", "slip_speed", "slave_position", "time")))
-        after = best.look if verdict in ("named", "ambiguous") else before
+        before = search.fitter.arrive(search.null.look.theta)
         return Discovery(
             vehicle=self.vehicle,
             verdict=verdict,
-            sentence=_sentence(verdict, causes, where, any(tell.excited for tell in tells)),
+            sentence=_sentence(verdict, judged, causes, where, any(t.excited for t in tells)),
             causes=causes,
-            rivals=tuple(
-                Rival(", ".join(sorted(h.names)), h.cost - best.cost,
-                      {f"{c.name}.{c.gain.key}" if len(h.chosen) > 1 else c.gain.key:
-                       float(h.look.theta[c.index] * problem.units[c.index]) for c in h.chosen})
-                for h in rivals[:MOST_RIVALS]
-            ),
+            sets=tuple(tuple(c.name for c in h.chosen) for h in judged.sets) if named else (),
+            rivals=_rivals(problem, judged) if named else (),
             where=where,
             identifiability=tells,
             gain=gained,
-            experiment=experiment,
-            misfit=misfit(problem, search.fitter, before, after, over),
+            experiment=self._experiment(judged) if verdict == "ambiguous" else None,
+            misfit=misfit(problem, search.fitter, before, judged.best.look if named else before),
             extended=extended,
             patch=text,
             warnings=tuple(warnings),
             provenance=self._provenance(problem),
         )  # fmt: skip
 
-    def _left_over(
-        self, search: Search, look: Look, chosen: Sequence[Candidate] = ()
-    ) -> list[Curve]:
-        """What neither the nuisances nor the ``chosen`` causes explain at ``look``."""
-        return curves(search.problem, search.fitter, look, search.free(chosen), seed=3)
+    def _unseen(self, problem: Problem) -> list[str]:
+        """In words, what of the log and of the effects could not be looked at."""
+        known = [e for e in self.effects if not e.name.startswith(PREFIX)]
+        words = [*self.signals.warnings, *untried(problem, known)]
+        if more := len(problem.drives) - len(self.signals.drives):
+            words.append(f"{more} hole(s) through which the clutch may have slipped unseen: "
+                         "what comes after one is taken for a drive of its own")  # fmt: skip
+        return words
 
-    def _other(self, holdout: Sequence[Signals] | Signals | None) -> Callable[[], Problem] | None:
-        """The drives held out, linearised when they are asked for."""
-        if holdout is None:
+    def _other(self) -> HeldOut | None:
+        if not self.held_out:
             return None
-        drives = holdout.drives if isinstance(holdout, Signals) else tuple(holdout)
-        return cache(lambda: self.problem(replace(drives[0], later=tuple(drives[1:]))))
+        first, *later = self.held_out
+        return cache(lambda: self.problem(replace(first, later=tuple(later))))
 
-    def _weeded(self, search: Search, other: Callable[[], Problem] | None) -> list[str]:
-        """Take back causes that might be noise beside others, and that the drives held out do not
-        bear out: names."""
-        dropped: list[str] = []
-        if other is None:
-            return dropped
-        for cause in sorted(search.best.chosen, key=lambda c: -search.p_of.get(c.name, 0.0)):
-            if len(search.best.chosen) == 1 or search.p_of.get(cause.name, 0.0) <= SURE:
-                break
-            fewer = search.without(cause)
-            gained = on_another(search, search.best, other(), fewer)
-            if gained.total <= 0.0 or not search.stays(2.0 * gained.total, fewer):
-                search.settle_for(fewer)
-                dropped.append(cause.name)
-        return dropped
-
-    def _causes(
-        self, search: Search, hypotheses: Sequence[Hypothesis],
-        spreads: Mapping[frozenset[str], Spread],
-    ) -> tuple[Cause, ...]:  # fmt: skip
+    def _causes(self, search: Search, judged: Judged) -> tuple[Cause, ...]:
         found: dict[str, Cause] = {}
-        for h in hypotheses:
-            look, spread = search.fitter.arrive(h.look.theta, h.look.shapes), spreads[h.names]
+        for h in judged.sets:
+            spread = judged.spreads[h.names]
+            look = search.fitter.arrive(h.look.theta, h.look.shapes)
             # of a signal that is late, the tolerance is part of what was found
             within = search.problem.tolerances(c.index for c in h.chosen)
             free = np.setdiff1d(search.free(h.chosen), within)
@@ -235,13 +167,12 @@ class _Finding:
                                              float(np.hypot(of_noise, clock)))}  # fmt: skip
                 numbers |= {key: Found(value, spread.std.get((c.name, key), 0.0))
                             for key, value in c.shapes}  # fmt: skip
-                found.setdefault(c.name, Cause(
-                    c.name, c.effect.equation, numbers,
-                    search.null.cost - h.cost, search.p_of.get(c.name, 0.0),
-                ))  # fmt: skip
+                if c.name not in found:
+                    brings = search.established(c, h)
+                    found[c.name] = Cause(c.name, c.effect.equation, numbers, *brings)
         return tuple(found.values())
 
-    def _gain(self, search: Search, other: Callable[[], Problem] | None) -> Gain:
+    def _gain(self, search: Search, other: HeldOut | None) -> Gain:
         """What is gained by the causes; on parts of the log where no other is held out."""
         if self.progress:
             self.progress("measuring the gain on data held out", None)
@@ -250,7 +181,7 @@ class _Finding:
         return on_another(search, search.best, other())
 
     def _borne_out(
-        self, search: Search, errors: list[Curve], other: Callable[[], Problem] | None
+        self, search: Search, errors: list[Curve], other: HeldOut | None
     ) -> tuple[list[Curve], Curve | None, Gain | None]:
         """The curves, those of the equation in question as the drives held out bear them out; the
         one that stands for a cause without a name, and what it gains there."""
@@ -269,7 +200,7 @@ class _Finding:
         return [*transfer.ranked(), *errors], curve, gained
 
     def _extended(
-        self, problem: Problem, verdict: str, causes: Sequence[Cause], curve: Curve | None
+        self, problem: Problem, causes: Sequence[Cause], curve: Curve | None
     ) -> tuple[Vehicle, str | None]:
         effects, files, text = dict(self.vehicle.effects), list(self.vehicle.effects_files), None
         if curve is not None:
@@ -277,8 +208,7 @@ class _Finding:
             if text is not None:
                 effects[patch.NAME] = {"size": 1.0}
                 files.append(Path(patch.FILE))
-        # of an ambiguous set the likeliest one stands in the model
-        for cause in causes[: 1 if verdict == "ambiguous" else None]:
+        for cause in causes:  # of an ambiguous answer, those of the likeliest set
             effects[cause.effect] = {key: f.value for key, f in cause.parameters.items()}
         used = {effect for effect in effects if effect not in library(self.vehicle.model)}
         for path in self.files:
@@ -286,33 +216,46 @@ class _Finding:
                 files.append(path.resolve())
         return replace(self.vehicle, effects=effects, effects_files=tuple(files)), text
 
-    def _experiment(self, search: Search, hypotheses: Sequence[Hypothesis]) -> Experiment:
+    def _experiment(self, judged: Judged) -> Experiment:
         from clutchest.generator import SCENARIOS
         from clutchest.simulated import simulate
 
-        common = frozenset.intersection(*(h.names for h in hypotheses))
-        rivals = [
-            next(((c, float(h.look.theta[c.index])) for c in h.chosen if c.name not in common),
-                 (h.chosen[0], float(h.look.theta[h.chosen[0].index])))
-            for h in hypotheses
-        ]  # fmt: skip
+        common = frozenset.intersection(*(h.names for h in judged.sets))
+        sized = [[(c, float(h.look.theta[c.index])) for c in h.chosen] for h in judged.sets]
+        rivals = [next((one for one in each if one[0].name not in common), each[0])
+                  for each in sized]  # fmt: skip
+        beside = [one for one in sized[0] if one[0].name in common and one not in rivals]
         return propose(
-            rivals, self.vehicle, tuple(SCENARIOS),
+            rivals, beside, self.vehicle, tuple(SCENARIOS),
             lambda name, effects: simulate(self.vehicle, name, 1, effects, nominal=True),
             self.problem, self.progress,
         )  # fmt: skip
 
     def _provenance(self, problem: Problem) -> dict[str, str]:
-        logs = (Path(name).name for drive in self.signals.drives for name in drive.sources)
         return {
-            "logs": ", ".join(logs),
+            "logs": _names(self.signals.drives),
             "clutchest": __version__,
             "python": platform.python_version(),
             "numba": version("numba"),
             "vehicle": self.vehicle.name,
             "vehicle_hash": self.vehicle.hash,
+            "held_out": _names(self.held_out),
             "model_hash": problem.compiled.digest,
         }
+
+
+def _alike(signals: Signals, other: Sequence[Signals], model: str) -> tuple[Signals, ...]:
+    """The drives held out with the signals of the log, no others.  Raises ClutchestError where one
+    lacks such a signal that its equations would be others."""
+    used = set.intersection(*({n for n in d if d[n].valid.any()} for d in signals.drives))
+    for drive in other:
+        left = {n for n in used if n in drive and drive[n].valid.any()}
+        if model_for(model, left) is not model_for(model, used):
+            name = _names([drive]) or "a drive held out"
+            raise ClutchestError(f"{name}: no valid sample of {', '.join(sorted(used - left))}, "
+                                 "expected the signals of the log in what is held out")  # fmt: skip
+    return tuple(replace(drive, signals={name: drive[name] for name in used if name in drive})
+                 for drive in other)  # fmt: skip
 
 
 def _not_borne_out(what: str) -> str:
@@ -334,19 +277,18 @@ def _implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
     return said
 
 
-def _least(errors: Sequence[Curve]) -> Curve:
-    return min(errors, key=lambda c: c.p_value)
+def _names(drives: Sequence[Signals]) -> str:
+    return ", ".join(Path(name).name for drive in drives for name in drive.sources)
 
 
-def _gainsaid(search: Search, error: Curve | None, gained: Gain) -> bool:
-    """Whether a finding, an ``error`` where it has no name, might be noise and is none when what
-    other drives ``gained`` counts as well."""
-    more = 2.0 * gained.total
-    if error is not None:
-        likelier = exp(min(-more / 2.0, 700.0))
-        return error.p_value > SURE and error.p_value * likelier > UNNAMED
-    p = max(search.p_of.get(name, 0.0) for name in search.best.names)
-    return p > SURE and not search.stays(more)
+def _rivals(problem: Problem, judged: Judged) -> tuple[Rival, ...]:
+    """Those that lost, the likeliest first."""
+    return tuple(
+        Rival(", ".join(sorted(h.names)), h.cost - judged.limit,
+              {f"{c.name}.{c.gain.key}" if len(h.chosen) > 1 else c.gain.key:
+               float(h.look.theta[c.index] * problem.units[c.index]) for c in h.chosen})
+        for h in sorted(judged.lost, key=lambda h: h.cost)[:MOST_RIVALS]
+    )  # fmt: skip
 
 
 def _where(
@@ -362,7 +304,9 @@ def _where(
     return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)
 
 
-def _sentence(verdict: str, causes: Sequence[Cause], where: Where | None, excited: bool) -> str:
+def _sentence(
+    verdict: str, judged: Judged, causes: Sequence[Cause], where: Where | None, excited: bool
+) -> str:
     """The answer in words; ``excited``: whether the data could show any cause at all."""
     if verdict == "none" and not excited:
         return "These data cannot show any known cause: they say nothing for or against the model."
@@ -374,10 +318,10 @@ def _sentence(verdict: str, causes: Sequence[Cause], where: Where | None, excite
         with_ += ", the highest it has been" if where.peak else ""
         return (f"Something is wrong in the equation '{where.equation}'{with_}, "
                 "and no known cause explains it.")  # fmt: skip
-    words = []
+    words = {}
     for c in causes:
         numbers = [f"{key} = {f.value:.3g} ± {f.std:.2g}" for key, f in c.parameters.items()]
-        words.append(f"{c.effect} ({', '.join(numbers)})")
-    if verdict == "named":
-        return f"The model lacks {' and '.join(words)}."
-    return f"The model lacks one of {', '.join(words)}; these data cannot tell which."
+        words[c.effect] = f"{c.effect} ({', '.join(numbers)})"
+    lacks = either([[words[c.name] for c in h.chosen] for h in judged.sets])
+    which = "; these data cannot tell which" if verdict == "ambiguous" else ""
+    return f"The model lacks {lacks}{which}."

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.result import Gain
-from clutchest.discovery.search import Hypothesis, Search
+from clutchest.discovery.search import BEYOND, Hypothesis, Search
 from clutchest.discovery.torque import torques
 from clutchest.identify.maximum import NO_SHAPES, Fitter, Look
 from clutchest.identify.problem import Problem, Shapes
@@ -69,7 +69,7 @@ def in_turns(search: Search, best: Hypothesis) -> Gain:
     """Of a hypothesis on the log in which it was found, where there is no other: each part of the
     log in turn is foretold by numbers of the vehicle fitted to the rest, what the drive started
     from anew.  Which causes they are numbers of was decided on all of it."""
-    problem, fitter = search.problem, search.fitter
+    problem, fitter = search.problem, search.fitter.roomier(BEYOND)  # sizes are as released
     times = _one_after_another(problem, [d.t for d in problem.drives])
     edges = np.quantile(times, np.linspace(0.0, 1.0, PARTS + 1))[1:-1]
     part = np.searchsorted(edges, times)
@@ -131,6 +131,11 @@ class Foretold:
             float(np.sum(fitter.prior * look.theta**2)),
         )
 
+    @property
+    def without_torque(self) -> Foretold:
+        """The same where it is not known what torque the equations would make."""
+        return replace(self, torque_at=np.zeros(0), torque=np.zeros(0))
+
     def only(self, when: Callable[[Floats], NDArray[np.bool_]]) -> Foretold:
         """The same at times s ``when`` it counts; nothing elsewhere."""
         mine, its = when(self.at), when(self.torque_at)
@@ -155,8 +160,8 @@ def between(before: Foretold, after: Foretold, span: Floats) -> Gain:
     old, new = inside[0] ** 2 + noise, inside[1] ** 2 + noise
     gained = (before.cost - after.cost) / 2.0 + _interval((old - new) / 2.0, before.at)
     return Gain(
-        rmse_before=_root_mean_square(before.own),
-        rmse_after=_root_mean_square(after.own),
+        rmse_before=_root_mean_square(before.own) or 0.0,
+        rmse_after=_root_mean_square(after.own) or 0.0,
         nll_before=float(old.sum() + before.cost) / 2.0,
         nll_after=float(new.sum() + after.cost) / 2.0,
         simulation_rmse_before=_root_mean_square(before.torque),
@@ -174,5 +179,5 @@ def _interval(gained: Floats, at: Floats) -> Floats:
     return np.quantile(drawn, [0.025, 0.975])
 
 
-def _root_mean_square(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+def _root_mean_square(values: Floats) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from clutchest.discovery.drivers import drivers
@@ -17,11 +15,9 @@ BINS = 8
 FEWEST = 40  # readings in a mode that are worth a picture
 
 
-def misfit(
-    problem: Problem, fitter: Fitter, before: Look, after: Look, over: Sequence[str]
-) -> Misfit:
-    """What the model as it is misses, and what is left with what was found; binned over the
-    drivers ``over``."""
+def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfit:
+    """What the model as it is misses, over every state, input and rate, and what is left with what
+    was found."""
     sensors = tuple(sensor.name for sensor in problem.compiled.model.sensors)
     simulated = torques(problem, before)
     values = [drivers(drive) for drive in problem.drives]
@@ -38,9 +34,7 @@ def misfit(
             r = white[rows]
             level, lag = float(np.mean(r**2)), float(np.mean(r[1:] * r[:-1]))
             levels.append(Level(name, MODE_NAMES[m], level, lag / level, len(r)))
-            for driver in over:
-                if any(driver not in v for v in values):
-                    continue
+            for driver in [name for name in values[0] if all(name in v for v in values)]:
                 joined = np.concatenate([
                     v[driver][d.rows] for v, d in zip(values, problem.drives, strict=True)
                 ])[rows]  # fmt: skip

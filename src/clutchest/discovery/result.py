@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
-
-VERDICTS = ("none", "named", "ambiguous", "unknown")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +23,8 @@ class Found:
 @dataclass(frozen=True, slots=True)
 class Cause:
     """An effect that the data ask for, ``statistic`` its gain in −2 ln(probability) over the model
-    without it, ``p_value`` the chance of as much somewhere in the library by noise alone."""
+    without it but with the other causes found, ``p_value`` the chance that noise alone brings as
+    much to any effect of the library."""
 
     effect: str
     equation: str
@@ -80,15 +79,17 @@ class Identifiable:
 class Gain:
     """Before and after, on data not used to find it; ``ci95`` of nll_before − nll_after.
 
-    ``other_logs``: on logs held out; else on parts of the log itself, each foretold by the rest.
+    ``simulation_rmse``: None where the clutch did not slip there, after a patch also: what it does
+    is known to first order only.  ``other_logs``: on logs held out; else on parts of the log
+    itself, each foretold by the rest.
     """
 
     rmse_before: float
     rmse_after: float
     nll_before: float
     nll_after: float
-    simulation_rmse_before: float
-    simulation_rmse_after: float
+    simulation_rmse_before: float | None
+    simulation_rmse_after: float | None
     ci95: tuple[float, float]
     other_logs: bool = True
 
@@ -156,13 +157,16 @@ class Misfit:
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """The answer.  ``extended`` is the vehicle with what was found in its model, ``patch`` the
-    text of a file of effects that it refers to, if any; ``sentence`` says it in words."""
+    """The answer.  ``sets`` are the names of causes that act together, the likeliest set first:
+    one where they are named, several where the data cannot tell.  ``extended`` is the vehicle with
+    what was found in its model, ``patch`` the text of a file of effects that it refers to, if any;
+    ``sentence`` says it in words."""
 
     vehicle: Vehicle
     verdict: str
     sentence: str
     causes: tuple[Cause, ...]
+    sets: tuple[tuple[str, ...], ...]
     rivals: tuple[Rival, ...]
     where: Where | None
     identifiability: tuple[Identifiable, ...]
@@ -178,6 +182,11 @@ class Discovery:
     def unexcited(self) -> tuple[str, ...]:
         """Effects whose largest plausible size this log would not show."""
         return tuple(i.effect for i in self.identifiability if not i.excited)
+
+    @property
+    def named(self) -> bool:
+        """Whether there are causes with names, which the model can be run with."""
+        return bool(self.causes)
 
     def summary(self) -> dict[str, Any]:
         """What ``discovery.json`` holds."""
@@ -221,3 +230,16 @@ class Discovery:
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }  # fmt: skip
+
+
+def either(sets: Sequence[Sequence[str]]) -> str:
+    """Sets of things of which one holds, in words: "a and b"; "a and one of b, c"; "one of: a and
+    b; c and d"."""
+    common = [name for name in sets[0] if all(name in others for others in sets)]
+    rest = [[name for name in own if name not in common] for own in sets]
+    if len(sets) == 1:
+        return " and ".join(common)
+    plain = all(len(own) == 1 for own in rest)
+    choice = [" and ".join(own) if own else "nothing else" for own in rest]
+    one = f"one of {', '.join(choice)}" if plain else f"one of: {'; '.join(choice)}"
+    return " and ".join([*common, one])

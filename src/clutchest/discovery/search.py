@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from clutchest.discovery.candidates import Candidate, candidates, settings
 from clutchest.discovery.score import ABSENT, Board, board, cleared
@@ -57,8 +58,8 @@ class Search:
 
     ``null`` the model as it is, ``first`` the scores of all causes against it; ``best`` the causes
     found (none at first), ``rivals`` hypotheses of the same size, best first; ``p_of`` by effect
-    the family-wise p-value with which it joined; ``tried`` what has been fitted; ``sizes`` the best
-    and its rivals at every number of causes.
+    the family-wise p-value of its score when it was first tried; ``tried`` what has been fitted;
+    ``sizes`` the best and its rivals at every number of causes.
     """
 
     problem: Problem
@@ -165,10 +166,21 @@ class Search:
             return fits[0]
         return None
 
-    def without(self, cause: Candidate) -> Hypothesis:
-        """The best less one of its causes."""
-        rest = tuple(c for c in self.best.chosen if c is not cause)
-        return self.fitted(rest, self.best.look)
+    def without(self, cause: Candidate, of: Hypothesis | None = None) -> Hypothesis:
+        """The best, or another hypothesis, less one of its causes."""
+        of = of or self.best
+        rest = tuple(c for c in of.chosen if c is not cause)
+        return self.fitted(rest, of.look)
+
+    def established(self, cause: Candidate, of: Hypothesis) -> tuple[float, float]:
+        """What a cause of a hypothesis brings beside its others, in −2 ln(probability), and the
+        family-wise chance that noise alone brings as much to any."""
+        if len(of.chosen) == 1:
+            return self.null.cost - of.cost, self.p_of.get(cause.name, 0.0)
+        brings = self.released(self.without(cause, of)).cost - of.cost
+        one_sided = 1.0 if cause.gain.one_sided else 2.0
+        p = one_sided * norm.sf(np.sqrt(max(brings, 0.0)))
+        return brings, float(self.first.p_among_all(p))
 
     def settle_for(self, fewer: Hypothesis) -> None:
         """Take a hypothesis with fewer causes for the best."""

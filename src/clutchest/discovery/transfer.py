@@ -66,7 +66,7 @@ class Transfer:
             cost = float(np.sum((look.theta[free] - step) ** 2))
             return replace(among, white=white, own=among.own * shrunk, cost=cost)
 
-        after = tuple(refitted(look.r + change) for change in changes.T)
+        after = tuple(refitted(look.r + change).without_torque for change in changes.T)
         return cls(tuple(curves), fitter.span, refitted(look.r), after)
 
     def ranked(self) -> list[Curve]:

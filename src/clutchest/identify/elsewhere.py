@@ -21,8 +21,8 @@ BENT = 1.0  # of −2 ln(probability): by so much more or less than expected, th
 def elsewhere(fitter: Fitter, look: Look, free: NDArray[np.int64]) -> Look | None:
     """The most probable place beyond a threshold, where it is better than ``look`` at the most
     probable values of the ``free`` thetas (indices); None where there is none."""
-    variance, directions = np.linalg.eigh(fitter.covariance(look, free))
-    std = np.sqrt(variance)
+    curvature, directions = np.linalg.eigh(fitter.curvature(look, free))
+    std = curvature**-0.5
     lowest, start = look.cost, None
     for along in (directions * std).T[std > LOOSE]:
         for side in (-ASIDE, ASIDE):
@@ -41,8 +41,7 @@ def _aside(fitter: Fitter, look: Look, free: NDArray[np.int64], by: Floats) -> L
     """Without derivatives, at ``by`` from a look, as far as gains may go."""
     theta = look.theta.copy()
     theta[free] += by
-    theta = np.clip(theta, fitter.low, fitter.high)
-    return fitter.look(theta, look.shapes, np.zeros(0, np.int64))
+    return fitter.look(fitter.within(theta, free), look.shapes, np.zeros(0, np.int64))
 
 
 def _bends(look: Look, aside: Look) -> bool:

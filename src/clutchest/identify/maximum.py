@@ -266,11 +266,11 @@ class Fitter:
             move = self.step(look, free, damping)
             if (promised := self._promised(look, move)) < SETTLED:
                 break
-            move = self._lengthened(look, move, last)
+            move = self._lengthened(look, free, move, last)
             if share < 1.0 and bend is None:
                 bend = self._bend(look, move, free)
             path = move if bend is None else share * (move + share / 2.0 * bend)
-            look = self.look(np.clip(look.theta + path, self.low, self.high), look.shapes, free)
+            look = self.look(self.within(look.theta + path, free), look.shapes, free)
             straight = bend is None and not damping
             if look.cost < best.cost:
                 gained, best, climbs, damping = best.cost - look.cost, look, 0, damping / 10.0
@@ -305,7 +305,16 @@ class Fitter:
         bend[free] = -np.linalg.solve(curvature[np.ix_(free, free)], (look.psi.T @ curved)[free])
         return bend
 
-    def _lengthened(self, look: Look, move: Floats, last: Floats) -> Floats:
+    def within(self, theta: Floats, free: NDArray[np.int64]) -> Floats:
+        """``theta`` (m) with the ``free`` ones (indices) no further than is plausible; what is held
+        stays where it is."""
+        inside = theta.copy()
+        inside[free] = np.clip(theta[free], self.low[free], self.high[free])
+        return inside
+
+    def _lengthened(
+        self, look: Look, free: NDArray[np.int64], move: Floats, last: Floats
+    ) -> Floats:
         """A step; where steps go on and on in one direction, one to where they lead (Aitken).
 
         Along a ridge, derivatives that are nearly alike take turns, and what little each of them is
@@ -315,8 +324,7 @@ class Fitter:
         if along <= 0.0 or along < ALIKE * np.sqrt(square * (move @ move)) or along >= square:
             return move
         times = min(float(square / (square - along)), LONGEST)
-        longer = look.theta + times * move
-        return np.asarray(np.clip(longer, self.low, self.high) - look.theta)
+        return self.within(look.theta + times * move, free) - look.theta
 
     def step(
         self, look: Look, free: NDArray[np.int64], damping: float = 0.0, heat: float = 1.0
@@ -342,8 +350,11 @@ class Fitter:
 
     def covariance(self, look: Look, free: NDArray[np.int64]) -> Floats:
         """Of the ``free`` thetas (f), (f, f), as far as all is linear at a look."""
-        curvature = look.information[np.ix_(free, free)] + np.diag(self.prior[free] + 1e-9)
-        return np.asarray(np.linalg.inv(curvature), np.float64)
+        return np.asarray(np.linalg.inv(self.curvature(look, free)), np.float64)
+
+    def curvature(self, look: Look, free: NDArray[np.int64]) -> Floats:
+        """Its inverse (f, f): half the second derivative of the cost."""
+        return look.information[np.ix_(free, free)] + np.diag(self.prior[free] + 1e-9)
 
     def _promised(self, look: Look, step: Floats) -> float:
         """By how much a step would lower the cost if all were linear."""

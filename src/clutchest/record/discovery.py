@@ -10,7 +10,7 @@ from pathlib import Path
 
 from clutchest import __version__
 from clutchest.discovery.patch import FILE
-from clutchest.discovery.result import Cause, Discovery, Found, Gain, Rival
+from clutchest.discovery.result import Cause, Discovery, Found, Gain, Rival, either
 from clutchest.errors import ClutchestError
 from clutchest.models.effects import Effect, effects_of_file, library
 from clutchest.record.files import finished_into, json_text
@@ -21,9 +21,7 @@ from clutchest.shipped import shipped
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.text import vehicle_text
 
-_MOST_RIVALS = 6
 _EQUATION = {"sensor": "the readings of", "timing": "the time stamps of"}
-NOTHING_HELD_OUT = "Not measured.  `--holdout LOG` gives data for it."
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
@@ -61,14 +59,11 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
 
 def title(discovery: Discovery) -> str:
     """The verdict in a few words."""
-    names = [cause.effect for cause in discovery.causes]
     if discovery.verdict == "none":
         told = any(i.excited for i in discovery.identifiability)
         return "the model explains the data" if told else "the data cannot tell"
-    if discovery.verdict == "named":
-        return f"found {' and '.join(names)}"
-    if discovery.verdict == "ambiguous":
-        return f"one of {', '.join(names)}"
+    if discovery.named:
+        return f"found {either(discovery.sets)}"
     return "something wrong that no known effect explains"
 
 
@@ -98,7 +93,7 @@ def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
 def rivals_rows(rivals: Sequence[Rival]) -> list[tuple[str, str, str]]:
     """Per rival, best first, its name, fitted numbers, and why it lost."""
     rows = []
-    for rival in sorted(rivals, key=lambda r: r.behind)[:_MOST_RIVALS]:
+    for rival in rivals:
         numbers = ", ".join(f"{key} {value:.3g}" for key, value in rival.parameters.items())
         rows.append((rival.effect, numbers, f"{_times(rival.behind)} less probable"))
     return rows
@@ -108,16 +103,27 @@ def gain_words(gain: Gain) -> str:
     """What the extension is worth on data not used to find it, with its interval."""
     on = "On held-out data" if gain.other_logs else "With each part of the log foretold by the rest"
     low, high = gain.ci95
-    value = gain.nll_before - gain.nll_after
+    value, before, after = gain.total, gain.simulation_rmse_before, gain.simulation_rmse_after
     digits = 1 if high - low < 100 else 0
     pays = "" if low > 0 else "  The interval includes nought: the extension does not surely pay."
+    torque = ""
+    if before is not None and after is not None:
+        torque = f", the open-loop torque error from {before:.1f} to {after:.1f} Nm"
     return (
         f"{on} ln(probability) rises by {value:.{digits}f} "
         f"[95 %: {low:.{digits}f} to {high:.{digits}f}], "
         f"the misfit goes from {gain.rmse_before:.3f} to {gain.rmse_after:.3f} standard "
-        f"deviations, the open-loop torque error from {gain.simulation_rmse_before:.1f} to "
-        f"{gain.simulation_rmse_after:.1f} Nm.{pays}"
+        f"deviations{torque}.{pays}"
     )
+
+
+def unmeasured_words(discovery: Discovery) -> str:
+    """Why there is no gain to tell of."""
+    if discovery.verdict == "none":
+        return "Nothing was found that could gain anything."
+    if discovery.provenance["held_out"]:
+        return "No curve could be put into the model, so that there is no gain to measure."
+    return "Not measured.  `--holdout LOG` gives data for it."
 
 
 def unexcited_words(discovery: Discovery) -> str:
@@ -148,7 +154,7 @@ def report(discovery: Discovery, picture: str | None = None) -> str:
     if discovery.rivals:
         rows = rivals_rows(discovery.rivals)
         parts += ["## Rivals that lost", table(("effect", "fitted", "why"), rows)]
-    gain = gain_words(discovery.gain) if discovery.gain else NOTHING_HELD_OUT
+    gain = gain_words(discovery.gain) if discovery.gain else unmeasured_words(discovery)
     parts += ["## The extended model", _extension(discovery), gain]
     if discovery.experiment:
         parts += ["## Next manoeuvre", discovery.experiment.words]

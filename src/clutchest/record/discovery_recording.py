@@ -26,8 +26,8 @@ def write_discovery_recording(discovery: Discovery, path: Path) -> None:
 
     Entities: ``clutch_torque/measured``, ``/simulated``, ``/extended`` (Nm, while slipping),
     ``residual/<sensor>`` and ``residual/<sensor>/extended`` (misfit over its standard deviation
-    without and with what was found), ``drive`` where there are several, ``report``.  Without a
-    finding there is no ``extended``.
+    without and with what was found), ``drive`` where there are several, ``report``.  Where no cause
+    has a name there is no ``extended``.
     """
     misfit = discovery.misfit
     starts, end = one_behind_another(
@@ -58,7 +58,7 @@ def _send_torque(
     names = [
         ("measured", _MEASURED, 1.0), ("simulated", _SIMULATED, 1.5), ("extended", _EXTENDED, 4.0)
     ]  # fmt: skip
-    if discovery.verdict == "none":
+    if not discovery.named:
         names.pop()
     shown, values = [], []
     for k, (name, colour, width) in enumerate(names, start=1):
@@ -85,7 +85,7 @@ def _send_residuals(
     for number, sensor in enumerate(misfit.sensors):
         rows = [which == number for which in misfit.sensor]
         lines = [(f"residual/{sensor}", "as it was", _SIMULATED, misfit.before)]
-        if discovery.verdict != "none":
+        if discovery.named:
             lines.append(
                 (f"residual/{sensor}/extended", "with what was found", _EXTENDED, misfit.after)
             )

@@ -11,12 +11,12 @@ from rich.table import Column, Table
 
 from clutchest.discovery.result import Discovery, Identifiable
 from clutchest.record.discovery import (
-    NOTHING_HELD_OUT,
     causes_rows,
     gain_words,
     next_commands,
     rivals_rows,
     unexcited_words,
+    unmeasured_words,
     whereabouts,
 )
 from clutchest.record.terminal import print_warnings
@@ -42,7 +42,7 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
     if discovery.gain:
         console.print(escape(gain_words(discovery.gain)))
     elif discovery.verdict != "none":
-        console.print(escape(f"Gain: {NOTHING_HELD_OUT}"))
+        console.print(escape(f"Gain: {unmeasured_words(discovery)}"))
     console.print(escape(unexcited_words(discovery)))
     if discovery.experiment:
         console.print(escape(f"Next: {discovery.experiment.words}"))

@@ -81,7 +81,7 @@ def _draw_torque(discovery: Discovery, axes: Axes) -> None:
     time, measured, simulated, extended = (c[piece] for c in discovery.misfit.torque[drive])
     axes.plot(time, measured, ".", ms=3, color="0.55", label="measured")
     axes.plot(time, simulated, lw=1.4, color="C0", label="simulated")
-    if discovery.verdict != "none":
+    if discovery.named:
         axes.plot(time, extended, lw=1.4, color="C1", label="with what was found")
     drives = f"drive {drive}, " if len(discovery.misfit.torque) > 1 else ""
     axes.set_title("clutch torque in the slip it misses most", loc="left", fontsize=9)
