@@ -166,6 +166,12 @@ def test_the_gain_says_whether_it_pays():
     assert "Not measured.  `--holdout LOG`" in printed(discovery("named", None))
 
 
+def test_a_loss_is_told_as_one():
+    lost = gain_words(replace(GAIN, nll_after=909.6, ci95=(-19.2, -4.0)))
+    assert "ln(probability) falls by 9.6 [95 %: 4.0 to 19.2]" in lost
+    assert "does not pay" in lost and "nought" not in lost
+
+
 def test_why_nothing_was_measured():
     assert "Nothing was found that could gain anything." in report(discovery("none", None))
     held_out = {**discovery("unknown").provenance, "held_out": "wednesday.log"}

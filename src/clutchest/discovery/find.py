@@ -282,12 +282,13 @@ def _names(drives: Sequence[Signals]) -> str:
 
 
 def _rivals(problem: Problem, judged: Judged) -> tuple[Rival, ...]:
-    """Those that lost, the likeliest first."""
+    """Those that lost, the likeliest first; one of whose causes nothing is left is none."""
+    lost = [h for h in judged.lost if all(h.look.theta[c.index] != 0.0 for c in h.chosen)]
     return tuple(
         Rival(", ".join(sorted(h.names)), h.cost - judged.limit,
               {f"{c.name}.{c.gain.key}" if len(h.chosen) > 1 else c.gain.key:
                float(h.look.theta[c.index] * problem.units[c.index]) for c in h.chosen})
-        for h in sorted(judged.lost, key=lambda h: h.cost)[:MOST_RIVALS]
+        for h in sorted(lost, key=lambda h: h.cost)[:MOST_RIVALS]
     )  # fmt: skip
 
 

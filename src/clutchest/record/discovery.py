@@ -106,12 +106,15 @@ def gain_words(gain: Gain) -> str:
     value, before, after = gain.total, gain.simulation_rmse_before, gain.simulation_rmse_after
     digits = 1 if high - low < 100 else 0
     pays = "" if low > 0 else "  The interval includes nought: the extension does not surely pay."
+    pays = pays if high > 0 else "  The extension does not pay there."
+    moves = f"rises by {value:.{digits}f} [95 %: {low:.{digits}f} to {high:.{digits}f}]"
+    if value < 0:
+        moves = f"falls by {-value:.{digits}f} [95 %: {-high:.{digits}f} to {-low:.{digits}f}]"
     torque = ""
     if before is not None and after is not None:
         torque = f", the open-loop torque error from {before:.1f} to {after:.1f} Nm"
     return (
-        f"{on} ln(probability) rises by {value:.{digits}f} "
-        f"[95 %: {low:.{digits}f} to {high:.{digits}f}], "
+        f"{on} ln(probability) {moves}, "
         f"the misfit goes from {gain.rmse_before:.3f} to {gain.rmse_after:.3f} standard "
         f"deviations{torque}.{pays}"
     )
