@@ -28,6 +28,30 @@ def drive(seed: int, effects=None, scenario="launches", duration=600.0, **option
     )
 
 
+def without(signals, *lost):
+    return replace(signals, signals={n: s for n, s in signals.items() if n not in lost})
+
+
+@pytest.mark.parametrize("lost", ["slave_position", "input_shaft_speed"])
+def test_drives_held_out_must_have_the_signals_of_the_log(lost):
+    log, other = drive(71, duration=60.0), drive(72, duration=60.0)
+    broken = replace(without(other, lost), sources=("tuesday.log",))
+    with pytest.raises(ClutchestError, match=rf"tuesday\.log: no valid sample of {lost}, expected"):
+        discover(log, TRUCK, holdout=[other, broken])
+
+
+def test_of_drives_held_out_the_signals_of_the_log_count_and_every_drive():
+    log, one, two = (drive(seed, duration=60.0) for seed in (71, 72, 73))
+    plain = without(log, "slave_position", "coolant_temp")
+    both = replace(one, later=(two,))
+    for holdout in ([one, two], [both], both):
+        drives = [d for each in ([holdout] if holdout is both else holdout) for d in each.drives]
+        alike = find._alike(plain, drives, "dry_clutch")
+        assert len(alike) == 2 and all(set(d) == set(plain) for d in alike)
+    assert len(find._alike(log, [without(one, "coolant_temp")], "dry_clutch")) == 1
+    assert find._alike(log, [], "dry_clutch") == ()
+
+
 @pytest.fixture(scope="module")
 def found() -> Discovery:
     return discover(drive(71, HIDDEN), TRUCK, holdout=drive(72, HIDDEN))

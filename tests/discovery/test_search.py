@@ -136,6 +136,26 @@ def test_a_cause_in_the_model_explains_its_score_away(hidden):
     assert first.p_among_all(first.p_alone(first.z)[place]) < LEVEL
 
 
+def test_each_of_two_causes_has_the_chance_that_is_its_own():
+    """The one that is found first has explained the other, and alone seems surer than it is."""
+    hidden = {"centrifugal": {"slope": 0.1}, "friction_speed": {"slope": 0.08}}
+    search = searched(1, hidden, "mixed", LONGER)
+    assert search.best.names == set(hidden)
+    total = search.null.cost - search.best.cost
+    for cause in search.best.chosen:
+        brings, p = search.established(cause, search.best)
+        fewer = search.without(cause)
+        assert brings == pytest.approx(fewer.cost - search.best.cost, abs=0.1)
+        beside = search.scores(fewer, [cause], seed=1)
+        assert beside.z[0] ** 2 == pytest.approx(brings, rel=0.3)
+        assert brings < 0.8 * total
+        assert p < LEVEL
+    alone = [search.p_of[c.name] for c in search.best.chosen]
+    assert min(alone) < 1e-3 * max(
+        search.established(c, search.best)[1] for c in search.best.chosen
+    )
+
+
 def test_a_clean_drive_has_no_cause():
     search = searched(1, {})
     assert search.best is search.null

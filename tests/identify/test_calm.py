@@ -136,3 +136,11 @@ def test_a_pace_is_that_of_a_signal_and_none_of_its_noise():
 def test_events_at_one_instant_have_no_pace():
     t = np.array([0.0, 0.01, 0.01, 0.02])
     assert not pace(t, np.arange(4.0), np.ones(4, bool)).any()
+
+
+@pytest.mark.parametrize("period", [0.02, 0.034, 0.05, 0.1, 0.5])
+def test_a_slow_signal_has_a_path_too(period):
+    t = np.arange(0.0, 60.0, period)
+    true = np.interp(t, T, trapezium())
+    read = true + 0.1 * np.random.default_rng(3).normal(size=len(t))
+    np.testing.assert_allclose(path(t, read, 0.1, 0.0), true, atol=0.5 + 40.0 * period / 3.0)

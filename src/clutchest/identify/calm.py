@@ -19,7 +19,7 @@ NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
 PATHS = 0.05 * 2.0 ** (np.arange(11) / 2.0)  # s, to 1.6
-LINE = 3  # samples, through which a line is more than the samples themselves
+LINE = 3  # samples, through which a line is more than a sample
 AGREE = 2.5  # standard deviations of a mean, by which the truth may be off it
 
 
@@ -55,11 +55,9 @@ def path(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
     lower, upper = np.full(len(read), -np.inf), np.full(len(read), np.inf)
     for window in PATHS:
         count = round(window / period) | 1
-        if count < LINE:
-            continue
         if count > len(read):
             break
-        mean = savgol_filter(read, count, 1)
+        mean = savgol_filter(read, count, 1) if count >= LINE else read
         reach = AGREE * noise * _scatter(count, ar)
         lower, upper = np.maximum(lower, mean - reach), np.minimum(upper, mean + reach)
         agree &= lower <= upper
