@@ -14,7 +14,9 @@ class Searched:
 
     def __init__(self, p_of: dict[str, float]) -> None:
         self.p_of = p_of
-        self.best = SimpleNamespace(chosen=tuple(SimpleNamespace(name=name) for name in p_of))
+        self.best = SimpleNamespace(
+            chosen=tuple(SimpleNamespace(name=name, index=i) for i, name in enumerate(p_of))
+        )
 
     def established(self, cause, of):
         assert of is self.best

@@ -92,7 +92,8 @@ class _Finding:
         """The four questions in order."""
         search = Search.begin(self.problem(self.signals), self.progress)
         problem = search.problem
-        tells = identifiability(search.all, problem.units, search.first, LEVEL)
+        tells = (*identifiability(search.all, problem.units, search.first, LEVEL),
+                 *self._untold(problem))  # fmt: skip
         if self.told:
             self.told(tells)
         other = self._other()
@@ -113,7 +114,7 @@ class _Finding:
         warnings += [words for c in causes for words in _implausible(c, self.effects)]
         where = _where(verdict, judged.best, errors, peaks_of(problem.compiled.model.name))
         extended, text = self._extended(problem, causes[: len(judged.best.chosen)], curve)
-        if gained is not None and gained.total <= 0.0:
+        if gained is not None and gained.total < 0.0:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
                             "vehicle as it was")  # fmt: skip
             extended, text = self.vehicle, None
@@ -123,7 +124,7 @@ class _Finding:
             verdict=verdict,
             sentence=_sentence(verdict, judged, causes, where, any(t.excited for t in tells)),
             causes=causes,
-            sets=tuple(tuple(c.name for c in h.chosen) for h in judged.sets) if named else (),
+            sets=tuple(_names_of(h) for h in judged.sets) if named else (),
             rivals=_rivals(problem, judged) if named else (),
             where=where,
             identifiability=tells,
@@ -136,10 +137,20 @@ class _Finding:
             provenance=self._provenance(problem),
         )  # fmt: skip
 
+    @property
+    def _known(self) -> list[Effect]:
+        """The library's and the user's."""
+        return [e for e in self.effects if not e.name.startswith(PREFIX)]
+
+    def _untold(self, problem: Problem) -> list[Identifiable]:
+        """The same of effects that the equations of these signals cannot have: nothing shows."""
+        there = {*problem.effects, *self.vehicle.effects}
+        return [Identifiable(e.name, e.gains[0].unit, None, e.gains[0].upper, None, None)
+                for e in self._known if e.name not in there]  # fmt: skip
+
     def _unseen(self, problem: Problem) -> list[str]:
         """In words, what of the log and of the effects could not be looked at."""
-        known = [e for e in self.effects if not e.name.startswith(PREFIX)]
-        words = [*self.signals.warnings, *untried(problem, known)]
+        words = [*self.signals.warnings, *untried(problem, self._known)]
         if more := len(problem.drives) - len(self.signals.drives):
             words.append(f"{more} hole(s) through which the clutch may have slipped unseen: "
                          "what comes after one is taken for a drive of its own")  # fmt: skip
@@ -152,10 +163,12 @@ class _Finding:
         return cache(lambda: self.problem(replace(first, later=tuple(later))))
 
     def _causes(self, search: Search, judged: Judged) -> tuple[Cause, ...]:
+        """Those of the likeliest set first; of an effect that stands in several, as it is there."""
         found: dict[str, Cause] = {}
         for h in judged.sets:
             spread = judged.spreads[h.names]
             look = search.fitter.arrive(h.look.theta, h.look.shapes)
+            own: dict[str, Cause] = {}
             # of a signal that is late, the tolerance is part of what was found
             within = search.problem.tolerances(c.index for c in h.chosen)
             free = np.setdiff1d(search.free(h.chosen), within)
@@ -167,9 +180,14 @@ class _Finding:
                                              float(np.hypot(of_noise, clock)))}  # fmt: skip
                 numbers |= {key: Found(value, spread.std.get((c.name, key), 0.0))
                             for key, value in c.shapes}  # fmt: skip
-                if c.name not in found:
+                if c.name in own:  # another gain of the same effect
+                    own[c.name] = replace(
+                        own[c.name], parameters={**own[c.name].parameters, **numbers}
+                    )
+                elif c.name not in found:
                     brings = search.established(c, h)
-                    found[c.name] = Cause(c.name, c.effect.equation, numbers, *brings)
+                    own[c.name] = Cause(c.name, c.effect.equation, numbers, *brings)
+            found |= own
         return tuple(found.values())
 
     def _gain(self, search: Search, other: HeldOut | None) -> Gain:
@@ -204,9 +222,11 @@ class _Finding:
     ) -> tuple[Vehicle, str | None]:
         effects, files, text = dict(self.vehicle.effects), list(self.vehicle.effects_files), None
         if curve is not None:
-            text = patch.text(curve, problem.compiled.model)
+            earlier = sum(name.startswith(patch.NAME) for name in effects)
+            name = f"{patch.NAME}_{earlier + 1}" if earlier else patch.NAME
+            text = patch.text(curve, problem.compiled.model, name)
             if text is not None:
-                effects[patch.NAME] = {"size": 1.0}
+                effects[name] = {"size": 1.0}
                 files.append(Path(patch.FILE))
         for cause in causes:  # of an ambiguous answer, those of the likeliest set
             effects[cause.effect] = {key: f.value for key, f in cause.parameters.items()}
@@ -220,11 +240,11 @@ class _Finding:
         from clutchest.generator import SCENARIOS
         from clutchest.simulated import simulate
 
-        common = frozenset.intersection(*(h.names for h in judged.sets))
+        common = set.intersection(*({c.index for c in h.chosen} for h in judged.sets))
         sized = [[(c, float(h.look.theta[c.index])) for c in h.chosen] for h in judged.sets]
-        rivals = [next((one for one in each if one[0].name not in common), each[0])
+        rivals = [next((one for one in each if one[0].index not in common), each[0])
                   for each in sized]  # fmt: skip
-        beside = [one for one in sized[0] if one[0].name in common and one not in rivals]
+        beside = [one for one in sized[0] if one[0].index in common and one not in rivals]
         return propose(
             rivals, beside, self.vehicle, tuple(SCENARIOS),
             lambda name, effects: simulate(self.vehicle, name, 1, effects, nominal=True),
@@ -285,9 +305,10 @@ def _rivals(problem: Problem, judged: Judged) -> tuple[Rival, ...]:
     """Those that lost, the likeliest first; one of whose causes nothing is left is none."""
     lost = [h for h in judged.lost if all(h.look.theta[c.index] != 0.0 for c in h.chosen)]
     return tuple(
-        Rival(", ".join(sorted(h.names)), h.cost - judged.limit,
-              {f"{c.name}.{c.gain.key}" if len(h.chosen) > 1 else c.gain.key:
-               float(h.look.theta[c.index] * problem.units[c.index]) for c in h.chosen})
+        Rival(" and ".join(_names_of(h)), h.cost - judged.limit,
+              {f"{c.name}.{key}" if len(h.chosen) > 1 else key: value for c in h.chosen
+               for key, value in ((c.gain.key, float(h.look.theta[c.index]
+                                                     * problem.units[c.index])), *c.shapes)})
         for h in sorted(lost, key=lambda h: h.cost)[:MOST_RIVALS]
     )  # fmt: skip
 
@@ -319,10 +340,24 @@ def _sentence(
         with_ += ", the highest it has been" if where.peak else ""
         return (f"Something is wrong in the equation '{where.equation}'{with_}, "
                 "and no known cause explains it.")  # fmt: skip
-    words = {}
-    for c in causes:
-        numbers = [f"{key} = {f.value:.3g} ± {f.std:.2g}" for key, f in c.parameters.items()]
-        words[c.effect] = f"{c.effect} ({', '.join(numbers)})"
-    lacks = either([[words[c.name] for c in h.chosen] for h in judged.sets])
+    told = {(c.effect, key): f for c in causes for key, f in c.parameters.items()}
+    lacks = either([_with_sizes(h, told) for h in judged.sets])
     which = "; these data cannot tell which" if verdict == "ambiguous" else ""
     return f"The model lacks {lacks}{which}."
+
+
+def _names_of(h: Hypothesis) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(c.name for c in h.chosen))
+
+
+def _with_sizes(h: Hypothesis, told: Mapping[tuple[str, str], Found]) -> list[str]:
+    """Names of a hypothesis' effects with their numbers."""
+    words = []
+    for name in _names_of(h):
+        own = [c for c in h.chosen if c.name == name]
+        units = {n.key: n.unit for n in own[0].effect.parameters}
+        keys = [*(c.gain.key for c in own), *(key for key, _ in own[0].shapes)]
+        sizes = [(key, told[name, key], "" if units[key] == "1" else units[key]) for key in keys]
+        numbers = [f"{key} = {f.value:.3g} ± {f.std:.2g} {unit}".rstrip() for key, f, unit in sizes]
+        words.append(f"{name} ({', '.join(numbers)})")
+    return words

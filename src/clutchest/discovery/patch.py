@@ -15,8 +15,8 @@ NAME = "patch"
 FILE = "patch_effects.py"  # stands beside the vehicle file that names it
 # What the equations can see of a driver that is no quantity of theirs: a state of the patch's own.
 _OWN_STATES = {
-    "energy": ("patch_energy", "J", "slip energy so far", "q.power"),
-    "time": ("patch_time", "s", "time since the start", "1.0"),
+    "energy": ("energy", "J", "slip energy so far", "q.power"),
+    "time": ("time", "s", "time since the start", "1.0"),
 }
 
 _LATE = '''"""The signal `{signal}` is late by a curve over `{driver}`.
@@ -96,13 +96,14 @@ _PEAK = '''
 '''
 
 
-def text(curve: Curve, model: Model) -> str | None:
-    """Python source of the effect, None where the equations cannot see what it depends on."""
+def text(curve: Curve, model: Model, name: str = NAME) -> str | None:
+    """Python source of the effect ``name``, None where the equations cannot see what it depends
+    on."""
     flaw = flaws_of(model.name)[curve.flaw]
     if flaw.late is not None:
         signal, per_unit = flaw.late
         return _LATE.format(
-            signal=signal, driver=curve.driver, name=NAME, model=model.name,
+            signal=signal, driver=curve.driver, name=name, model=model.name,
             equation=curve.equation, knots=_numbers(curve.at),
             seconds=_numbers(per_unit * curve.coefficients),
         )  # fmt: skip
@@ -111,10 +112,11 @@ def text(curve: Curve, model: Model) -> str | None:
     at, states, rate, kept = f"q.{curve.driver}", "()", "", ""
     if curve.driver in _OWN_STATES:
         quantity, unit, what, grows = _OWN_STATES[curve.driver]
+        quantity = f"{name}_{quantity}"
         at, states = f"q.{quantity}", _state(quantity, unit, what)
         rate = f'\n        found["{quantity}_rate"] = lambda rate, q: rate + {grows}'
     elif curve.driver in peaks:
-        of, peak = peaks[curve.driver], f"patch_{curve.driver}"
+        of, peak = peaks[curve.driver], f"{name}_{curve.driver}"
         unit = model.states[model.state(of)].unit
         at, states = f"q.{peak}", _state(peak, unit, f"highest {of} so far")
         kept = _PEAK.format(state=of, peak=peak)
@@ -127,7 +129,7 @@ def text(curve: Curve, model: Model) -> str | None:
         flaw=curve.flaw,
         driver=curve.driver,
         at=at,
-        name=NAME,
+        name=name,
         model=model.name,
         knots=_numbers(curve.at),
         values=_numbers(curve.coefficients),

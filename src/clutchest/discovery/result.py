@@ -233,13 +233,15 @@ class Discovery:
 
 
 def either(sets: Sequence[Sequence[str]]) -> str:
-    """Sets of things of which one holds, in words: "a and b"; "a and one of b, c"; "one of: a and
-    b; c and d"."""
+    """Sets of things of which one holds, in words: "a and b"; "a and one of b, c"; "a and perhaps
+    b"; "one of: a and b; c and d"."""
     common = [name for name in sets[0] if all(name in others for others in sets)]
     rest = [[name for name in own if name not in common] for own in sets]
     if len(sets) == 1:
         return " and ".join(common)
-    plain = all(len(own) == 1 for own in rest)
-    choice = [" and ".join(own) if own else "nothing else" for own in rest]
+    plain = all(len(own) < 2 for own in rest)
+    choice = [" and ".join(own) for own in rest if own]
     one = f"one of {', '.join(choice)}" if plain else f"one of: {'; '.join(choice)}"
+    if len(choice) < len(rest):
+        one = f"perhaps {choice[0] if len(choice) == 1 else one}"
     return " and ".join([*common, one])

@@ -219,7 +219,7 @@ class Search:
         """Fits of one more cause beside those of each parent, where one is significant."""
         found: list[Hypothesis] = []
         for parent in parents:
-            others = [c for c in self.all if c.name not in parent.names]
+            others = [c for c in self.all if _may_join(c, parent)]
             scores = self.scores(parent, others, seed=2) if parent.chosen else self.first
             z, p = scores.z, scores.p_alone(scores.z)
             if not others or scores.p_among_all(p.min()) > LEVEL:
@@ -273,3 +273,10 @@ class Search:
         """Rivals of the same size that the data do not exclude."""
         return [h for h in self.rivals
                 if h.cost - self.best.cost < TIED and h.names != self.best.names]  # fmt: skip
+
+
+def _may_join(cause: Candidate, parent: Hypothesis) -> bool:
+    """Whether a cause may act beside those of ``parent``: another gain of an effect that is there
+    may, at the same shapes."""
+    same = [c for c in parent.chosen if c.name == cause.name]
+    return all(c.index != cause.index and c.shapes == cause.shapes for c in same)

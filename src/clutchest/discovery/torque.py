@@ -19,7 +19,9 @@ def torques(problem: Problem, look: Look) -> list[Torques]:
     """(time s, measured Nm, simulated Nm) of every drive at ``look`` while the surfaces slide.
 
     Temperatures, wear and friction follow from the numbers at ``look`` alone; only speeds and
-    positions are as measured.  Leaves the drives linearised at ``look``, without derivatives.
+    positions are as measured.  What a cause makes of the measurement itself, as a wrong report of
+    the engine's torque does, is simulated with it.  Leaves the drives linearised at ``look``,
+    without derivatives.
     """
     problem.linearise(look.theta, look.shapes, np.zeros(0, np.int64))
     return [_of_drive(problem, look, drive) for drive in problem.drives]
@@ -32,5 +34,5 @@ def _of_drive(problem: Problem, look: Look, own: LinearDrive) -> Torques:
     still = [i for i, (effect, n) in enumerate(problem.compiled.model.numbers)
              if any(s.key == n and s.shape for s in effect.parameters)]  # fmt: skip
     off[still] = problem.compiled.g[still]
-    time, (measured, simulated) = while_sliding(own, NAMES, (nominal, off), (p, g))
-    return time, measured[0], simulated[1]
+    time, (read, told, made) = while_sliding(own, NAMES, (nominal, off), (nominal, g), (p, g))
+    return time, read[0], made[1] + read[0] - told[0]

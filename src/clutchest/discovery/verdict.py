@@ -89,17 +89,17 @@ def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> J
 def weeded(search: Search, other: HeldOut) -> list[str]:
     """Take back causes that might be noise beside others, and that the drives held out do not
     bear out: names."""
-    dropped, borne_out = list[str](), set[str]()
+    dropped, borne_out = list[str](), set[int]()
     while len(search.best.chosen) > 1:
         doubts = [(search.established(c, search.best)[1], c)
-                  for c in search.best.chosen if c.name not in borne_out]  # fmt: skip
+                  for c in search.best.chosen if c.index not in borne_out]  # fmt: skip
         p, cause = max(doubts, key=lambda doubt: doubt[0], default=(0.0, None))
         if cause is None or p <= SURE:
             break
         fewer = search.without(cause)
         gained = on_another(search, search.best, other(), fewer)
         if gained.total > 0.0 and search.stays(2.0 * gained.total, fewer):
-            borne_out.add(cause.name)
+            borne_out.add(cause.index)
             continue
         search.settle_for(fewer)
         dropped.append(cause.name)

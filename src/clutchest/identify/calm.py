@@ -34,7 +34,7 @@ def calm(
     """``value`` (K) at times ``t`` (K), smoothed over ``narrow`` s as far as it is noisy, moving
     only where it leaves the reach of its noise; that is what ``wide`` s smooth away, measured
     ``where`` (K) the signal matters, and at ``most`` so much."""
-    if not where.any():
+    if not len(value):
         return value
     reach = REACH * min(_noise(value - _smooth(t, value, wide), where), most)
     out = np.empty_like(value)
@@ -84,7 +84,7 @@ def pace(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
     """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``BRIEF`` s; nought
     within the reach of its noise, which the innovations hold as well."""
     rate = _smooth(t, value, BRIEF, 1)
-    if not where.any():
+    if not len(value):
         return rate
     reach = REACH * _noise(rate - _smooth(t, value, NARROW, 1), where)
     return np.asarray(np.sign(rate) * np.maximum(np.abs(rate) - reach, 0.0))
@@ -96,8 +96,9 @@ def _period(t: Floats) -> float:
 
 
 def _noise(off: Floats, where: NDArray[np.bool_]) -> float:
-    """The standard deviation of what of ``off`` (K) is noise: what bends is off by more."""
-    return QUARTER * float(np.quantile(np.abs(off[where]), 0.25))
+    """The standard deviation of what of ``off`` (K) is noise: what bends is off by more.  Seen
+    ``where`` (K) it matters, anywhere if it does nowhere."""
+    return QUARTER * float(np.quantile(np.abs(off[where] if where.any() else off), 0.25))
 
 
 def _scatter(count: int, ar: float) -> float:

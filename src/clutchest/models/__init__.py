@@ -85,5 +85,7 @@ def told_apart_by(name: str, equations: Sequence[str]) -> str:
     """The sensor that would tell errors in these equations apart."""
     for pair, sensor in _module(name).TOLD_APART_BY:
         if set(pair) <= set(equations):
-            return sensor
-    return "a sensor of " + " or ".join(dict.fromkeys(equations))
+            return str(sensor)
+    alone = _module(name).TOLD_BY
+    kinds = dict.fromkeys(alone.get(equation, alone[""]) for equation in equations)
+    return " or ".join(kinds)

@@ -307,6 +307,17 @@ TOLD_APART_BY = (
     (("disc_heat", "body_heat"), "a temperature sensor on the pressure plate"),
 )  # fmt: skip
 
+# What would tell of each by itself.
+TOLD_BY = {
+    "torque": "a torque sensor on the gearbox input shaft",
+    "disc_heat": "a temperature sensor near the disc",
+    "body_heat": "a temperature sensor on the pressure plate",
+    "housing_heat": "a temperature sensor on the clutch housing",
+    "zero_position": "the thickness of the pads, measured once,",
+    "sensor:slave_position": "a second position sensor",
+    "": "a second sensor, or a clock that its signals share,",
+}
+
 # What an error may go with, beside inputs, states, time and slip energy: quantities by name, rates
 # of inputs, and the highest so far of states: a lining that was overheated remembers it.
 DRIVERS = ("slip_speed",)

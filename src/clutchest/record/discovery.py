@@ -85,7 +85,12 @@ def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
     """Per cause its name, numbers with ±, gain in −2 ln(probability) and p-value."""
     known = _effects(discovery.extended)
     return [
-        (c.effect, _fitted(c, known.get(c.effect)), f"{c.statistic:.1f}", f"{c.p_value:.2g}")
+        (
+            c.effect,
+            _fitted(c, known.get(c.effect)),
+            f"{c.statistic:.1f}",
+            f"{c.p_value:.2g}" if c.p_value > 0.0 else "< 1e-300",
+        )
         for c in discovery.causes
     ]
 
@@ -142,7 +147,13 @@ def next_commands(discovery: Discovery) -> list[str]:
         return []
     vehicle = _argument(discovery.vehicle)
     scenario = shlex.quote(discovery.experiment.scenario)
-    return [f"clutchest simulate --vehicle {vehicle} --scenario {scenario} --seed 1 -o next.log"]
+    likeliest = [c for c in discovery.causes if c.effect in discovery.sets[0]]
+    hidden = "".join(
+        f" --effect {c.effect}:" + ",".join(f"{k}={f.value:.4g}" for k, f in c.parameters.items())
+        for c in likeliest
+    )
+    return [f"clutchest simulate --vehicle {vehicle} --scenario {scenario} --seed 1{hidden} "
+            "-o next.log"]  # fmt: skip
 
 
 def report(discovery: Discovery, picture: str | None = None) -> str:
@@ -170,7 +181,8 @@ def report(discovery: Discovery, picture: str | None = None) -> str:
         parts += ["## Warnings", "\n".join(f"- {text}" for text in discovery.warnings)]
     made = discovery.provenance
     if logs := made.get("logs"):
-        parts.append(f"From {logs} by clutchest {made['clutchest']}.")
+        held_out = f", measured on {made['held_out']}," if made["held_out"] else ""
+        parts.append(f"From {logs}{held_out} by clutchest {made['clutchest']}.")
     return "\n\n".join(parts) + "\n"
 
 

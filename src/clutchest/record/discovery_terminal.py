@@ -32,8 +32,8 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
         heading = (
             "candidates, not to be told apart" if discovery.verdict == "ambiguous" else "causes"
         )
-        table = Table("effect", "fitted ± 1σ", "gain in −2 ln p", "chance by noise alone",
-                      title=heading, title_justify="left")  # fmt: skip
+        table = Table(Column("effect", no_wrap=True), "fitted ± 1σ", "gain in\n−2 ln p",
+                      "chance by\nnoise alone", title=heading, title_justify="left")  # fmt: skip
         for row in causes_rows(discovery):
             table.add_row(*map(escape, row))
         console.print(table)

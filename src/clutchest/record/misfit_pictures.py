@@ -79,6 +79,9 @@ def _draw_torque(discovery: Discovery, axes: Axes) -> None:
         return
     drive, piece = worst
     time, measured, simulated, extended = (c[piece] for c in discovery.misfit.torque[drive])
+    if np.array_equal(measured, simulated):
+        _say(axes, "no signal but the engine's torque tells the clutch's")
+        return
     axes.plot(time, measured, ".", ms=3, color="0.55", label="measured")
     axes.plot(time, simulated, lw=1.4, color="C0", label="simulated")
     if discovery.named:

@@ -104,6 +104,7 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         digest.update(effects_file.read_bytes())
     monitors = file.table(("monitors",), data.get("monitors", {}))
     file.known(("monitors",), monitors, MONITORS, "key")
+    parameters = _parameters(file, file.table(("parameters",), data["parameters"]), card.parameters)
     return Vehicle(
         name=name,
         model=model,
@@ -111,10 +112,8 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         hash=digest.hexdigest(),
         dbc=tuple(_dbc(file, entry) for entry in file.strings(("dbc",), data.get("dbc", []))),
         signals=signals,
-        parameters=_parameters(
-            file, file.table(("parameters",), data["parameters"]), card.parameters
-        ),
-        effects=_effects(file, data, model, effects_files),
+        parameters=parameters,
+        effects=_effects(file, data, model, effects_files, parameters),
         estimation=_estimation(file, data, card.states),
         modes={key: quantity.value for key, quantity in modes.items()},
         limits=limits,
@@ -302,8 +301,9 @@ def _parameters(
 
 
 def _effects(
-    file: TomlFile, data: Mapping[str, Any], model: str, effects_files: tuple[Path, ...]
-) -> dict[str, dict[str, float]]:
+    file: TomlFile, data: Mapping[str, Any], model: str, effects_files: tuple[Path, ...],
+    parameters: Mapping[str, Any],
+) -> dict[str, dict[str, float]]:  # fmt: skip
     table = file.table(("effects",), data.get("effects", {}))
     if not table and not effects_files:
         return {}
@@ -312,6 +312,13 @@ def _effects(
     known = dict(library(model))
     for path in effects_files:
         known |= effects_of_file(path)
+    for name in table:
+        if name in known and name not in library(model):
+            from clutchest.models.unfit import unfit  # casadi is loaded where it is needed
+
+            values = {key: quantity.value for key, quantity in parameters.items()}
+            if wrong := unfit(known[name], model, values):
+                raise file.error(("effects", name), f"effect '{name}' {wrong}")
     file.known(("effects",), table, known, f"effect of '{model}'")
     effects = {}
     for name, value in table.items():

@@ -152,6 +152,7 @@ TOLD_APART_BY = (
     (("torque", "axial_force"), "a force sensor in the clutch pack"),
     (("motor", "axial_force"), "a torque sensor on the actuator's motor"),
 )
+TOLD_BY = {"": "a torque sensor on the half-shaft"}
 DRIVERS = ("slip_speed", "motor_torque")
 RATES = {"voltage_rate": "armature_voltage"}
 PEAKS = {"temp_pack_peak": "temp_pack"}
