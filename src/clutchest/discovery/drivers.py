@@ -13,15 +13,18 @@ from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a driver
 TIME_KNOTS = 8, 36
+AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
 STILL = 1e-9  # of its own size; a driver that moves less is none
 
 
 def drivers(drive: LinearDrive) -> dict[str, Floats]:
-    """Name → value at every event (K) of the drive as it was last linearised."""
+    """Name → value at every event (K) of the drive as it was last linearised; no input that moves
+    no further than its noise."""
     model, line = drive.compiled.model, drive.line
     quantities, rates = drivers_of(model.name)
+    moves = np.ptp(drive.expected, axis=0) > AT_REST * np.sqrt(line.variance)
     found = {item.name: drive.expected[:, j] for j, item in enumerate(model.inputs)
-             if item.name not in model.slopes}  # fmt: skip
+             if item.name not in model.slopes and moves[j]}  # fmt: skip
     found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
