@@ -1,7 +1,7 @@
 """The blind suite: causes hidden in simulated drives, looked for by `clutchest discover`.
 
     python benchmarks/blind --out blind-out [--parts null effect two outsider] [--limit 900]
-                            [--least 12] [--shard 0/2] [--measured]
+                            [--least 12] [--shard 0/2] [--measured] [--alone]
     python benchmarks/blind --out blind-out --hour
     python benchmarks/blind --out blind-out --table
     python benchmarks/blind --ci --out blind-ci [--shard 0/2]
@@ -12,7 +12,8 @@ under ``--out``, and is not run again.  ``--limit`` takes a random part of the c
 one holding the smaller; ``--least`` only cases aimed at so large a d′.  ``--ci`` is the fixed
 short run, whose sizes are already known; with ``--table`` it fails where a case is missing, or
 where what must be reached lies outside a row's interval.
-``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour.
+``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour;
+``--alone`` holds no drive out, which could take a finding back.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ from blind.sealed import KNOWN, seal, unseal
 
 
 def run(
-    cases: list[Case], shard: str, out: Path, known: dict[str, Any], *, measured: bool, short: bool
-) -> None:
+    cases: list[Case], shard: str, out: Path, known: dict[str, Any], *, measured: bool,
+    short: bool, alone: bool,
+) -> None:  # fmt: skip
     """Score every n-th case that has not been scored yet.  A ``short`` run drives the manoeuvres
     that it is told to only where a line of the table is about them."""
     which, of = map(int, shard.split("/"))
@@ -46,7 +48,7 @@ def run(
         for i, case in enumerate(mine, 1):
             began = time.monotonic()
             followed = not short or case.d_prime >= table.NAMED
-            record = score(case, out, measured=measured, followed=followed,
+            record = score(case, out, measured=measured, followed=followed, alone=alone,
                            known=known.get(case.name))  # fmt: skip
             records.write(json.dumps(record) + "\n")
             records.flush()
@@ -95,6 +97,7 @@ def main() -> None:
     parser.add_argument("--shard", default="0/1", metavar="i/n")
     parser.add_argument("--ci", action="store_true", help="the fixed short run")
     parser.add_argument("--measured", action="store_true", help="gain on the drive held out")
+    parser.add_argument("--alone", action="store_true", help="no drive is held out")
     parser.add_argument("--hour", action="store_true", help="only the cost of a log of one hour")
     parser.add_argument("--table", action="store_true", help="the table of what is finished")
     parser.add_argument("--prepare", action="store_true", help="only the sizes to hide")
@@ -110,7 +113,7 @@ def main() -> None:
                 records.write(json.dumps(hour(given.out, name, effects)) + "\n")
     elif not given.table:
         run(cases, given.shard, given.out, prepared(given.out), measured=given.measured,
-            short=given.ci)  # fmt: skip
+            short=given.ci, alone=given.alone)  # fmt: skip
     found = tell(given.out)
     if given.ci and given.table:
         missing = {case.name for case in quick()} - set(table.finished(given.out))

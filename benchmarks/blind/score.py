@@ -31,15 +31,19 @@ Record = dict[str, Any]
 
 
 def score(
-    case: Case, out: Path, *, measured: bool, followed: bool = True, known: Record | None = None
-) -> Record:
+    case: Case, out: Path, *, measured: bool, followed: bool = True, alone: bool = False,
+    known: Record | None = None,
+) -> Record:  # fmt: skip
     """The case's record.  ``measured``: hold-out gains too, which compiles a model per extension;
-    ``followed``: the manoeuvre that an ambiguous verdict proposes is driven;
+    ``followed``: the manoeuvre that an ambiguous verdict proposes is driven; ``alone``: no drive is
+    held out, so that none can take a finding back;
     ``known``: the answer, where the oracle has been asked before."""
     folder, sealed = out / "work" / case.blind_name, out / "answers" / f"{case.blind_name}.sealed"
     if known is None and sealed.exists():
         known = unseal(sealed)
     write(case, folder, sealed, known)
+    if alone:
+        (folder / HELD_OUT).unlink()
     found = discovered([folder / LOG], folder, folder / "found")
     answer = unseal(sealed)
     record = {**asdict(case), "name": case.name, **judged(answer, found)}
@@ -109,6 +113,7 @@ def judged(answer: Record, found: Record) -> Record:
         "equation": where.get("equation"), "drivers": where.get("drivers"),
         "expected_where": answer.get("where"),
         "unexcited": found.get("unexcited"), "gain": found.get("gain"),
+        "warnings": found.get("warnings"),
         "covered": covered(effects, found), "sizes": sizes(effects, found),
         "seconds": found["seconds"], "MiB": found["MiB"],
     }  # fmt: skip

@@ -99,7 +99,7 @@ class _Finding:
         other = self._other()
         judged = judge(search, other, self.progress)
         verdict, errors, curve, gained = judged.verdict, judged.errors, None, None
-        warnings = [*self._unseen(problem), *map(_not_borne_out, judged.dropped)]
+        warnings = [*self._unseen(search), *map(_not_borne_out, judged.dropped)]
         if verdict == "unknown":
             errors, curve, gained = self._borne_out(search, errors, other)
         elif verdict != "none":
@@ -148,12 +148,17 @@ class _Finding:
         return [Identifiable(e.name, e.gains[0].unit, None, e.gains[0].upper, None, None)
                 for e in self._known if e.name not in there]  # fmt: skip
 
-    def _unseen(self, problem: Problem) -> list[str]:
+    def _unseen(self, search: Search) -> list[str]:
         """In words, what of the log and of the effects could not be looked at."""
+        problem = search.problem
         words = [*self.signals.warnings, *untried(problem, self._known)]
         if more := len(problem.drives) - len(self.signals.drives):
             words.append(f"{more} hole(s) through which the clutch may have slipped unseen: "
                          "what comes after one is taken for a drive of its own")  # fmt: skip
+        for i in search.running:
+            start, off = problem.thetas[i], search.null.look.theta[i] * problem.units[i]
+            words.append(f"{start.key} starts {off:+.0f} K from that of a clutch at rest: the log "
+                         "begins in the middle of a drive")  # fmt: skip
         return words
 
     def _other(self) -> HeldOut | None:

@@ -25,6 +25,8 @@ STRONG = 2.0 * CLOSE  # of a score, squared: from here on, the first order is no
 TIED = 1.645**2  # the same: nearer to the best, a rival is not excluded at 95 %, one-sided
 INEXACT = 2e-4  # of what causes explain: what equations that are 1 % off leave of it, no cause
 BEYOND = 1.25  # of its largest plausible size: how far a gain may go that is there
+ODD, WARM = 3.0, 3.0  # standard deviations of where a clutch at rest starts: further off, the log
+# begins in the middle of a drive, and where it starts is known so many times less well
 PER_SHAPE = 1.0  # the same: what the choice among the values of a shape gains by noise alone
 
 
@@ -59,7 +61,8 @@ class Search:
     ``null`` the model as it is, ``first`` the scores of all causes against it; ``best`` the causes
     found (none at first), ``rivals`` hypotheses of the same size, best first; ``p_of`` by effect
     the family-wise p-value of its score when it was first tried; ``tried`` what has been fitted;
-    ``sizes`` the best and its rivals at every number of causes.
+    ``sizes`` the best and its rivals at every number of causes.  ``running``: indices of
+    temperatures from which drives start, and no clutch at rest would.
     """
 
     problem: Problem
@@ -68,6 +71,7 @@ class Search:
     null: Hypothesis
     first: Board
     best: Hypothesis
+    running: NDArray[np.int64]
     rivals: list[Hypothesis] = field(default_factory=list)
     p_of: dict[str, float] = field(default_factory=dict)
     tried: set[frozenset[Candidate]] = field(default_factory=set)
@@ -80,8 +84,12 @@ class Search:
             progress("fitting the model as it is", None)
         fitter = Fitter(problem)
         theta = fitter.settle(np.zeros(len(problem.thetas))).theta
+        running = _running(problem, theta)
+        if len(running):
+            fitter.prior[running] = 1.0 / WARM**2
+            theta = fitter.settle(theta).theta
         null, every = Hypothesis((), fitter.look(theta)), candidates(problem)
-        search = cls(problem, fitter, every, null, None, null)  # type: ignore[arg-type]
+        search = cls(problem, fitter, every, null, None, null, running)  # type: ignore[arg-type]
         columns = search.columns(null.look, every)
         fitter.focus([null.look.psi, columns])
         search.null = search.best = null = Hypothesis((), fitter.again(null.look))
@@ -273,6 +281,14 @@ class Search:
         """Rivals of the same size that the data do not exclude."""
         return [h for h in self.rivals
                 if h.cost - self.best.cost < TIED and h.names != self.best.names]  # fmt: skip
+
+
+def _running(problem: Problem, theta: Floats) -> NDArray[np.int64]:
+    """Which temperatures in ``theta`` (m) drives start from that no clutch at rest has."""
+    warm = {state.name for state in problem.compiled.model.states if state.unit == "°C"}
+    odd = [t.drive >= 0 and t.key in warm and abs(value) > ODD
+           for t, value in zip(problem.thetas, theta, strict=True)]  # fmt: skip
+    return np.flatnonzero(odd)
 
 
 def _may_join(cause: Candidate, parent: Hypothesis) -> bool:

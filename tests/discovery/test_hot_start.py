@@ -1,0 +1,41 @@
+"""A log that begins in the middle of a drive."""
+
+from __future__ import annotations
+
+import pytest
+
+import clutchest
+from clutchest.discovery.find import discover
+from clutchest.discovery.search import ODD, WARM, Search
+from clutchest.identify.problem import Problem
+from clutchest.models.effects import library
+
+TRUCK = clutchest.load_vehicle("truck")
+HOT = 22  # a drive that starts some 55 K hotter than one at rest
+
+
+def test_where_a_hot_clutch_starts_is_known_less_well():
+    drive = clutchest.simulate(TRUCK, "cooldown", HOT, duration=700.0)
+    search = Search.begin(Problem(drive, TRUCK, tuple(library("dry_clutch").values())))
+    keys = {search.problem.thetas[i].key for i in search.running}
+    assert keys == {"temp_body", "temp_disc"}
+    for i, t in enumerate(search.problem.thetas):
+        if t.drive >= 0:
+            less = 1.0 / WARM**2 if t.key in keys else 1.0
+            assert search.fitter.prior[i] == less
+            assert t.key in keys or abs(search.null.look.theta[i]) < ODD
+
+
+def test_a_clutch_at_rest_starts_where_it_should():
+    drive = clutchest.simulate(TRUCK, "launches", 1, {"wear": {"amount": 1.5}}, duration=200.0)
+    search = Search.begin(Problem(drive, TRUCK, tuple(library("dry_clutch").values())))
+    assert not len(search.running), "no temperature is off, if the position is"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(21, 29))
+def test_a_hot_start_is_no_cause(seed):
+    answer = discover(clutchest.simulate(TRUCK, "cooldown", seed, duration=700.0), TRUCK)
+    assert answer.verdict == "none"
+    said = [words for words in answer.warnings if "begins in the middle of a drive" in words]
+    assert bool(said) == (seed in (22, 24))
