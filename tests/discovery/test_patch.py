@@ -69,3 +69,17 @@ def test_what_the_equations_cannot_see_has_no_text():
     # the clutch's torque is known only after the report that its error would change
     late = replace(FOUND, flaw="sensor:engine_torque", driver="clutch_torque")
     assert patch.text(late, DRY_CLUTCH) is None
+
+
+def test_a_second_patch_has_names_of_its_own(tmp_path):
+    """It stands in one model with the first."""
+    over_time = replace(FOUND, driver="time")
+    effects = []
+    for name in (patch.NAME, "patch_2"):
+        text = patch.text(over_time, DRY_CLUTCH, name)
+        assert text is not None
+        (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
+        effects.append(effects_of_file(tmp_path / f"{name}.py")[name])
+    model = DRY_CLUTCH.with_effects(tuple(effects))
+    assert len({state.name for state in model.states}) == len(model.states)
+    model.expressions()

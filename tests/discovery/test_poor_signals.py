@@ -22,6 +22,7 @@ def test_without_a_signal_nothing_is_claimed(lost):
     answer = discover(replace(signals, signals=kept), TRUCK)
     assert answer.verdict == "none"
     assert "friction_level" not in {i.effect for i in answer.identifiability if i.excited}
+    assert "friction_level" in answer.unexcited, "or a script would take it for excluded"
     if not any(i.excited for i in answer.identifiability):
         assert "nothing for or against" in answer.sentence
         assert title(answer) == "the data cannot tell"

@@ -200,3 +200,17 @@ def test_values_scatter_as_their_standard_deviations_say():
     assert len(errors) >= 17
     assert np.sum(np.square(errors)) < chi2.ppf(0.999, len(errors))
     assert abs(np.mean(errors)) < 3.3 / np.sqrt(len(errors))
+
+
+def test_two_numbers_of_one_effect_act_together_and_a_sensor_may_do_for_one_of_them():
+    """Wear that is there and goes on; what is there already may be the sensor's offset as well."""
+    search = searched(61, {"wear": {"amount": 1.2, "rate": 0.2}}, "heating", 900.0)
+    sets = [search.best, *search.tied()]
+    gains = [{(c.name, c.gain.key) for c in h.chosen} for h in sets]
+    assert {("wear", "rate"), ("wear", "amount")} in gains
+    assert {("wear", "rate"), ("position_offset", "offset")} in gains
+    assert len(sets) == 2
+    both = sets[gains.index({("wear", "rate"), ("wear", "amount")})]
+    values, stds = sizes(search, search.released(both))
+    for value, std, c in zip(values, stds, both.chosen, strict=True):
+        assert abs(value - {"amount": 1.2, "rate": 0.2}[c.gain.key]) < 3.0 * std

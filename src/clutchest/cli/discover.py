@@ -53,15 +53,15 @@ def discover(
         from rich.console import Console
 
         from clutchest.discovery.find import discover as search
-        from clutchest.models.effects import effects_of_file
+        from clutchest.discovery.suspicions import suspicions
         from clutchest.reading import read_log
-        from clutchest.record.discovery import write_discovery
+        from clutchest.record.discovery import may_hold, write_discovery
         from clutchest.record.discovery_terminal import print_discovery, print_identifiable
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)
-        for path in effects or ():  # a slip of the pen shows now, not when the logs are read
-            effects_of_file(path)
+        suspicions(effects or (), car)  # a slip of the pen shows now, not when the logs are read
+        may_hold(out, car)
         apart(logs, holdout or ())
         show("reading", None)
         signals = read_log(logs, car)

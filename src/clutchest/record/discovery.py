@@ -34,14 +34,10 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
     """
     from clutchest.record.discovery_recording import write_discovery_recording
 
-    extended = discovery.extended
+    extended, patched = discovery.extended, (out / FILE).resolve()
     needed = {path.resolve() for path in extended.effects_files if path.is_absolute()}
-    patched = (out / FILE).resolve()
-    if discovery.patch is not None and patched in needed:
-        raise ClutchestError(
-            f"{out / FILE}: is needed by {discovery.vehicle.path.name}, expected another folder "
-            "for the results"
-        )
+    if discovery.patch is not None:
+        may_hold(out, discovery.vehicle)
     with finished_into(out) as folder:
         (folder / "discovery.json").write_text(json_text(discovery.summary()), encoding="utf-8")
         text = vehicle_text(extended, out / "extended.toml", _heading(discovery))
@@ -55,6 +51,14 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
     if discovery.patch is None and patched not in needed:
         patched.unlink(missing_ok=True)  # that of an earlier run belongs to no file any more
     return [out / name for name in names]
+
+
+def may_hold(out: Path, vehicle: Vehicle) -> None:
+    """Raises ClutchestError where ``out`` holds a patch that the vehicle needs: another one must
+    not take its place."""
+    if (out / FILE).resolve() in {path.resolve() for path in vehicle.effects_files}:
+        raise ClutchestError(f"{out / FILE}: is needed by {vehicle.path.name}, expected another "
+                             "folder for the results")  # fmt: skip
 
 
 def title(discovery: Discovery) -> str:
