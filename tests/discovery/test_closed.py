@@ -5,9 +5,22 @@ from __future__ import annotations
 import pytest
 
 import clutchest
+from clutchest.discovery.drivers import at_rest, drivers
 from clutchest.discovery.find import discover
+from clutchest.identify.problem import Problem
 
 TRUCK = clutchest.load_vehicle("truck")
+
+
+def test_an_input_at_rest_is_told_and_still_has_values():
+    """Curves found in another drive ask for them."""
+    rest, moves = (
+        Problem(clutchest.simulate(TRUCK, scenario, 1, duration=200.0), TRUCK, ()).drives[0]
+        for scenario in ("closed", "launches")
+    )
+    assert {"slave_position", "position_rate"} <= at_rest(rest)
+    assert not {"slave_position", "position_rate", "engine_torque"} & at_rest(moves)
+    assert {"slave_position", "position_rate"} <= set(drivers(rest))
 
 
 @pytest.mark.slow

@@ -18,13 +18,11 @@ STILL = 1e-9  # of its own size; a driver that moves less is none
 
 
 def drivers(drive: LinearDrive) -> dict[str, Floats]:
-    """Name → value at every event (K) of the drive as it was last linearised; no input that moves
-    no further than its noise."""
+    """Name → value at every event (K) of the drive as it was last linearised."""
     model, line = drive.compiled.model, drive.line
     quantities, rates = drivers_of(model.name)
-    moves = np.ptp(drive.expected, axis=0) > AT_REST * np.sqrt(line.variance)
     found = {item.name: drive.expected[:, j] for j, item in enumerate(model.inputs)
-             if item.name not in model.slopes and moves[j]}  # fmt: skip
+             if item.name not in model.slopes}  # fmt: skip
     found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
@@ -42,6 +40,16 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     found["energy"] = np.cumsum(values[-1] * spans)
     found["time"] = line.t
     return found
+
+
+def at_rest(drive: LinearDrive) -> set[str]:
+    """The inputs that move no further than their noise, and their rates: what goes with them goes
+    with noise."""
+    model = drive.compiled.model
+    still = np.ptp(drive.expected, axis=0) <= AT_REST * np.sqrt(drive.line.variance)
+    found = {item.name for item, rests in zip(model.inputs, still, strict=True) if rests}
+    _, rates = drivers_of(model.name)
+    return found | {name for name, of in rates.items() if of in found}
 
 
 def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:

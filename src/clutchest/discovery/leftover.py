@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from clutchest.discovery.drivers import TIME_KNOTS, drivers, hats, knots
+from clutchest.discovery.drivers import TIME_KNOTS, at_rest, drivers, hats, knots
 from clutchest.discovery.probes import PREFIX
 from clutchest.discovery.score import among, cleared, redrawn
 from clutchest.identify.maximum import Fitter, Look
@@ -142,9 +142,10 @@ def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tupl
     """What errors may go with in every drive, and where curves over it bend."""
     acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
     acts = acts if acts.any() else np.ones(len(acts))
+    still = set.intersection(*(at_rest(drive) for drive in problem.drives))
     return [
         (name, at)
-        for name in values[0] if all(name in v for v in values)
+        for name in values[0] if name not in still and all(name in v for v in values)
         for at in knots(name, np.concatenate([v[name] for v in values]), acts)
     ]  # fmt: skip
 
