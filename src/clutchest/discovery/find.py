@@ -44,7 +44,8 @@ from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
 MOST_RIVALS = 6
-Told = Callable[[tuple[Identifiable, ...]], None]
+Tells = Callable[[tuple[Identifiable, ...]], None]
+Told = Mapping[tuple[str, str], Found]  # (effect, key) → number
 
 
 def discover(
@@ -54,7 +55,7 @@ def discover(
     holdout: Sequence[Signals] | Signals | None = None,
     effects_files: Sequence[Path] = (),
     progress: Progress | None = None,
-    told: Told | None = None,
+    told: Tells | None = None,
 ) -> Discovery:
     """What the model of ``vehicle`` gets wrong on ``signals``, why, what to add and what it gains.
 
@@ -82,7 +83,7 @@ class _Finding:
     effects: tuple[Effect, ...]
     files: tuple[Path, ...]
     progress: Progress | None
-    told: Told | None
+    told: Tells | None
 
     def problem(self, signals: Signals) -> Problem:
         return Problem(without_holes(signals, self.vehicle), self.vehicle, self.effects,
@@ -113,7 +114,9 @@ class _Finding:
         causes = self._causes(search, judged) if named else ()
         warnings += [words for c in causes for words in _implausible(c, self.effects)]
         where = _where(verdict, judged.best, errors, peaks_of(problem.compiled.model.name))
-        extended, text = self._extended(problem, causes[: len(judged.best.chosen)], curve)
+        told = {(c.effect, key): f for c in causes for key, f in c.parameters.items()}
+        acts = judged.best if named else search.null  # of an ambiguous answer, the likeliest set
+        extended, text = self._extended(problem, _sizes(acts, told), curve)
         if gained is not None and gained.total < 0.0:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
                             "vehicle as it was")  # fmt: skip
@@ -122,7 +125,7 @@ class _Finding:
         return Discovery(
             vehicle=self.vehicle,
             verdict=verdict,
-            sentence=_sentence(verdict, judged, causes, where, any(t.excited for t in tells)),
+            sentence=_sentence(verdict, judged, told, where, any(t.excited for t in tells)),
             causes=causes,
             sets=tuple(_names_of(h) for h in judged.sets) if named else (),
             rivals=_rivals(problem, judged) if named else (),
@@ -168,12 +171,12 @@ class _Finding:
         return cache(lambda: self.problem(replace(first, later=tuple(later))))
 
     def _causes(self, search: Search, judged: Judged) -> tuple[Cause, ...]:
-        """Those of the likeliest set first; of an effect that stands in several, as it is there."""
+        """Those of the likeliest set first; of an effect in several sets, each number as it is in
+        the first that has it."""
         found: dict[str, Cause] = {}
         for h in judged.sets:
             spread = judged.spreads[h.names]
             look = search.fitter.arrive(h.look.theta, h.look.shapes)
-            own: dict[str, Cause] = {}
             # of a signal that is late, the tolerance is part of what was found
             within = search.problem.tolerances(c.index for c in h.chosen)
             free = np.setdiff1d(search.free(h.chosen), within)
@@ -185,14 +188,12 @@ class _Finding:
                                              float(np.hypot(of_noise, clock)))}  # fmt: skip
                 numbers |= {key: Found(value, spread.std.get((c.name, key), 0.0))
                             for key, value in c.shapes}  # fmt: skip
-                if c.name in own:  # another gain of the same effect
-                    own[c.name] = replace(
-                        own[c.name], parameters={**own[c.name].parameters, **numbers}
-                    )
-                elif c.name not in found:
+                if c.name in found:
+                    numbers |= found[c.name].parameters
+                    found[c.name] = replace(found[c.name], parameters=numbers)
+                else:
                     brings = search.established(c, h)
-                    own[c.name] = Cause(c.name, c.effect.equation, numbers, *brings)
-            found |= own
+                    found[c.name] = Cause(c.name, c.effect.equation, numbers, *brings)
         return tuple(found.values())
 
     def _gain(self, search: Search, other: HeldOut | None) -> Gain:
@@ -223,8 +224,9 @@ class _Finding:
         return [*transfer.ranked(), *errors], curve, gained
 
     def _extended(
-        self, problem: Problem, causes: Sequence[Cause], curve: Curve | None
+        self, problem: Problem, acts: Mapping[str, Mapping[str, Found]], curve: Curve | None
     ) -> tuple[Vehicle, str | None]:
+        """The vehicle with the effects that ``act`` in its model, or with a curve."""
         effects, files, text = dict(self.vehicle.effects), list(self.vehicle.effects_files), None
         if curve is not None:
             earlier = sum(name.startswith(patch.NAME) for name in effects)
@@ -233,8 +235,8 @@ class _Finding:
             if text is not None:
                 effects[name] = {"size": 1.0}
                 files.append(Path(patch.FILE))
-        for cause in causes:  # of an ambiguous answer, those of the likeliest set
-            effects[cause.effect] = {key: f.value for key, f in cause.parameters.items()}
+        for name, numbers in acts.items():
+            effects[name] = {key: f.value for key, f in numbers.items()}
         used = {effect for effect in effects if effect not in library(self.vehicle.model)}
         for path in self.files:
             if used & set(effects_of_file(path)):
@@ -331,10 +333,9 @@ def _where(
     return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)
 
 
-def _sentence(
-    verdict: str, judged: Judged, causes: Sequence[Cause], where: Where | None, excited: bool
-) -> str:
-    """The answer in words; ``excited``: whether the data could show any cause at all."""
+def _sentence(verdict: str, judged: Judged, told: Told, where: Where | None, excited: bool) -> str:
+    """The answer in words, with the numbers ``told``; ``excited``: whether the data could show any
+    cause at all."""
     if verdict == "none" and not excited:
         return "These data cannot show any known cause: they say nothing for or against the model."
     if verdict == "none":
@@ -345,7 +346,6 @@ def _sentence(
         with_ += ", the highest it has been" if where.peak else ""
         return (f"Something is wrong in the equation '{where.equation}'{with_}, "
                 "and no known cause explains it.")  # fmt: skip
-    told = {(c.effect, key): f for c in causes for key, f in c.parameters.items()}
     lacks = either([_with_sizes(h, told) for h in judged.sets])
     which = "; these data cannot tell which" if verdict == "ambiguous" else ""
     return f"The model lacks {lacks}{which}."
@@ -355,14 +355,21 @@ def _names_of(h: Hypothesis) -> tuple[str, ...]:
     return tuple(dict.fromkeys(c.name for c in h.chosen))
 
 
-def _with_sizes(h: Hypothesis, told: Mapping[tuple[str, str], Found]) -> list[str]:
+def _sizes(h: Hypothesis, told: Told) -> dict[str, dict[str, Found]]:
+    """Effect → key → number of a hypothesis' effects."""
+    found: dict[str, dict[str, Found]] = {}
+    for c in h.chosen:
+        for key in (c.gain.key, *(key for key, _ in c.shapes)):
+            found.setdefault(c.name, {})[key] = told[c.name, key]
+    return found
+
+
+def _with_sizes(h: Hypothesis, told: Told) -> list[str]:
     """Names of a hypothesis' effects with their numbers."""
+    units = {(c.name, n.key): n.unit for c in h.chosen for n in c.effect.parameters}
     words = []
-    for name in _names_of(h):
-        own = [c for c in h.chosen if c.name == name]
-        units = {n.key: n.unit for n in own[0].effect.parameters}
-        keys = [*(c.gain.key for c in own), *(key for key, _ in own[0].shapes)]
-        sizes = [(key, told[name, key], "" if units[key] == "1" else units[key]) for key in keys]
-        numbers = [f"{key} = {f.value:.3g} ± {f.std:.2g} {unit}".rstrip() for key, f, unit in sizes]
+    for name, sizes in _sizes(h, told).items():
+        numbers = [f"{key} = {f.value:.3g} ± {f.std:.2g} {units[name, key]}".removesuffix(" 1")
+                   for key, f in sizes.items()]  # fmt: skip
         words.append(f"{name} ({', '.join(numbers)})")
     return words
