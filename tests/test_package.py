@@ -100,7 +100,7 @@ def test_three_commands_of_the_readme_find_a_hidden_cause(tmp_path):
                              env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path),
                                   "COLUMNS": "200"})  # fmt: skip
         said.append(ran.stdout)
-    verdict = re.compile(r"The model lacks (\w+) \((\w+) = (\S+) ± ([\d.]+)\)")
+    verdict = re.compile(r"The model lacks (\w+) \((\w+) = (\S+) ± ([\d.]+) s/\(100 rad\)\)")
     (told,), (found,) = verdict.findall(README), verdict.findall(said[1])
     assert found[:2] == told[:2] == ("friction_speed", "slope")
     (value, sigma), (size, spread) = map(float, told[2:]), map(float, found[2:])

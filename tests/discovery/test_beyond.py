@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from clutchest.discovery import find
+from clutchest.discovery import find, verdict
 from clutchest.simulated import simulate
 
 
@@ -15,6 +15,6 @@ def test_a_disc_that_expands_no_further_is_not_taken_for_fade(monkeypatch):
     file's numbers a fit ends at 106 K, with too much torque there."""
     drive = simulate("truck", "launches", 3622288273, duration=1003.0, noise_ar=0.0)
     assert find.discover(drive, "truck").verdict == "none"
-    monkeypatch.setattr(find, "cause_beyond", lambda search: False)
+    monkeypatch.setattr(verdict, "cause_beyond", lambda search: False)
     found = find.discover(drive, "truck")
     assert [cause.effect for cause in found.causes] == ["friction_fade"]

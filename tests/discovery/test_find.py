@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.discovery import find
+from clutchest.discovery import find, verdict
 from clutchest.discovery.find import discover
 from clutchest.discovery.result import Discovery
 from clutchest.errors import ClutchestError
@@ -118,7 +118,7 @@ def test_what_other_drives_speak_against_is_refused_or_no_finding(monkeypatch):
     assert found.verdict == "named"  # it is there beyond doubt
     assert found.extended.effects == TRUCK.effects
     assert any("does not pay" in w for w in found.warnings)
-    monkeypatch.setattr(find, "SURE", 0.0)  # as if it might as well be noise
+    monkeypatch.setattr(verdict, "SURE", 0.0)  # as if it might as well be noise
     found = discover(one, TRUCK, holdout=others)
     assert found.verdict == "none"
     assert found.causes == () and found.gain is None and found.where is None
