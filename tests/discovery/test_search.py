@@ -164,7 +164,7 @@ def test_a_clean_drive_has_no_cause():
     assert search.best is search.null
     assert search.best.chosen == () and search.rivals == [] and search.tied() == []
     assert search.p_of == {}
-    white = search.null.look.r
+    white = search.fitter.arrive(search.null.look.theta).r
     assert np.mean(white**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(white)))
 
 

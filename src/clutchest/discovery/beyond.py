@@ -8,7 +8,8 @@ from clutchest.identify.elsewhere import elsewhere
 
 def model_beyond(search: Search) -> bool:
     """Whether the model as it is explains the data better past a threshold: then it is there."""
-    look = elsewhere(search.fitter, search.null.look, search.free(()))
+    null = search.fitter.arrive(search.null.look.theta)
+    look = elsewhere(search.fitter, null, search.free(()))
     if look is not None:
         search.move_to(Hypothesis((), look))
     return look is not None

@@ -93,7 +93,8 @@ class Search:
         columns = search.columns(null.look, every)
         fitter.focus([null.look.psi, columns])
         search.null = search.best = null = Hypothesis((), fitter.again(null.look))
-        search.first = search.scored(search.null, every, columns, seed=1)
+        search.first = search.scored(null, every, columns, seed=1)
+        search.null = search.best = null.bare
         return search
 
     def columns(self, look: Look, wanted: Sequence[Candidate]) -> Floats:
@@ -206,7 +207,7 @@ class Search:
         self.best, *self.rivals = self.sizes[size]
         self.tried.clear()
         if not size:
-            self.null = there
+            self.null = self.best = there.bare
             self.first = self.scores(there, self.all, seed=1)
 
     def stays(self, more: float, than: Hypothesis | None = None) -> bool:
@@ -274,7 +275,7 @@ class Search:
         null = self.fitter.arrive(self.null.look.theta)
         self.fitter.focus([*known, null.psi, self.columns(null, self.all)], SAME)
         null = self.fitter.improve(self.fitter.again(null), self.free(()))
-        self.null = self.best = Hypothesis((), self.fitter.look(null.theta))
+        self.null = self.best = Hypothesis((), self.fitter.look(null.theta).bare)
         return [self.fitted(h.chosen, h.look).bare for h in grown]
 
     def tied(self) -> list[Hypothesis]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp
 
 from clutchest.discovery.beyond import cause_beyond, model_beyond
@@ -124,5 +124,5 @@ def _significant(errors: Sequence[Curve]) -> bool:
 
 def _left_over(search: Search, h: Hypothesis) -> list[Curve]:
     """What neither nuisances nor the causes of a hypothesis explain."""
-    look = search.fitter.arrive(h.look.theta, h.look.shapes)
+    look = replace(search.fitter.arrive(h.look.theta, h.look.shapes), raw=())  # room for the curves
     return curves(search.problem, search.fitter, look, search.free(h.chosen), seed=3)
