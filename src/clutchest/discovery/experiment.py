@@ -37,8 +37,9 @@ def propose(
     simulated drive with the first rival in it, and the causes ``beside`` it that are certain."""
     names = " or ".join(c.name for c, _ in rivals)
     best, scenario, tried, why = 0.0, None, False, ""
-    hidden = {c.name: {c.gain.key: size * c.gain.upper, **dict(c.shapes)}
-              for c, size in (rivals[0], *beside)}  # fmt: skip
+    hidden: dict[str, dict[str, float]] = {}
+    for c, size in (rivals[0], *beside):  # two numbers of one effect may be among them
+        hidden.setdefault(c.name, {}).update({c.gain.key: size * c.gain.upper, **dict(c.shapes)})
     for k, name in enumerate(scenarios):
         if progress:
             progress(f"trying what '{name}' would tell", k / len(scenarios))

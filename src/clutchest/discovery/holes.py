@@ -55,6 +55,8 @@ def _holes(present: Mapping[str, Signal], setting: Setting) -> list[tuple[float,
         if joined and begin <= joined[-1][1]:
             begin, end = joined[-1][0], max(end, joined.pop()[1])
         joined.append((begin, end))
+    if not joined:
+        return []
     edges = np.ravel(joined)
     stamps = np.union1d(present[model.anchor].time, edges)
     engaged = regimes(stamps, present, setting.vehicle, fast).engaged[stamps.searchsorted(edges)]

@@ -54,7 +54,8 @@ def untried(problem: Problem, effects: Sequence[Effect]) -> list[str]:
     """Of ``effects`` those that these signals' equations cannot have, by the signal that would
     bring them: a sentence for each."""
     name, usable = problem.vehicle.model, problem.usable
-    left = [e for e in effects if e not in problem.compiled.model.taking(effects)]
+    taken = problem.compiled.model.taking(effects)
+    left = [e for e in effects if e not in taken]
     words = []
     for column in [c for c, _ in card(name).columns if left and c not in usable]:
         brought = model_for(name, usable | {column}).taking(left)

@@ -151,10 +151,9 @@ def next_commands(discovery: Discovery) -> list[str]:
         return []
     vehicle = _argument(discovery.vehicle)
     scenario = shlex.quote(discovery.experiment.scenario)
-    likeliest = [c for c in discovery.causes if c.effect in discovery.sets[0]]
     hidden = "".join(
-        f" --effect {c.effect}:" + ",".join(f"{k}={f.value:.4g}" for k, f in c.parameters.items())
-        for c in likeliest
+        f" --effect {name}:" + ",".join(f"{key}={value:.4g}" for key, value in numbers.items())
+        for name, numbers in _added(discovery).items()
     )
     return [f"clutchest simulate --vehicle {vehicle} --scenario {scenario} --seed 1{hidden} "
             "-o next.log"]  # fmt: skip
@@ -200,10 +199,15 @@ def _causes(discovery: Discovery) -> str:
     return table(head, rows)
 
 
+def _added(discovery: Discovery) -> dict[str, Mapping[str, float]]:
+    """The effects that the extended vehicle has and the given one has not, with their numbers."""
+    before, after = discovery.vehicle.effects, discovery.extended.effects
+    return {name: numbers for name, numbers in after.items() if before.get(name) != numbers}
+
+
 def _extension(discovery: Discovery) -> str:
     """What the extended vehicle has in its model that the given one has not."""
-    before, after = discovery.vehicle.effects, discovery.extended.effects
-    added = [name for name, numbers in after.items() if before.get(name) != numbers]
+    added = _added(discovery)
     if not added:
         return "`extended.toml` is the vehicle as it was."
     how = "replay LOG --vehicle extended.toml"

@@ -312,11 +312,11 @@ def _effects(
     known = dict(library(model))
     for path in effects_files:
         known |= effects_of_file(path)
-    for name in table:
-        if name in known and name not in library(model):
-            from clutchest.models.unfit import unfit  # casadi is loaded where it is needed
+    if own := [name for name in table if name in known and name not in library(model)]:
+        from clutchest.models.unfit import unfit  # casadi is loaded where it is needed
 
-            values = {key: quantity.value for key, quantity in parameters.items()}
+        values = {key: quantity.value for key, quantity in parameters.items()}
+        for name in own:
             if wrong := unfit(known[name], model, values):
                 raise file.error(("effects", name), f"effect '{name}' {wrong}")
     file.known(("effects",), table, known, f"effect of '{model}'")
