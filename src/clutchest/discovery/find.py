@@ -31,7 +31,7 @@ from clutchest.discovery.result import (
     Where,
     either,
 )
-from clutchest.discovery.search import LEVEL, Hypothesis, Search
+from clutchest.discovery.search import LEVEL, ODD, Hypothesis, Search
 from clutchest.discovery.suspicions import suspicions
 from clutchest.discovery.transfer import Transfer
 from clutchest.discovery.verdict import HeldOut, Judged, gainsaid, judge
@@ -100,7 +100,7 @@ class _Finding:
         other = self._other()
         judged = judge(search, other, self.progress)
         verdict, errors, curve, gained = judged.verdict, judged.errors, None, None
-        warnings = [*self._unseen(search), *map(_not_borne_out, judged.dropped)]
+        warnings = [*self._unseen(search, judged.best), *map(_not_borne_out, judged.dropped)]
         if verdict == "unknown":
             errors, curve, gained = self._borne_out(search, errors, other)
         elif verdict != "none":
@@ -151,15 +151,17 @@ class _Finding:
         return [Identifiable(e.name, e.gains[0].unit, None, e.gains[0].upper, None, None)
                 for e in self._known if e.name not in there]  # fmt: skip
 
-    def _unseen(self, search: Search) -> list[str]:
-        """In words, what of the log and of the effects could not be looked at."""
+    def _unseen(self, search: Search, best: Hypothesis) -> list[str]:
+        """In words, what of the log and of the effects could not be looked at; where a log begins,
+        as the ``best`` has it."""
         problem = search.problem
         words = [*self.signals.warnings, *untried(problem, self._known)]
         if more := len(problem.drives) - len(self.signals.drives):
             words.append(f"{more} hole(s) through which the clutch may have slipped unseen: "
                          "what comes after one is taken for a drive of its own")  # fmt: skip
-        for i in search.running:
-            start, off = problem.thetas[i], search.null.look.theta[i] * problem.units[i]
+        # without a cause, a start may stand in for it
+        for i in (i for i in search.running if abs(best.look.theta[i]) > ODD):
+            start, off = problem.thetas[i], best.look.theta[i] * problem.units[i]
             words.append(f"{start.key} starts {off:+.0f} K from that of a clutch at rest: the log "
                          "begins in the middle of a drive")  # fmt: skip
         return words
