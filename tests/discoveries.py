@@ -20,6 +20,7 @@ from clutchest.discovery.result import (
     Rival,
     Where,
 )
+from clutchest.signals import Counts
 from clutchest.vehicle import Vehicle, load_vehicle
 
 VERDICTS = ("none", "named", "ambiguous", "unknown")
@@ -120,6 +121,7 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
         misfit=misfit(drives),
         extended=extended,
         patch=PATCH if verdict == "unknown" else None,
+        counts=Counts(2000, 1800, {"not mapped": 180, "checksum": 20}),
         warnings=("parameter 'kiss_point' is a guess",),
         provenance={"clutchest": "0.1.0", "logs": "monday.log, tuesday.log", "held_out": ""},
     )

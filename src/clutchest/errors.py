@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 
 
 class ClutchestError(Exception):
@@ -16,11 +17,25 @@ class ClutchestError(Exception):
 def nearest(given: str, valid: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` for the closest valid names, else a list of what is valid."""
     names = sorted(set(valid))
-    lowered = {name.lower(): name for name in names}
-    close = [lowered[m] for m in get_close_matches(given.lower(), lowered, n=3, cutoff=0.55)]
-    if close:
-        return "; did you mean " + " or ".join(repr(name) for name in close) + "?"
+    if close := alike(given, names):
+        return close
     if not names:
         return ""
     shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
     return f"; valid: {shown}"
+
+
+def alike(given: str, valid: Iterable[str]) -> str:
+    """``"; did you mean 'x'?"`` for the closest valid names, empty if none is close."""
+    lowered = {name.lower(): name for name in sorted(set(valid))}
+    close = [lowered[m] for m in get_close_matches(given.lower(), lowered, n=3, cutoff=0.55)]
+    return "; did you mean " + " or ".join(map(repr, close)) + "?" if close else ""
+
+
+def file_like(path: Path, stock: Iterable[str] = ()) -> str:
+    """The same for a file that is not there, among those of its folder and names in ``stock``."""
+    try:
+        there = [other.name for other in path.parent.iterdir() if other.is_file()]
+    except OSError:
+        there = []
+    return alike(path.name, (*there, *stock))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError, file_like, nearest
 
 _PACKAGE = Path(__file__).parent
 # In the wheel they lie inside the package; in a checkout at its top level.
@@ -35,4 +35,5 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
             return path
     if direct.is_dir():
         raise ClutchestError(f"{name}: is a folder, expected a file")
-    raise ClutchestError(f"no such file: {name}" + nearest(direct.name.split(".")[0], stock))
+    hint = file_like(direct, stock) or nearest(direct.name.split(".")[0], stock)
+    raise ClutchestError(f"no such file: {name}{hint}")

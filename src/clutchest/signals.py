@@ -140,6 +140,23 @@ class Counts:
     rejected: Mapping[str, int] = field(default_factory=dict)  # reason → frames
     messages: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # message → counts
 
+    def __add__(self, other: Counts) -> Counts:
+        """Those of two logs together."""
+        names = dict.fromkeys([*self.messages, *other.messages])
+        messages = {name: _together(self.messages.get(name, {}), other.messages.get(name, {}))
+                    for name in names}  # fmt: skip
+        return Counts(self.frames + other.frames, self.decoded + other.decoded,
+                      _together(self.rejected, other.rejected), messages)  # fmt: skip
+
+    def summary(self) -> dict[str, Any]:
+        """As the JSON files have it."""
+        return {"frames": self.frames, "frames_decoded": self.decoded,
+                "frames_rejected": dict(self.rejected)}  # fmt: skip
+
+
+def _together(some: Mapping[str, int], more: Mapping[str, int]) -> dict[str, int]:
+    return {key: some.get(key, 0) + more.get(key, 0) for key in dict.fromkeys([*some, *more])}
+
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
@@ -210,6 +227,18 @@ class Signals(Mapping[str, Signal]):
     def drives(self) -> tuple[Signals, ...]:
         """Every drive, this one first."""
         return (replace(self, later=()), *self.later)
+
+    @property
+    def told(self) -> frozenset[str]:
+        """Names of the signals with a valid sample in this drive."""
+        return frozenset(name for name, signal in self.signals.items() if signal.valid.any())
+
+    def says_as(self, other: Signals) -> bool:
+        """Whether this drive has the samples of the ``other``, by whatever clock."""
+        return self.told == other.told and all(
+            np.array_equal(self[name].value, other[name].value, equal_nan=True)
+            for name in self.told
+        )
 
     def __getitem__(self, name: str) -> Signal:
         try:

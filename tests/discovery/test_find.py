@@ -52,6 +52,14 @@ def test_of_drives_held_out_the_signals_of_the_log_count_and_every_drive():
     assert find._alike(log, [], "dry_clutch") == ()
 
 
+def test_a_drive_held_out_must_be_another():
+    """A copy of the log, whatever its name and its clock, measures nothing."""
+    log = drive(71, duration=60.0)
+    copy = replace(log, start_ns=7, sources=("copy.log",))
+    with pytest.raises(ClutchestError, match=r"copy\.log: has the readings of the log, expected"):
+        discover(log, TRUCK, holdout=[drive(72, duration=60.0), copy])
+
+
 @pytest.fixture(scope="module")
 def found() -> Discovery:
     return discover(drive(71, HIDDEN), TRUCK, holdout=drive(72, HIDDEN))

@@ -357,4 +357,6 @@ def test_nothing_on_the_terminal(tmp_path, capfd):
 
 
 def test_the_report_says_what_it_was_made_from():
-    assert report(discovery("none")).endswith("From monday.log, tuesday.log by clutchest 0.1.0.\n")
+    assert report(discovery("none")).endswith(
+        "From monday.log, tuesday.log (not used of 2000 frames: 20 checksum) by clutchest 0.1.0.\n"
+    )

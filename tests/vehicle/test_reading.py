@@ -14,6 +14,7 @@ from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.reading.tables import to_table, write_signals
 from clutchest.signals import Signal, Signals
+from clutchest.simulated import write_simulation
 from clutchest.vehicle import load_vehicle
 
 RPM = np.pi / 30
@@ -123,6 +124,55 @@ def test_csv_with_semicolons_and_decimal_commas(tmp_path: Path, truck) -> None:
     signals = read_log(path, truck)
     assert signals["engine_speed"].value.tolist() == [100.5, 101.5]
     assert signals["engine_speed"].time.tolist() == [0.0, 0.5]
+
+
+def test_rows_out_of_order_are_told_and_sorted(tmp_path: Path, truck) -> None:
+    path = tmp_path / "decoded.csv"
+    path.write_text("time,engine_speed\n0.0,100\n0.2,102\n,7\n0.1,101\n0.3,103\n")
+    signals = read_log(path, truck)
+    assert signals["engine_speed"].value.tolist() == [100, 101, 102, 103]
+    assert any(
+        w == "decoded.csv: row 5: the time goes back (1 time, by 0.1 s at most); rows are taken in "
+        "order of time"
+        for w in signals.warnings
+    )
+
+
+def test_a_column_in_another_unit_is_told(tmp_path: Path, truck) -> None:
+    """Readings that the bus signal could not carry; those that scatter about its end it could."""
+    n = 200
+    noise = 0.2 * np.random.default_rng(1).standard_normal(n)
+    columns = {"time": 0.01 * np.arange(n), "engine_speed": 1200.0 + noise,
+               "input_shaft_speed": noise, "coolant_temp": 360.0 + noise}  # fmt: skip
+    pd.DataFrame(columns).to_csv(tmp_path / "rpm.csv", index=False)
+    told = [w for w in read_log(tmp_path / "rpm.csv", truck).warnings if "lie outside" in w]
+    assert told == [
+        "engine_speed: 200 of 200 samples lie outside of what EEC1.EngineSpeed can carry, "
+        "0 to 841.1 rad/s; expected the column in rad/s; is it in rpm?",
+        "coolant_temp: 200 of 200 samples lie outside of what ET1.EngineCoolantTemperature can "
+        "carry, -40 to 210 °C; expected the column in °C",
+    ]
+
+
+def test_the_vehicle_files_range_holds_for_tables_too(edited, tmp_path: Path) -> None:
+    vehicle = load_vehicle(edited(("[signals.engine_speed]", "[signals.engine_speed]\nmax = 3000")))
+    path = tmp_path / "decoded.csv"
+    path.write_text("time,engine_speed\n0.0,100\n0.1,400\n0.2,102\n")
+    signals = read_log(path, vehicle)
+    assert signals["engine_speed"].valid.tolist() == [True, False, True]
+    assert "engine_speed: 1 samples outside the vehicle file's min … max" in signals.warnings
+
+
+def test_what_was_made_of_a_log_is_none(tmp_path: Path) -> None:
+    made = write_simulation(tmp_path / "a.csv", load_vehicle("truck"), "launches", 1)
+    with pytest.raises(ClutchestError, match="holds what clutchest made of a drive, expected the"):
+        read_log(made, "truck")
+
+
+def test_a_file_that_is_not_there_has_its_like_named(tmp_path: Path, truck) -> None:
+    (tmp_path / "monday.log").touch()
+    with pytest.raises(ClutchestError, match=r"mondy\.log; did you mean 'monday\.log'\?"):
+        read_log(tmp_path / "mondy.log", truck)
 
 
 def test_bad_cells_are_told_and_the_good_kept(tmp_path: Path, truck) -> None:

@@ -40,7 +40,7 @@ from clutchest.estimate.whole_log import Progress
 from clutchest.identify.problem import Problem
 from clutchest.models import model_for, only_for, peaks_of
 from clutchest.models.effects import Effect, effects_of_file, library
-from clutchest.signals import Signals
+from clutchest.signals import Counts, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
 MOST_RIVALS = 6
@@ -136,6 +136,7 @@ class _Finding:
             misfit=misfit(problem, search.fitter, before, judged.best.look if named else before),
             extended=extended,
             patch=text,
+            counts=sum((drive.counts for drive in self.signals.drives), Counts()),
             warnings=tuple(warnings),
             provenance=self._provenance(problem),
         )  # fmt: skip
@@ -275,12 +276,14 @@ class _Finding:
 
 def _alike(signals: Signals, other: Sequence[Signals], model: str) -> tuple[Signals, ...]:
     """The drives held out with the signals of the log, no others.  Raises ClutchestError where one
-    lacks such a signal that its equations would be others."""
-    used = set.intersection(*({n for n in d if d[n].valid.any()} for d in signals.drives))
+    is a drive of the log, or lacks such a signal that its equations would be others."""
+    used = frozenset.intersection(*(drive.told for drive in signals.drives))
     for drive in other:
-        left = {n for n in used if n in drive and drive[n].valid.any()}
+        name = _names([drive]) or "a drive held out"
+        if any(drive.says_as(own) for own in signals.drives):
+            raise ClutchestError(f"{name}: has the readings of the log, expected another drive")
+        left = used & drive.told
         if model_for(model, left) is not model_for(model, used):
-            name = _names([drive]) or "a drive held out"
             raise ClutchestError(f"{name}: no valid sample of {', '.join(sorted(used - left))}, "
                                  "expected the signals of the log in what is held out")  # fmt: skip
     return tuple(replace(drive, signals={name: drive[name] for name in used if name in drive})

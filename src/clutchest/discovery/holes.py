@@ -31,7 +31,7 @@ def without_holes(signals: Signals, vehicle: Vehicle) -> Signals:
 
 
 def _pieces(drive: Signals, vehicle: Vehicle) -> list[Signals]:
-    model = model_for(vehicle.model, {name for name in drive if drive[name].valid.any()})
+    model = model_for(vehicle.model, drive.told)
     setting = Setting(vehicle, model, 1.0, delays(vehicle))
     present, _ = usable(drive, setting)
     holes = _holes(present, setting)

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from clutchest.signals import Floats
+from clutchest.signals import Counts, Floats
 from clutchest.vehicle import Vehicle
 
 
@@ -175,6 +175,7 @@ class Discovery:
     misfit: Misfit
     extended: Vehicle
     patch: str | None
+    counts: Counts  # of the frames of the log
     warnings: tuple[str, ...]
     provenance: Mapping[str, str]
 
@@ -227,6 +228,7 @@ class Discovery:
                  "count": x.count}
                 for x in self.misfit.levels
             ],
+            **self.counts.summary(),
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }  # fmt: skip

@@ -142,7 +142,7 @@ def _whole(
     progress: Progress | None,
 ) -> tuple[Track, Part, Mapping[str, Any]]:  # fmt: skip
     """One drive at once, since a smoother goes back over all of it."""
-    usable = {name for name in signals if signals[name].valid.any()}
+    usable = signals.told
     compiled = compile_model(vehicle, model_for(vehicle.model, usable), progress=progress)
     even = evenly_late(signals, vehicle)
     timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))

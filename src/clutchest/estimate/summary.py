@@ -24,7 +24,7 @@ from clutchest.estimate.start import History
 from clutchest.estimate.wear import wear_trend
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.symbols import State
-from clutchest.signals import Floats, Signals
+from clutchest.signals import Counts, Floats, Signals
 from clutchest.vehicle import Vehicle
 
 
@@ -45,17 +45,10 @@ class Part:
 
 def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) -> dict[str, Any]:
     """Counts, final states, sensors, engagements and warnings over all drives."""
-    rejected: dict[str, int] = {}
-    messages: dict[str, dict[str, int]] = {}
+    counts = sum((part.drive.counts for part in parts), Counts())
     warnings: list[str] = []
     for number, part in enumerate(parts):
         drive = part.drive
-        for reason, count in drive.counts.rejected.items():
-            rejected[reason] = rejected.get(reason, 0) + count
-        for message, counts in drive.counts.messages.items():
-            total = messages.setdefault(message, {})
-            for reason, count in counts.items():
-                total[reason] = total.get(reason, 0) + count
         prefix = f"drive {number}: " if len(parts) > 1 else ""
         warnings += [prefix + warning for warning in (*drive.warnings, *part.warnings)]
     if vehicle.guessed:
@@ -65,10 +58,8 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
     last, end = tracks[-1], parts[-1]
     return {
         "vehicle": vehicle.name,
-        "frames": sum(p.drive.counts.frames for p in parts),
-        "frames_decoded": sum(p.drive.counts.decoded for p in parts),
-        "frames_rejected": rejected,
-        "messages": messages,
+        **counts.summary(),
+        "messages": counts.messages,
         "duration_s": float(sum(p.span_s for p in parts)),
         "drives": len(tracks),
         "modes_s": _modes(tracks),

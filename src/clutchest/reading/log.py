@@ -18,6 +18,7 @@ from clutchest.can.sieve import Sieve
 from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.mapping import NoMappedFrame, signals_of
+from clutchest.reading.plausible import plausible
 from clutchest.reading.tables import is_table, joined, read_table
 from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, Window
@@ -64,9 +65,11 @@ def read_log(
     vehicle = load_vehicle(vehicle)
     found = _located([paths] if isinstance(paths, str | Path) else list(paths))
     tabular = [is_table(path) for path in found]
-    database, wanted = Database({}), []
-    if not all(tabular):
-        database = load_database(vehicle, [path.parent for path in found])
+    folders = [path.parent for path in found]
+    if all(tabular):
+        database, wanted = _if_there(vehicle, folders), []
+    else:
+        database = load_database(vehicle, folders)
         wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     columns = dict(card(vehicle.model).columns)
     pieces = [_table(path, columns) if is_table else _frames(path, wanted)
@@ -77,7 +80,8 @@ def read_log(
     for group in _groups(pieces):
         tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
         if tables:
-            cut = window.of_signals(_only_mapped(joined(tables), vehicle))
+            mapped = _only_mapped(joined(tables), vehicle)
+            cut = window.of_signals(plausible(mapped, vehicle, database))
             drives += [cut] if cut else []
             continue
         sources = tuple(str(piece.path) for piece in group)
@@ -132,6 +136,16 @@ def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
     if not vehicle.dbc:
         raise ClutchestError(f"{vehicle.path.name}: no 'dbc', so CAN logs cannot be decoded")
     return load([_dbc(vehicle, path, [*folders, Path.cwd()]) for path in vehicle.dbc])
+
+
+def _if_there(vehicle: Vehicle, folders: Sequence[Path]) -> Database:
+    """The vehicle's DBCs where they are at hand and fit it; tables do without them."""
+    try:
+        database = load_database(vehicle, folders)
+        mapped_messages(vehicle, database)
+    except ClutchestError:
+        return Database({})
+    return database
 
 
 def _dbc(vehicle: Vehicle, path: Path, folders: Sequence[Path]) -> Path:

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.signals import Counts, Signal, Signals
+from clutchest.signals import Counts, Floats, Signal, Signals
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,6 +72,7 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     rejected = {"no time": int((~timed).sum())} if not timed.all() else {}
     start = float(time[timed].min())
     absolute = start > _EPOCH
+    warnings += _backward(path, time, timed)
     if start < 0:
         warnings.append(f"{path.name}: time begins at {start:g} s; counted from there")
     time = time - start if absolute or start < 0 else time
@@ -96,6 +98,18 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     )
 
 
+def _backward(path: Path, time: Floats, timed: NDArray[np.bool_]) -> list[str]:
+    """In words, that rows are not in order of time, and where that begins."""
+    rows = np.flatnonzero(timed)
+    step = np.diff(time[rows])
+    back = np.flatnonzero(step < 0)
+    if not len(back):
+        return []
+    times = f"{len(back)} time{'s' * (len(back) > 1)}"
+    return [f"{path.name}: row {rows[back[0] + 1] + 2}: the time goes back ({times}, by "
+            f"{-step.min():g} s at most); rows are taken in order of time"]  # fmt: skip
+
+
 def _load(path: Path) -> pd.DataFrame:
     import pandas as pd
 
@@ -103,6 +117,7 @@ def _load(path: Path) -> pd.DataFrame:
         raise ClutchestError(f"{path}: the file is empty; expected a CAN log or decoded signals")
     try:
         if path.suffix.lower() == ".parquet":
+            _no_result(path)
             return _in_seconds(pd.read_parquet(path))
         separator = ";" if _header(path).count(";") > _header(path).count(",") else ","
         options = {
@@ -115,10 +130,20 @@ def _load(path: Path) -> pd.DataFrame:
             table = pd.read_csv(path, encoding="utf-8-sig", **options)
         except UnicodeDecodeError:
             table = pd.read_csv(path, encoding="latin-1", **options)
+    except ClutchestError:
+        raise
     except Exception as problem:  # pandas and pyarrow raise whatever their parsers do
         what = str(problem).splitlines()[0] if str(problem) else type(problem).__name__
         raise ClutchestError(f"{path}: not a readable table: {what}") from None
     return table.rename(columns=lambda name: str(name).strip())
+
+
+def _no_result(path: Path) -> None:
+    """Raises ClutchestError for estimates and truths, which bear the version that made them."""
+    import pyarrow.parquet as pq
+
+    if b"clutchest" in (pq.read_schema(path).metadata or {}):
+        raise ClutchestError(f"{path}: holds what clutchest made of a drive, expected the log")
 
 
 def _in_seconds(table: pd.DataFrame) -> pd.DataFrame:

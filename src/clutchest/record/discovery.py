@@ -18,6 +18,7 @@ from clutchest.record.misfit_pictures import PICTURE, draw_misfit
 from clutchest.record.quantities import Quantity
 from clutchest.record.report import rounded, table
 from clutchest.shipped import shipped
+from clutchest.signals import Counts
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.text import vehicle_text
 
@@ -185,8 +186,16 @@ def report(discovery: Discovery, picture: str | None = None) -> str:
     made = discovery.provenance
     if logs := made.get("logs"):
         held_out = f", measured on {made['held_out']}," if made["held_out"] else ""
-        parts.append(f"From {logs}{held_out} by clutchest {made['clutchest']}.")
+        parts.append(f"From {logs}{_lost(discovery.counts)}{held_out} "
+                     f"by clutchest {made['clutchest']}.")  # fmt: skip
     return "\n\n".join(parts) + "\n"
+
+
+def _lost(counts: Counts) -> str:
+    """In words, what of the mapped frames could not be used, and why."""
+    lost = {why: n for why, n in counts.rejected.items() if why != "not mapped"}
+    told = ", ".join(f"{n} {why}" for why, n in lost.items())
+    return f" (not used of {counts.frames} frames: {told})" if lost else ""
 
 
 def _causes(discovery: Discovery) -> str:

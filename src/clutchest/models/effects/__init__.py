@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError, file_like, nearest
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
 
 __all__ = ["Effect", "Gains", "Lateness", "Number", "effects_of_file", "library"]
@@ -41,7 +41,7 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
     """
     spec = importlib.util.spec_from_file_location(f"clutchest_effects_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise ClutchestError(f"{path}: no such file of effects")
+        raise ClutchestError(f"{path}: no such file of effects" + file_like(path))
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

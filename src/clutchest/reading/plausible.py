@@ -1,0 +1,64 @@
+"""Columns of tables, held against what the bus signals that they stand for can carry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest import units
+from clutchest.can.database import Database
+from clutchest.signals import Signal, Signals, Why
+from clutchest.vehicle import SignalMap, Vehicle
+
+# A reading of nothing scatters about the end of its range; a wrong unit leaves it by far and often.
+_MARGIN = 0.05  # of the range
+_OFTEN = 0.01  # of the samples
+
+
+def plausible(signals: Signals, vehicle: Vehicle, database: Database) -> Signals:
+    """The signals of a table without samples outside the vehicle file's min … max; warns of those,
+    and of columns that lie where the DBC's signal cannot: they are in some other unit.
+
+    The ``database`` may be empty.
+    """
+    kept, said = dict(signals.signals), list[str]()
+    for name, signal in signals.items():
+        how = vehicle.signals.get(name)
+        if how is None or how.gears or how.reference is not None or not len(signal):
+            continue  # made of several bus signals: a range of its own it has not
+        kept[name], words = _within_file(signal, how)
+        said += words
+        if how.bus.message in database.messages:
+            said += _beyond_bus(signal, how, database)
+    return replace(signals, signals=kept, warnings=(*signals.warnings, *said))
+
+
+def _within_file(signal: Signal, how: SignalMap) -> tuple[Signal, list[str]]:
+    outside = np.zeros(len(signal), bool)
+    if how.minimum is not None:
+        outside |= signal.value < units.convert(how.minimum, how.bus.unit, signal.unit)
+    if how.maximum is not None:
+        outside |= signal.value > units.convert(how.maximum, how.bus.unit, signal.unit)
+    if not outside.any():
+        return signal, []
+    why = np.where(outside, np.uint8(Why.OUT_OF_RANGE), signal.why)
+    cut = Signal.of(signal.name, signal.unit, signal.time, signal.value, why)
+    return cut, [f"{signal.name}: {outside.sum()} samples outside the vehicle file's min … max"]
+
+
+def _beyond_bus(signal: Signal, how: SignalMap, database: Database) -> list[str]:
+    layout = database.message(how.bus.message).signal(how.bus.signal)
+    if layout.minimum is None or layout.maximum is None or layout.minimum >= layout.maximum:
+        return []
+    low, high = (units.convert(float(end), how.bus.unit, signal.unit)
+                 for end in (layout.minimum, layout.maximum))  # fmt: skip
+    margin = _MARGIN * (high - low)
+    value = signal.value[signal.valid]
+    beyond = np.count_nonzero((value < low - margin) | (value > high + margin))
+    if beyond <= _OFTEN * len(value):
+        return []
+    other = f"; is it in {how.bus.unit}?" if how.bus.unit != signal.unit else ""
+    return [f"{signal.name}: {beyond} of {len(value)} samples lie outside of what "
+            f"{how.bus.message}.{how.bus.signal} can carry, {low:.4g} to {high:.4g} {signal.unit}; "
+            f"expected the column in {signal.unit}{other}"]  # fmt: skip
