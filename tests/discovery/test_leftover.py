@@ -24,8 +24,14 @@ def test_evidence_is_twice_the_logarithm_of_the_bayes_factor() -> None:
         np.testing.assert_allclose(evidence(y[2] @ x, x.T @ x, none), factor[2], rtol=1e-9)
         means = [np.linalg.solve(x.T @ x + np.eye(columns) / s**2, x.T @ y[2]) for s in SCALES]
         weights = np.exp(np.array(each)[:, 2] - np.max(np.array(each)[:, 2]))
-        np.testing.assert_allclose(expected(y[2] @ x, x.T @ x, none),
-                                   weights @ means / weights.sum(), rtol=1e-9)  # fmt: skip
+        weights /= weights.sum()
+        mean, off = expected(y[2] @ x, x.T @ x, none)
+        np.testing.assert_allclose(mean, weights @ means, rtol=1e-9)
+        second = sum(
+            w * (np.linalg.inv(x.T @ x + np.eye(columns) / s**2) + np.outer(m, m))
+            for w, s, m in zip(weights, SCALES, means, strict=True)
+        )
+        np.testing.assert_allclose(off.T @ off, second - np.outer(mean, mean), atol=1e-12)
 
 
 def test_a_faint_direction_is_no_evidence() -> None:

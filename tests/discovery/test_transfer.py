@@ -16,7 +16,17 @@ NONE = np.zeros(len(AT))
 
 
 def curve(driver: str, evidence: float) -> Curve:
-    return Curve("torque", "torque", driver, np.zeros(2), np.zeros(2), evidence, evidence, 1e-9)
+    return Curve(
+        "torque",
+        "torque",
+        driver,
+        np.zeros(2),
+        np.zeros(2),
+        np.zeros((0, 2)),
+        evidence,
+        evidence,
+        1e-9,
+    )
 
 
 def foretold(white: Floats) -> Foretold:

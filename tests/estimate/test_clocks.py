@@ -80,3 +80,18 @@ def test_what_is_late_by_turns_is_estimated_as_what_is_punctual(truck, signals):
     left = likely(signals, nominal) - likely(lazy, truck)
     assert lost > 100.0
     assert left < 0.1 * lost
+
+
+def test_of_two_delays_of_one_signal_an_absent_one_changes_nothing(truck, signals, tmp_path):
+    """One of them absent: as if it were not there."""
+    more = EFFECT.replace("Lazy", "Other").replace('"lazy"', '"other"')
+    (tmp_path / "more.py").write_text(EFFECT + more.split("\n\n", 1)[1])
+    files = (tmp_path / "more.py",)
+    alone = evenly_late(signals, truck)["engine_torque"]
+    for size, other in ((1.5, 0.0), (0.0, 1.5)):
+        both = replace(truck, effects={"lazy": {"size": size}, "other": {"size": other}},
+                       effects_files=files)  # fmt: skip
+        found = evenly_late(signals, both)["engine_torque"]
+        assert delays(both) == delays(truck)
+        np.testing.assert_array_equal(found.time, alone.time)
+        np.testing.assert_array_equal(found.value, alone.value)

@@ -181,6 +181,30 @@ WRONG = [
         r"effects\.friction_slip\.speed = 0 must lie within",
     ),
     (
+        (
+            "[limits]",
+            "[effects]\nwear = { rate = 0.1 }\n[effects_spread]\nwaer = { rate = 1 }\n[limits]",
+        ),
+        "waer",
+        r"unknown effect of \[effects\] 'waer'; did you mean 'wear'\?",
+    ),
+    (
+        (
+            "[limits]",
+            "[effects]\nwear = { rate = 0.1 }\n\n[effects_spread.wear]\namount = 1\n\n[limits]",
+        ),
+        "amount = 1",
+        r"unknown number in \[effects\] of 'wear' 'amount'; valid: rate",
+    ),
+    (
+        (
+            "[limits]",
+            "[effects.friction_fade]\nslope = 0.1\nonset = { value = 250, spread = 9 }\n\n[limits]",
+        ),
+        "onset",
+        r"friction_fade\.onset is a shape and takes no spread",
+    ),
+    (
         ("[limits]", '[estimation]\nfrictoin = { role = "constant" }\n\n[limits]'),
         "frictoin",
         r"unknown state 'frictoin'; did you mean 'friction'\?",
@@ -256,9 +280,20 @@ def test_every_effect_of_the_library_can_stand_in_a_file(edited, tmp_path: Path)
         for name, values in effects.items()
     ]
     vehicle = load_vehicle(edited(extra="[effects]\n" + "\n".join(lines) + "\n"))
-    assert vehicle.effects == effects
+    assert vehicle.effects == effects and vehicle.effects_spread == {}
     dump_vehicle(vehicle, tmp_path / "again.toml")
     assert load_vehicle(tmp_path / "again.toml") == vehicle
+
+
+def test_a_gain_has_its_spread_beside_it_or_in_a_table(edited, tmp_path: Path) -> None:
+    beside = "wear = { rate = { value = 20, unit = 'µm/MJ', spread = 3 }, amount = 1 }"
+    apart = "wear = { rate = 0.02, amount = 1 }\n[effects_spread]\nwear = { rate = 0.003 }"
+    for text in (beside, apart):
+        vehicle = load_vehicle(edited(extra=f"[effects]\n{text}\n"))
+        assert vehicle.effects == {"wear": {"rate": pytest.approx(0.02), "amount": 1.0}}
+        assert vehicle.effects_spread == {"wear": {"rate": pytest.approx(0.003)}}
+        dump_vehicle(vehicle, tmp_path / "again.toml")
+        assert load_vehicle(tmp_path / "again.toml") == vehicle
 
 
 def test_a_users_own_effects_are_known_and_enter_the_hash(edited, tmp_path: Path) -> None:

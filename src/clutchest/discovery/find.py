@@ -215,7 +215,7 @@ class _Finding:
         model = search.problem.compiled.model
         first = {c.driver: c for c in reversed(errors) if c.equation == errors[0].equation}
         leading = list(first.values())
-        followed = [patch.text(c, model) is not None for c in leading]
+        followed = [patch.written(c, model) is not None for c in leading]
         if other is None:
             mean_the_same = [c for c, can in zip(leading, followed, strict=True)
                              if can and c.driver != "time"]  # fmt: skip
@@ -230,21 +230,26 @@ class _Finding:
         self, problem: Problem, acts: Mapping[str, Mapping[str, Found]], curve: Curve | None
     ) -> tuple[Vehicle, str | None]:
         """The vehicle with the effects that ``act`` in its model, or with a curve."""
-        effects, files, text = dict(self.vehicle.effects), list(self.vehicle.effects_files), None
+        effects, spreads = dict(self.vehicle.effects), dict(self.vehicle.effects_spread)
+        files, text = list(self.vehicle.effects_files), None
         if curve is not None:
-            earlier = sum(name.startswith(patch.NAME) for name in effects)
-            name = f"{patch.NAME}_{earlier + 1}" if earlier else patch.NAME
-            text = patch.text(curve, problem.compiled.model, name)
-            if text is not None:
-                effects[name] = {"size": 1.0}
+            patched = patch.written(curve, problem.compiled.model, effects)
+            if patched is not None:
+                text = patched.text
+                effects |= patched.effects
+                spreads |= patched.spread
                 files.append(Path(patch.FILE))
         for name, numbers in acts.items():
             effects[name] = {key: f.value for key, f in numbers.items()}
+            spreads[name] = {n.key: numbers[n.key].std for n in problem.effects[name].gains
+                             if n.key in numbers}  # fmt: skip
         used = {effect for effect in effects if effect not in library(self.vehicle.model)}
         for path in self.files:
             if used & set(effects_of_file(path)):
                 files.append(path.resolve())
-        return replace(self.vehicle, effects=effects, effects_files=tuple(files)), text
+        extended = replace(self.vehicle, effects=effects, effects_spread=spreads,
+                           effects_files=tuple(files))  # fmt: skip
+        return extended, text
 
     def _experiment(self, judged: Judged) -> Experiment:
         from clutchest.generator import SCENARIOS

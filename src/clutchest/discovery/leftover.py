@@ -38,7 +38,8 @@ ENTRIES = 1e7  # of derivatives, held at a time
 class Curve:
     """An error of ``equation``, in the way of ``flaw``, as a curve over ``driver``.
 
-    ``at`` its knots, ``coefficients`` the expected ones (units of the probe); ``worth`` what they
+    ``at`` its knots (c), ``coefficients`` (c) the expected ones (units of the probe); ``off``
+    (c, c) in each row what they may be off by, a standard deviation one way; ``worth`` what they
     bring in −2 ln(probability) under a prior of one unit, less what noise alone gives.
     ``evidence`` 2 ln of the Bayes factor against no such error, ``p_value`` the chance that noise
     gives as much to any curve.
@@ -49,6 +50,7 @@ class Curve:
     driver: str
     at: Floats
     coefficients: Floats
+    off: Floats
     worth: float
     evidence: float
     p_value: float
@@ -86,7 +88,7 @@ def curves(
                 unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
             told = score / unrest, information / unrest, faint / unrest
             found.append(Curve(
-                name, equation, driver, at, expected(*told),
+                name, equation, driver, at, *expected(*told),
                 float(score @ best) / unrest - 2.0 * rank, float(evidence(*told)) - rare, 1.0,
             ))  # fmt: skip
         del left, c, pure  # before the next ones are made
@@ -107,22 +109,29 @@ def evidence(score: Floats, information: Floats, faint: Floats) -> Floats:
     return np.asarray(top[..., 0] + 2.0 * mean)
 
 
-def expected(score: Floats, information: Floats, faint: Floats) -> Floats:
-    """Coefficients (c) in the mean over SCALES, each as likely as its ``evidence`` says."""
-    each, means = _of_scales(score, information, faint)
-    return np.asarray(softmax(each / 2.0) @ means)
+def expected(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (c) in the mean over SCALES, each as likely as its ``evidence`` says; in rows
+    (c, c) the principal directions in which they may be off, by a standard deviation each."""
+    each, means, covariances = _of_scales(score, information, faint)
+    weight = softmax(each / 2.0)
+    mean = np.asarray(weight @ means)
+    apart = (means - mean) * np.sqrt(weight)[:, None]
+    variance, directions = np.linalg.eigh(np.tensordot(weight, covariances, 1) + apart.T @ apart)
+    return mean, np.sqrt(np.maximum(variance, 0.0))[:, None] * directions.T
 
 
-def _of_scales(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats]:
-    """2 ln of the Bayes factor (…, s) of each scale, and its most probable coefficients
-    (…, s, c)."""
+def _of_scales(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats, Floats]:
+    """2 ln of the Bayes factor (…, s) of each scale, its most probable coefficients (…, s, c), and
+    their covariance (s, c, c)."""
     strength, directions = np.linalg.eigh(information)
     told = strength > np.sum(directions * (faint @ directions), axis=0)
     variance = SCALES[:, None] ** 2
     shrunk = 1.0 + variance * np.where(told, strength, 0.0)
     along = np.where(told, score @ directions, 0.0)
     each = along**2 @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
-    return each, (along[..., None, :] * (variance / shrunk)) @ directions.T
+    known = variance / shrunk
+    covariances = (directions * known[:, None, :]) @ directions.T
+    return each, (along[..., None, :] * known) @ directions.T, covariances
 
 
 def _unrest(

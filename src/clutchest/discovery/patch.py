@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,16 +28,25 @@ Written by `clutchest discover`.  Between the knots the curve is straight, beyon
 
 from clutchest.models.effects import Effect, Lateness, Number
 
+KNOTS = {knots}
 
-class Patch(Effect):
-    """`{signal}` arrives late by so many s, times `size`."""
 
-    name = "{name}"
+class Late:
+    """`{signal}` arrives late by a curve of s, times `size`."""
+
     model = "{model}"
     equation = "{equation}"
-    parameters = (Number("size", "1", 0.0, 2.0),)
+    parameters = (Number("size", "1", -4.0, 4.0),)
     delays = {{"{signal}": "size"}}
-    lateness = {{"{signal}": Lateness("{driver}", {knots}, {seconds})}}
+{curves}'''
+
+_CURVE = '''
+
+class {title}(Late, Effect):
+    """{what}"""
+
+    name = "{name}"
+    lateness = {{"{signal}": Lateness("{driver}", KNOTS, {seconds})}}
 '''
 
 _TEXT = '''"""An error of the equation `{equation}` that goes with `{driver}`.
@@ -51,6 +62,8 @@ from clutchest.models.symbols import State
 
 KNOTS = {knots}
 VALUES = {values}  # in units of the error, one per knot
+# What they may be off by, a standard deviation each way.
+BENDS = {bends}
 
 
 class Patch(Effect):
@@ -59,7 +72,10 @@ class Patch(Effect):
     name = "{name}"
     model = "{model}"
     equation = "{equation}"
-    parameters = (Number("size", "1", 0.0, 2.0),)
+    parameters = (
+        Number("size", "1", -4.0, 4.0),
+        *(Number(f"bend_{{k}}", "1", -4.0, 4.0) for k in range(1, len(BENDS) + 1)),
+    )
     states = {states}
 
     def terms(self, g):
@@ -68,7 +84,10 @@ class Patch(Effect):
         def changed(quantity, change):
             def by_curve(value, q):
                 at = {at}
-                return change(value, g.size * curve(at))
+                error = g.size * curve(at, VALUES)
+                for k, bend in enumerate(BENDS, 1):
+                    error += getattr(g, f"bend_{{k}}") * curve(at, bend)
+                return change(value, error)
 
             return by_curve
 
@@ -77,10 +96,10 @@ class Patch(Effect):
         return found
 {kept}
 
-def curve(at):
+def curve(at, values):
     """The error at a value of the driver."""
-    value = VALUES[0] + 0.0 * at
-    for left, right, a, b in zip(KNOTS, KNOTS[1:], VALUES, VALUES[1:]):
+    value = values[0] + 0.0 * at
+    for left, right, a, b in zip(KNOTS, KNOTS[1:], values, values[1:]):
         share = ca.fmin(ca.fmax((at - left) / (right - left), 0.0), 1.0)
         value += (b - a) * share
     return value
@@ -96,17 +115,56 @@ _PEAK = '''
 '''
 
 
-def text(curve: Curve, model: Model, name: str = NAME) -> str | None:
-    """Python source of the effect ``name``, None where the equations cannot see what it depends
-    on."""
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """The ``text`` of a file of effects; those that stand in the model with their numbers
+    (effect → number → value), and by how much (``spread``) they may be off."""
+
+    text: str
+    effects: Mapping[str, Mapping[str, float]]
+    spread: Mapping[str, Mapping[str, float]]
+
+
+def written(curve: Curve, model: Model, known: Iterable[str] = ()) -> Patch | None:
+    """The curve as effects that have none of the ``known`` names; None where the equations cannot
+    see what it depends on."""
+    earlier = sum(re.fullmatch(rf"{NAME}(_\d+)?", each) is not None for each in known)
+    name = f"{NAME}_{earlier + 1}" if earlier else NAME
+    # over time, it is another on another drive
+    bends = () if curve.driver == "time" else tuple(map(_numbers, curve.off))
+    keys = [f"bend_{k}" for k in range(1, len(bends) + 1)]
+    if flaws_of(model.name)[curve.flaw].late is not None:
+        off = {f"{name}_{key}": {"size": 1.0} for key in keys}
+        effects = {name: {"size": 1.0}} | {each: {"size": 0.0} for each in off}
+        return Patch(_of_a_clock(curve, model, name, list(off)), effects, off)
+    text = _of_an_equation(curve, model, name, bends)
+    if text is None:
+        return None
+    off = {name: dict.fromkeys(keys, 1.0)} if bends else {}
+    return Patch(text, {name: {"size": 1.0} | dict.fromkeys(keys, 0.0)}, off)
+
+
+def _of_a_clock(curve: Curve, model: Model, name: str, bends: Sequence[str]) -> str:
+    late = flaws_of(model.name)[curve.flaw].late
+    assert late is not None
+    signal, per_unit = late
+    curves = [(name, "What was found.", curve.coefficients)]
+    curves += [(bend, "What it may be off by, a standard deviation one way.", off)
+               for bend, off in zip(bends, curve.off, strict=bool(bends))]  # fmt: skip
+    return _LATE.format(
+        signal=signal, driver=curve.driver, model=model.name, equation=curve.equation,
+        knots=_numbers(curve.at),
+        curves="".join(_CURVE.format(
+            title=each.title().replace("_", ""), what=what, name=each, signal=signal,
+            driver=curve.driver, seconds=_numbers(per_unit * values),
+        ) for each, what, values in curves),
+    )  # fmt: skip
+
+
+def _of_an_equation(
+    curve: Curve, model: Model, name: str, bends: Sequence[tuple[float, ...]]
+) -> str | None:
     flaw = flaws_of(model.name)[curve.flaw]
-    if flaw.late is not None:
-        signal, per_unit = flaw.late
-        return _LATE.format(
-            signal=signal, driver=curve.driver, name=name, model=model.name,
-            equation=curve.equation, knots=_numbers(curve.at),
-            seconds=_numbers(per_unit * curve.coefficients),
-        )  # fmt: skip
     changes = flaw.changes
     peaks = peaks_of(model.name)
     at, states, rate, kept = f"q.{curve.driver}", "()", "", ""
@@ -133,6 +191,7 @@ def text(curve: Curve, model: Model, name: str = NAME) -> str | None:
         model=model.name,
         knots=_numbers(curve.at),
         values=_numbers(curve.coefficients),
+        bends=tuple(bends),
         states=states,
         rate=rate,
         kept=kept,

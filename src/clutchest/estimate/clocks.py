@@ -23,22 +23,22 @@ class Clocks:
             for effect in present_effects(vehicle) for signal, lateness in effect.lateness.items()
         ]  # fmt: skip
         self._value: dict[str, float] = {}  # the last one of what delays go with
-        self._put_off: dict[str, float] = {}  # until when each signal's samples have been
+        self._put_off: dict[int, float] = {}  # until when the samples of each of them have been
 
     def take(self, new: Mapping[str, Signal]) -> Mapping[str, Signal]:
         """The ``new`` samples of every signal; what would overtake the one before it is left out,
         having been told already."""
         found = dict(new)
-        for name, size, lateness in self.late:
+        for i, (name, size, lateness) in enumerate(self.late):
             if name not in found or not len(signal := found[name]):
                 continue
             value = self._at(lateness.goes_with, signal.time, new)
             late = np.interp(value, lateness.at, lateness.seconds)
             most = lateness.most
             time = signal.time + size * (most - np.where(np.isfinite(value), late, most))
-            ahead = np.concatenate([[self._put_off.get(name, -np.inf)], time[:-1]])
+            ahead = np.concatenate([[self._put_off.get(i, -np.inf)], time[:-1]])
             keep = time > np.maximum.accumulate(ahead)
-            self._put_off[name] = float(max(time.max(), ahead[0]))
+            self._put_off[i] = float(max(time.max(), ahead[0]))
             found[name] = replace(signal, time=time).take(keep)
         for _, _, lateness in self.late:
             of = lateness.goes_with

@@ -165,7 +165,8 @@ def provenance(vehicle: Vehicle, digest: str) -> dict[str, str]:
     """Versions, and hashes of vehicle, parameters and compiled model."""
     from importlib.metadata import version
 
-    numbers = repr(sorted((k, v.value, v.spread) for k, v in vehicle.parameters.items()))
+    numbers = repr((sorted((k, v.value, v.spread) for k, v in vehicle.parameters.items()),
+                    vehicle.effects, vehicle.effects_spread))  # fmt: skip
     return {
         "clutchest": __version__,
         "python": platform.python_version(),

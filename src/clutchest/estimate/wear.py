@@ -37,6 +37,10 @@ def wear_trend(
     amount = vehicle.parameters["zero_position_ref"].value - float(belief.x[position])
     known = any(effect.name == "wear" for effect in model.effects)
     of_file = vehicle.effects["wear"].get("rate", 0.0) if known else 0.0
+    if known:  # the state is what the rate is beside the file's, which may be off itself
+        k = compiled.thetas.index(("wear", "rate"))
+        across = belief.S[[position, rate], k] * compiled.spread[k] ** 2
+        P += np.array([[0.0, across[0]], [across[0], 2.0 * across[1] + compiled.spread[k] ** 2]])
     speed = float(belief.x[rate]) + of_file
     energy = float(belief.E[0]) / MJ
     energy_std = sqrt(float(belief.E[1] + np.sum((belief.sE * compiled.spread) ** 2))) / MJ

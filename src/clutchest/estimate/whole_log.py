@@ -151,8 +151,9 @@ def compile_model(
     thetas = [("parameter", key) for key in uncertain]
     spread = [spreads[key] for key in uncertain]
     for effect in effects:
+        stated: Mapping[str, float] = vehicle.effects_spread.get(effect.name, {})
         thetas += [(effect.name, n.key) for n in effect.gains]
-        spread += [0.0] * len(effect.gains)
+        spread += [stated.get(n.key, 0.0) for n in effect.gains]
     thetas += [(START, name) for name in starts]
     spread += list(starts.values())
     thetas += [(NOISE, name) for name in noises]

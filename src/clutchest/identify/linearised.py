@@ -10,7 +10,7 @@ as far as they like, and no adapting state swallows what a cause leaves in the d
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,7 @@ from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
 from clutchest.identify.course import Course, apart
 from clutchest.identify.input_noise import walks
+from clutchest.models.effects.effect import TIME
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -61,6 +62,7 @@ class LinearDrive:
         line = replace(line, R=R)
         self.compiled, self.line = compiled, condensed(line, model)
         self.nominal = nominal(compiled, line)
+        self.delays = _delays(signals, compiled, self.line.t)
         self.start = fresh(vehicle, compiled, line)
         self.start.P[~self.tracked] = 0.0
         self.start.P[:, ~self.tracked] = 0.0
@@ -143,11 +145,14 @@ class LinearDrive:
         ``active`` thetas (a) of the compiled model.
 
         ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
-        on top of the delays known before.  Derivatives are taken at the inputs that the run before
+        on top of the effects' delays.  Derivatives are taken at the inputs that the run before
         implied (see ``compute.answers``).
         """
-        everywhere = np.zeros((len(self.line.t), 0)), np.full(len(active), -1)
-        innovations, answers, states = self._run(p, g, x, late, active, *everywhere)
+        late = self._shifts(g, late)
+        uneven = {d.theta: d.size for d in self.delays if np.ndim(d.size)}
+        basis = np.column_stack([*uneven.values(), np.zeros((len(self.line.t), 0))])
+        which = np.array([list(uneven).index(k) if k in uneven else -1 for k in active], np.int64)
+        innovations, answers, states = self._run(p, g, x, late, active, basis, which)
         self.states = states
         self._imply(p, g, self._late(late))
         return innovations, answers
@@ -158,10 +163,18 @@ class LinearDrive:
     ) -> Floats:  # fmt: skip
         """Derivatives as of :meth:`answer`, of thetas of which number c acts in proportion to
         column ``which[c]`` of ``basis`` (events, b)."""
-        return self._run(p, g, x, late, active, basis, which)[1]
+        return self._run(p, g, x, self._shifts(g, late), active, basis, which)[1]
+
+    def _shifts(self, g: Floats, late: Mapping[str, float]) -> dict[str, float | Floats]:
+        """By how many s signals are late at every event, beyond what the vehicle file states."""
+        shifts: dict[str, float | Floats] = {**late}
+        for delay in self.delays:
+            if by := float(g[delay.row] - self.compiled.g[delay.row]):
+                shifts[delay.signal] = shifts.get(delay.signal, 0.0) + by * delay.size
+        return shifts
 
     def _run(
-        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float],
+        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float | Floats],
         active: NDArray[np.int64], basis: Floats, which: NDArray[np.int64],
     ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
         """Innovations, derivatives, and the states (events, n) on the way."""
@@ -189,7 +202,7 @@ class LinearDrive:
         )  # fmt: skip
         return innovations, answers, states
 
-    def _late(self, late: Mapping[str, float]) -> Floats:
+    def _late(self, late: Mapping[str, float | Floats]) -> Floats:
         """The smooth inputs (events, nu), some of them ``late``."""
         measured = self.smooth.copy()
         for name, delay in late.items():
@@ -219,7 +232,9 @@ class LinearDrive:
             measured[:, j] += by
         self.expected = measured
 
-    def _slopes(self, of: Mapping[int, tuple[Floats, Floats]], late: Mapping[str, float]) -> Floats:
+    def _slopes(
+        self, of: Mapping[int, tuple[Floats, Floats]], late: Mapping[str, float | Floats]
+    ) -> Floats:
         """Slopes (K, nu), on the way to each event, of inputs: index → times, and values without
         their noise."""
         found, t = np.zeros_like(self.smooth), self.line.t
@@ -260,6 +275,37 @@ class LinearDrive:
             rate[:, j] = np.interp(self.line.t, t, np.concatenate(rates))
             value[:, j] = np.interp(self.line.t, t, np.concatenate(still))
         return rate, value
+
+
+@dataclass(frozen=True, slots=True)
+class _Delay:
+    """A ``signal`` is late by so many s times ``size``, 1 or one per event; the number stands in
+    ``row`` of the effects' and is the compiled model's ``theta``."""
+
+    signal: str
+    row: int
+    theta: int
+    size: float | Floats
+
+
+def _delays(signals: Signals, compiled: Compiled, t: Floats) -> list[_Delay]:
+    """What effects delay at events at ``t`` (K)."""
+    numbers = [(effect.name, key) for effect, key in compiled.model.numbers]
+    found = []
+    for effect in compiled.model.effects:
+        for signal, key in effect.delays.items():
+            size: float | Floats = 1.0
+            if signal in effect.lateness:
+                varies = effect.lateness[signal]
+                size = np.interp(_known(signals, varies.goes_with, t), varies.at, varies.seconds)
+            name = effect.name, key
+            found.append(_Delay(signal, numbers.index(name), compiled.thetas.index(name), size))
+    return found
+
+
+def _known(signals: Signals, name: str, t: Floats) -> Floats:
+    """What a delay goes with, at events at ``t`` (K)."""
+    return t if name == TIME else signals[name].only_valid().at(t)
 
 
 def _sloped(

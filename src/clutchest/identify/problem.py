@@ -130,7 +130,14 @@ class Problem:
         self.drives = [LinearDrive(drive, vehicle, self.compiled, first) for drive in drives]
         self.gains = np.flatnonzero([t.gain for t in self.thetas])
         self.nuisances = np.flatnonzero(
-            [not t.gain and t.owner not in vehicle.effects for t in self.thetas]
+            [
+                not t.gain
+                and (
+                    t.owner not in vehicle.effects
+                    or t.key in vehicle.effects_spread.get(t.owner, {})
+                )
+                for t in self.thetas
+            ]
         )
 
     def index(self, effect: str, key: str) -> int:
@@ -161,7 +168,8 @@ class Problem:
         return np.asarray(np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1))
 
     def numbers(self, theta: Floats, shapes: Shapes) -> tuple[Floats, Floats, dict[str, float]]:
-        """Parameters and numbers of effects at ``theta`` (m), and by how much signals are late."""
+        """Parameters and numbers of effects at ``theta`` (m), and by how much signals are late
+        besides what effects make them."""
         c = self.compiled
         p, g, late = c.p.copy(), c.g.copy(), dict[str, float]()
         keys = [q.key for q in c.model.parameters]
@@ -171,12 +179,9 @@ class Problem:
                 p[keys.index(t.key)] += value
                 continue
             g[numbers.index((t.owner, t.key))] += value
-            delayed = self.effects[t.owner].delays if t.gain and value else {}
-            for signal in (s for s, key in delayed.items() if key == t.key):
-                late[signal] = late.get(signal, 0.0) + value
         for k, t in enumerate(self.thetas):
             if t.owner == "timing":
-                late[t.key] = late.get(t.key, 0.0) + theta[k] * t.unit
+                late[t.key] = theta[k] * t.unit
         for name, value in shapes.items():
             g[numbers.index(name)] = value
         return p, g, late

@@ -209,9 +209,11 @@ def _causes(discovery: Discovery) -> str:
 
 
 def _added(discovery: Discovery) -> dict[str, Mapping[str, float]]:
-    """The effects that the extended vehicle has and the given one has not, with their numbers."""
+    """The effects that act in the extended vehicle and not so in the given one, with their
+    numbers."""
     before, after = discovery.vehicle.effects, discovery.extended.effects
-    return {name: numbers for name, numbers in after.items() if before.get(name) != numbers}
+    return {name: numbers for name, numbers in after.items()
+            if before.get(name) != numbers and any(numbers.values())}  # fmt: skip
 
 
 def _extension(discovery: Discovery) -> str:

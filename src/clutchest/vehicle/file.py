@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from hashlib import sha256
 from itertools import pairwise
 from math import inf
@@ -17,6 +17,7 @@ from clutchest.vehicle.vehicle import BusSignal, Estimation, ParameterValue, Sig
 
 if TYPE_CHECKING:
     from clutchest.models import ModelCard
+    from clutchest.models.effects import Effect
 
 ROLES = ("adaptive", "constant", "nuisance")
 # Thresholds of the modes that a file may set, with their units.
@@ -43,6 +44,7 @@ _TOP = (
     "signals",
     "parameters",
     "effects",
+    "effects_spread",
     "estimation",
     "modes",
     "limits",
@@ -105,6 +107,7 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
     monitors = file.table(("monitors",), data.get("monitors", {}))
     file.known(("monitors",), monitors, MONITORS, "key")
     parameters = _parameters(file, file.table(("parameters",), data["parameters"]), card.parameters)
+    effects = _effects(file, data, model, effects_files, parameters)
     return Vehicle(
         name=name,
         model=model,
@@ -113,7 +116,9 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         dbc=tuple(_dbc(file, entry) for entry in file.strings(("dbc",), data.get("dbc", []))),
         signals=signals,
         parameters=parameters,
-        effects=_effects(file, data, model, effects_files, parameters),
+        effects={name: {key: n.value for key, n in of.items()} for name, of in effects.items()},
+        effects_spread={name: spread for name, of in effects.items() if (
+            spread := {key: n.spread for key, n in of.items() if n.spread > 0.0})},
         estimation=_estimation(file, data, card.states),
         modes={key: quantity.value for key, quantity in modes.items()},
         limits=limits,
@@ -125,7 +130,7 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         codes=_codes(file, file.table(("monitors", "codes"), monitors.get("codes", {}))),
         effects_files=effects_files,
         checked=tuple(checked),
-    )
+    )  # fmt: skip
 
 
 def _codes(file: TomlFile, table: dict[str, Any]) -> dict[str, tuple[int, int | None]]:
@@ -303,8 +308,10 @@ def _parameters(
 def _effects(
     file: TomlFile, data: Mapping[str, Any], model: str, effects_files: tuple[Path, ...],
     parameters: Mapping[str, Any],
-) -> dict[str, dict[str, float]]:  # fmt: skip
+) -> dict[str, dict[str, ParameterValue]]:  # fmt: skip
     table = file.table(("effects",), data.get("effects", {}))
+    stated = file.table(("effects_spread",), data.get("effects_spread", {}))
+    file.known(("effects_spread",), stated, table, "effect of [effects]")
     if not table and not effects_files:
         return {}
     from clutchest.models.effects import effects_of_file, library
@@ -320,18 +327,27 @@ def _effects(
             if wrong := unfit(known[name], model, values):
                 raise file.error(("effects", name), f"effect '{name}' {wrong}")
     file.known(("effects",), table, known, f"effect of '{model}'")
-    effects = {}
-    for name, value in table.items():
-        entry = file.table(("effects", name), value)
-        numbers = {number.key: number for number in known[name].parameters}
-        file.known(("effects", name), entry, numbers, f"parameter of effect '{name}'")
-        effects[name] = {
-            key: file.quantity(
-                ("effects", name, key), given, numbers[key].unit, numbers[key].least
-            ).value
-            for key, given in entry.items()
-        }
-    return effects
+    return {name: _stated(file, known[name], value, stated.get(name, {}))
+            for name, value in table.items()}  # fmt: skip
+
+
+def _stated(file: TomlFile, effect: Effect, value: Any, spread: Any) -> dict[str, ParameterValue]:
+    """The numbers of one effect, and how far its gains may be off."""
+    at, off = ("effects", effect.name), ("effects_spread", effect.name)
+    entry, stated = file.table(at, value), file.table(off, spread)
+    numbers = {number.key: number for number in effect.parameters}
+    file.known(at, entry, numbers, f"parameter of effect '{effect.name}'")
+    found = {key: file.quantity((*at, key), given, numbers[key].unit, numbers[key].least)
+             for key, given in entry.items()}  # fmt: skip
+    file.known(off, stated, found, f"number in [effects] of '{effect.name}'")
+    for key, given in stated.items():
+        std = file.quantity((*off, key), given, numbers[key].unit, 0.0).value
+        found[key] = replace(found[key], spread=std)
+    for key in found:
+        if found[key].spread > 0.0 and numbers[key].shape:
+            raise file.error((*(off if key in stated else at), key),
+                             f"{effect.name}.{key} is a shape and takes no spread")  # fmt: skip
+    return found
 
 
 def _estimation(

@@ -61,6 +61,7 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
 
     section("parameters", vehicle.parameters, record)
     section("effects", vehicle.effects, dict)
+    section("effects_spread", vehicle.effects_spread, dict)
     section("estimation", vehicle.estimation, record)
     section("modes", vehicle.modes, float)
     section("limits", vehicle.limits, record)

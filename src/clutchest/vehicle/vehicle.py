@@ -84,8 +84,10 @@ class Vehicle:
 
     ``hash`` is over the file's content.  Two vehicles are equal when they say the same, wherever
     their files lie.  A DBC found neither beside the file nor among the shipped stands in ``dbc``
-    as the bare name; it is looked for again when a log is read.  ``checked`` names the messages
-    whose counter and checksum are verified; ``codes``: fault → SPN and FMI (None: the fault's own).
+    as the bare name; it is looked for again when a log is read.  ``effects``: effect → number →
+    value, ``effects_spread`` the standard deviation of gains that are not known exactly.
+    ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
+    and FMI (None: the fault's own).
     """
 
     name: str
@@ -96,6 +98,7 @@ class Vehicle:
     signals: Mapping[str, SignalMap]
     parameters: Mapping[str, ParameterValue]
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    effects_spread: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     estimation: Mapping[str, Estimation] = field(default_factory=dict)
     modes: Mapping[str, float] = field(default_factory=dict)  # thresholds, SI and mm
     limits: Mapping[str, ParameterValue] = field(default_factory=dict)

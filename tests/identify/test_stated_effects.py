@@ -1,0 +1,121 @@
+"""Effects of the vehicle file whose numbers are not known exactly: their spreads are priors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.estimate.whole_log import compile_model
+from clutchest.identify.maximum import Fitter
+from clutchest.identify.problem import Problem
+from clutchest.models import model_for
+from clutchest.models.effects import library
+from clutchest.signals import Signal, Signals
+from clutchest.simulated import simulate, simulate_sampled
+from clutchest.vehicle import Vehicle
+
+TRUCK = clutchest.load_vehicle("truck")
+LIBRARY = tuple(library("dry_clutch").values())
+AT, SECONDS = (60.0, 130.0, 220.0), (0.06, 0.01, 0.03)
+LATE = f"""
+from clutchest.models.effects import Effect, Lateness, Number
+
+class Uneven(Effect):
+    name, model, equation = "uneven", "dry_clutch", "timing:engine_torque"
+    parameters = (Number("size", "1", -2.0, 2.0),)
+    delays = {{"engine_torque": "size"}}
+    lateness = {{"engine_torque": Lateness("engine_speed", {AT}, {SECONDS})}}
+"""
+
+
+def stated(effect: str, key: str, value: float, spread: float) -> Vehicle:
+    return replace(TRUCK, effects={effect: {key: value}}, effects_spread={effect: {key: spread}})
+
+
+def index(problem: Problem, effect: str, key: str) -> int:
+    return next(k for k, t in enumerate(problem.thetas) if (t.owner, t.key) == (effect, key))
+
+
+def test_what_is_not_known_exactly_is_fitted_on(tmp_path: Path) -> None:
+    """A size two spreads off the truth: the data bring it back, and with it what they lack."""
+    true, spread = 0.06, 0.02
+    vehicle = stated("torque_gain", "change", true - 2.0 * spread, spread)
+    signals = simulate(TRUCK, "city", 5, {"torque_gain": {"change": true}},
+                       nominal=True, duration=600.0)  # fmt: skip
+    problem = Problem(signals, vehicle, LIBRARY)
+    k = index(problem, "torque_gain", "change")
+    assert k in problem.nuisances and problem.units[k] == spread
+    fitter = Fitter(problem)
+    look = fitter.improve(fitter.look(np.zeros(len(problem.thetas)), {}), problem.nuisances)
+    assert look.theta[k] == pytest.approx(2.0, abs=1.0)
+    exact = Problem(signals, replace(vehicle, effects_spread={}), LIBRARY)
+    assert index(exact, "torque_gain", "change") not in exact.nuisances
+
+
+def test_a_filter_holds_them_as_uncertain() -> None:
+    signals = simulate(TRUCK, "city", 5, duration=200.0)
+    exact = replace(TRUCK, effects={"torque_gain": {"change": 0.03}})
+    vehicle = stated("torque_gain", "change", 0.03, 0.05)
+    compiled = compile_model(vehicle, model_for("dry_clutch", signals.told))
+    assert compiled.spread[compiled.thetas.index(("torque_gain", "change"))] == 0.05
+    sure, unsure = (clutchest.replay(signals, v).to_pandas() for v in (exact, vehicle))
+    assert unsure["friction_std"].iloc[-1] > 1.2 * sure["friction_std"].iloc[-1]
+    changed = clutchest.replay(signals, vehicle).provenance["parameters_hash"]
+    assert changed != clutchest.replay(signals, exact).provenance["parameters_hash"]
+
+
+def test_a_wear_rate_of_the_file_is_as_uncertain_as_it_says() -> None:
+    """In a drive too short to tell much of wear, both uncertainties of its rate add up."""
+    signals = simulate(TRUCK, "city", 5, duration=200.0)
+    vehicle = stated("wear", "rate", 0.02, 0.08)
+    exact = replace(vehicle, effects_spread={})
+    own, both = (clutchest.replay(signals, v).summary["wear"]["rate"] for v in (exact, vehicle))
+    assert both["value"] == pytest.approx(own["value"], abs=0.02)
+    assert 0.08 < both["std"] <= np.hypot(own["std"], 0.08)
+
+
+@pytest.fixture(scope="module")
+def uneven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Vehicle, Signals]:
+    """A truck whose torque report is late by turns in its file, of size 0 ± 1, and a drive, nearly
+    without noise, in which it is so by the whole curve."""
+    path = tmp_path_factory.mktemp("effects") / "uneven.py"
+    path.write_text(LATE, encoding="utf-8")
+    fine = {n: replace(s, noise=1e-3 * s.noise, noise_ar=0.0) for n, s in TRUCK.signals.items()}
+    made = simulate_sampled(replace(TRUCK, signals=fine), "city", 3, nominal=True, duration=300.0)
+    signals = {n: Signal.of(n, "", time, value) for n, (time, value) in made.signals.items()}
+    torque, speed = signals["engine_torque"], signals["engine_speed"]
+    by = np.interp(speed.at(torque.time), AT, SECONDS)
+    late = replace(torque, value=np.interp(torque.time - by, torque.time, torque.value))
+    vehicle = replace(stated("uneven", "size", 0.0, 1.0), effects_files=(path,))
+    return vehicle, Signals(signals | {"engine_torque": late}, end=300.0, truth=made.truth)
+
+
+def test_a_delay_that_varies_is_undone_by_its_size(uneven) -> None:
+    vehicle, signals = uneven
+    problem = Problem(signals, vehicle, ())
+    k, theta = index(problem, "uneven", "size"), np.zeros(len(problem.thetas))
+    shows = problem.drives[0].sensor == problem.compiled.model.sensor("engine_speed")
+
+    def misses(size: float) -> float:
+        theta[k] = size
+        return float(np.mean(problem.linearise(theta, {})[0].r[shows] ** 2))
+
+    assert misses(1.0) < 0.1 * misses(0.0) < 0.1 * misses(-1.0)
+
+
+def test_its_derivative_is_the_differences(uneven) -> None:
+    vehicle, signals = uneven
+    problem = Problem(signals, vehicle, ())
+    k, theta, h = index(problem, "uneven", "size"), np.zeros(len(problem.thetas)), 0.05
+    for _ in range(3):
+        rows = problem.linearise(theta, {})[0]
+    step, none = np.zeros(len(theta)), np.zeros(0, np.int64)
+    step[k] = h
+    above, below = (problem.linearise(theta + s, {}, none)[0].r for s in (step, -step))
+    difference = (above - below) / (2.0 * h)
+    off = np.linalg.norm(rows.psi[:, k] - difference) / np.linalg.norm(difference)
+    assert off < 0.1
