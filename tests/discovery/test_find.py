@@ -264,6 +264,17 @@ def test_a_patched_clock_leaves_nothing_over(clock):
     assert discover(other, extended).verdict == "none"
 
 
+@pytest.mark.slow
+def test_beside_a_patched_clock_another_cause_is_found(clock):
+    """What the patch may be off by does not swallow it."""
+    _, found, _ = clock
+    extended = clutchest.load_vehicle(found / "extended.toml")
+    answer = discover(drive(90, HIDDEN, duration=900.0, outsider=Lazy()), extended)
+    assert answer.verdict == "named" and [c.effect for c in answer.causes] == ["friction_speed"]
+    slope = answer.causes[0].parameters["slope"]
+    assert abs(slope.value - HIDDEN["friction_speed"]["slope"]) < 3.0 * slope.std < 0.03
+
+
 def test_a_delay_that_varies_is_nothing_to_look_for(tmp_path: Path):
     (tmp_path / "own.py").write_text(
         "from clutchest.models.effects import Effect, Lateness, Number\n"
