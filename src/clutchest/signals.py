@@ -234,10 +234,11 @@ class Signals(Mapping[str, Signal]):
         return frozenset(name for name, signal in self.signals.items() if signal.valid.any())
 
     def says_as(self, other: Signals) -> bool:
-        """Whether this drive has the samples of the ``other``, by whatever clock."""
-        return self.told == other.told and all(
-            np.array_equal(self[name].value, other[name].value, equal_nan=True)
-            for name in self.told
+        """Whether this drive has the samples of the ``other``, as far as both tell of a signal, by
+        whatever clock."""
+        both = self.told & other.told
+        return bool(both) and all(
+            np.array_equal(self[name].value, other[name].value, equal_nan=True) for name in both
         )
 
     def __getitem__(self, name: str) -> Signal:

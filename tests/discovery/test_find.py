@@ -56,8 +56,9 @@ def test_a_drive_held_out_must_be_another():
     """A copy of the log, whatever its name and its clock, measures nothing."""
     log = drive(71, duration=60.0)
     copy = replace(log, start_ns=7, sources=("copy.log",))
-    with pytest.raises(ClutchestError, match=r"copy\.log: has the readings of the log, expected"):
-        discover(log, TRUCK, holdout=[drive(72, duration=60.0), copy])
+    for same in (copy, without(copy, "ambient_temp")):
+        with pytest.raises(ClutchestError, match=r"copy\.log: has the readings of the log, expec"):
+            discover(log, TRUCK, holdout=[drive(72, duration=60.0), same])
 
 
 @pytest.fixture(scope="module")
@@ -156,6 +157,20 @@ def test_the_extended_vehicle_replays_with_the_cause(found, tmp_path):
     signals = drive(73, HIDDEN)
     plain, better = (clutchest.replay(signals, v) for v in (TRUCK, extended))
     assert better.tracks[0].log_likelihood > plain.tracks[0].log_likelihood
+
+
+@pytest.mark.slow
+def test_what_was_found_before_is_corrected_beside_what_is_found_now(tmp_path):
+    """Sizes hold beside each other only."""
+    earlier = replace(TRUCK, effects={"friction_speed": {"slope": -0.11}},
+                      effects_spread={"friction_speed": {"slope": 0.02}})  # fmt: skip
+    answer = discover(drive(74, HIDDEN | {"kiss_point": {"shift": 0.4}}), earlier)
+    assert [c.effect for c in answer.causes] == ["kiss_point"]
+    slope = answer.extended.effects["friction_speed"]["slope"]
+    std = answer.extended.effects_spread["friction_speed"]["slope"]
+    assert 0.0 < std < 0.01
+    assert slope == pytest.approx(HIDDEN["friction_speed"]["slope"], abs=3.0 * std)
+    assert set(answer.extended.effects_spread) == {"friction_speed", "kiss_point"}
 
 
 @pytest.mark.slow

@@ -111,6 +111,16 @@ def test_what_a_curve_may_be_off_by_goes_with_it(tmp_path):
     np.testing.assert_allclose(seconds, per_unit * np.vstack([TALL, OFF]), atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("known", "name"),
+    [([], "patch"), (["patch_2"], "patch"), (["patch", "patch_3"], "patch_2"),
+     (["wear", "patch_bend_1"], "patch_2")],
+)  # fmt: skip
+def test_a_patch_takes_a_name_that_is_free(known, name):
+    made = patch.written(FOUND, DRY_CLUTCH, known)
+    assert made is not None and list(made.effects) == [name]
+
+
 def test_over_time_a_curve_is_another_drives(tmp_path):
     made = patch.written(replace(FOUND, driver="time"), DRY_CLUTCH)
     assert made is not None and made.spread == {}

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import clutchest
+from clutchest.diagnosis.predicted import nuisances
 from clutchest.estimate.whole_log import compile_model
 from clutchest.identify.maximum import Fitter
 from clutchest.identify.problem import Problem
@@ -68,6 +70,28 @@ def test_a_filter_holds_them_as_uncertain() -> None:
     assert changed != clutchest.replay(signals, exact).provenance["parameters_hash"]
 
 
+def test_a_delay_that_varies_is_as_uncertain_as_one_that_does_not(tmp_path: Path) -> None:
+    """Of a curve that is the same everywhere, in s: its size counts for so many."""
+    flat = LATE.replace(str(SECONDS), "(0.02, 0.02, 0.02)")
+    (tmp_path / "flat.py").write_text(flat, encoding="utf-8")
+    curve = replace(stated("uneven", "size", 0.0, 0.5), effects_files=(tmp_path / "flat.py",))
+    signals = simulate(TRUCK, "city", 5, duration=120.0)
+    std = [clutchest.replay(signals, vehicle).to_pandas()["clutch_torque_std"].to_numpy()
+           for vehicle in (curve, stated("torque_delay", "delay", 0.0, 0.01), TRUCK)]  # fmt: skip
+    np.testing.assert_allclose(std[0], std[1], rtol=1e-9)
+    assert np.max(std[0] - std[2]) > 1.0
+
+
+def test_what_is_exact_is_no_nuisance_of_a_diagnosis() -> None:
+    signals = simulate(TRUCK, "city", 5, duration=120.0)
+    for spread, counts in ((0.0, False), (0.01, True)):
+        vehicle = stated("torque_gain", "change", 0.03, spread)
+        thetas = Problem(signals, vehicle, LIBRARY).thetas
+        found, _, _ = nuisances(SimpleNamespace(thetas=thetas))
+        assert (("torque_gain", "change") in [(thetas[i].owner, thetas[i].key) for i in found]
+                ) == counts  # fmt: skip
+
+
 def test_a_wear_rate_of_the_file_is_as_uncertain_as_it_says() -> None:
     """In a drive too short to tell much of wear, both uncertainties of its rate add up."""
     signals = simulate(TRUCK, "city", 5, duration=200.0)
@@ -105,6 +129,23 @@ def test_a_delay_that_varies_is_undone_by_its_size(uneven) -> None:
         return float(np.mean(problem.linearise(theta, {})[0].r[shows] ** 2))
 
     assert misses(1.0) < 0.1 * misses(0.0) < 0.1 * misses(-1.0)
+
+
+def test_where_nothing_tells_what_it_goes_with_it_is_at_its_most(uneven) -> None:
+    """As a replay has it, which puts all samples off until they are at their latest."""
+    vehicle, signals = uneven
+    path = vehicle.effects_files[0]
+    ambient = LATE.replace("engine_speed", "ambient_temp")
+    other = path.with_name("ambient.py")
+    other.write_text(ambient, encoding="utf-8")
+    there = signals["coolant_temp"]
+    lost = Signal.of("ambient_temp", "", there.time, np.full(len(there), np.nan))
+    without = {n: s for n, s in signals.items() if n != "ambient_temp"}
+    for left in (without, without | {"ambient_temp": lost}):
+        problem = Problem(
+            replace(signals, signals=left), replace(vehicle, effects_files=(other,)), ()
+        )
+        np.testing.assert_array_equal(problem.drives[0].delays[0].size, max(SECONDS))
 
 
 def test_its_derivative_is_the_differences(uneven) -> None:

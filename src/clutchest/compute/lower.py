@@ -129,14 +129,16 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     at = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
     over = {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
 
-    # a delay shifts a signal in time: its response is that signal's slope over the step
+    # a delay shifts a signal in time: its response is that signal's slope over the step, times the
+    # most that a delay is which varies
     late = ca.SX(len(model.inputs), len(thetas))
     slope = ca.SX.sym("slope", len(model.inputs))
     for k, (owner, key) in enumerate(thetas):
         for effect in model.effects:
             for signal, number in effect.delays.items():
                 if effect.name == owner and number == key:
-                    late[model.input(signal), k] = slope[model.input(signal)]
+                    varies, j = effect.lateness.get(signal), model.input(signal)
+                    late[j, k] = slope[j] * (varies.reach if varies else 1.0)
 
     moves = ca.SX.sym("moves", len(model.inputs))
     calm = heun(model, e, moves) if e.dragging else taken

@@ -67,7 +67,8 @@ class Since:
 def nuisances(blocks: Blocks) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Indices (n) of what a healthy truck may differ by, prior variances, and what each gains per
     hour (n), all in units."""
-    found = [i for i, t in enumerate(blocks.thetas) if not t.gain or t.healthy]
+    found = [i for i, t in enumerate(blocks.thetas)
+             if not t.exact and (not t.gain or t.healthy)]  # fmt: skip
     thetas = [blocks.thetas[i] for i in found]
     variance = [
         t.healthy**2 if t.gain

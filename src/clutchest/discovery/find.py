@@ -14,6 +14,7 @@ import numpy as np
 from clutchest import __version__
 from clutchest.discovery import patch
 from clutchest.discovery.experiment import propose
+from clutchest.discovery.extension import corrected, extend
 from clutchest.discovery.gain import in_turns, on_another
 from clutchest.discovery.holes import without_holes
 from clutchest.discovery.identifiable import identifiability, untried
@@ -39,7 +40,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
 from clutchest.identify.problem import Problem
 from clutchest.models import model_for, only_for, peaks_of
-from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.models.effects import Effect, library
 from clutchest.signals import Counts, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -116,7 +117,9 @@ class _Finding:
         where = _where(verdict, judged.best, errors, peaks_of(problem.compiled.model.name))
         told = {(c.effect, key): f for c in causes for key, f in c.parameters.items()}
         acts = judged.best if named else search.null  # of an ambiguous answer, the likeliest set
-        extended, text = self._extended(problem, _sizes(acts, told), curve)
+        beside = corrected(search, acts) if named or curve is not None else {}
+        sizes = {**beside, **_sizes(acts, told)}
+        extended, text = extend(problem, sizes, curve, self.files)
         if gained is not None and gained.total < 0.0:
             warnings.append("what was found does not pay on data held out: extended.toml is the "
                             "vehicle as it was")  # fmt: skip
@@ -225,31 +228,6 @@ class _Finding:
         transfer = Transfer.of(search, leading, other())
         curve, gained = transfer.patch(followed)
         return [*transfer.ranked(), *errors], curve, gained
-
-    def _extended(
-        self, problem: Problem, acts: Mapping[str, Mapping[str, Found]], curve: Curve | None
-    ) -> tuple[Vehicle, str | None]:
-        """The vehicle with the effects that ``act`` in its model, or with a curve."""
-        effects, spreads = dict(self.vehicle.effects), dict(self.vehicle.effects_spread)
-        files, text = list(self.vehicle.effects_files), None
-        if curve is not None:
-            patched = patch.written(curve, problem.compiled.model, effects)
-            if patched is not None:
-                text = patched.text
-                effects |= patched.effects
-                spreads |= patched.spread
-                files.append(Path(patch.FILE))
-        for name, numbers in acts.items():
-            effects[name] = {key: f.value for key, f in numbers.items()}
-            spreads[name] = {n.key: numbers[n.key].std for n in problem.effects[name].gains
-                             if n.key in numbers}  # fmt: skip
-        used = {effect for effect in effects if effect not in library(self.vehicle.model)}
-        for path in self.files:
-            if used & set(effects_of_file(path)):
-                files.append(path.resolve())
-        extended = replace(self.vehicle, effects=effects, effects_spread=spreads,
-                           effects_files=tuple(files))  # fmt: skip
-        return extended, text
 
     def _experiment(self, judged: Judged) -> Experiment:
         from clutchest.generator import SCENARIOS

@@ -111,7 +111,8 @@ def evidence(score: Floats, information: Floats, faint: Floats) -> Floats:
 
 def expected(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats]:
     """Coefficients (c) in the mean over SCALES, each as likely as its ``evidence`` says; in rows
-    (c, c) the principal directions in which they may be off, by a standard deviation each."""
+    (c, c) the principal directions in which they may be off, by a standard deviation each, of
+    those that the data tell of: the others are known ones'."""
     each, means, covariances = _of_scales(score, information, faint)
     weight = softmax(each / 2.0)
     mean = np.asarray(weight @ means)
@@ -130,7 +131,7 @@ def _of_scales(score: Floats, information: Floats, faint: Floats) -> tuple[Float
     along = np.where(told, score @ directions, 0.0)
     each = along**2 @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
     known = variance / shrunk
-    covariances = (directions * known[:, None, :]) @ directions.T
+    covariances = (directions * np.where(told, known, 0.0)[:, None, :]) @ directions.T
     return each, (along[..., None, :] * known) @ directions.T, covariances
 
 

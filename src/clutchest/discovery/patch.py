@@ -128,29 +128,35 @@ class Patch:
 def written(curve: Curve, model: Model, known: Iterable[str] = ()) -> Patch | None:
     """The curve as effects that have none of the ``known`` names; None where the equations cannot
     see what it depends on."""
-    earlier = sum(re.fullmatch(rf"{NAME}(_\d+)?", each) is not None for each in known)
-    name = f"{NAME}_{earlier + 1}" if earlier else NAME
+    name = _free_name(known)
     # over time, it is another on another drive
-    bends = () if curve.driver == "time" else tuple(map(_numbers, curve.off))
+    bends = () if curve.driver == "time" else [row for row in curve.off if any(_numbers(row))]
     keys = [f"bend_{k}" for k in range(1, len(bends) + 1)]
     if flaws_of(model.name)[curve.flaw].late is not None:
         off = {f"{name}_{key}": {"size": 1.0} for key in keys}
         effects = {name: {"size": 1.0}} | {each: {"size": 0.0} for each in off}
-        return Patch(_of_a_clock(curve, model, name, list(off)), effects, off)
+        return Patch(_of_a_clock(curve, model, name, bends), effects, off)
     text = _of_an_equation(curve, model, name, bends)
     if text is None:
         return None
-    off = {name: dict.fromkeys(keys, 1.0)} if bends else {}
+    off = {name: dict.fromkeys(keys, 1.0)} if keys else {}
     return Patch(text, {name: {"size": 1.0} | dict.fromkeys(keys, 0.0)}, off)
 
 
-def _of_a_clock(curve: Curve, model: Model, name: str, bends: Sequence[str]) -> str:
+def _free_name(known: Iterable[str]) -> str:
+    """The first that neither a patch has nor one of its bends."""
+    taken = {re.sub(r"_bend_\d+$", "", each) for each in known}
+    names = (NAME, *(f"{NAME}_{k}" for k in range(2, len(taken) + 3)))
+    return next(name for name in names if name not in taken)
+
+
+def _of_a_clock(curve: Curve, model: Model, name: str, bends: Sequence[Floats]) -> str:
     late = flaws_of(model.name)[curve.flaw].late
     assert late is not None
     signal, per_unit = late
     curves = [(name, "What was found.", curve.coefficients)]
-    curves += [(bend, "What it may be off by, a standard deviation one way.", off)
-               for bend, off in zip(bends, curve.off, strict=bool(bends))]  # fmt: skip
+    curves += [(f"{name}_bend_{k}", "What it may be off by, a standard deviation one way.", bend)
+               for k, bend in enumerate(bends, 1)]  # fmt: skip
     return _LATE.format(
         signal=signal, driver=curve.driver, model=model.name, equation=curve.equation,
         knots=_numbers(curve.at),
@@ -161,9 +167,7 @@ def _of_a_clock(curve: Curve, model: Model, name: str, bends: Sequence[str]) -> 
     )  # fmt: skip
 
 
-def _of_an_equation(
-    curve: Curve, model: Model, name: str, bends: Sequence[tuple[float, ...]]
-) -> str | None:
+def _of_an_equation(curve: Curve, model: Model, name: str, bends: Sequence[Floats]) -> str | None:
     flaw = flaws_of(model.name)[curve.flaw]
     changes = flaw.changes
     peaks = peaks_of(model.name)
@@ -191,7 +195,7 @@ def _of_an_equation(
         model=model.name,
         knots=_numbers(curve.at),
         values=_numbers(curve.coefficients),
-        bends=tuple(bends),
+        bends=tuple(map(_numbers, bends)),
         states=states,
         rate=rate,
         kept=kept,

@@ -26,7 +26,7 @@ from clutchest.identify.colour import Stretches
 from clutchest.identify.condensed import condensed
 from clutchest.identify.course import Course, apart
 from clutchest.identify.input_noise import walks
-from clutchest.models.effects.effect import TIME
+from clutchest.models.effects.effect import TIME, Lateness
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -148,13 +148,13 @@ class LinearDrive:
         on top of the effects' delays.  Derivatives are taken at the inputs that the run before
         implied (see ``compute.answers``).
         """
-        late = self._shifts(g, late)
-        uneven = {d.theta: d.size for d in self.delays if np.ndim(d.size)}
+        shifts = self._shifts(g, late)
+        uneven = {d.theta: d.size / d.reach for d in self.delays if np.ndim(d.size)}
         basis = np.column_stack([*uneven.values(), np.zeros((len(self.line.t), 0))])
         which = np.array([list(uneven).index(k) if k in uneven else -1 for k in active], np.int64)
-        innovations, answers, states = self._run(p, g, x, late, active, basis, which)
+        innovations, answers, states = self._run(p, g, x, shifts, active, basis, which)
         self.states = states
-        self._imply(p, g, self._late(late))
+        self._imply(p, g, self._late(shifts))
         return innovations, answers
 
     def modulated(
@@ -279,13 +279,15 @@ class LinearDrive:
 
 @dataclass(frozen=True, slots=True)
 class _Delay:
-    """A ``signal`` is late by so many s times ``size``, 1 or one per event; the number stands in
-    ``row`` of the effects' and is the compiled model's ``theta``."""
+    """A ``signal`` is late by so many s times ``size``, 1 or one per event, the most of which is
+    its ``reach``; the number stands in ``row`` of the effects' and is the compiled model's
+    ``theta``."""
 
     signal: str
     row: int
     theta: int
     size: float | Floats
+    reach: float
 
 
 def _delays(signals: Signals, compiled: Compiled, t: Floats) -> list[_Delay]:
@@ -294,18 +296,22 @@ def _delays(signals: Signals, compiled: Compiled, t: Floats) -> list[_Delay]:
     found = []
     for effect in compiled.model.effects:
         for signal, key in effect.delays.items():
-            size: float | Floats = 1.0
-            if signal in effect.lateness:
-                varies = effect.lateness[signal]
-                size = np.interp(_known(signals, varies.goes_with, t), varies.at, varies.seconds)
-            name = effect.name, key
-            found.append(_Delay(signal, numbers.index(name), compiled.thetas.index(name), size))
+            varies, name = effect.lateness.get(signal), (effect.name, key)
+            size, reach = (_late_by(varies, signals, t), varies.reach) if varies else (1.0, 1.0)
+            place = numbers.index(name), compiled.thetas.index(name)
+            found.append(_Delay(signal, *place, size, reach))
     return found
 
 
-def _known(signals: Signals, name: str, t: Floats) -> Floats:
-    """What a delay goes with, at events at ``t`` (K)."""
-    return t if name == TIME else signals[name].only_valid().at(t)
+def _late_by(varies: Lateness, signals: Signals, t: Floats) -> Floats:
+    """A delay at events at ``t`` (K), s; the most where nothing is known of what it goes with."""
+    if varies.goes_with == TIME:
+        return np.interp(t, varies.at, varies.seconds)
+    if varies.goes_with not in signals.told:
+        return np.full(len(t), varies.most)
+    known = signals[varies.goes_with].only_valid()
+    late = np.interp(known.at(t), varies.at, varies.seconds)
+    return np.where(t < known.time[0], varies.most, late)
 
 
 def _sloped(

@@ -34,7 +34,8 @@ class Theta:
     ``unit`` is what 1 means: the prior's standard deviation of a nuisance, the largest plausible
     size of a gain (``gain`` True).  ``drive``: whose start it is, −1 for a number of all drives.
     ``healthy``: standard deviation of a gain, in its unit, from one healthy vehicle to the next.
-    A delay is both: ``timing`` is the small one that any signal may have.
+    A delay is both: ``timing`` is the small one that any signal may have.  ``exact``: stated by the
+    vehicle file without a spread, and no unknown.
     """
 
     owner: str
@@ -43,6 +44,7 @@ class Theta:
     gain: bool = False
     drive: int = -1
     healthy: float = 0.0
+    exact: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ class Problem:
             elif owner == START:
                 own.append(Theta(owner, key, spread))
             elif owner != NOISE:
-                shared.append(Theta(owner, key, spread or 1.0))
+                shared.append(Theta(owner, key, spread or 1.0, exact=spread == 0.0))
         self.shared = len(shared)
         starts = [replace(t, drive=i) for i in range(len(drives)) for t in own]
         # a delay too small to be a finding answers as the delay that effects know
@@ -129,16 +131,7 @@ class Problem:
         first = np.array([t.unit for t in shared + own])
         self.drives = [LinearDrive(drive, vehicle, self.compiled, first) for drive in drives]
         self.gains = np.flatnonzero([t.gain for t in self.thetas])
-        self.nuisances = np.flatnonzero(
-            [
-                not t.gain
-                and (
-                    t.owner not in vehicle.effects
-                    or t.key in vehicle.effects_spread.get(t.owner, {})
-                )
-                for t in self.thetas
-            ]
-        )
+        self.nuisances = np.flatnonzero([not t.gain and not t.exact for t in self.thetas])
 
     def index(self, effect: str, key: str) -> int:
         """Where a gain stands in θ."""

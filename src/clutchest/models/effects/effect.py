@@ -74,6 +74,11 @@ class Lateness:
         """The largest of them, s."""
         return max(self.seconds)
 
+    @property
+    def reach(self) -> float:
+        """The largest of them, early or late, s; 1 where all are nought."""
+        return max(map(abs, self.seconds)) or 1.0
+
 
 class Gains:
     """The numbers of one effect as symbols: ``g.slope``."""
