@@ -117,7 +117,9 @@ def test_words(run, search, logs, tmp_path, verdict):
     assert len(commands) == (verdict == "ambiguous")
 
 
-@pytest.mark.parametrize("where", ["log", "holdout", "effects", "no effect", "twice", "vehicle"])
+@pytest.mark.parametrize(
+    "where", ["log", "holdout", "effects", "no effect", "no Python", "twice", "vehicle"]
+)
 def test_bad_input_is_one_line(run, search, logs, tmp_path, monkeypatch, where):
     monkeypatch.chdir(tmp_path)
     broken, empty = tmp_path / "broken.log", tmp_path / "empty.py"
@@ -130,6 +132,7 @@ def test_bad_input_is_one_line(run, search, logs, tmp_path, monkeypatch, where):
         "holdout": ([log, *truck, "--holdout", broken], "broken.log"),
         "effects": ([log, *truck, "--effects", "gone.py"], "gone.py: no such file of effects"),
         "no effect": ([log, *truck, "--effects", empty], "empty.py: expected a subclass of"),
+        "no Python": ([log, *truck, "--effects", broken], "expected a Python file"),
         "twice": ([log, *truck, "--holdout", log], "is given as LOG and as --holdout"),
         "vehicle": ([log, "--vehicle", "truk", "--out", out], "did you mean 'truck'?"),
     }[where]

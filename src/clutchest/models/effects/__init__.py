@@ -40,8 +40,10 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
     Raises ClutchestError where the file cannot be read or defines none.
     """
     spec = importlib.util.spec_from_file_location(f"clutchest_effects_{path.stem}", path)
-    if spec is None or spec.loader is None or not path.is_file():
+    if not path.is_file():
         raise ClutchestError(f"{path}: no such file of effects" + file_like(path))
+    if spec is None or spec.loader is None:
+        raise ClutchestError(f"{path}: expected a Python file (.py) with effects")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
