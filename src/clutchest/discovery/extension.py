@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,8 @@ def extend(
     gains = {(e.name, n.key) for e in problem.compiled.model.effects for n in e.gains}
     for name, numbers in acts.items():
         effects[name] = {**effects.get(name, {}), **{key: f.value for key, f in numbers.items()}}
-        spreads[name] = {key: f.std for key, f in numbers.items() if (name, key) in gains}
+        spreads[name] = {key: f.std for key, f in numbers.items()
+                         if (name, key) in gains and 0.0 < f.std < inf}  # fmt: skip
     used = {effect for effect in effects if effect not in library(vehicle.model)}
     for path in own:
         if used & set(effects_of_file(path)):

@@ -53,8 +53,9 @@ def read_log(
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
     CAN logs are decoded through the vehicle's DBC, ``.csv`` and ``.parquet`` with canonical columns
-    are taken as they are.  Logs on absolute clocks that overlap or lie less than a minute apart
-    are pieces of one drive; all others are drives of their own, on ``later`` in order of time.
+    are taken as they are within the file's min … max.  Logs on absolute clocks that overlap or lie
+    less than a minute apart are pieces of one drive; all others are drives of their own, on
+    ``later`` in order of time.
     Of each drive only what lies in ``window`` is kept.  Times are s from the start of what is kept.
     Delays that the vehicle file states are not applied.  Without ``traffic`` nothing is kept of
     when frames came and whether they were whole, which fault tests need.

@@ -19,6 +19,7 @@ from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.account import Account, words
 from clutchest.reading.gears import through_gear
+from clutchest.reading.plausible import excluded
 from clutchest.reading.samples import NONE, VALID, Samples
 from clutchest.reading.senders import name_of, saying_most, senders_of
 from clutchest.reading.traffic import traffic_of
@@ -304,17 +305,11 @@ class Decoding:
         there."""
         where = f"{signal.name}: {bus.message}.{bus.signal}"
         if bus is signal.bus:
-            outside = np.zeros(len(samples.rows), bool)
-            if signal.minimum is not None:
-                outside |= samples.value < signal.minimum
-            if signal.maximum is not None:
-                outside |= samples.value > signal.maximum
-            if outside.any():
-                why = np.where(outside, np.uint8(Why.OUT_OF_RANGE), samples.why)
-                samples = Samples(samples.rows, np.where(outside, np.nan, samples.value), why)
-                self.warnings.append(
-                    f"{where}: {outside.sum()} samples outside the vehicle file's min … max"
-                )
+            why, told = excluded(samples.value, samples.why, signal)
+            if told is not None:
+                value = np.where(why == Why.OUT_OF_RANGE, np.nan, samples.value)
+                samples = Samples(samples.rows, value, why)
+                self.warnings.append(f"{where}: {told}")
         if self.account is None:
             return samples
         if len(samples.rows) and not samples.any_valid():

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest import units
 from clutchest.can.database import Database
-from clutchest.signals import Signal, Signals, Why
+from clutchest.signals import Floats, Signal, Signals, Why
 from clutchest.vehicle import SignalMap, Vehicle
 
 # A reading of nothing scatters about the end of its range; a wrong unit leaves it by far and often.
@@ -34,17 +35,31 @@ def plausible(signals: Signals, vehicle: Vehicle, database: Database) -> Signals
     return replace(signals, signals=kept, warnings=(*signals.warnings, *said))
 
 
-def _within_file(signal: Signal, how: SignalMap) -> tuple[Signal, list[str]]:
-    outside = np.zeros(len(signal), bool)
+def excluded(
+    value: Floats, why: NDArray[np.uint8], how: SignalMap
+) -> tuple[NDArray[np.uint8], str | None]:
+    """``why`` (n) of samples, of ``value`` (n) in the bus unit, once the vehicle file's min … max
+    is held against them; in words, how many it excludes."""
+    outside = np.zeros(len(value), bool)
     if how.minimum is not None:
-        outside |= signal.value < units.convert(how.minimum, how.bus.unit, signal.unit)
+        outside |= value < how.minimum
     if how.maximum is not None:
-        outside |= signal.value > units.convert(how.maximum, how.bus.unit, signal.unit)
+        outside |= value > how.maximum
     if not outside.any():
+        return why, None
+    words = f"{outside.sum()} samples outside the vehicle file's min … max"
+    return np.where(outside, np.uint8(Why.OUT_OF_RANGE), why), words
+
+
+def _within_file(signal: Signal, how: SignalMap) -> tuple[Signal, list[str]]:
+    if how.minimum is None and how.maximum is None:
         return signal, []
-    why = np.where(outside, np.uint8(Why.OUT_OF_RANGE), signal.why)
+    on_bus = units.convert(signal.value, signal.unit, how.bus.unit)
+    why, words = excluded(on_bus, signal.why, how)
+    if words is None:
+        return signal, []
     cut = Signal.of(signal.name, signal.unit, signal.time, signal.value, why)
-    return cut, [f"{signal.name}: {outside.sum()} samples outside the vehicle file's min … max"]
+    return cut, [f"{signal.name}: {words}"]
 
 
 def _beyond_bus(signal: Signal, how: SignalMap, database: Database) -> list[str]:
