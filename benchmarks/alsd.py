@@ -21,8 +21,12 @@ from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
 
 SETTLED, PRESSED = 5.0, 100.0  # s, N
-RUNS = (("alsd_rig", "rig-steps", 20.0), ("alsd_rig", "rig-slow", 18.0),
-        ("alsd_rig", "rig-ramps", 62.0), ("alsd_car", "car", 60.0))  # fmt: skip
+RUNS = (
+    ("alsd_rig", "rig-steps", 20.0),
+    ("alsd_rig", "rig-slow", 18.0),
+    ("alsd_rig", "rig-ramps", 62.0),
+    ("alsd_car", "car", 60.0),
+)
 
 
 def speed() -> None:
@@ -72,8 +76,11 @@ def coverage(name: str, scenario: str, duration: float, seeds: range) -> None:
     for state, shares in inside.items():
         rmse = np.sqrt(np.mean(errors[state]))
         error = np.std(shares) / np.sqrt(len(shares))
-        print(f"  {state:15s} {np.mean(shares):.3f} ± {error:.3f} (least {min(shares):.2f}), "
-              f"rmse {rmse:.3g}", flush=True)  # fmt: skip
+        print(
+            f"  {state:15s} {np.mean(shares):.3f} ± {error:.3f} (least {min(shares):.2f}), "
+            f"rmse {rmse:.3g}",
+            flush=True,
+        )
 
 
 def main() -> None:

@@ -117,8 +117,10 @@ def table(runs: Mapping[str, Mapping[str, Found]]) -> None:
             _, least, most = row["coverage"]
             off = "" if least <= high and most >= low and abs(row["bias"]) < BIAS else "  *"
             bias = f"{row['bias']:+.2f} ± {row['bias_std']:.2f}"
-            print(f"{name:14}{key:30}{row['determined']:>7}/{len(of):<4}{inside:>24}"
-                  f"{bias:>16}{row['left']:>7.2f}{off}")  # fmt: skip
+            print(
+                f"{name:14}{key:30}{row['determined']:>7}/{len(of):<4}{inside:>24}"
+                f"{bias:>16}{row['left']:>7.2f}{off}"
+            )
 
 
 def main() -> None:

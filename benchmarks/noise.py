@@ -55,13 +55,24 @@ def found(task: tuple[int, tuple[str, ...]]) -> list[Number]:
     numbers: list[Number] = []
     for name in asked:
         rounding = bus_step([signals[name].value]) / np.sqrt(12)
-        true = {"noise": np.hypot(sensors[name].noise, rounding), "delay": sensors[name].delay,
-                "noise_ar": sensors[name].noise_ar}  # fmt: skip
+        true = {
+            "noise": np.hypot(sensors[name].noise, rounding),
+            "delay": sensors[name].delay,
+            "noise_ar": sensors[name].noise_ar,
+        }
         for leaf, value in true.items():
             f = fit.parameters[f"signals.{name}.{leaf}"]
             if f.determined:
-                numbers.append({"key": f"{name}.{leaf}", "true": float(value), "value": f.value,
-                                "std": f.std, "low": f.low, "high": f.high})  # fmt: skip
+                numbers.append(
+                    {
+                        "key": f"{name}.{leaf}",
+                        "true": float(value),
+                        "value": f.value,
+                        "std": f.std,
+                        "low": f.low,
+                        "high": f.high,
+                    }
+                )
     return numbers
 
 
@@ -69,16 +80,26 @@ def table(numbers: Iterable[Number]) -> dict[str, dict[str, float]]:
     """By key: ``count``, ``held`` in [``low``, ``high``], ``bias``, ``rms`` and ``half``."""
     numbers, out = list(numbers), {}
     for key in dict.fromkeys(n["key"] for n in numbers):
-        true, value, std, low, high = np.array([
-            [n[of] for of in ("true", "value", "std", "low", "high")]
-            for n in numbers if n["key"] == key
-        ], float).T  # fmt: skip
+        true, value, std, low, high = np.array(
+            [
+                [n[of] for of in ("true", "value", "std", "low", "high")]
+                for n in numbers
+                if n["key"] == key
+            ],
+            float,
+        ).T
         inside, error = (low <= true) & (true <= high), (value - true) / std
         share = binomtest(int(inside.sum()), len(inside)).proportion_ci(0.95)
         scale = true if key.endswith(".noise") else 1.0
-        out[key] = {"count": len(true), "held": inside.mean(), "low": share.low, "high": share.high,
-                    "bias": error.mean(), "rms": np.sqrt(np.mean(error**2)),
-                    "half": np.median((high - low) / 2 / scale)}  # fmt: skip
+        out[key] = {
+            "count": len(true),
+            "held": inside.mean(),
+            "low": share.low,
+            "high": share.high,
+            "bias": error.mean(),
+            "rms": np.sqrt(np.mean(error**2)),
+            "half": np.median((high - low) / 2 / scale),
+        }
     return out
 
 
@@ -87,8 +108,10 @@ def show(rows: dict[str, dict[str, float]]) -> str:
     lines = [f"{'':28}{'drives':>6}  held                 bias, σ  rms, σ  half-width"]
     for key, r in rows.items():
         held = f"{r['held']:.3f} [{r['low']:.3f}, {r['high']:.3f}]"
-        lines.append(f"{key:28}{r['count']:6.0f}  {held}  {r['bias']:+6.2f}  {r['rms']:6.2f}  "
-                     f"{r['half']:.3g}" + ("  SHORT" if r["high"] < 0.95 else ""))  # fmt: skip
+        lines.append(
+            f"{key:28}{r['count']:6.0f}  {held}  {r['bias']:+6.2f}  {r['rms']:6.2f}  "
+            f"{r['half']:.3g}" + ("  SHORT" if r["high"] < 0.95 else "")
+        )
     return "\n".join(lines)
 
 

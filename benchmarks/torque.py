@@ -62,9 +62,13 @@ class Drives:
 
     def simulate(self, scenario: str, seed: int, truck_seed: int) -> clutchest.Signals:
         return clutchest.simulate(
-            self.vehicle, scenario, seed, self.effects,
-            truck_seed=truck_seed, disturbances=self.disturbances,
-        )  # fmt: skip
+            self.vehicle,
+            scenario,
+            seed,
+            self.effects,
+            truck_seed=truck_seed,
+            disturbances=self.disturbances,
+        )
 
 
 def slipping(drive: clutchest.Signals, time: Floats) -> NDArray[np.bool_]:
@@ -195,8 +199,12 @@ def main() -> None:
         print(f"{scenario:12}" + "".join(cell.rjust(22) for cell in cells))
         table[scenario] = {"mean_low_high": told, "errors": by_model}
     if arguments.json:
-        about = {"seeds": list(seeds), "vehicle": arguments.vehicle, "effects": drives.effects,
-                 "disturbances": drives.disturbances}  # fmt: skip
+        about = {
+            "seeds": list(seeds),
+            "vehicle": arguments.vehicle,
+            "effects": drives.effects,
+            "disturbances": drives.disturbances,
+        }
         arguments.json.write_text(json.dumps({**about, "scenarios": table}, indent=1))
 
 

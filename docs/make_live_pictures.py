@@ -39,8 +39,9 @@ def send() -> None:
 
 def drawn(renderable: RenderableType) -> Image.Image:
     """What a terminal shows, letter by letter."""
-    console = Console(width=WIDTH, force_terminal=True, color_system="truecolor",
-                      file=io.StringIO())  # fmt: skip
+    console = Console(
+        width=WIDTH, force_terminal=True, color_system="truecolor", file=io.StringIO()
+    )
     lines = console.render_lines(renderable, pad=True)
     plain, bold = (ImageFont.truetype(FONT.format(kind), SIZE) for kind in ("", "-Bold"))
     wide, high = plain.getlength("M"), round(1.3 * SIZE)
@@ -69,8 +70,9 @@ def drawn(renderable: RenderableType) -> Image.Image:
 def main() -> None:
     """One session, two pictures."""
     with tempfile.TemporaryDirectory() as folder:
-        monitor = clutchest.Monitor(open_bus("udp_multicast", None), "truck", out=Path(folder),
-                                    serve=(9976, 9977))  # fmt: skip
+        monitor = clutchest.Monitor(
+            open_bus("udp_multicast", None), "truck", out=Path(folder), serve=(9976, 9977)
+        )
         player = multiprocessing.get_context("fork").Process(target=send, daemon=True)
         player.start()
         with viewer() as client:

@@ -29,9 +29,12 @@ GAIN = Gain(1.42, 1.01, 900.0, 765.8, 48.3, 21.4, (98.1, 170.3))
 NO_GAIN = Gain(1.011, 1.010, 900.0, 899.4, 21.6, 21.5, (-1.2, 2.3))
 
 FADE = Cause(
-    "friction_fade", "torque", {"slope": Found(0.1234, 0.0113), "onset": Found(160.0, 0.0)},
-    81.3, 3e-15,
-)  # fmt: skip
+    "friction_fade",
+    "torque",
+    {"slope": Found(0.1234, 0.0113), "onset": Found(160.0, 0.0)},
+    81.3,
+    3e-15,
+)
 WEAR = Cause("wear", "zero_position", {"amount": Found(0.41, 0.06)}, 44.0, 2e-9)
 OFFSET = Cause(
     "position_offset", "sensor:slave_position", {"offset": Found(-0.4, 0.06)}, 43.8, 2e-9
@@ -70,17 +73,44 @@ def misfit(drives: int = 1) -> Misfit:
         after.append(left)
     edges = np.linspace(80.0, 240.0, 6)
     bins = (
-        Bins("engine_speed", "slipping", "temp_disc", edges, np.array([0, 0.1, 0.4, 0.9, np.nan]),
-             np.array([0.1, 0.1, 0.1, 0.2, np.nan]), np.array([50, 40, 30, 9, 0])),
-        Bins("zero_position", "retracted", "temp_disc", edges, np.full(5, 0.1), np.full(5, 0.1),
-             np.full(5, 20)),
-        Bins("engine_speed", "slipping", "slip_speed", edges, np.full(5, 5.0), np.full(5, 0.1),
-             np.full(5, 20)),
-    )  # fmt: skip
+        Bins(
+            "engine_speed",
+            "slipping",
+            "temp_disc",
+            edges,
+            np.array([0, 0.1, 0.4, 0.9, np.nan]),
+            np.array([0.1, 0.1, 0.1, 0.2, np.nan]),
+            np.array([50, 40, 30, 9, 0]),
+        ),
+        Bins(
+            "zero_position",
+            "retracted",
+            "temp_disc",
+            edges,
+            np.full(5, 0.1),
+            np.full(5, 0.1),
+            np.full(5, 20),
+        ),
+        Bins(
+            "engine_speed",
+            "slipping",
+            "slip_speed",
+            edges,
+            np.full(5, 5.0),
+            np.full(5, 0.1),
+            np.full(5, 20),
+        ),
+    )
     return Misfit(
-        ("engine_speed", "zero_position"), tuple(time), tuple(sensor), tuple(before), tuple(after),
-        tuple(torque), bins, (Level("engine_speed", "slipping", 2.104, 0.31, 480),),
-    )  # fmt: skip
+        ("engine_speed", "zero_position"),
+        tuple(time),
+        tuple(sensor),
+        tuple(before),
+        tuple(after),
+        tuple(torque),
+        bins,
+        (Level("engine_speed", "slipping", 2.104, 0.31, 480),),
+    )
 
 
 def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discovery:

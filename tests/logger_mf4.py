@@ -48,8 +48,11 @@ def logged(frames: Frames, path: Path, layout: str) -> tuple[bytes, list[int]]:
         struct.pack_into("<Q", content, group + 24 + 16, len(content))
         return bytes(content) + block(b"##DT", records), [len(content)]
     pieces = [records[i : i + PER_BLOCK * size] for i in range(0, len(records), PER_BLOCK * size)]
-    make = {"list": lambda piece: block(b"##DT", piece), "deflated": zipped,
-            "transposed": lambda piece: zipped(piece, size)}[layout]  # fmt: skip
+    make = {
+        "list": lambda piece: block(b"##DT", piece),
+        "deflated": zipped,
+        "transposed": lambda piece: zipped(piece, size),
+    }[layout]
     blocks = [make(piece) for piece in pieces]
     n = len(blocks)
     listed = 24 + 8 * (n + 1) + 8 + 8 * n

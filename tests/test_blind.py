@@ -69,11 +69,21 @@ def test_the_plan_holds_what_it_must():
 
 def test_outsiders_know_nothing_of_the_package():
     tree = ast.parse((BENCHMARKS / "blind" / "outsiders.py").read_text())
-    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import)
-                for alias in node.names}  # fmt: skip
+    imported = {
+        alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for alias in node.names
+    }
     imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert imported == {"__future__", "collections.abc", "dataclasses", "typing", "numpy",
-                        "numpy.typing"}  # fmt: skip
+    assert imported == {
+        "__future__",
+        "collections.abc",
+        "dataclasses",
+        "typing",
+        "numpy",
+        "numpy.typing",
+    }
 
 
 def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
@@ -126,10 +136,16 @@ def test_an_outsider_acts_where_it_says(drives, plain, name):
     kind = getattr(outsiders, name)
     wrong = drives(kind(kind.largest / 3))
     reading = kind.equation.startswith(("sensor:", "timing:"))
-    moved = [c for c, column in plain.truth.columns.items()
-             if c != "mode" and not np.array_equal(column, wrong.truth.columns[c])]  # fmt: skip
-    shown = {s for s, (_, value) in plain.signals.items()
-             if not np.array_equal(value, wrong.signals[s][1])}  # fmt: skip
+    moved = [
+        c
+        for c, column in plain.truth.columns.items()
+        if c != "mode" and not np.array_equal(column, wrong.truth.columns[c])
+    ]
+    shown = {
+        s
+        for s, (_, value) in plain.signals.items()
+        if not np.array_equal(value, wrong.signals[s][1])
+    }
     if reading:
         signal = kind.equation.split(":")[1]
         assert moved == []
@@ -162,8 +178,13 @@ def test_a_case_is_the_same_every_time(tmp_path, short):
     from blind.sealed import unseal
 
     case = Case("effect", "friction_level.change", 4.0, "ar05", 3)
-    known = {"case": {"part": "effect"}, "attempt": 0, "outsider": None, "d_prime": 4.0,
-             "effects": {"friction_level": {"change": -0.1}}}  # fmt: skip
+    known = {
+        "case": {"part": "effect"},
+        "attempt": 0,
+        "outsider": None,
+        "d_prime": 4.0,
+        "effects": {"friction_level": {"change": -0.1}},
+    }
     for turn in ("a", "b"):
         write(case, tmp_path / turn, tmp_path / f"{turn}.sealed", known)
     for file in (LOG, HELD_OUT, VEHICLE):
@@ -174,8 +195,9 @@ def test_a_case_is_the_same_every_time(tmp_path, short):
     assert {s.noise_ar for s in vehicle.signals.values()} == {0.5} and not vehicle.effects
     logs = [clutchest.read_log(tmp_path / "a" / file, vehicle) for file in (LOG, HELD_OUT)]
     assert all(119 < log.end < 131 for log in logs)
-    assert not np.array_equal(logs[0]["engine_speed"].value[:1000],
-                              logs[1]["engine_speed"].value[:1000])  # fmt: skip
+    assert not np.array_equal(
+        logs[0]["engine_speed"].value[:1000], logs[1]["engine_speed"].value[:1000]
+    )
 
 
 def test_noise_is_as_the_vehicle_file_states(short):
@@ -226,8 +248,14 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
     from clutchest.identify.problem import Problem
     from clutchest.models.effects import library
 
-    gains = ("expansion_body.change", "friction_temperature.slope", "heat_capacity_body.change",
-             "torque_curve.change", "wear.rate", "centrifugal.slope")  # fmt: skip
+    gains = (
+        "expansion_body.change",
+        "friction_temperature.slope",
+        "heat_capacity_body.change",
+        "torque_curve.change",
+        "wear.rate",
+        "centrifugal.slope",
+    )
     effects, off = library("dry_clutch"), []
     for seed, gain in enumerate(gains, 20):
         drive, (name, key) = Drive(seed, ("white", "ar05", "quantised")[seed % 3]), gain.split(".")
@@ -290,12 +318,26 @@ def test_what_an_extension_gains_is_what_it_explains(tmp_path):
 
 def record(part: str, verdict: str, **more: Any) -> dict[str, Any]:
     plain = {
-        "part": part, "verdict": verdict, "cause": "wear.rate", "noise": "white", "reached": 12.0,
-        "one_sided": False, "nearest": 9.0, "alike": [], "hidden_unexcited": False,
-        "truth": ["wear"], "causes": ["wear"] if verdict == "named" else [], "equation": "torque",
-        "drivers": ["energy", "time"], "expected_where": None, "unexcited": [],
-        "followed_up": None, "covered": {}, "seconds": 10.0, "MiB": 300.0,
-    }  # fmt: skip
+        "part": part,
+        "verdict": verdict,
+        "cause": "wear.rate",
+        "noise": "white",
+        "reached": 12.0,
+        "one_sided": False,
+        "nearest": 9.0,
+        "alike": [],
+        "hidden_unexcited": False,
+        "truth": ["wear"],
+        "causes": ["wear"] if verdict == "named" else [],
+        "equation": "torque",
+        "drivers": ["energy", "time"],
+        "expected_where": None,
+        "unexcited": [],
+        "followed_up": None,
+        "covered": {},
+        "seconds": 10.0,
+        "MiB": 300.0,
+    }
     return {**plain, **more}
 
 
@@ -323,8 +365,15 @@ def test_a_size_found_in_half_of_the_runs_is_recovered():
     for cause, one_sided, half in (("a.x", False, 3.5), ("b.x", True, 3.0), ("c.x", False, 5.0)):
         for d in (2.0, 3.0, 4.0, 5.0, 6.0, 12.0) * 200:
             hit = random.random() < 1 / (1 + np.exp(-6.0 * np.log(d / half)))
-            records.append(record("effect", "named" if hit else "none", cause=cause, reached=d,
-                                  one_sided=one_sided))  # fmt: skip
+            records.append(
+                record(
+                    "effect",
+                    "named" if hit else "none",
+                    cause=cause,
+                    reached=d,
+                    one_sided=one_sided,
+                )
+            )
     assert row(records, "detection: a.x").value == pytest.approx(3.5 / 2.576, rel=0.05)
     assert row(records, "detection: b.x").value == pytest.approx(3.0 / 2.326, rel=0.05)
     assert row(records, "detection: median").value == pytest.approx(3.5 / 2.576, rel=0.05)
@@ -344,8 +393,16 @@ def test_names_sets_and_causes_from_outside_are_counted():
     small = [record("effect", "none", reached=6.0)] * 50
     assert row(named + small, "named right").count == 20
 
-    alike = [record("effect", "ambiguous", nearest=1.0, alike=["play"], causes=["play", "wear"],
-                    followed_up={"right": True})] * 3  # fmt: skip
+    alike = [
+        record(
+            "effect",
+            "ambiguous",
+            nearest=1.0,
+            alike=["play"],
+            causes=["play", "wear"],
+            followed_up={"right": True},
+        )
+    ] * 3
     alike += [record("effect", "ambiguous", nearest=1.0, alike=["play"], causes=["play", "drag"])]
     assert row(alike, "ambiguous: truth inside").value == 0.75
     assert row(alike, "ambiguous: mean size").value == 1.0
@@ -353,15 +410,28 @@ def test_names_sets_and_causes_from_outside_are_counted():
 
     where = {"equation": "torque", "drivers": ["energy"]}
     outside = [record("outsider", "unknown", expected_where=where)] * 9
-    outside += [record("outsider", "named", expected_where=where, equation="disc_heat",
-                       drivers=["a", "b", "energy"])]  # fmt: skip
+    outside += [
+        record(
+            "outsider",
+            "named",
+            expected_where=where,
+            equation="disc_heat",
+            drivers=["a", "b", "energy"],
+        )
+    ]
     assert row(outside, "outsiders: unknown").value == 0.9
     assert row(outside, "outsiders: equation").value == 0.9
     assert row(outside, "outsiders: driver").value == 0.9
-    assert row([record("outsider", "unknown", reached=5.0, expected_where=where)],
-               "outsiders: unknown").count == 0  # fmt: skip
-    both = [record("two", "named", truth=["wear", "drag"], causes=["drag", "wear"]),
-            record("two", "named", truth=["wear", "drag"], causes=["wear"])]  # fmt: skip
+    assert (
+        row(
+            [record("outsider", "unknown", reached=5.0, expected_where=where)], "outsiders: unknown"
+        ).count
+        == 0
+    )
+    both = [
+        record("two", "named", truth=["wear", "drag"], causes=["drag", "wear"]),
+        record("two", "named", truth=["wear", "drag"], causes=["wear"]),
+    ]
     assert row(both, "two effects").value == 0.5
     failed = [record("effect", "failed"), record("null", "failed")]
     assert row(failed, "discoveries that failed").value == 1.0
@@ -371,14 +441,32 @@ def test_names_sets_and_causes_from_outside_are_counted():
 
 def test_gain_and_coverage_are_pooled():
     records = [
-        record("effect", "named", gained=90.0, possible=100.0, held_out_nll=-1e5,
-               covered={"wear.rate": True}),
-        record("effect", "named", gained=9.0, possible=10.0, held_out_nll=-1e5,
-               covered={"wear.rate": False}),
-        record("outsider", "unknown", gained=50.0, possible=100.0, held_out_nll=-1e5,
-               expected_where={"equation": "torque", "drivers": []}),
+        record(
+            "effect",
+            "named",
+            gained=90.0,
+            possible=100.0,
+            held_out_nll=-1e5,
+            covered={"wear.rate": True},
+        ),
+        record(
+            "effect",
+            "named",
+            gained=9.0,
+            possible=10.0,
+            held_out_nll=-1e5,
+            covered={"wear.rate": False},
+        ),
+        record(
+            "outsider",
+            "unknown",
+            gained=50.0,
+            possible=100.0,
+            held_out_nll=-1e5,
+            expected_where={"equation": "torque", "drivers": []},
+        ),
         record("null", "named", gained=-300.0, possible=0.0, held_out_nll=-1e5),
-    ]  # fmt: skip
+    ]
     assert row(records, "gain: named").value == pytest.approx(0.9)
     assert row(records, "gain: named").passed
     assert row(records, "gain: unknown").passed is False
@@ -405,9 +493,14 @@ def test_what_a_discovery_takes_is_its_own(tmp_path, monkeypatch):
 def test_an_hour_counts_for_its_cost_alone():
     records = [
         {"part": "hour", "name": "hour", "verdict": "none", "seconds": 31.0, "MiB": 500.0},
-        {"part": "hour", "name": "hour with a cause", "verdict": "named", "seconds": 9.0,
-         "MiB": 2e3},
-    ]  # fmt: skip
+        {
+            "part": "hour",
+            "name": "hour with a cause",
+            "verdict": "named",
+            "seconds": 9.0,
+            "MiB": 2e3,
+        },
+    ]
     assert row(records, "a log of one hour: s").passed is False
     assert row(records, "a log of one hour: MiB").passed is True
     assert row(records, "a log of one hour with a cause: s").value == 9.0
@@ -419,15 +512,22 @@ def test_an_answer_and_a_finding_are_compared():
     from blind.score import judged
 
     answer = {
-        "case": {"cause": "wear.rate", "d_prime": 12.0}, "effects": {"wear": {"rate": 0.1}},
-        "outsider": None, "d_prime": 11.5, "one_sided": True, "excited": {"wear.rate": 40.0},
+        "case": {"cause": "wear.rate", "d_prime": 12.0},
+        "effects": {"wear": {"rate": 0.1}},
+        "outsider": None,
+        "d_prime": 11.5,
+        "one_sided": True,
+        "excited": {"wear.rate": 40.0},
         "rivals": {"transmission_heat_path": 1.5, "play": 8.0},
-    }  # fmt: skip
+    }
     found = {
-        "verdict": "named", "seconds": 1.0, "MiB": 2.0, "unexcited": [],
+        "verdict": "named",
+        "seconds": 1.0,
+        "MiB": 2.0,
+        "unexcited": [],
         "causes": [{"effect": "wear", "parameters": {"rate": {"value": 0.13, "std": 0.014}}}],
         "where": {"equation": "zero_position", "drivers": ["energy"]},
-    }  # fmt: skip
+    }
     told = judged(answer, found)
     assert told["truth"] == told["causes"] == ["wear"]
     assert (told["nearest"], told["alike"]) == (1.5, ["transmission_heat_path"])
@@ -463,9 +563,16 @@ def test_discover_and_its_rivals_stand_side_by_side():
     scored = [
         {**plain, "name": "a", "part": "null"},
         {**plain, "name": "b", "part": "effect", "reached": 12.0, "verdict": "named"},
-        {**plain, "name": "c", "part": "outsider", "reached": 9.0, "verdict": "unknown",
-         "drivers": ["time", "energy"], "expected_where": {"drivers": ["energy"]}},
-    ]  # fmt: skip
+        {
+            **plain,
+            "name": "c",
+            "part": "outsider",
+            "reached": 9.0,
+            "verdict": "unknown",
+            "drivers": ["time", "energy"],
+            "expected_where": {"drivers": ["energy"]},
+        },
+    ]
     found = {
         "a": {"regression": ["time"], "sindy": []},
         "b": {"regression": ["time"], "sindy": []},

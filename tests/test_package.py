@@ -51,15 +51,27 @@ def test_starts_without_what_is_heavy():
 
     def seconds(*arguments: str) -> float:
         begin = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
-        subprocess.run([sys.executable, *arguments], env=environment, check=True,
-                       capture_output=True, timeout=60)  # fmt: skip
+        subprocess.run(
+            [sys.executable, *arguments],
+            env=environment,
+            check=True,
+            capture_output=True,
+            timeout=60,
+        )
         return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - begin
 
-    bare, heavy, package, helped = np.min([
-        [seconds("-c", "pass"), seconds("-c", "import numpy"), seconds("-c", "import clutchest"),
-         seconds("-m", "clutchest", "--help")]
-        for _ in range(5)
-    ], axis=0)  # fmt: skip
+    bare, heavy, package, helped = np.min(
+        [
+            [
+                seconds("-c", "pass"),
+                seconds("-c", "import numpy"),
+                seconds("-c", "import clutchest"),
+                seconds("-m", "clutchest", "--help"),
+            ]
+            for _ in range(5)
+        ],
+        axis=0,
+    )
     assert package - bare < 0.5 * (heavy - bare)
     assert helped - bare < 3.0 * (heavy - bare)
 
@@ -95,10 +107,15 @@ def test_three_commands_of_the_readme_find_a_hidden_cause(tmp_path):
     for command in commands:
         program, *arguments = shlex.split(command)
         assert program == "clutchest"
-        ran = subprocess.run([sys.executable, "-m", "clutchest", *arguments], cwd=tmp_path,
-                             capture_output=True, text=True, check=True, timeout=600,
-                             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path),
-                                  "COLUMNS": "200"})  # fmt: skip
+        ran = subprocess.run(
+            [sys.executable, "-m", "clutchest", *arguments],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=600,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "200"},
+        )
         said.append(ran.stdout)
     verdict = re.compile(r"The model lacks (\w+) \((\w+) = (\S+) ± ([\d.]+) s/\(100 rad\)\)")
     (told,), (found,) = verdict.findall(README), verdict.findall(said[1])
@@ -162,9 +179,13 @@ def test_pages_name_every_output_and_state(demo):
     files, model = MANUAL["files.md"], MANUAL["model.md"]
     states = list(demo.tracks[0].states)
     own = {f"{state}{ending}" for state in states for ending in ("", "_std", "_valid")}
-    named = [*(set(demo.to_pandas().columns) - own), *demo.summary,
-             *demo.summary["engagements"][0], *demo.summary["sensors"]["engine_speed"],
-             *demo.summary["states"]["friction"]]  # fmt: skip
+    named = [
+        *(set(demo.to_pandas().columns) - own),
+        *demo.summary,
+        *demo.summary["engagements"][0],
+        *demo.summary["sensors"]["engine_speed"],
+        *demo.summary["states"]["friction"],
+    ]
     assert [name for name in named if f"`{name}`" not in files] == []
     assert [name for name in (*states, *MODE_NAMES) if f"`{name}`" not in model] == []
 

@@ -118,8 +118,9 @@ def test_spikes_and_gaps_are_the_same_in_portions(request):
     torque = Signal.of("engine_torque", "Nm", np.arange(0.0, 50.0, 0.01), np.full(5000, 50.0))
     shaft = Signal.of("input_shaft_speed", "rad/s", time, speed, why)
     engine = Signal.of("engine_speed", "rad/s", time, np.full(5000, 100.0))
-    signals = Signals({"engine_speed": engine, "input_shaft_speed": shaft,
-                       "engine_torque": torque}, end=80.0)  # fmt: skip
+    signals = Signals(
+        {"engine_speed": engine, "input_shaft_speed": shaft, "engine_torque": torque}, end=80.0
+    )
     setting = Setting(truck, model_for(truck.model, signals), 10.0, {})
     whole = warnings_of(signals, setting)
     request.getfixturevalue("long_arrays")

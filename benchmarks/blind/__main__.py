@@ -36,9 +36,15 @@ from blind.sealed import KNOWN, seal, unseal
 
 
 def run(
-    cases: list[Case], shard: str, out: Path, known: dict[str, Any], *, measured: bool,
-    short: bool, alone: bool,
-) -> None:  # fmt: skip
+    cases: list[Case],
+    shard: str,
+    out: Path,
+    known: dict[str, Any],
+    *,
+    measured: bool,
+    short: bool,
+    alone: bool,
+) -> None:
     """Score every n-th case that has not been scored yet.  A ``short`` run drives the manoeuvres
     that it is told to only where a line of the table is about them."""
     which, of = map(int, shard.split("/"))
@@ -48,12 +54,21 @@ def run(
         for i, case in enumerate(mine, 1):
             began = time.monotonic()
             followed = not short or case.d_prime >= table.NAMED
-            record = score(case, out, measured=measured, followed=followed, alone=alone,
-                           known=known.get(case.name))  # fmt: skip
+            record = score(
+                case,
+                out,
+                measured=measured,
+                followed=followed,
+                alone=alone,
+                known=known.get(case.name),
+            )
             records.write(json.dumps(record) + "\n")
             records.flush()
-            print(f"{i}/{len(mine)} {record['verdict']} {time.monotonic() - began:.0f} s",
-                  file=sys.stderr, flush=True)  # fmt: skip
+            print(
+                f"{i}/{len(mine)} {record['verdict']} {time.monotonic() - began:.0f} s",
+                file=sys.stderr,
+                flush=True,
+            )
 
 
 def tell(out: Path) -> list[table.Row]:
@@ -92,8 +107,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("blind-out"))
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--limit", type=int, help="a random part of so many cases")
-    parser.add_argument("--least", type=float, default=0.0, metavar="d′",
-                        help="only cases aimed at so much or more")  # fmt: skip
+    parser.add_argument(
+        "--least", type=float, default=0.0, metavar="d′", help="only cases aimed at so much or more"
+    )
     parser.add_argument("--shard", default="0/1", metavar="i/n")
     parser.add_argument("--ci", action="store_true", help="the fixed short run")
     parser.add_argument("--measured", action="store_true", help="gain on the drive held out")
@@ -112,8 +128,15 @@ def main() -> None:
             for name, effects in table.HOURS.items():
                 records.write(json.dumps(hour(given.out, name, effects)) + "\n")
     elif not given.table:
-        run(cases, given.shard, given.out, prepared(given.out), measured=given.measured,
-            short=given.ci, alone=given.alone)  # fmt: skip
+        run(
+            cases,
+            given.shard,
+            given.out,
+            prepared(given.out),
+            measured=given.measured,
+            short=given.ci,
+            alone=given.alone,
+        )
     found = tell(given.out)
     if given.ci and given.table:
         missing = {case.name for case in quick()} - set(table.finished(given.out))

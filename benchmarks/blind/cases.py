@@ -103,9 +103,12 @@ def _effect(case: Case) -> Answer:
     near = oracle.nearest(twin) if case.d_prime >= NAMED else {}
     near.pop(name, None)
     return {
-        "effects": effects(size), "d_prime": reached, "rivals": near,
-        "one_sided": number.one_sided, "excited": oracle.excited(),
-    }  # fmt: skip
+        "effects": effects(size),
+        "d_prime": reached,
+        "rivals": near,
+        "one_sided": number.one_sided,
+        "excited": oracle.excited(),
+    }
 
 
 def _two(case: Case) -> Answer:
@@ -136,14 +139,20 @@ def _pair(case: Case, oracle: Oracle, pair: list[str], random: np.random.Generat
             return {}
         effects[name] = {key: sign * share * number.upper, **_shape(case, name, random)}
     twin = oracle.twin(effects)
-    each = {name: oracle.distance(twin, [other])
-            for name, other in zip(names, reversed(names), strict=True)}  # fmt: skip
-    near = {name: min(d for key, d in oracle.nearest(twin, [other]).items() if key != name)
-            for name, other in zip(names, reversed(names), strict=True)}  # fmt: skip
+    each = {
+        name: oracle.distance(twin, [other])
+        for name, other in zip(names, reversed(names), strict=True)
+    }
+    near = {
+        name: min(d for key, d in oracle.nearest(twin, [other]).items() if key != name)
+        for name, other in zip(names, reversed(names), strict=True)
+    }
     return {
-        "effects": effects, "d_prime": min(each.values()), "rivals": near,
+        "effects": effects,
+        "d_prime": min(each.values()),
+        "rivals": near,
         "excited": oracle.excited(),
-    }  # fmt: skip
+    }
 
 
 def _outsider(case: Case) -> Answer:
@@ -156,12 +165,20 @@ def _outsider(case: Case) -> Answer:
         outsider, near, off = _leaving(case, oracle, outsider, whole=False)
         if off >= -CLOSE:
             outsider, near, off = _leaving(case, oracle, outsider, whole=True)
-        found.append((abs(off), {
-            "attempt": attempt, "d_prime": min(near.values()), "rivals": near,
-            "outsider": {"name": kind.name, "size": outsider.size, "phase": phase},
-            "where": {"equation": kind.equation, "drivers": list(kind.drivers)},
-            "alone": oracle.distance(oracle.twin(outsider=outsider)), "excited": oracle.excited(),
-        }))  # fmt: skip
+        found.append(
+            (
+                abs(off),
+                {
+                    "attempt": attempt,
+                    "d_prime": min(near.values()),
+                    "rivals": near,
+                    "outsider": {"name": kind.name, "size": outsider.size, "phase": phase},
+                    "where": {"equation": kind.equation, "drivers": list(kind.drivers)},
+                    "alone": oracle.distance(oracle.twin(outsider=outsider)),
+                    "excited": oracle.excited(),
+                },
+            )
+        )
         if abs(off) < CLOSE:
             break
     return min(found, key=itemgetter(0))[1]

@@ -25,9 +25,14 @@ class HeldOut(Drive):
     """The other road of a drive's truck."""
 
     def signals(
-        self, effects: Effects | None = None, outsider: Outsider | None = None, *,
-        held_out: bool = True, noiseless: bool = False, scenario: str | None = None,
-    ) -> Signals:  # fmt: skip
+        self,
+        effects: Effects | None = None,
+        outsider: Outsider | None = None,
+        *,
+        held_out: bool = True,
+        noiseless: bool = False,
+        scenario: str | None = None,
+    ) -> Signals:
         return super().signals(effects, outsider, held_out=held_out, noiseless=noiseless)
 
 

@@ -103,8 +103,11 @@ class Oracle:
 
     def _taken(self, other: Oracle, theta: Floats) -> Floats:
         """What another oracle has at ``theta``, its causes aside."""
-        own = {(t.owner, t.key): value for t, value in zip(other.thetas, theta, strict=True)
-               if not t.gain}  # fmt: skip
+        own = {
+            (t.owner, t.key): value
+            for t, value in zip(other.thetas, theta, strict=True)
+            if not t.gain
+        }
         return np.array([own.get((t.owner, t.key), 0.0) for t in self.thetas])
 
     def _exact(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Signals:
@@ -120,15 +123,23 @@ class Oracle:
     ) -> tuple[Effects, Outsider | None]:
         """``share`` of a cause: its gains, not its shapes."""
         gains = {(theta.owner, theta.key) for theta in self.thetas if theta.gain}
-        less = {name: {key: value * (share if (name, key) in gains else 1.0)
-                       for key, value in numbers.items()}
-                for name, numbers in (effects or {}).items()}  # fmt: skip
+        less = {
+            name: {
+                key: value * (share if (name, key) in gains else 1.0)
+                for key, value in numbers.items()
+            }
+            for name, numbers in (effects or {}).items()
+        }
         return less, outsider and replace(outsider, size=share * outsider.size)
 
     def _look(
-        self, problem: Problem, theta: Floats, shapes: Shapes, heat: float = 1.0,
+        self,
+        problem: Problem,
+        theta: Floats,
+        shapes: Shapes,
+        heat: float = 1.0,
         causes: Sequence[str] | None = None,
-    ) -> Look:  # fmt: skip
+    ) -> Look:
         """A drive at ``theta``; of gains, derivatives by those of ``causes``, all unless given."""
         active = None if causes is None else np.append(self.nuisances, self._columns(causes))
         [rows], [drive] = problem.linearise(theta, shapes, active), problem.drives
@@ -193,8 +204,11 @@ class Oracle:
     ) -> Iterator[tuple[Look, dict[str, Shapes]]]:
         """Looks at ``theta`` and the shapes that each serves, by effect: every value of every
         effect's once; those of ``beside`` stay as they are."""
-        grids = {name: (NOMINAL, *grid(effect)) for name, effect in self.effects.items()
-                 if name not in beside}  # fmt: skip
+        grids = {
+            name: (NOMINAL, *grid(effect))
+            for name, effect in self.effects.items()
+            if name not in beside
+        }
         for k in range(max(map(len, grids.values()))):
             turn = {name: shapes[k] for name, shapes in grids.items() if k < len(shapes)}
             yield self._look(problem, theta, dict(ChainMap(*map(dict, turn.values())))), turn
@@ -219,18 +233,25 @@ class Oracle:
         return look
 
     def _cooled(
-        self, problem: Problem, begin: Floats, causes: Sequence[str] = (),
+        self,
+        problem: Problem,
+        begin: Floats,
+        causes: Sequence[str] = (),
         shapes: Shapes = NOMINAL,
-    ) -> Floats:  # fmt: skip
+    ) -> Floats:
         """Numbers (m) near the most probable ones, from a ``begin`` (m) far off."""
         for heat in COOLING:
             begin = self._fit(problem, begin, causes, shapes, heat).theta
         return begin
 
     def _fit(
-        self, problem: Problem, begin: Floats, causes: Sequence[str] = (),
-        shapes: Shapes = NOMINAL, heat: float = 1.0,
-    ) -> Look:  # fmt: skip
+        self,
+        problem: Problem,
+        begin: Floats,
+        causes: Sequence[str] = (),
+        shapes: Shapes = NOMINAL,
+        heat: float = 1.0,
+    ) -> Look:
         """The most probable numbers from ``begin`` (m) on, with the gains of ``causes`` free:
         Gauss–Newton.  ``heat``: by how much the noise seems to have more variance than it has."""
         columns = self._columns(causes)
@@ -300,8 +321,9 @@ class Oracle:
         """``effect.gain`` → d′ at its largest plausible size, in the shape that shows most."""
         most: dict[str, float] = {}
         for look, turn in self._turns(self.exact, self.centre):
-            for gain in (f"{name}.{number.key}" for name in turn
-                         for number in self.effects[name].gains):  # fmt: skip
+            for gain in (
+                f"{name}.{number.key}" for name in turn for number in self.effects[name].gains
+            ):
                 most[gain] = max(most.get(gain, 0.0), self._left(look, gain))
         return most
 
@@ -326,8 +348,9 @@ def _telling(drive: LinearDrive) -> NDArray[np.bool_]:
     last = np.searchsorted(begins, drive.t, side="right") - 1
     since = drive.t - np.where(last >= 0, begins[np.maximum(last, 0)], -np.inf)
     slow = drive.line.W[drive.row, free] == 0
-    renewed = np.isin(drive.sensor, [drive.compiled.model.sensor(n)
-                                     for n in drive.compiled.model.renewed])  # fmt: skip
+    renewed = np.isin(
+        drive.sensor, [drive.compiled.model.sensor(n) for n in drive.compiled.model.renewed]
+    )
     return ~renewed | (~slow & (since > KINK))
 
 

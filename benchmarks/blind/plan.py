@@ -64,8 +64,10 @@ def full() -> list[Case]:
     """Every case, part by part; noise kinds take turns within each cause and size."""
     noises = list(NOISES)
     cases = [Case("null", "", 0.0, noise, i) for noise in noises for i in range(NULLS)]
-    for part, causes, sizes in (("effect", gains(), SIZES),
-                                ("outsider", list(OUTSIDERS), LEFTOVER)):  # fmt: skip
+    for part, causes, sizes in (
+        ("effect", gains(), SIZES),
+        ("outsider", list(OUTSIDERS), LEFTOVER),
+    ):
         for cause, (k, size), i in product(causes, enumerate(sizes), range(SEEDS)):
             cases.append(Case(part, cause, size, noises[(i + k) % len(noises)], i))
     cases += [Case("two", "", TWO, noises[i % len(noises)], i) for i in range(PAIRS)]

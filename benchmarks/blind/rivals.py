@@ -57,8 +57,11 @@ def lacking(signals: Signals, drive: Drive) -> tuple[dict[str, Floats], Floats]:
     inside = np.convolve(at_reading, np.ones(2 * count + 1), "same") > 2 * count + 1 - 1e-6
     t = speed.time[inside]
     given = {name: np.interp(t, signals[name].time, signals[name].value) for name in signals}
-    true = {name: np.interp(t, truth.time, column) for name, column in truth.columns.items()
-            if column.dtype.kind == "f"}  # fmt: skip
+    true = {
+        name: np.interp(t, truth.time, column)
+        for name, column in truth.columns.items()
+        if column.dtype.kind == "f"
+    }
     values = {**given, **true}
     parameters = {q.key: drive.vehicle.parameters[q.key].value for q in model.parameters}
     rest = resting(model.name, parameters, {name: value[0] for name, value in given.items()})
@@ -151,8 +154,12 @@ def lines(scored: Sequence[Record], found: Mapping[str, Record]) -> str:
     """The table: discover's column, and one of each method; what each ``found`` by name."""
     of = counted([r for r in scored if r["name"] in found])
 
-    def line(what: str, cases: list[Record], ours: Callable[[Record], bool],
-             theirs: Callable[[Record, list[str]], bool]) -> str:  # fmt: skip
+    def line(
+        what: str,
+        cases: list[Record],
+        ours: Callable[[Record], bool],
+        theirs: Callable[[Record, list[str]], bool],
+    ) -> str:
         hits = [[ours(r) for r in cases]]
         hits += [[theirs(r, found[r["name"]][method]) for r in cases] for method in METHODS]
         return f"{what:36}{len(cases):6}" + "".join(f"{_share(each):>22}" for each in hits)
@@ -160,14 +167,22 @@ def lines(scored: Sequence[Record], found: Mapping[str, Record]) -> str:
     def finds(what: str, cases: list[Record]) -> str:
         return line(what, cases, lambda r: bool(r["verdict"] != "none"), lambda _, n: bool(n))
 
-    return "\n".join([
-        f"{'what':36}{'cases':>6}" + "".join(f"{n:>22}" for n in ("discover", *METHODS)),
-        *(finds(f"false findings, {noise}", [r for r in of["null"] if r["noise"] == noise])
-          for noise in NOISES),
-        finds("finds effects, d′ ≥ 12", of["effect"]),
-        line("outsiders, driver in the first two", of["outsider"],
-             lambda r: driven(r, r["drivers"]), driven),
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"{'what':36}{'cases':>6}" + "".join(f"{n:>22}" for n in ("discover", *METHODS)),
+            *(
+                finds(f"false findings, {noise}", [r for r in of["null"] if r["noise"] == noise])
+                for noise in NOISES
+            ),
+            finds("finds effects, d′ ≥ 12", of["effect"]),
+            line(
+                "outsiders, driver in the first two",
+                of["outsider"],
+                lambda r: driven(r, r["drivers"]),
+                driven,
+            ),
+        ]
+    )
 
 
 def _share(hits: list[bool]) -> str:

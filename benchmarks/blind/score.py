@@ -31,9 +31,14 @@ Record = dict[str, Any]
 
 
 def score(
-    case: Case, out: Path, *, measured: bool, followed: bool = True, alone: bool = False,
+    case: Case,
+    out: Path,
+    *,
+    measured: bool,
+    followed: bool = True,
+    alone: bool = False,
     known: Record | None = None,
-) -> Record:  # fmt: skip
+) -> Record:
     """The case's record.  ``measured``: hold-out gains too, which compiles a model per extension;
     ``followed``: the manoeuvre that an ambiguous verdict proposes is driven; ``alone``: no drive is
     held out, so that none can take a finding back;
@@ -60,15 +65,28 @@ def discovered(logs: Sequence[Path], folder: Path, out: Path) -> Record:
     and ``MiB`` it took; verdict ``failed`` with ``why`` where it says nothing."""
     out.mkdir(parents=True, exist_ok=True)
     took, words, written = out / "took.json", out / "stderr.txt", out / "discovery.json"
-    command = [sys.executable, "-m", "clutchest", "discover", *map(str, logs), "--json",
-               "--vehicle", str(folder / VEHICLE), "--out", str(out)]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "clutchest",
+        "discover",
+        *map(str, logs),
+        "--json",
+        "--vehicle",
+        str(folder / VEHICLE),
+        "--out",
+        str(out),
+    ]
     if (folder / HELD_OUT).exists():
         command += ["--holdout", str(folder / HELD_OUT)]
     with words.open("w") as errors:
-        process = subprocess.Popen([sys.executable, str(MEASURED), str(took), *command],
-                                   stdout=subprocess.DEVNULL, stderr=errors,
-                                   start_new_session=True,
-                                   env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})  # fmt: skip
+        process = subprocess.Popen(
+            [sys.executable, str(MEASURED), str(took), *command],
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            start_new_session=True,
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        )
         try:
             process.wait(LONGEST)
         except subprocess.TimeoutExpired:
@@ -108,22 +126,30 @@ def judged(answer: Record, found: Record) -> Record:
         "nearest": min(rivals.values(), default=None),
         "alike": [name for name, distance in rivals.items() if distance < APART],
         "hidden_unexcited": _unexcited(answer),
-        "verdict": found["verdict"], "why": found.get("why"), "causes": causes,
+        "verdict": found["verdict"],
+        "why": found.get("why"),
+        "causes": causes,
         "p_values": [cause.get("p_value") for cause in found.get("causes") or []],
-        "equation": where.get("equation"), "drivers": where.get("drivers"),
+        "equation": where.get("equation"),
+        "drivers": where.get("drivers"),
         "expected_where": answer.get("where"),
-        "unexcited": found.get("unexcited"), "gain": found.get("gain"),
+        "unexcited": found.get("unexcited"),
+        "gain": found.get("gain"),
         "warnings": found.get("warnings"),
-        "covered": covered(effects, found), "sizes": sizes(effects, found),
-        "seconds": found["seconds"], "MiB": found["MiB"],
-    }  # fmt: skip
+        "covered": covered(effects, found),
+        "sizes": sizes(effects, found),
+        "seconds": found["seconds"],
+        "MiB": found["MiB"],
+    }
 
 
 def covered(effects: Effects, found: Record) -> dict[str, bool]:
     """``effect.gain`` → whether the truth lies within two standard deviations of what was found,
     for every gain of a named true effect, shapes left out."""
-    return {gain: abs(value - true) <= 2.0 * std
-            for gain, (true, value, std) in sizes(effects, found).items()}  # fmt: skip
+    return {
+        gain: abs(value - true) <= 2.0 * std
+        for gain, (true, value, std) in sizes(effects, found).items()
+    }
 
 
 def sizes(effects: Effects, found: Record) -> dict[str, tuple[float, float, float]]:

@@ -19,8 +19,9 @@ NOMINAL = 0.01  # rate of false findings
 NAMED, NEAR, FAR, LEFT = 12.0, 2.0, 4.0, 8.0  # d′: to be named, alike, apart, left of an outsider
 TOLD = 0.9  # of a d′ aimed at, what counts as having come out
 HOURS: Mapping[str, Mapping[str, Mapping[str, float]]] = {  # logs of one hour, and what they hide
-    "hour": {}, "hour with a cause": {"friction_fade": {"slope": 0.02, "onset": 120.0}},
-}  # fmt: skip
+    "hour": {},
+    "hour with a cause": {"friction_fade": {"slope": 0.02, "onset": 120.0}},
+}
 STEEPEST = 30.0  # of the logistic curves over ln d′
 
 Record = Mapping[str, Any]
@@ -48,8 +49,9 @@ class Row:
     refuted: bool = False
 
 
-def share(what: str, must: str, hits: Sequence[bool], test: Callable[[float], bool],
-          level: float = 0.95) -> Row:  # fmt: skip
+def share(
+    what: str, must: str, hits: Sequence[bool], test: Callable[[float], bool], level: float = 0.95
+) -> Row:
     """A row for a share of cases, judged on the share itself."""
     if not len(hits):
         return Row(what, must)
@@ -62,9 +64,17 @@ def share(what: str, must: str, hits: Sequence[bool], test: Callable[[float], bo
 
 def rows(records: Sequence[Record]) -> list[Row]:
     """Every line of the table."""
-    return [*detection(records), *nulls(records), *naming(records), *ambiguity(records),
-            *outsiders(records), *pairs(records), *gain(records), *coverage(records),
-            *cost(records)]  # fmt: skip
+    return [
+        *detection(records),
+        *nulls(records),
+        *naming(records),
+        *ambiguity(records),
+        *outsiders(records),
+        *pairs(records),
+        *gain(records),
+        *coverage(records),
+        *cost(records),
+    ]
 
 
 # --- detection -----------------------------------------------------------------------------------
@@ -88,15 +98,24 @@ def detection(records: Sequence[Record]) -> list[Row]:
         float(np.exp(limit) / oracle[worst])
         for limit in limits(d[of == worst], hit[of == worst], half[worst], slope)
     )
-    each = [Row(f"detection: {cause}", "", int(np.sum(of == i)), float(ratio[i]))
-            for i, cause in enumerate(causes)]  # fmt: skip
+    each = [
+        Row(f"detection: {cause}", "", int(np.sum(of == i)), float(ratio[i]))
+        for i, cause in enumerate(causes)
+    ]
     median = float(np.median(ratio))
     return [
         Row("detection: median ratio", "≤ 1.6", len(seen), median, passed=median <= 1.6),
-        Row(f"detection: worst ratio, {causes[worst]}", "lower bound ≤ 2.0",
-            int(np.sum(of == worst)), float(ratio[worst]), low, high, low <= 2.0),
+        Row(
+            f"detection: worst ratio, {causes[worst]}",
+            "lower bound ≤ 2.0",
+            int(np.sum(of == worst)),
+            float(ratio[worst]),
+            low,
+            high,
+            low <= 2.0,
+        ),
         *each,
-    ]  # fmt: skip
+    ]
 
 
 def logistic(of: Floats, d: Floats, hit: Floats, count: int) -> tuple[Floats, float]:
@@ -139,8 +158,9 @@ def limits(d: Floats, hit: Floats, half: float, slope: float) -> tuple[float, fl
 def nulls(records: Sequence[Record]) -> list[Row]:
     found = []
     for noise in NOISES:
-        hits = [r["verdict"] != "none" for r in records
-                if r["part"] == "null" and r["noise"] == noise]  # fmt: skip
+        hits = [
+            r["verdict"] != "none" for r in records if r["part"] == "null" and r["noise"] == noise
+        ]
         row = share(f"false findings, {noise}", "does not reject 1 %", hits, lambda _: True, 0.99)
         if row.low is not None and row.high is not None:
             passed = row.low <= NOMINAL <= row.high
@@ -158,13 +178,19 @@ def naming(records: Sequence[Record]) -> list[Row]:
     apart = [r for r in large(records) if r["nearest"] is not None and r["nearest"] >= FAR]
     hidden = [r for r in records if r["part"] == "effect" and r["hidden_unexcited"]]
     return [
-        share("named right, rivals d′ ≥ 4 away", "≥ 95 %",
-              [r["verdict"] == "named" and r["causes"] == r["truth"] for r in apart],
-              lambda p: p >= 0.95),
-        share("unexcited effect: none, and listed", "",
-              [r["verdict"] == "none" and r["truth"][0] in (r["unexcited"] or []) for r in hidden],
-              lambda p: True),
-    ]  # fmt: skip
+        share(
+            "named right, rivals d′ ≥ 4 away",
+            "≥ 95 %",
+            [r["verdict"] == "named" and r["causes"] == r["truth"] for r in apart],
+            lambda p: p >= 0.95,
+        ),
+        share(
+            "unexcited effect: none, and listed",
+            "",
+            [r["verdict"] == "none" and r["truth"][0] in (r["unexcited"] or []) for r in hidden],
+            lambda p: True,
+        ),
+    ]
 
 
 def ambiguity(records: Sequence[Record]) -> list[Row]:
@@ -176,17 +202,27 @@ def ambiguity(records: Sequence[Record]) -> list[Row]:
     )
     size = Row("ambiguous: mean size over the oracle's", "≤ 1.3")
     if inside:
-        ratio = float(np.sum([len(r["causes"]) for r in inside])
-                      / np.sum([1 + len(r["alike"]) for r in inside]))  # fmt: skip
+        ratio = float(
+            np.sum([len(r["causes"]) for r in inside])
+            / np.sum([1 + len(r["alike"]) for r in inside])
+        )
         size = Row(size.what, size.must, len(inside), ratio, passed=ratio <= 1.3)
     return [
-        share("ambiguous: truth inside, rivals d′ < 2 away", "≥ 95 %",
-              [r["truth"][0] in r["causes"] for r in alike], lambda p: p >= 0.95),
+        share(
+            "ambiguous: truth inside, rivals d′ < 2 away",
+            "≥ 95 %",
+            [r["truth"][0] in r["causes"] for r in alike],
+            lambda p: p >= 0.95,
+        ),
         size,
         share("ambiguous: right after the manoeuvre", "≥ 90 %", after, lambda p: p >= 0.90),
-        share("ambiguous, any size: right after the manoeuvre", "≥ 90 %", of_any_size,
-              lambda p: p >= 0.90),
-    ]  # fmt: skip
+        share(
+            "ambiguous, any size: right after the manoeuvre",
+            "≥ 90 %",
+            of_any_size,
+            lambda p: p >= 0.90,
+        ),
+    ]
 
 
 def left_over(records: Sequence[Record]) -> list[Record]:
@@ -207,22 +243,45 @@ def outsiders(records: Sequence[Record]) -> list[Row]:
 
     library = [r for r in records if r["part"] in ("effect", "two")]
     return [
-        share("outsiders: unknown", "≥ 90 %", [r["verdict"] == "unknown" for r in left],
-              lambda p: p >= 0.90),
+        share(
+            "outsiders: unknown",
+            "≥ 90 %",
+            [r["verdict"] == "unknown" for r in left],
+            lambda p: p >= 0.90,
+        ),
         share("outsiders: equation", "≥ 85 %", [at(r) for r in left], lambda p: p >= 0.85),
-        share("outsiders: driver in the first two", "≥ 80 %",
-              [driven(r, r["drivers"]) for r in left], lambda p: p >= 0.80),
-        share("library effects called unknown", "≤ 3 %",
-              [r["verdict"] == "unknown" for r in library], lambda p: p <= 0.03),
-    ]  # fmt: skip
+        share(
+            "outsiders: driver in the first two",
+            "≥ 80 %",
+            [driven(r, r["drivers"]) for r in left],
+            lambda p: p >= 0.80,
+        ),
+        share(
+            "library effects called unknown",
+            "≤ 3 %",
+            [r["verdict"] == "unknown" for r in library],
+            lambda p: p <= 0.03,
+        ),
+    ]
 
 
 def pairs(records: Sequence[Record]) -> list[Row]:
-    two = [r for r in records if r["part"] == "two" and r["reached"] >= LEFT
-           and r["nearest"] is not None and r["nearest"] >= FAR]  # fmt: skip
-    return [share("two effects: both named", "≥ 85 %",
-                  [r["verdict"] == "named" and set(r["causes"]) == set(r["truth"]) for r in two],
-                  lambda p: p >= 0.85)]  # fmt: skip
+    two = [
+        r
+        for r in records
+        if r["part"] == "two"
+        and r["reached"] >= LEFT
+        and r["nearest"] is not None
+        and r["nearest"] >= FAR
+    ]
+    return [
+        share(
+            "two effects: both named",
+            "≥ 85 %",
+            [r["verdict"] == "named" and set(r["causes"]) == set(r["truth"]) for r in two],
+            lambda p: p >= 0.85,
+        )
+    ]
 
 
 # --- gain, parameters, cost ----------------------------------------------------------------------
@@ -231,11 +290,19 @@ def pairs(records: Sequence[Record]) -> list[Row]:
 def gain(records: Sequence[Record]) -> list[Row]:
     measured = [r for r in records if r.get("gained") is not None]
     kinds = (
-        ("named", "≥ 0.90", 0.90, [r for r in measured if r["verdict"] == "named"
-                                   and r["part"] in ("effect", "two")]),
-        ("unknown, patched", "≥ 0.60", 0.60, [r for r in measured if r["verdict"] == "unknown"
-                                              and r["part"] == "outsider"]),
-    )  # fmt: skip
+        (
+            "named",
+            "≥ 0.90",
+            0.90,
+            [r for r in measured if r["verdict"] == "named" and r["part"] in ("effect", "two")],
+        ),
+        (
+            "unknown, patched",
+            "≥ 0.60",
+            0.60,
+            [r for r in measured if r["verdict"] == "unknown" and r["part"] == "outsider"],
+        ),
+    )
     found = []
     for what, must, least, of in kinds:
         if of:
@@ -246,8 +313,9 @@ def gain(records: Sequence[Record]) -> list[Row]:
     clean = [r for r in measured if r["part"] == "null"]
     row = Row("gain: nulls", "≥ −0.2 %")
     if clean:
-        lost = float(np.sum([r["gained"] for r in clean])
-                     / np.sum([abs(r["held_out_nll"]) for r in clean]))  # fmt: skip
+        lost = float(
+            np.sum([r["gained"] for r in clean]) / np.sum([abs(r["held_out_nll"]) for r in clean])
+        )
         row = Row(row.what, row.must, len(clean), lost, passed=lost >= -0.002)
     return [*found, row]
 
@@ -259,18 +327,21 @@ def coverage(records: Sequence[Record]) -> list[Row]:
             inside.setdefault(key, []).append(hit)
     pooled = [hit for hits in inside.values() for hit in hits]
     each = [share(f"±2 σ: {key}", "", hits, lambda _: True) for key, hits in sorted(inside.items())]
-    out = [row.what.removeprefix("±2 σ: ") for row in each
-           if row.low is not None and row.high is not None
-           and (row.low > 0.98 or row.high < 0.92)]  # fmt: skip
+    out = [
+        row.what.removeprefix("±2 σ: ")
+        for row in each
+        if row.low is not None and row.high is not None and (row.low > 0.98 or row.high < 0.92)
+    ]
     strays = Row("±2 σ: effects outside 92–98 %", "none")
     if each:
         strays = Row(strays.what, strays.must, len(each), float(len(out)), passed=not out)
     of_two = [hit for r in records if r["part"] == "two" for hit in r["covered"].values()]
     return [
         share("±2 σ coverage, pooled", "94–97 %", pooled, lambda p: 0.94 <= p <= 0.97),
-        strays, *each,
+        strays,
+        *each,
         share("±2 σ: sizes of two effects", "", of_two, lambda _: True),
-    ]  # fmt: skip
+    ]
 
 
 def cost(records: Sequence[Record]) -> list[Row]:
@@ -292,13 +363,25 @@ def _each(records: Sequence[Record]) -> list[Row]:
     seconds = [r["seconds"] for r in records]
     failed = [r["verdict"] == "failed" for r in records]
     return [
-        Row("processor time of one discovery, s", "", len(records), float(np.median(seconds)),
-            float(np.min(seconds)), float(np.max(seconds))),
-        Row("memory of one discovery, MiB, largest", "", len(records),
-            float(np.max([r["MiB"] for r in records]))),
-        replace(share("discoveries that failed", "none", failed, lambda p: p == 0.0),
-                refuted=any(failed)),
-    ]  # fmt: skip
+        Row(
+            "processor time of one discovery, s",
+            "",
+            len(records),
+            float(np.median(seconds)),
+            float(np.min(seconds)),
+            float(np.max(seconds)),
+        ),
+        Row(
+            "memory of one discovery, MiB, largest",
+            "",
+            len(records),
+            float(np.max([r["MiB"] for r in records])),
+        ),
+        replace(
+            share("discoveries that failed", "none", failed, lambda p: p == 0.0),
+            refuted=any(failed),
+        ),
+    ]
 
 
 def show(found: Sequence[Row]) -> str:

@@ -38,8 +38,10 @@ CLUTCHES = {
         warm_up=3,
         lasting=0.8,
         judged={
-            **dict.fromkeys(("temp_body", "temp_housing", "temp_disc", "zero_position"),
-                            ((SLIPPING, RETRACTED), 1.10)),
+            **dict.fromkeys(
+                ("temp_body", "temp_housing", "temp_disc", "zero_position"),
+                ((SLIPPING, RETRACTED), 1.10),
+            ),
             "friction": ((SLIPPING,), 1.15),
         },
         wrong={"temp_body": 40.0, "zero_position": 0.3, "friction": 0.15},  # K, mm, 1
@@ -51,11 +53,21 @@ CLUTCHES = {
         warm_up=2,
         lasting=0.3,
         judged={
-            **dict.fromkeys(("current", "motor_speed", "motor_angle", "pack_force", "free_play",
-                             "temp_pack", "temp_armature"), ((OPEN, SLIPPING), 1.10)),
+            **dict.fromkeys(
+                (
+                    "current",
+                    "motor_speed",
+                    "motor_angle",
+                    "pack_force",
+                    "free_play",
+                    "temp_pack",
+                    "temp_armature",
+                ),
+                ((OPEN, SLIPPING), 1.10),
+            ),
             "friction": ((SLIPPING,), 1.15),
         },
         wrong={"free_play": 9.5e-5, "friction": 0.2},  # m, 1
         scenarios=("rig-steps", "rig-slow", "rig-ramps"),
     ),
-}  # fmt: skip
+}

@@ -78,9 +78,10 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
                 "scenarios": {s: _share(values[scenario == s]) for s in dict.fromkeys(scenario)},
             }
         out[case] = {
-            "drives": len(of), "states": states,
+            "drives": len(of),
+            "states": states,
             "nis": {key: float(np.mean([r["nis"][key] for r in of])) for key in of[0]["nis"]},
-        }  # fmt: skip
+        }
     return out
 
 
@@ -91,8 +92,10 @@ def _share(values: NDArray[np.float64]) -> dict[str, float]:
 
 def show(found: dict[str, Any]) -> str:
     """The table as text."""
-    lines = ["the generator's drives: RMSE, stated standard deviation, and the share of the time "
-             "that the truth lies in the 95 % interval [95 % interval of that share]"]  # fmt: skip
+    lines = [
+        "the generator's drives: RMSE, stated standard deviation, and the share of the time "
+        "that the truth lies in the 95 % interval [95 % interval of that share]"
+    ]
     for case, c in found.items():
         nis = ", ".join(f"{key} {value:.2f}" for key, value in c["nis"].items())
         lines.append(f"{case}, {c['drives']} drives; NIS {nis}")

@@ -56,8 +56,15 @@ class Plan:
         time, mode = line.t[rows], line.mode[rows]
         starts, ends = runs(mode == Mode.slipping)
         lasting = time[ends - 1] - time[starts] > clutch.lasting
-        return cls(clutch, compiled, line, fresh(vehicle, compiled, line), time, mode,
-                   time[ends - 1][lasting])  # fmt: skip
+        return cls(
+            clutch,
+            compiled,
+            line,
+            fresh(vehicle, compiled, line),
+            time,
+            mode,
+            time[ends - 1][lasting],
+        )
 
 
 def drives(task: tuple[str, int, int, float]) -> dict[str, Any]:
@@ -72,16 +79,19 @@ def drives(task: tuple[str, int, int, float]) -> dict[str, Any]:
     model, grid = plan.compiled.model, plan.line.grid
     warm_up = plan.clutch.warm_up
     if len(plan.engagements) <= warm_up:
-        raise SystemExit(f"{duration:g} s have {len(plan.engagements)} engagements, and {warm_up} "
-                         "are not scored: expected a longer --duration")  # fmt: skip
+        raise SystemExit(
+            f"{duration:g} s have {len(plan.engagements)} engagements, and {warm_up} "
+            "are not scored: expected a longer --duration"
+        )
     scored = plan.time > plan.engagements[warm_up - 1]
     found: dict[str, Any] = {"model": model.name, "modes": {}, "sensors": {}}
     squares, bounds, nees = [], [], []
     read = {s.name: plan.line.sensor == i for i, s in enumerate(model.sensors)}
     nis: dict[str, list[list[float]]] = {name: [] for name, of in read.items() if of.any()}
     for number in range(count):
-        drawn = draw(plan.compiled, plan.line, plan.prior, 10_000 * seed + number,
-                     driver=plan.clutch.driver)  # fmt: skip
+        drawn = draw(
+            plan.compiled, plan.line, plan.prior, 10_000 * seed + number, driver=plan.clutch.driver
+        )
         filtered = run(plan.compiled, drawn.timeline, plan.prior)
         error = filtered.x[grid] - drawn.x[grid]
         squares.append(error**2)
@@ -100,9 +110,11 @@ def drives(task: tuple[str, int, int, float]) -> dict[str, Any]:
         if rows.any():
             inside = (average[rows] > low) & (average[rows] < high)
             found["modes"][label] = {
-                "error": error[:, rows].mean(axis=1), "bound": bound[:, rows].mean(axis=1),
-                "anees": float(average[rows].mean()), "inside": [int(inside.sum()), inside.size],
-            }  # fmt: skip
+                "error": error[:, rows].mean(axis=1),
+                "bound": bound[:, rows].mean(axis=1),
+                "anees": float(average[rows].mean()),
+                "inside": [int(inside.sum()), inside.size],
+            }
     found["sensors"] = {key: np.array(values) for key, values in nis.items()}
     found["states"] = [state.name for state in model.states]
     return found
@@ -124,8 +136,10 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
             for i, name in enumerate(names)
         }
         inside, rows = np.sum([p["inside"] for p in parts], axis=0)
-        out["anees"][mode] = {"mean": float(np.mean([p["anees"] for p in parts])),
-                              "share_in_band": float(inside / rows)}  # fmt: skip
+        out["anees"][mode] = {
+            "mean": float(np.mean([p["anees"] for p in parts])),
+            "share_in_band": float(inside / rows),
+        }
     for sensor in results[0]["sensors"]:
         values = np.concatenate([r["sensors"][sensor] for r in results])
         out["sensors"][sensor] = {
@@ -152,8 +166,10 @@ def show(found: dict[str, Any]) -> str:
     for key, words in (("mean", "average NEES / n"), ("share_in_band", "in its 95 % band")):
         lines.append(line(words, (f"{found['anees'][mode][key]:.3f}" for mode in modes), 21))
     for sensor, c in found["sensors"].items():
-        lines.append(f"{sensor}: NIS {shown(c['nis'], '.4f')}, correlation from sample to sample "
-                     f"{shown(c['lag_1'], '+.4f')}")  # fmt: skip
+        lines.append(
+            f"{sensor}: NIS {shown(c['nis'], '.4f')}, correlation from sample to sample "
+            f"{shown(c['lag_1'], '+.4f')}"
+        )
     for name, c in found["judged"].items():
         word = "met" if c["passed"] else "NOT MET"
         lines.append(f"{name}: lower end {c['low']:.3f}, at most {c['allowed']:.2f}: {word}")

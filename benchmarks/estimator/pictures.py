@@ -20,8 +20,12 @@ def recovery(results: Sequence[dict[str, Any]], wrong: Mapping[str, float], path
             for course in result[state]["course"]:
                 axis.semilogy(result["time"], course / size, lw=0.6, color="C0", alpha=0.6)
         axis.axhline(0.05, color="C3", lw=1)
-        axis.set(title=state.replace("_", " "), xlabel="time [s]", ylim=(1e-3, 3),
-                 ylabel="error / error of the start")  # fmt: skip
+        axis.set(
+            title=state.replace("_", " "),
+            xlabel="time [s]",
+            ylim=(1e-3, 3),
+            ylabel="error / error of the start",
+        )
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

@@ -27,18 +27,22 @@ def starts(task: tuple[str, int, int, float]) -> dict[str, Any]:
     plan = Plan.of(name, seed, duration)
     model, grid = plan.compiled.model, plan.line.grid
     wrong = plan.clutch.wrong
-    found: dict[str, Any] = {s: {k: [] for k in ("enough", "engagements", "error", "std", "bound",
-                                                 "inside", "course")} for s in wrong}  # fmt: skip
+    found: dict[str, Any] = {
+        s: {k: [] for k in ("enough", "engagements", "error", "std", "bound", "inside", "course")}
+        for s in wrong
+    }
     found["time"], found["wrong"] = plan.time, wrong
     for number in range(count):
         random = np.random.default_rng([seed, number])
         truth = plan.prior.x + np.sqrt(np.diag(plan.prior.P)) * random.standard_normal(
-            len(plan.prior.x))  # fmt: skip
+            len(plan.prior.x)
+        )
         for state, size in wrong.items():
             i = model.state(state)
             truth[i] = plan.prior.x[i] + size * random.choice([-1.0, 1.0])
-        drawn = draw(plan.compiled, plan.line, plan.prior, 10_000 * seed + number, truth,
-                     plan.clutch.driver)  # fmt: skip
+        drawn = draw(
+            plan.compiled, plan.line, plan.prior, 10_000 * seed + number, truth, plan.clutch.driver
+        )
         filtered = run(plan.compiled, drawn.timeline, plan.prior, keep_gains=True)
         for state, size in wrong.items():
             i = model.state(state)
@@ -67,8 +71,10 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Per state: when excitation is enough, and what is left of the error from then on."""
     out = {}
     for state, size in results[0]["wrong"].items():
-        rows = {k: np.concatenate([r[state][k] for r in results])
-                for k in ("enough", "engagements", "error", "std", "bound", "inside")}  # fmt: skip
+        rows = {
+            k: np.concatenate([r[state][k] for r in results])
+            for k in ("enough", "engagements", "error", "std", "bound", "inside")
+        }
         ever = np.isfinite(rows["enough"])
         if not ever.any():
             out[state] = {"wrong_by": size, "drives": len(ever), "recovered": 0, "passed": False}
@@ -77,28 +83,42 @@ def table(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
         error, bound = np.sqrt(kept["error"].mean()), np.sqrt(kept["bound"].mean())
         allowed = max(LEFT * size, 2 * bound)
         out[state] = {
-            "wrong_by": size, "drives": len(ever), "recovered": int(ever.sum()),
+            "wrong_by": size,
+            "drives": len(ever),
+            "recovered": int(ever.sum()),
             "enough_s": percentiles(kept["enough"]),
             "engagements": percentiles(kept["engagements"]),
-            "error": float(error), "bound": float(bound), "allowed": float(allowed),
-            "inside_3_std": float(kept["inside"].mean()), "passed": bool(error <= allowed),
-        }  # fmt: skip
+            "error": float(error),
+            "bound": float(bound),
+            "allowed": float(allowed),
+            "inside_3_std": float(kept["inside"].mean()),
+            "passed": bool(error <= allowed),
+        }
     return out
 
 
 def show(found: dict[str, Any]) -> str:
     """The table as text."""
-    lines = ["wrong starts, all at once: error from when on the gains leave less than 5 % of "
-             "the start",
-             line("", ("wrong by", "enough after [s]", "engagements", "error", "bound", "allowed",
-                       "in 3 σ"), 18)]  # fmt: skip
+    lines = [
+        "wrong starts, all at once: error from when on the gains leave less than 5 % of the start",
+        line(
+            "",
+            ("wrong by", "enough after [s]", "engagements", "error", "bound", "allowed", "in 3 σ"),
+            18,
+        ),
+    ]
     for state, c in found.items():
         if not c["recovered"]:
             lines.append(line(state, [f"{c['wrong_by']:.3g}"], 18) + "   never in these drives")
             continue
         numbers = (f"{c[key]:.3g}" for key in ("error", "bound", "allowed"))
-        cells = (f"{c['wrong_by']:.3g}", shown(c["enough_s"], ".0f"),
-                 shown(c["engagements"], ".0f"), *numbers, f"{c['inside_3_std']:.4f}")  # fmt: skip
+        cells = (
+            f"{c['wrong_by']:.3g}",
+            shown(c["enough_s"], ".0f"),
+            shown(c["engagements"], ".0f"),
+            *numbers,
+            f"{c['inside_3_std']:.4f}",
+        )
         verdict = f"  {c['recovered']} of {c['drives']}{'' if c['passed'] else '  NOT MET'}"
         lines.append(line(state, cells, 18) + verdict)
     return "\n".join(lines)

@@ -60,17 +60,22 @@ def main() -> None:
     folder.mkdir(exist_ok=True)
 
     if "healthy" in given.parts:
-        told = [(given.vehicle, healthy.SCENARIOS[i % 3], given.first + i, "within its spreads",
-                 folder) for i in range(given.drives)]  # fmt: skip
+        told = [
+            (given.vehicle, healthy.SCENARIOS[i % 3], given.first + i, "within its spreads", folder)
+            for i in range(given.drives)
+        ]
         ran("healthy", healthy.record, told, given.jobs)
         found["healthy"] = healthy.tally(folder)
         print(json.dumps(found["healthy"], indent=1))
     if "hot" in given.parts:
         hot = given.out / "hot"
         hot.mkdir(exist_ok=True)
-        told = [(given.vehicle, scenario, given.first + i, heat, hot)
-                for i in range(given.hot) for heat in healthy.HEAT
-                for scenario in healthy.scenarios(heat)]  # fmt: skip
+        told = [
+            (given.vehicle, scenario, given.first + i, heat, hot)
+            for i in range(given.hot)
+            for heat in healthy.HEAT
+            for scenario in healthy.scenarios(heat)
+        ]
         ran("hot", healthy.record, told, given.jobs)
         found["hot"] = healthy.tally(hot)
         print(json.dumps(found["hot"], indent=1))
@@ -80,8 +85,11 @@ def main() -> None:
     if "injected" in given.parts:
         drives = given.out / "injected"
         drives.mkdir(exist_ok=True)
-        tasks = [(given.vehicle, fault, given.first + i, drives)
-                 for i in range(given.injected) for fault in injected.CASES]  # fmt: skip
+        tasks = [
+            (given.vehicle, fault, given.first + i, drives)
+            for i in range(given.injected)
+            for fault in injected.CASES
+        ]
         found["injected"] = injected.table(ran("injected", injected.judged, tasks, given.jobs))
         print(json.dumps(found["injected"], indent=1))
     if "recorded" in given.parts and given.logs is not None:
@@ -102,12 +110,18 @@ def at_residual_level(vehicle: str, folder: Path, hours: float, trials: int) -> 
         of["delays"] = residuals.delays(records, fault, k, unit, of, trials, seed=200 + k)
         found[fault.name] = of
         for test in ("glr", "cusum"):
-            print(f"{fault.name}: {test} {of[test]['alarms']} alarms in {hours:.0f} h, "
-                  f"{of[test]['expected']:.1f} expected", flush=True)  # fmt: skip
+            print(
+                f"{fault.name}: {test} {of[test]['alarms']} alarms in {hours:.0f} h, "
+                f"{of[test]['expected']:.1f} expected",
+                flush=True,
+            )
         for row in of["delays"]:
-            print(f"  {row['size']:.3g}: oracle {60 * row['oracle_h']:.1f} min, "
-                  f"CUSUM ×{row['cusum_over_oracle']:.2f}, GLR ×{row['glr_over_oracle']:.2f}, "
-                  f"plain ×{row['plain_h'] / row['oracle_h']:.2f}", flush=True)  # fmt: skip
+            print(
+                f"  {row['size']:.3g}: oracle {60 * row['oracle_h']:.1f} min, "
+                f"CUSUM ×{row['cusum_over_oracle']:.2f}, GLR ×{row['glr_over_oracle']:.2f}, "
+                f"plain ×{row['plain_h'] / row['oracle_h']:.2f}",
+                flush=True,
+            )
     return found
 
 

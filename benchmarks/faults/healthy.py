@@ -57,17 +57,27 @@ def record(task: Task) -> Path:
     tests = drive.streams.tests
     unfinished = path.with_suffix(".part.npz")
     np.savez_compressed(
-        unfinished, begin=blocks.begin, end=blocks.end, count=blocks.count,
-        z=residuals.z.astype("f4"), information=residuals.information.astype("f4"),
+        unfinished,
+        begin=blocks.begin,
+        end=blocks.end,
+        count=blocks.count,
+        z=residuals.z.astype("f4"),
+        information=residuals.information.astype("f4"),
         surprise=residuals.surprise.astype("f4"),
         score=whole.score.astype("f4"),
         told=np.diagonal(whole.information, axis1=1, axis2=2).astype("f4"),
         failed=np.array([*failed, *(t.name for t in tests if t.alarms)], "U40"),
-        ran=np.array([*(j.fault.name for j in watched.faults if j.status != "not run"), "misfit",
-                      *(["wear"] if drive.wear[1] != "not run" else []),
-                      *(t.name for t in tests if t.threshold is not None)], "U40"),
+        ran=np.array(
+            [
+                *(j.fault.name for j in watched.faults if j.status != "not run"),
+                "misfit",
+                *(["wear"] if drive.wear[1] != "not run" else []),
+                *(t.name for t in tests if t.threshold is not None),
+            ],
+            "U40",
+        ),
         provenance=json.dumps(run.provenance),
-    )  # fmt: skip
+    )
     unfinished.rename(path)
     return path
 
@@ -91,13 +101,19 @@ def tally(folder: Path) -> dict[str, Any]:
         monitors = ["wear"] if heat == "worn" else sorted(ran)
         if drives:
             found[heat] = {
-                "drives": len(drives), "hours": len(drives) * DURATION / 3600.0,
+                "drives": len(drives),
+                "hours": len(drives) * DURATION / 3600.0,
                 "ran_h": {name: ran[name] * DURATION / 3600.0 for name in monitors},
                 "alarms": {name: failed[name] for name in monitors if failed[name]},
-                "whole_drives": {} if heat == "worn" else {
-                    fault.name: {"mean": round(float(z.mean()), 2), "std": round(float(z.std()), 2),
-                                 "largest": round(float(np.abs(z).max()), 2)}
+                "whole_drives": {}
+                if heat == "worn"
+                else {
+                    fault.name: {
+                        "mean": round(float(z.mean()), 2),
+                        "std": round(float(z.std()), 2),
+                        "largest": round(float(np.abs(z).max()), 2),
+                    }
                     for fault, z in zip(model_faults("dry_clutch"), np.array(whole).T, strict=True)
                 },
-            }  # fmt: skip
+            }
     return found

@@ -39,18 +39,27 @@ def judged(task: tuple[str, str, int, Path]) -> dict[str, Any]:
         row = told.faults.index(fault)
         scale = abs(size) / told.sizes[row]
         d_prime = float(told.d_prime[row, -1] * scale)
-        others = [told.d_prime[row, k] for k, f in enumerate(told.faults)
-                  if f != fault and f not in TRUE_SETS.get(fault, set())]  # fmt: skip
+        others = [
+            told.d_prime[row, k]
+            for k, f in enumerate(told.faults)
+            if f != fault and f not in TRUE_SETS.get(fault, set())
+        ]
         apart = float(min(others) * scale)
     record = {
-        "fault": fault, "seed": seed, "size": size, "d_prime": d_prime, "d_prime_nearest": apart,
-        "faults": [f.fault for f in found.faults], "sets": [list(f.set) for f in found.faults],
+        "fault": fault,
+        "seed": seed,
+        "size": size,
+        "d_prime": d_prime,
+        "d_prime_nearest": apart,
+        "faults": [f.fault for f in found.faults],
+        "sets": [list(f.set) for f in found.faults],
         "detected_s": found.faults[0].first_detected_s if found.faults else None,
         "causes": [
             {"fault": c.fault, "size": c.size, "std": c.std, "behind": c.behind}
-            for f in found.faults for c in f.causes
+            for f in found.faults
+            for c in f.causes
         ],
-    }  # fmt: skip
+    }
     path.write_text(json.dumps(record))
     return record
 
@@ -66,20 +75,27 @@ def table(records: list[dict[str, Any]]) -> dict[str, Any]:
         sure_right = [r for r in sure if r["faults"] and _right(r)]
         pulls = [
             (c["size"] - r["size"]) / c["std"]
-            for r in found for c in r["causes"][:3]
+            for r in found
+            for c in r["causes"][:3]
             if c["fault"] == fault and c["behind"] < TIED
-        ]  # fmt: skip
+        ]
         rows[fault] = {
-            "drives": len(own), "detected": len(found), "right": len(right),
-            "apart_by_4": len(sure), "of_these_right": len(sure_right),
+            "drives": len(own),
+            "detected": len(found),
+            "right": len(right),
+            "apart_by_4": len(sure),
+            "of_these_right": len(sure_right),
             "mean_pull": sum(pulls) / len(pulls) if pulls else None,
             "wrong": [(r["seed"], r["size"], r["sets"]) for r in found if not _right(r)],
-        }  # fmt: skip
+        }
     return rows
 
 
 def _right(record: dict[str, Any]) -> bool:
     """One fault, it or the set that no signal can tell apart from it."""
     wanted = TRUE_SETS.get(record["fault"], {record["fault"]})
-    return len(record["sets"]) == 1 and record["fault"] in record["sets"][0] \
-        and set(record["sets"][0]) <= wanted  # fmt: skip
+    return (
+        len(record["sets"]) == 1
+        and record["fault"] in record["sets"][0]
+        and set(record["sets"][0]) <= wanted
+    )

@@ -15,9 +15,11 @@ def delays(found: dict[str, Any], path: Path) -> None:
     for axis, (name, of) in zip(axes[0], shown.items(), strict=True):
         sizes = [row["size"] for row in of["delays"]]
         for test, label, style in (
-            ("plain", "fixed threshold, 3 on end", "s:"), ("glr", "GLR, size unknown", "o-"),
-            ("cusum", "CUSUM, size known", "^-"), ("oracle", "oracle", "k--"),
-        ):  # fmt: skip
+            ("plain", "fixed threshold, 3 on end", "s:"),
+            ("glr", "GLR, size unknown", "o-"),
+            ("cusum", "CUSUM, size known", "^-"),
+            ("oracle", "oracle", "k--"),
+        ):
             axis.loglog(sizes, [60 * row[f"{test}_h"] for row in of["delays"]], style, label=label)
         axis.set_title(name, fontsize=9)
         axis.set_xlabel(f"size [{of['unit']}]" if of["unit"] != "1" else "size")

@@ -98,15 +98,20 @@ def faults_of(vehicle: Vehicle, messages: dict[str, Message]) -> dict[str, Fault
             found[f"{kind.__name__}:{name}"] = kind(messages[name])
     for name, signal in vehicle.signals.items():
         carried: tuple[BusSignal, ...] = (signal.bus, *([signal.other] if signal.other else []))
-        cases = {
-            "stuck": lambda v, rng: np.full(len(v), v[0] if len(v) else 0.0),
-            "noise": lambda v, rng: v + NOISIER * own_noise(v) * rng.standard_normal(len(v)),
-        } if name in lively(vehicle) else {"implausible": lambda v, rng: v + HOTTER}  # fmt: skip
+        cases = (
+            {
+                "stuck": lambda v, rng: np.full(len(v), v[0] if len(v) else 0.0),
+                "noise": lambda v, rng: v + NOISIER * own_noise(v) * rng.standard_normal(len(v)),
+            }
+            if name in lively(vehicle)
+            else {"implausible": lambda v, rng: v + HOTTER}
+        )
         for kind, change in cases.items():
             puts = [changed(messages[b.message], b.signal, change) for b in carried]
 
-            def put(frames: Frames, rng: np.random.Generator, onset: float,
-                    puts: list[Fault] = puts) -> Frames:  # fmt: skip
+            def put(
+                frames: Frames, rng: np.random.Generator, onset: float, puts: list[Fault] = puts
+            ) -> Frames:
                 for one in puts:
                     frames = one(frames, rng, onset)
                 return frames
@@ -138,8 +143,11 @@ def table(folder: Path, onsets: int) -> dict[str, Any]:
         usual = set(told(frames))
         counted = [m for m in messages.values() if counter_of(m) and m.name in vehicle.checked]
         rows: dict[str, Any] = {"without": sorted(usual), "checked": [m.name for m in counted]}
-        print(f"{name}: {length:.0f} s; without a fault: {', '.join(sorted(usual)) or 'none'}; "
-              f"{len(counted)} messages with a known counter or checksum", flush=True)  # fmt: skip
+        print(
+            f"{name}: {length:.0f} s; without a fault: {', '.join(sorted(usual)) or 'none'}; "
+            f"{len(counted)} messages with a known counter or checksum",
+            flush=True,
+        )
         for fault, put in faults_of(vehicle, messages).items():
             rng = np.random.default_rng(1)
             delays, others, hidden = [], [], 0
@@ -149,9 +157,13 @@ def table(folder: Path, onsets: int) -> dict[str, Any]:
                 if fault in said and (fault not in usual or said[fault] >= onset):
                     delays.append(said[fault] - float(onset))
                 others += [f for f in said if f != fault and f not in usual]
-            rows[fault] = {"drives": onsets, "found": len(delays), "hidden": hidden,
-                           "delay_s": float(np.median(delays)) if delays else None,
-                           "others": sorted(others)}  # fmt: skip
+            rows[fault] = {
+                "drives": onsets,
+                "found": len(delays),
+                "hidden": hidden,
+                "delay_s": float(np.median(delays)) if delays else None,
+                "others": sorted(others),
+            }
             words = f"{len(delays)} of {onsets}"
             words += f" after {np.median(delays):.2f} s" if delays else ""
             words += f"; also {', '.join(sorted(set(others)))}" if others else ""

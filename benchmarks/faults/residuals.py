@@ -39,8 +39,9 @@ def loaded(folder: Path) -> list[dict[str, np.ndarray]]:
     return [dict(np.load(path)) for path in sorted(folder.glob("*.npz"))]
 
 
-def strung(records: Sequence[dict[str, np.ndarray]], k: int, blocks: int,
-           rng: np.random.Generator) -> np.ndarray:  # fmt: skip
+def strung(
+    records: Sequence[dict[str, np.ndarray]], k: int, blocks: int, rng: np.random.Generator
+) -> np.ndarray:
     """Information about fault ``k`` in so many blocks: whole drives in random order."""
     pieces, count = [], 0
     while count < blocks:
@@ -56,11 +57,12 @@ def measured(records: Sequence[dict[str, np.ndarray]], k: int) -> dict[str, floa
     every = np.concatenate(z)
     products = np.concatenate([x[1:] * x[:-1] for x in z])
     return {
-        "blocks": len(every), "level": float(every.std()),
+        "blocks": len(every),
+        "level": float(every.std()),
         "memory": float(products.mean() / every.var()) if len(every) else 0.0,
         "kurtosis": float(np.mean(every**4) / np.mean(every**2) ** 2) if len(every) else 0.0,
         "largest": float(np.abs(every).max()) if len(every) else 0.0,
-    }  # fmt: skip
+    }
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,9 @@ class Setting:
         """Of the ``k``-th fault in the records of whole drives."""
         per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
         seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
-        return cls(per_hour, PER_1000H / 1000.0 / per_hour, seen, fault.size / unit,
-                   fault.number.one_sided)  # fmt: skip
+        return cls(
+            per_hour, PER_1000H / 1000.0 / per_hour, seen, fault.size / unit, fault.number.one_sided
+        )
 
     @property
     def low(self) -> float:
@@ -90,8 +93,14 @@ class Setting:
         return LEAST * self.size
 
 
-def rates(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, unit: float,
-          hours: float, seed: int) -> dict[str, Any]:  # fmt: skip
+def rates(
+    records: Sequence[dict[str, np.ndarray]],
+    fault: ModelFault,
+    k: int,
+    unit: float,
+    hours: float,
+    seed: int,
+) -> dict[str, Any]:
     """Thresholds as a monitor finds them, and how often a healthy truck exceeds them in so many
     drawn hours."""
     rng, of = np.random.default_rng(seed), Setting.of(records, fault, k, unit)
@@ -109,10 +118,12 @@ def rates(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, u
         count = len(peaks(test(score, information), h, WINDOW))
         expected = of.per_block * blocks
         found[name] = {
-            "threshold": h, "alarms": count, "expected": expected,
+            "threshold": h,
+            "alarms": count,
+            "expected": expected,
             "per_1000_clock_hours": 1000.0 * count / hours,
             "per_1000_enabled_hours": 1000.0 * count / max(hours * enabled, 1e-9),
-        }  # fmt: skip
+        }
     plain = _plain_threshold(information, rng, of.per_block)
     found["plain"] = {"threshold": plain, "on_end": ON_END}
     return found
@@ -127,8 +138,15 @@ def _plain_threshold(information: np.ndarray, rng: np.random.Generator, per_bloc
     return float(norm.isf((per_block / max(seen, 1e-9)) ** (1.0 / ON_END) / 2.0))
 
 
-def delays(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, unit: float,
-           found: dict[str, Any], trials: int, seed: int) -> list[dict[str, float]]:  # fmt: skip
+def delays(
+    records: Sequence[dict[str, np.ndarray]],
+    fault: ModelFault,
+    k: int,
+    unit: float,
+    found: dict[str, Any],
+    trials: int,
+    seed: int,
+) -> list[dict[str, float]]:
     """Mean time to detection, h, of faults of several sizes: by the GLR that does not know the
     size, Page's test that does, the plain test, and an oracle.
 
@@ -142,16 +160,18 @@ def delays(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, 
         long = strung(records, k, 3_000_000, rng)
         healthy = np.sqrt(long) * rng.standard_normal(len(long))
         oracle = from_path(cusum_path(healthy, long, b, True)[0], of.per_block)
-        known = threshold(lambda s, i, b=b: cusum_path(s, i, b, of.one_sided)[0], of.seen, Colour(),
-                          of.per_block)  # fmt: skip
+        known = threshold(
+            lambda s, i, b=b: cusum_path(s, i, b, of.one_sided)[0], of.seen, Colour(), of.per_block
+        )
         taken: dict[str, list[float]] = {"glr": [], "cusum": [], "plain": [], "oracle": []}
         horizon = 4000
         for _ in range(trials):
             information = strung(records, k, SETTLED + horizon, rng)
             score = np.sqrt(information) * rng.standard_normal(len(information))
             score[SETTLED:] += b * information[SETTLED:]
-            z = np.divide(score, np.sqrt(information), out=np.zeros_like(score),
-                          where=information > 1e-9)  # fmt: skip
+            z = np.divide(
+                score, np.sqrt(information), out=np.zeros_like(score), where=information > 1e-9
+            )
             plain = np.zeros(len(z))
             debounced(z, plain_at, ON_END, plain)
             paths = {
@@ -159,7 +179,7 @@ def delays(records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, 
                 "cusum": cusum_path(score, information, b, of.one_sided)[0] / known,
                 "oracle": cusum_path(score, information, b, True)[0] / oracle,
                 "plain": plain,
-            }  # fmt: skip
+            }
             for name, path in paths.items():
                 at = np.flatnonzero(path[SETTLED:] >= 1.0)
                 taken[name].append((float(at[0]) + 1.0 if len(at) else horizon) / of.per_hour)

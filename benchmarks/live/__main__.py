@@ -89,8 +89,11 @@ def chatter(asked: argparse.Namespace) -> None:
     begin, sent = time.monotonic(), 0
     while True:
         while sent < asked.foreign * (time.monotonic() - begin):
-            bus.send(can.Message(arbitration_id=0x100 + sent % 0x300, is_extended_id=False,
-                                 data=b"chatter!"))  # fmt: skip
+            bus.send(
+                can.Message(
+                    arbitration_id=0x100 + sent % 0x300, is_extended_id=False, data=b"chatter!"
+                )
+            )
             sent += 1
         time.sleep(0.005)
 
@@ -144,20 +147,30 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
         talker.kill()
     late, effort = np.array(lateness), np.array(effort)
     received = read_frames(out / "received.log")
-    print(f"{asked.duration:.0f} s of a city drive over {asked.interface}, {asked.speed:g} times "
-          f"as fast as it was, foreign traffic {asked.foreign:.0f} frames/s, "
-          f"silence {asked.silence:.0f} s")  # fmt: skip
-    print(f"  frames: {sent} sent, {len(received)} received, {status.lost} dropped by the kernel; "
-          f"the latest was sent {1e3 * told.get():.1f} ms late")  # fmt: skip
-    print("  from the frame that made an estimate certain to its output: median "
-          f"{np.median(late):.1f} ms, p90 {np.percentile(late, 90):.1f} ms, p99 "
-          f"{np.percentile(late, 99):.1f} ms, most {late.max():.1f} ms")  # fmt: skip
-    print(f"  of it this program's own work: median {np.median(effort):.1f} ms, p90 "
-          f"{np.percentile(effort, 90):.1f} ms, p99 {np.percentile(effort, 99):.1f} ms "
-          "of a processor")  # fmt: skip
+    print(
+        f"{asked.duration:.0f} s of a city drive over {asked.interface}, {asked.speed:g} times "
+        f"as fast as it was, foreign traffic {asked.foreign:.0f} frames/s, "
+        f"silence {asked.silence:.0f} s"
+    )
+    print(
+        f"  frames: {sent} sent, {len(received)} received, {status.lost} dropped by the kernel; "
+        f"the latest was sent {1e3 * told.get():.1f} ms late"
+    )
+    print(
+        "  from the frame that made an estimate certain to its output: median "
+        f"{np.median(late):.1f} ms, p90 {np.percentile(late, 90):.1f} ms, p99 "
+        f"{np.percentile(late, 99):.1f} ms, most {late.max():.1f} ms"
+    )
+    print(
+        f"  of it this program's own work: median {np.median(effort):.1f} ms, p90 "
+        f"{np.percentile(effort, 90):.1f} ms, p99 {np.percentile(effort, 99):.1f} ms "
+        "of a processor"
+    )
     eighths = [memory[len(memory) * k // 8] for k in range(1, 8)] + memory[-1:]
-    print(f"  processor: {100 * used:.0f} % of one core; memory in MiB after every eighth: "
-          f"{' '.join(f'{m:.0f}' for m in eighths)}")  # fmt: skip
+    print(
+        f"  processor: {100 * used:.0f} % of one core; memory in MiB after every eighth: "
+        f"{' '.join(f'{m:.0f}' for m in eighths)}"
+    )
     kinds = pd.Series([json.loads(line)["kind"] for line in (out / "events.jsonl").open()])
     print(f"  events: {kinds.value_counts().to_dict()}")
     same(out)

@@ -56,8 +56,11 @@ def in_turn(what: dict[str, Callable[[], object]], repeats: int) -> Times:
 
 def spread(values: Any) -> dict[str, float]:
     """min, median, max."""
-    return {"min": float(np.min(values)), "median": float(np.median(values)),
-            "max": float(np.max(values))}  # fmt: skip
+    return {
+        "min": float(np.min(values)),
+        "median": float(np.median(values)),
+        "max": float(np.max(values)),
+    }
 
 
 def told(values: dict[str, float], unit: str = "", scale: float = 1.0) -> str:
@@ -163,8 +166,9 @@ def _replayed(log: Path, out: Path) -> dict[str, float]:
     """`clutchest replay` in a process of its own: seconds of wall clock, peak memory in MiB."""
     begin = perf_counter()
     command = f"{sys.executable} -m clutchest replay {log} --vehicle {drives.VEHICLE} --out {out}"
-    told = subprocess.run([sys.executable, "-S", "-c", _STARTER, *command.split()],
-                          stdout=subprocess.PIPE, check=True)  # fmt: skip
+    told = subprocess.run(
+        [sys.executable, "-S", "-c", _STARTER, *command.split()], stdout=subprocess.PIPE, check=True
+    )
     status, cpu, peak = json.loads(told.stdout)
     if status:
         sys.exit(f"clutchest replay {log} failed")
@@ -177,8 +181,10 @@ def hour(folder: Path, repeats: int) -> dict[str, Any]:
     runs = [_replayed(folder / "hour.log", folder / "out") for _ in range(repeats + 1)][1:]
     result = {key: spread([run[key] for run in runs]) for key in runs[0]}
     print(f"\none hour, {len(frames)} frames, min / median / max")
-    print(f"  wall clock {told(result['seconds'], 's')}, processor "
-          f"{told(result['cpu_seconds'], 's')}, memory {told(result['MiB'], 'MiB')}")  # fmt: skip
+    print(
+        f"  wall clock {told(result['seconds'], 's')}, processor "
+        f"{told(result['cpu_seconds'], 's')}, memory {told(result['MiB'], 'MiB')}"
+    )
     return {"frames": len(frames), **result}
 
 
@@ -197,8 +203,9 @@ def linear(folder: Path, most: int) -> list[dict[str, float]]:
         write_run(clutchest.replay(signals, vehicle), folder / "out")
         seconds = perf_counter() - begin
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        curve.append({"frames": n, "seconds": seconds, "us_per_frame": seconds / n * 1e6,
-                      "MiB": peak})  # fmt: skip
+        curve.append(
+            {"frames": n, "seconds": seconds, "us_per_frame": seconds / n * 1e6, "MiB": peak}
+        )
         print(f"  {n:9d} frames {seconds:8.2f} s {seconds / n * 1e6:8.2f} µs/frame {peak:6.0f} MiB")
     return curve
 

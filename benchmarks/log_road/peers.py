@@ -10,9 +10,12 @@ from asammdf import MDF
 import can
 
 READERS = {
-    ".log": can.CanutilsLogReader, ".asc": can.ASCReader, ".blf": can.BLFReader,
-    ".trc": can.TRCReader, ".csv": can.CSVReader,
-}  # fmt: skip
+    ".log": can.CanutilsLogReader,
+    ".asc": can.ASCReader,
+    ".blf": can.BLFReader,
+    ".trc": can.TRCReader,
+    ".csv": can.CSVReader,
+}
 
 
 def read_and_decode(
@@ -31,9 +34,15 @@ def read_and_decode(
             n += 1
             can_id = frame.arbitration_id
             if can_id not in known:
-                known[can_id] = next((m for m in messages if not (can_id ^ m.frame_id)
-                                      & (0x3FFFF00 if can_id >> 16 & 0xFF >= 240 else 0x3FF0000)),
-                                     None)  # fmt: skip
+                known[can_id] = next(
+                    (
+                        m
+                        for m in messages
+                        if not (can_id ^ m.frame_id)
+                        & (0x3FFFF00 if can_id >> 16 & 0xFF >= 240 else 0x3FF0000)
+                    ),
+                    None,
+                )
             message = known[can_id]
             if message is None:
                 continue
@@ -47,5 +56,6 @@ def extract_bus_logging(path: Path, dbc: Path) -> int:
     """asammdf's own way; the number of samples."""
     with MDF(path) as mdf:
         extracted = mdf.extract_bus_logging({"CAN": [(str(dbc), 0)]})
-        return sum(len(group) for group in
-                   (extracted.get_master(i) for i in range(len(extracted.groups))))  # fmt: skip
+        return sum(
+            len(group) for group in (extracted.get_master(i) for i in range(len(extracted.groups)))
+        )

@@ -19,8 +19,9 @@ def kept(folder: Path, name: str, text: str) -> Path:
     """The file ``name`` in ``folder``, with ``text`` in it unless it is there already."""
     path = folder / name
     if not path.exists():
-        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False,
-                                         encoding="utf-8") as file:  # fmt: skip
+        with tempfile.NamedTemporaryFile(
+            "w", dir=folder, suffix=".tmp", delete=False, encoding="utf-8"
+        ) as file:
             file.write(text)
         Path(file.name).replace(path)  # atomic: two processes may do this at once
     return path

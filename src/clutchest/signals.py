@@ -79,8 +79,12 @@ class Signal:
         """The same signal, a long one in files."""
         if self.time.nbytes < spilled.LEAST:
             return self
-        return replace(self, time=spilled.stowed(self.time), value=spilled.stowed(self.value),
-                       why=spilled.stowed(self.why))  # fmt: skip
+        return replace(
+            self,
+            time=spilled.stowed(self.time),
+            value=spilled.stowed(self.value),
+            why=spilled.stowed(self.why),
+        )
 
     def take(self, rows: Rows) -> Signal:
         """The samples of ``rows``."""
@@ -143,15 +147,24 @@ class Counts:
     def __add__(self, other: Counts) -> Counts:
         """Those of two logs together."""
         names = dict.fromkeys([*self.messages, *other.messages])
-        messages = {name: _together(self.messages.get(name, {}), other.messages.get(name, {}))
-                    for name in names}  # fmt: skip
-        return Counts(self.frames + other.frames, self.decoded + other.decoded,
-                      _together(self.rejected, other.rejected), messages)  # fmt: skip
+        messages = {
+            name: _together(self.messages.get(name, {}), other.messages.get(name, {}))
+            for name in names
+        }
+        return Counts(
+            self.frames + other.frames,
+            self.decoded + other.decoded,
+            _together(self.rejected, other.rejected),
+            messages,
+        )
 
     def summary(self) -> dict[str, Any]:
         """As the JSON files have it."""
-        return {"frames": self.frames, "frames_decoded": self.decoded,
-                "frames_rejected": dict(self.rejected)}  # fmt: skip
+        return {
+            "frames": self.frames,
+            "frames_decoded": self.decoded,
+            "frames_rejected": dict(self.rejected),
+        }
 
 
 def _together(some: Mapping[str, int], more: Mapping[str, int]) -> dict[str, int]:
@@ -179,8 +192,13 @@ class Traffic:
 
     def take(self, rows: Rows) -> Traffic:
         """The frames of ``rows``."""
-        return replace(self, time=self.time[rows], same=self.same[rows], step=self.step[rows],
-                       sound=self.sound[rows])  # fmt: skip
+        return replace(
+            self,
+            time=self.time[rows],
+            same=self.same[rows],
+            step=self.step[rows],
+            sound=self.sound[rows],
+        )
 
     @classmethod
     def joined(cls, parts: Sequence[Traffic]) -> Traffic:

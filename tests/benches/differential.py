@@ -121,18 +121,29 @@ def _wound(p: Mapping[str, float], slip: Floats, force: Floats) -> Floats:
 
 
 _PLAUSIBLE = Plausible(
-    states={"current": (-30.0, 30.0), "motor_speed": (-300.0, 300.0), "motor_angle": (-2.0, 30.0),
-            "ball_ramp_bristle": (-0.2, 0.2), "pack_force": (0.0, 4e4), "wind_up": (-0.1, 0.1),
-            "free_play": (0.0, 5e-4), "friction": (0.5, 1.5), "temp_pack": (-40.0, 250.0),
-            "temp_armature": (-40.0, 180.0)},
-    inputs={"armature_voltage": (-12.0, 12.0), "slip_speed": (-12.0, 12.0),
-            "oil_temp": (-40.0, 130.0)},
+    states={
+        "current": (-30.0, 30.0),
+        "motor_speed": (-300.0, 300.0),
+        "motor_angle": (-2.0, 30.0),
+        "ball_ramp_bristle": (-0.2, 0.2),
+        "pack_force": (0.0, 4e4),
+        "wind_up": (-0.1, 0.1),
+        "free_play": (0.0, 5e-4),
+        "friction": (0.5, 1.5),
+        "temp_pack": (-40.0, 250.0),
+        "temp_armature": (-40.0, 180.0),
+    },
+    inputs={
+        "armature_voltage": (-12.0, 12.0),
+        "slip_speed": (-12.0, 12.0),
+        "oil_temp": (-40.0, 130.0),
+    },
     temperatures=("temp_pack", "temp_armature"),
     surroundings=("oil_temp",),
     resting={"slip_speed": 0.0, "current": 0.0},
     warm=_WARM,
     wound={"wind_up": "slip_speed"},
-)  # fmt: skip
+)
 _CATALOGUE = {
     "resistance_temperature": "change 1/K",
     "torque_constant_temperature": "change 1/K",

@@ -60,7 +60,7 @@ def drive(vehicle: Vehicle, duration: float, noise: float) -> Signals:
         "coolant_temp": ("°C", 1.0, lambda t: 85.0 + 0.02 * t),
         "ambient_temp": ("°C", 1.0, lambda t: 15.0 + 0.0 * t),
         "vehicle_speed": ("m/s", 0.1, lambda t: 8.0 + 0.1 * t),
-    }  # fmt: skip
+    }
     rng = np.random.default_rng(7)
     signals = {}
     for name, (unit, period, at) in columns.items():
@@ -90,21 +90,32 @@ def _expansion(p: Mapping[str, float], power: Floats, dt: float) -> Floats:
 
 
 _PLAUSIBLE = Plausible(
-    states={"temp_body": (-40.0, 200.0), "temp_housing": (-40.0, 150.0),
-            "temp_disc": (-40.0, 300.0), "zero_position": (35.4, 38.9), "friction": (0.5, 1.5),
-            "engine_speed": (40.0, 250.0), "torque_bias": (-200.0, 200.0),
-            "wear_rate": (-0.5, 0.5),
-            "position_play": (-0.5, 0.5)},
-    inputs={"engine_torque": (-500.0, 3500.0), "input_shaft_speed": (0.0, 250.0),
-            "slave_position": (37.9, 51.4), "coolant_temp": (-30.0, 110.0),
-            "ambient_temp": (-40.0, 50.0), "vehicle_speed": (0.0, 30.0),
-            "engine_acceleration": (-200.0, 200.0)},
+    states={
+        "temp_body": (-40.0, 200.0),
+        "temp_housing": (-40.0, 150.0),
+        "temp_disc": (-40.0, 300.0),
+        "zero_position": (35.4, 38.9),
+        "friction": (0.5, 1.5),
+        "engine_speed": (40.0, 250.0),
+        "torque_bias": (-200.0, 200.0),
+        "wear_rate": (-0.5, 0.5),
+        "position_play": (-0.5, 0.5),
+    },
+    inputs={
+        "engine_torque": (-500.0, 3500.0),
+        "input_shaft_speed": (0.0, 250.0),
+        "slave_position": (37.9, 51.4),
+        "coolant_temp": (-30.0, 110.0),
+        "ambient_temp": (-40.0, 50.0),
+        "vehicle_speed": (0.0, 30.0),
+        "engine_acceleration": (-200.0, 200.0),
+    },
     temperatures=("temp_body", "temp_housing", "temp_disc"),
     surroundings=("coolant_temp", "ambient_temp"),
     resting={"input_shaft_speed": 100.0, "engine_speed": 100.0},
     warm=_WARM,
     beyond={"transmission_heat_path": (80.0,)},
-)  # fmt: skip
+)
 _CATALOGUE = {
     "wear": "+ amount mm, rate mm/MJ",
     "position_offset": "offset mm",

@@ -15,14 +15,41 @@ from clutchest.errors import ClutchestError
 from samples import random_frames
 
 START_NS = 1_700_668_800_250_000_000  # 22 November 2023, 16:00:00.250 UTC
-HEADER = struct.pack("<4sL8B2Q2L8H8H", b"LOGG", 144, 5, 0, 0, 0, 2, 6, 8, 1, 0, 0, 0, 0,
-                     2023, 11, 3, 22, 16, 0, 0, 250, *(0,) * 8).ljust(144, b"\0")  # fmt: skip
+HEADER = struct.pack(
+    "<4sL8B2Q2L8H8H",
+    b"LOGG",
+    144,
+    5,
+    0,
+    0,
+    0,
+    2,
+    6,
+    8,
+    1,
+    0,
+    0,
+    0,
+    0,
+    2023,
+    11,
+    3,
+    22,
+    16,
+    0,
+    0,
+    250,
+    *(0,) * 8,
+).ljust(144, b"\0")
 
 
 def thing(kind: int, body: bytes, time: int, version: int = 1, unit: int = 2) -> bytes:
     """One object with its padding."""
-    stamp = (struct.pack("<LHHQ", unit, 0, 0, time) if version == 1
-             else struct.pack("<LBxHQQ", unit, 0, 0, time, 0))  # fmt: skip
+    stamp = (
+        struct.pack("<LHHQ", unit, 0, 0, time)
+        if version == 1
+        else struct.pack("<LBxHQQ", unit, 0, 0, time, 0)
+    )
     size = 16 + len(stamp) + len(body)
     head = struct.pack("<4s2H2L", b"LOBJ", 16 + len(stamp), version, size, kind)
     return head + stamp + body + bytes(size % 4)
@@ -42,8 +69,9 @@ def classic(time: int, can_id: int = 0x123, data: bytes = b"\1\2", **more: int) 
 
 def fd_64(time: int, data: bytes, further: bytes = b"") -> bytes:
     offset = 32 + 40 + len(data) if further else 0
-    body = struct.pack("<BBBBLLLLLLLHBBL", 3, 13, len(data), 0, 0x98FEF100, 0, 0x7000, 0, 0, 0, 0,
-                       0, 1, offset, 0)  # fmt: skip
+    body = struct.pack(
+        "<BBBBLLLLLLLHBBL", 3, 13, len(data), 0, 0x98FEF100, 0, 0x7000, 0, 0, 0, 0, 0, 1, offset, 0
+    )
     return thing(101, body + data + further, time)
 
 
@@ -54,18 +82,20 @@ def read(content: bytes, tmp_path: Path) -> Frames:
 
 def test_every_object_that_carries_a_frame(tmp_path):
     wide = bytes(range(32))
-    content = b"".join([
-        classic(1_000),
-        thing(86, struct.pack("<HBBL8sLBBH", 1, 0x81, 4, 0x98FEF100, b"", 0, 0, 0, 0), 2_000),
-        thing(65, b"text that is no frame!", 2_500),
-        thing(100, struct.pack("<HBBLLBBB5x64s", 1, 1, 13, 5, 0, 0, 3, 32, wide), 3_000),
-        fd_64(4_000, wide),
-        fd_64(5_000, wide[:20], further=b"extended data"),
-        thing(2, struct.pack("<HHL", 4, 0, 0), 6_000),
-        thing(73, struct.pack("<HHLBBBxLLH2x8s", 5, 0, 0, 0, 0, 2, 0, 7, 0, b"\5\6"), 7_000),
-        thing(104, bytes([6]) + bytes(47), 8_000),
-        classic(9, version=2, unit=1),
-    ])  # fmt: skip
+    content = b"".join(
+        [
+            classic(1_000),
+            thing(86, struct.pack("<HBBL8sLBBH", 1, 0x81, 4, 0x98FEF100, b"", 0, 0, 0, 0), 2_000),
+            thing(65, b"text that is no frame!", 2_500),
+            thing(100, struct.pack("<HBBLLBBB5x64s", 1, 1, 13, 5, 0, 0, 3, 32, wide), 3_000),
+            fd_64(4_000, wide),
+            fd_64(5_000, wide[:20], further=b"extended data"),
+            thing(2, struct.pack("<HHL", 4, 0, 0), 6_000),
+            thing(73, struct.pack("<HHLBBBxLLH2x8s", 5, 0, 0, 0, 0, 2, 0, 7, 0, b"\5\6"), 7_000),
+            thing(104, bytes([6]) + bytes(47), 8_000),
+            classic(9, version=2, unit=1),
+        ]
+    )
     frames = read(box(content), tmp_path)
     assert frames.rejected == () and frames.absolute
     assert (frames.t_ns - START_NS).tolist() == [*range(1_000, 9_000, 1_000), 90_000]
@@ -75,8 +105,16 @@ def test_every_object_that_carries_a_frame(tmp_path):
     fd = Flag.FD | Flag.BITRATE_SWITCH | Flag.SENT
     full = fd | Flag.ERROR_STATE | Flag.EXTENDED
     assert frames.flags.tolist() == [
-        0, Flag.EXTENDED | Flag.REMOTE | Flag.SENT, fd, full, full, Flag.ERROR, Flag.ERROR,
-        Flag.ERROR | Flag.FD, 0]  # fmt: skip
+        0,
+        Flag.EXTENDED | Flag.REMOTE | Flag.SENT,
+        fd,
+        full,
+        full,
+        Flag.ERROR,
+        Flag.ERROR,
+        Flag.ERROR | Flag.FD,
+        0,
+    ]
     assert frames.data[2, :32].tobytes() == frames.data[3, :32].tobytes() == wide
     assert frames.data[4, :21].tobytes() == wide[:20] + b"\0"
 

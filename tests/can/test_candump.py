@@ -20,9 +20,18 @@ def read(content: bytes) -> Frames:
 
 
 def rows(frames: Frames) -> list[tuple]:
-    return [(int(t), int(c), int(i), Flag(int(f)), bytes(d[:n]) if not f & Flag.REMOTE else int(n))
-            for t, c, i, f, n, d in zip(frames.t_ns, frames.channel, frames.id, frames.flags,
-                                        frames.length, frames.data, strict=True)]  # fmt: skip
+    return [
+        (int(t), int(c), int(i), Flag(int(f)), bytes(d[:n]) if not f & Flag.REMOTE else int(n))
+        for t, c, i, f, n, d in zip(
+            frames.t_ns,
+            frames.channel,
+            frames.id,
+            frames.flags,
+            frames.length,
+            frames.data,
+            strict=True,
+        )
+    ]
 
 
 def test_compact_layout_by_hand():
@@ -51,16 +60,19 @@ def test_compact_layout_by_hand():
 
 def test_fd_frames_widen_the_payload():
     frames = read(
-        b"(1.5) can0 123#01\n"
-        b"(1.6) can0 18FF1003##3" + b"AB" * 64 + b"\n"
-        b"(1.7) can0 124##0\n"
-    )  # fmt: skip
+        b"(1.5) can0 123#01\n(1.6) can0 18FF1003##3" + b"AB" * 64 + b"\n(1.7) can0 124##0\n"
+    )
     assert rows(frames) == [
         (1_500_000_000, 0, 0x123, Flag(0), b"\x01"),
-        (1_600_000_000, 0, 0x18FF1003,
-         Flag.EXTENDED | Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE, b"\xab" * 64),
+        (
+            1_600_000_000,
+            0,
+            0x18FF1003,
+            Flag.EXTENDED | Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE,
+            b"\xab" * 64,
+        ),
         (1_700_000_000, 0, 0x124, Flag.FD, b""),
-    ]  # fmt: skip
+    ]
     assert frames.data.shape == (3, 64) and not frames.absolute
 
 

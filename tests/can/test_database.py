@@ -25,9 +25,15 @@ def test_the_layout_is_frozen(truck):
 
 def test_shipped_cycle_times(truck):
     assert {name: message.cycle_time_s for name, message in truck.messages.items()} == {
-        "EEC1": 0.01, "EEC3": 0.25, "ETC1": 0.01, "ETC2": 0.1, "CCVS1": 0.1, "ET1": 1.0,
-        "AMB": 1.0, "ClutchActuator": 0.01,
-    }  # fmt: skip
+        "EEC1": 0.01,
+        "EEC3": 0.25,
+        "ETC1": 0.01,
+        "ETC2": 0.1,
+        "CCVS1": 0.1,
+        "ET1": 1.0,
+        "AMB": 1.0,
+        "ClutchActuator": 0.01,
+    }
     assert all(message.is_j1939 for message in truck.messages.values())
     assert truck.warnings == ()
 
@@ -46,8 +52,10 @@ def test_j1939_is_known_by_the_protocol_of_the_file(tmp_path):
     text = ONE.replace("BO_ 100", f"BO_ {0x98FEF100}")
     path.write_text(text)
     assert not load([path]).message("One").is_j1939
-    path.write_text(text + 'BA_DEF_ "ProtocolType" STRING ;\nBA_DEF_DEF_ "ProtocolType" "";\n'
-                    'BA_ "ProtocolType" "J1939";\n')  # fmt: skip
+    path.write_text(
+        text + 'BA_DEF_ "ProtocolType" STRING ;\nBA_DEF_DEF_ "ProtocolType" "";\n'
+        'BA_ "ProtocolType" "J1939";\n'
+    )
     assert load([path]).message("One").is_j1939
 
 
@@ -102,8 +110,9 @@ def test_real_dbcs_that_are_not_clean(real):
         load([real("hyundai_can.dbc")])
 
 
-@pytest.mark.parametrize("name", ["hdt_clutch.dbc", "alsd.dbc", "ford_lincoln_base_pt.dbc",
-                                  "vw_pq.dbc"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name", ["hdt_clutch.dbc", "alsd.dbc", "ford_lincoln_base_pt.dbc", "vw_pq.dbc"]
+)
 def test_a_layout_that_was_read_before_is_the_same(name, real, tmp_path, monkeypatch):
     monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path))
     path = shipped("dbc").get(name.removesuffix(".dbc")) or real(name)

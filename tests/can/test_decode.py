@@ -84,8 +84,12 @@ def assert_like_cantools(path: Path, n: int) -> int:
 def decoded_by_hand(message, data: bytes) -> dict[str, float]:
     """The signals that are there whatever an unlisted multiplexer value means."""
     always = cantools.database.can.Message(
-        message.frame_id, message.name, message.length,
-        [s for s in message.signals if s.multiplexer_ids is None], strict=False)  # fmt: skip
+        message.frame_id,
+        message.name,
+        message.length,
+        [s for s in message.signals if s.multiplexer_ids is None],
+        strict=False,
+    )
     for signal in always.signals:
         signal.is_multiplexer = False
     always.refresh()
@@ -102,9 +106,13 @@ def test_the_shipped_dbc_is_like_cantools():
 
 @pytest.mark.parametrize(
     "name",
-    ["ford_lincoln_base_pt.dbc", "hyundai_2015_ccan.dbc", "vw_pq.dbc",
-     "CSS-Electronics-SAE-J1939-DEMO.dbc"],
-)  # fmt: skip
+    [
+        "ford_lincoln_base_pt.dbc",
+        "hyundai_2015_ccan.dbc",
+        "vw_pq.dbc",
+        "CSS-Electronics-SAE-J1939-DEMO.dbc",
+    ],
+)
 def test_real_dbcs_are_like_cantools(name, real):
     assert assert_like_cantools(real(name), 24) > (80 if "CSS" in name else 5000) * 24 // 100
 
@@ -118,8 +126,12 @@ def test_extended_multiplexing_by_hand(everything):
     frames.data[:, 2] = [1, 2, 3, 4, 5]
     columns = decode(frames, np.arange(5), message, ["A", "B", "C", "D", "E"])
     assert {name: column.rows.tolist() for name, column in columns.items()} == {
-        "A": [0, 3], "B": [1, 2], "C": [1], "D": [4], "E": [0, 1, 2, 3, 4],
-    }  # fmt: skip
+        "A": [0, 3],
+        "B": [1, 2],
+        "C": [1],
+        "D": [4],
+        "E": [0, 1, 2, 3, 4],
+    }
     assert columns["C"].value.tolist() == [1.0]
 
 
@@ -171,9 +183,17 @@ def test_not_available_error_and_reserved(truck):
     frames.data[:, 3:5] = [(0xFF, 0xFF), (0x00, 0xFF), (0x12, 0xFE), (0x00, 0xFB), (0xFF, 0xFA)]
     frames.data[:, 2] = [0xFF, 0xFE, 0xFD, 0xFB, 0xFA]
     frames.data[:, 0] = [0x70, 0x80, 0xFF, 0x0E, 0x0F]
-    columns = decode(frames, np.arange(5), message,
-                     ["EngineSpeed", "ActualEnginePercentTorque", "EngineTorqueMode",
-                      "ActualEnginePercentTorqueFractional"])  # fmt: skip
+    columns = decode(
+        frames,
+        np.arange(5),
+        message,
+        [
+            "EngineSpeed",
+            "ActualEnginePercentTorque",
+            "EngineTorqueMode",
+            "ActualEnginePercentTorqueFractional",
+        ],
+    )
     na, error, reserved, ok = Why.NOT_AVAILABLE, Why.ERROR, Why.RESERVED, Why.VALID
     assert columns["EngineSpeed"].why.tolist() == [na, na, error, reserved, ok]
     assert columns["EngineSpeed"].value[4] == 8031.875

@@ -35,8 +35,11 @@ def one_frame(payload: bytes) -> Frames:
 def ours(message: Message, payload: bytes) -> dict[str, tuple[float, int]]:
     """What is decoded: name → (value, why); signals that a multiplexer leaves out are missing."""
     columns = decode(one_frame(payload), np.arange(1), message, list(message.signals))
-    return {name: (float(column.value[0]), int(column.why[0]))
-            for name, column in columns.items() if len(column.rows)}  # fmt: skip
+    return {
+        name: (float(column.value[0]), int(column.why[0]))
+        for name, column in columns.items()
+        if len(column.rows)
+    }
 
 
 def assert_equal(given: tuple[float, int], expected: float | None, layout: SignalLayout) -> None:
@@ -60,17 +63,23 @@ def layouts(draw) -> SignalLayout:
     start = first if little else 8 * (first // 8) + 7 - first % 8
     numbers = st.one_of(st.integers(-1000, 1000), st.floats(-1e3, 1e3, allow_nan=False))
     scale = draw(numbers.filter(bool))
-    return SignalLayout("S", start, width, little, draw(st.booleans()), is_float, scale,
-                        draw(numbers))  # fmt: skip
+    return SignalLayout(
+        "S", start, width, little, draw(st.booleans()), is_float, scale, draw(numbers)
+    )
 
 
 @given(layouts(), st.binary(max_size=64))
 @settings(max_examples=200, deadline=None)
 def test_any_layout_in_a_frame_of_any_length(layout, payload):
     conversion = BaseConversion.factory(layout.scale, layout.offset, None, layout.is_float)
-    signal = Signal("S", layout.start, layout.width,
-                    "little_endian" if layout.little_endian else "big_endian", layout.signed,
-                    conversion=conversion)  # fmt: skip
+    signal = Signal(
+        "S",
+        layout.start,
+        layout.width,
+        "little_endian" if layout.little_endian else "big_endian",
+        layout.signed,
+        conversion=conversion,
+    )
     reference = Reference(1, "M", 64, [signal])
     message = Message("M", 1, False, 64, False, None, {"S": layout})
     values = reference.decode(payload, allow_truncated=True)
@@ -106,8 +115,9 @@ def test_every_dbc_with_frames_of_any_length(path, drawn):
     shortest, longest = max(0, message.length - 3), min(64, message.length + 3)
     payload = drawn.draw(st.binary(min_size=shortest, max_size=longest))
     try:
-        values = reference.decode(payload, decode_choices=False, allow_truncated=True,
-                                  allow_excess=True)  # fmt: skip
+        values = reference.decode(
+            payload, decode_choices=False, allow_truncated=True, allow_excess=True
+        )
     except cantools.database.DecodeError:
         return  # a value of a multiplexer that switches nothing on
     given = ours(message, payload)

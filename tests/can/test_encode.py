@@ -40,8 +40,10 @@ def test_what_is_encoded_is_decoded(truck):
 def test_one_signal_is_rewritten_and_nothing_else(truck):
     rng, rows = np.random.default_rng(0), np.arange(10, 20)
     for message in truck.messages.values():
-        values = {name: rng.integers(0, 2 ** min(x.width - 1, 7), len(T)) * x.scale + x.offset
-                  for name, x in message.signals.items()}  # fmt: skip
+        values = {
+            name: rng.integers(0, 2 ** min(x.width - 1, 7), len(T)) * x.scale + x.offset
+            for name, x in message.signals.items()
+        }
         frames = encode(message, values, T)
         for name, layout in message.signals.items():
             changed = rewritten(frames, rows, message, name, layout.scale + layout.offset)
@@ -77,8 +79,12 @@ def test_payloads_are_those_of_cantools(source, tmp_path):
 def test_multiplexed_signals_are_written_where_they_are_switched_on(tmp_path):
     (tmp_path / "a.dbc").write_text(EVERYTHING)
     message = load([tmp_path / "a.dbc"]).message("Switched")
-    values = {"M": np.array([0, 1, 5, 7]), "A": np.array([11, np.nan, 13, np.nan]),
-              "D": np.array([0, 0, 0, 500.0]), "E": 9}  # fmt: skip
+    values = {
+        "M": np.array([0, 1, 5, 7]),
+        "A": np.array([11, np.nan, 13, np.nan]),
+        "D": np.array([0, 0, 0, 500.0]),
+        "E": 9,
+    }
     frames = encode(message, values, np.arange(4))
     columns = decode(frames, np.arange(4), message, list(values))
     assert columns["A"].rows.tolist() == [0, 2] and columns["A"].value.tolist() == [11, 13]

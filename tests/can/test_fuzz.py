@@ -41,8 +41,31 @@ def test_a_damaged_mf4_is_read_or_refused(tmp_path, capfd):
 def test_no_index_leaves_its_array(tmp_path):
     """The compiled readers again, compiled so that an index outside an array is an error."""
     tests = Path(__file__).parents[1]
-    environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path),
-                   "PYTHONPATH": os.pathsep.join([str(tests), *sys.path])}  # fmt: skip
-    subprocess.run([sys.executable, "-m", "fuzz", "--inputs", "4000", "--seed", "8", "--keep",
-                    str(tmp_path), "--formats", ".log", ".asc", ".blf", ".trc", ".csv"],
-                   env=environment, check=True, timeout=600)  # fmt: skip
+    environment = {
+        **os.environ,
+        "NUMBA_BOUNDSCHECK": "1",
+        "NUMBA_CACHE_DIR": str(tmp_path),
+        "PYTHONPATH": os.pathsep.join([str(tests), *sys.path]),
+    }
+    subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "fuzz",
+            "--inputs",
+            "4000",
+            "--seed",
+            "8",
+            "--keep",
+            str(tmp_path),
+            "--formats",
+            ".log",
+            ".asc",
+            ".blf",
+            ".trc",
+            ".csv",
+        ],
+        env=environment,
+        check=True,
+        timeout=600,
+    )

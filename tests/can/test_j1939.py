@@ -35,13 +35,32 @@ def test_parameter_group(can_id, pgn):
         (4, {0xD: OK, 0xE: ERROR, 0xF: NA}),
         (8, {0xFA: OK, 0xFB: RESERVED, 0xFD: RESERVED, 0xFE: ERROR, 0xFF: NA}),
         (12, {0xFFD: OK, 0xFFE: ERROR, 0xFFF: NA}),
-        (16, {0xFAFF: OK, 0xFB00: RESERVED, 0xFDFF: RESERVED, 0xFE00: ERROR, 0xFEFF: ERROR,
-              0xFF00: NA, 0xFFFF: NA}),
-        (32, {0xFAFFFFFF: OK, 0xFB000000: RESERVED, 0xFE000000: ERROR, 0xFEFFFFFF: ERROR,
-              0xFF000000: NA, 0xFFFFFFFF: NA}),
+        (
+            16,
+            {
+                0xFAFF: OK,
+                0xFB00: RESERVED,
+                0xFDFF: RESERVED,
+                0xFE00: ERROR,
+                0xFEFF: ERROR,
+                0xFF00: NA,
+                0xFFFF: NA,
+            },
+        ),
+        (
+            32,
+            {
+                0xFAFFFFFF: OK,
+                0xFB000000: RESERVED,
+                0xFE000000: ERROR,
+                0xFEFFFFFF: ERROR,
+                0xFF000000: NA,
+                0xFFFFFFFF: NA,
+            },
+        ),
         (64, {2**64 - 3: OK, 2**64 - 2: ERROR, 2**64 - 1: NA}),
     ],
-)  # fmt: skip
+)
 def test_code_ranges(width, codes):
     why = j1939.why_of(np.array(list(codes), np.uint64), width)
     assert why.tolist() == list(codes.values())

@@ -49,29 +49,58 @@ def mixture(suffix: str, n: int, seed: int) -> Frames:
 
 
 def messages(frames: Frames) -> list[can.Message]:
-    rows = zip(frames.t_ns, frames.channel, frames.id, frames.flags, frames.length, frames.data,
-               strict=True)  # fmt: skip
-    return [can.Message(
-        timestamp=int(t) / 1e9, channel=int(channel), arbitration_id=int(can_id),
-        is_extended_id=bool(flags & Flag.EXTENDED), is_remote_frame=bool(flags & Flag.REMOTE),
-        is_error_frame=bool(flags & Flag.ERROR), is_fd=bool(flags & Flag.FD),
-        bitrate_switch=bool(flags & Flag.BITRATE_SWITCH), is_rx=not flags & Flag.SENT,
-        error_state_indicator=bool(flags & Flag.ERROR_STATE), dlc=int(length),
-        data=None if flags & Flag.REMOTE else data[:length].tobytes())
-        for t, channel, can_id, flags, length, data in rows]  # fmt: skip
+    rows = zip(
+        frames.t_ns,
+        frames.channel,
+        frames.id,
+        frames.flags,
+        frames.length,
+        frames.data,
+        strict=True,
+    )
+    return [
+        can.Message(
+            timestamp=int(t) / 1e9,
+            channel=int(channel),
+            arbitration_id=int(can_id),
+            is_extended_id=bool(flags & Flag.EXTENDED),
+            is_remote_frame=bool(flags & Flag.REMOTE),
+            is_error_frame=bool(flags & Flag.ERROR),
+            is_fd=bool(flags & Flag.FD),
+            bitrate_switch=bool(flags & Flag.BITRATE_SWITCH),
+            is_rx=not flags & Flag.SENT,
+            error_state_indicator=bool(flags & Flag.ERROR_STATE),
+            dlc=int(length),
+            data=None if flags & Flag.REMOTE else data[:length].tobytes(),
+        )
+        for t, channel, can_id, flags, length, data in rows
+    ]
 
 
-def assert_same(frames: Frames, theirs: list[can.Message], first_channel: int = 0,
-                fd_told: bool = True) -> None:  # fmt: skip
+def assert_same(
+    frames: Frames, theirs: list[can.Message], first_channel: int = 0, fd_told: bool = True
+) -> None:
     assert len(frames) == len(theirs)
     assert not any(m.is_error_frame and m.arbitration_id for m in theirs)  # their class is lost
-    np.testing.assert_allclose([m.timestamp for m in theirs], frames.t_ns / 1e9, atol=1.01e-6,
-                               rtol=0)  # fmt: skip
+    np.testing.assert_allclose(
+        [m.timestamp for m in theirs], frames.t_ns / 1e9, atol=1.01e-6, rtol=0
+    )
     for ours, message in zip(messages(frames), theirs, strict=True):
-        flags = [(not m.is_error_frame and m.arbitration_id, m.is_remote_frame, m.is_error_frame,
-                  m.is_rx, m.bitrate_switch, m.error_state_indicator, m.dlc, bytes(m.data),
-                  m.is_extended_id or m.is_error_frame, m.is_fd or not fd_told)
-                 for m in (ours, message)]  # fmt: skip
+        flags = [
+            (
+                not m.is_error_frame and m.arbitration_id,
+                m.is_remote_frame,
+                m.is_error_frame,
+                m.is_rx,
+                m.bitrate_switch,
+                m.error_state_indicator,
+                m.dlc,
+                bytes(m.data),
+                m.is_extended_id or m.is_error_frame,
+                m.is_fd or not fd_told,
+            )
+            for m in (ours, message)
+        ]
         assert flags[0] == flags[1]
         if isinstance(message.channel, int) and not message.is_error_frame:
             assert ours.channel == message.channel - first_channel
@@ -148,8 +177,9 @@ COLUMNS = {"2.0": ";$COLUMNS=N,O,T,I,d,l,D\n", "2.1": ";$COLUMNS=N,O,T,B,I,d,R,L
 @pytest.mark.parametrize("version", BODY)
 def test_columns_of_trc_by_hand(version, tmp_path):
     path = tmp_path / "a.trc"
-    path.write_text(f";$FILEVERSION={version}\n;$STARTTIME=45860.5\n{COLUMNS.get(version, '')}"
-                    f"{BODY[version]}")  # fmt: skip
+    path.write_text(
+        f";$FILEVERSION={version}\n;$STARTTIME=45860.5\n{COLUMNS.get(version, '')}{BODY[version]}"
+    )
     frames = read_frames(path)
     start = 1_753_185_600 * 10**9
     assert (frames.t_ns - start).tolist() == [1_900_000, 2_125_000]
@@ -157,7 +187,9 @@ def test_columns_of_trc_by_hand(version, tmp_path):
     assert frames.flags.tolist() == [0, Flag.EXTENDED | Flag.SENT]
     assert frames.channel.tolist() == [0, 0 if version in ("1.1", "2.0") else 1]
     assert [d[:n].tobytes() for d, n in zip(frames.data, frames.length, strict=True)] == [
-        b"\x3e\x80", b"\x07"]  # fmt: skip
+        b"\x3e\x80",
+        b"\x07",
+    ]
 
 
 ASC_BODY = """{t[0]} 1  {id[0]}             Rx   d 8 {data}  Length = 0 BitCount = 64 ID = 100x
@@ -166,7 +198,7 @@ ASC_BODY = """{t[0]} 1  {id[0]}             Rx   d 8 {data}  Length = 0 BitCount
 {t[3]} CANFD   2 Rx        {id[1]}  0 1 2 2 {two}   102203  133
 {t[4]} 1  {id[0]}             Rx   r
 {t[5]} 2  ErrorFrame
-"""  # fmt: skip
+"""
 
 
 @pytest.mark.parametrize("base", ["hex", "dec"])
@@ -194,8 +226,13 @@ def test_bases_of_asc_by_hand(base, stamps, encoding, tmp_path):
     assert frames.channel.tolist() == [0, 1, 1, 0, 1]
     assert frames.length.tolist() == [8, 12, 2, 0, 0]
     fd = Flag.EXTENDED | Flag.FD
-    assert frames.flags.tolist() == [0, fd | Flag.SENT | Flag.BITRATE_SWITCH,
-                                     fd | Flag.ERROR_STATE, Flag.REMOTE, Flag.ERROR]  # fmt: skip
+    assert frames.flags.tolist() == [
+        0,
+        fd | Flag.SENT | Flag.BITRATE_SWITCH,
+        fd | Flag.ERROR_STATE,
+        Flag.REMOTE,
+        Flag.ERROR,
+    ]
     assert frames.data[1, :12].tolist() == [*payload, 9, 8, 7, 99]
     assert frames.data[2, :2].tolist() == [16, 17]
     assert frames.rejected == (("no CAN frame in this line", 1),)
@@ -210,5 +247,6 @@ def test_a_real_trc_is_like_python_can(real):
     width = frames.data.shape[1]
     data = b"".join(bytes(m.data).ljust(width, b"\0") for m in expected)
     assert data == frames.data.tobytes()
-    np.testing.assert_allclose([m.timestamp for m in expected], frames.t_ns / 1e9, atol=1e-6,
-                               rtol=0)  # fmt: skip
+    np.testing.assert_allclose(
+        [m.timestamp for m in expected], frames.t_ns / 1e9, atol=1e-6, rtol=0
+    )

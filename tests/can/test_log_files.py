@@ -16,8 +16,11 @@ from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from samples import random_frames
 
-SUFFIXES = [suffix + zipped for zipped in ("", ".gz")
-            for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4", ".db")]  # fmt: skip
+SUFFIXES = [
+    suffix + zipped
+    for zipped in ("", ".gz")
+    for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4", ".db")
+]
 
 
 def assert_equal(given: Frames, expected: Frames) -> None:
@@ -145,9 +148,15 @@ def test_python_can_reads_our_mf4(tmp_path):
 def test_mf4_of_python_can(tmp_path):
     with can.MF4Writer(tmp_path / "a.mf4") as writer:
         for i in range(20):
-            writer.on_message_received(can.Message(
-                timestamp=1_900_000_000 + 0.001 * i, arbitration_id=0x18FEF100 + i, channel=1,
-                data=bytes(range(i % 9)), is_remote_frame=False))  # fmt: skip
+            writer.on_message_received(
+                can.Message(
+                    timestamp=1_900_000_000 + 0.001 * i,
+                    arbitration_id=0x18FEF100 + i,
+                    channel=1,
+                    data=bytes(range(i % 9)),
+                    is_remote_frame=False,
+                )
+            )
     frames = read_frames(tmp_path / "a.mf4")
     assert frames.id.tolist() == [0x18FEF100 + i for i in range(20)]
     assert frames.length.tolist() == [i % 9 for i in range(20)]
@@ -165,8 +174,9 @@ def test_the_suffix_may_be_wrong(tmp_path):
 
 def test_sqlite_of_python_can(tmp_path):
     with can.SqliteWriter(tmp_path / "a.db") as writer:
-        writer.on_message_received(can.Message(timestamp=1.5, arbitration_id=0x123, data=[1, 2],
-                                               is_extended_id=False))  # fmt: skip
+        writer.on_message_received(
+            can.Message(timestamp=1.5, arbitration_id=0x123, data=[1, 2], is_extended_id=False)
+        )
     frames = read_frames(tmp_path / "a.db")
     assert (frames.t_ns.tolist(), frames.id.tolist()) == ([1_500_000_000], [0x123])
 
@@ -210,8 +220,10 @@ def test_asc_stamps_from_line_to_line_are_added_up(tmp_path):
 @pytest.mark.parametrize("header", ["", "base hex  timestamps absolute\n"])
 def test_asc_with_a_short_header_loses_no_frame(header, tmp_path):
     path = tmp_path / "a.asc"
-    path.write_text(header + "Begin Triggerblock Mon Nov 20 10:13:20 2023\n"
-                    " 0.1 1  123  Rx  d 1 01\n 0.2 1  123  Rx  d 1 02\n")  # fmt: skip
+    path.write_text(
+        header + "Begin Triggerblock Mon Nov 20 10:13:20 2023\n"
+        " 0.1 1  123  Rx  d 1 01\n 0.2 1  123  Rx  d 1 02\n"
+    )
     assert read_frames(path).data[:, 0].tolist() == [1, 2]
 
 
@@ -285,14 +297,20 @@ def test_a_file_that_ends_early_keeps_what_it_has(suffix, zipped, tmp_path):
 @pytest.mark.parametrize("share", [0.1, 2 / 3, 0.99])
 def test_a_damaged_sqlite_log_keeps_what_it_has(share, damage, tmp_path):
     frames = without_channels(random_frames(20_000, seed=9))
-    rows = zip((frames.t_ns / 1e9).tolist(), frames.id.tolist(), (frames.flags & 1).tolist(),
-               frames.length.tolist(),
-               (bytes(data[:n]) for data, n in zip(frames.data, frames.length, strict=True)),
-               strict=True)  # fmt: skip
+    rows = zip(
+        (frames.t_ns / 1e9).tolist(),
+        frames.id.tolist(),
+        (frames.flags & 1).tolist(),
+        frames.length.tolist(),
+        (bytes(data[:n]) for data, n in zip(frames.data, frames.length, strict=True)),
+        strict=True,
+    )
     path = tmp_path / "a.db"
     with closing(sqlite3.connect(path)) as database, database:
-        database.execute("CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER,"
-                         " remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)")  # fmt: skip
+        database.execute(
+            "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER,"
+            " remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"
+        )
         database.executemany("INSERT INTO messages VALUES (?, ?, ?, 0, 0, ?, ?)", rows)
     content = path.read_bytes()
     at = int(share * len(content))
@@ -302,8 +320,7 @@ def test_a_damaged_sqlite_log_keeps_what_it_has(share, damage, tmp_path):
     given = read_frames(path)
     assert given.rejected == (("file is damaged or ends early", 1),)
     assert len(given) > (share if damage == "cut" else 1.0) * len(frames) - 400
-    assert_equal(replace(given, rejected=()),
-                 frames.take(np.searchsorted(frames.t_ns, given.t_ns)))  # fmt: skip
+    assert_equal(replace(given, rejected=()), frames.take(np.searchsorted(frames.t_ns, given.t_ns)))
 
 
 @pytest.mark.filterwarnings("error")  # nor may asammdf leave a traceback behind
@@ -348,8 +365,11 @@ def test_what_sqlite_cannot_hold_is_said(tmp_path):
     frames.flags[frames.length <= 8] |= np.uint8(Flag.FD)
     frames.t_ns[:] += 1
     said = write_frames(frames, tmp_path / "a.db")
-    assert [word for word in ("channels", "bit rate", "1 µs", "FD frames") if
-            not any(word in what for what in said)] == []  # fmt: skip
+    assert [
+        word
+        for word in ("channels", "bit rate", "1 µs", "FD frames")
+        if not any(word in what for what in said)
+    ] == []
     given = read_frames(tmp_path / "a.db")
     assert np.abs(given.t_ns - frames.t_ns).max() <= 1000
     for column in ("id", "length", "data"):

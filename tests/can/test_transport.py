@@ -11,20 +11,39 @@ from clutchest.can import transport
 from clutchest.can.database import Message, SignalLayout
 from clutchest.can.frames import Flag, Frames
 
-LONG = Message("Long", 0x18FEE3FE, True, 39, True, None,
-               {"Speed": SignalLayout("Speed", 8 * 25, 16)})  # fmt: skip
+LONG = Message(
+    "Long", 0x18FEE3FE, True, 39, True, None, {"Speed": SignalLayout("Speed", 8 * 25, 16)}
+)
 ADDRESSED = Message("Addressed", 0x18EF00FE, True, 20, True, None, {})
 
 
-def packets(payload: bytes, pgn: int, source: int, to: int = 0xFF, start_ms: int = 0,
-            step_ms: int = 50, channel: int = 0) -> Frames:  # fmt: skip
+def packets(
+    payload: bytes,
+    pgn: int,
+    source: int,
+    to: int = 0xFF,
+    start_ms: int = 0,
+    step_ms: int = 50,
+    channel: int = 0,
+) -> Frames:
     """The announcement and the packets of one transfer."""
     count = -(-len(payload) // 7)
     control = 32 if to == 0xFF else 16
-    head = bytes([control, len(payload) & 255, len(payload) >> 8, count, 255,
-                  pgn & 255, pgn >> 8 & 255, pgn >> 16])  # fmt: skip
-    rows = [head] + [bytes([i + 1]) + payload[7 * i : 7 * i + 7].ljust(7, b"\xff")
-                     for i in range(count)]  # fmt: skip
+    head = bytes(
+        [
+            control,
+            len(payload) & 255,
+            len(payload) >> 8,
+            count,
+            255,
+            pgn & 255,
+            pgn >> 8 & 255,
+            pgn >> 16,
+        ]
+    )
+    rows = [head] + [
+        bytes([i + 1]) + payload[7 * i : 7 * i + 7].ljust(7, b"\xff") for i in range(count)
+    ]
     frames = Frames.empty(len(rows))
     frames.t_ns[:] = (start_ms + step_ms * np.arange(len(rows))) * 10**6
     frames.id[:] = 0x1CEB0000 | to << 8 | source
@@ -37,9 +56,11 @@ def packets(payload: bytes, pgn: int, source: int, to: int = 0xFF, start_ms: int
 def found(frames: Frames, *messages: Message) -> list[tuple[int, int, bytes]]:
     """(ms, id, payload) of what was put together."""
     whole = transport.reassembled(frames.sorted(), messages)
-    return [(int(t) // 10**6, int(i), d[:n].tobytes())
-            for t, i, n, d in zip(whole.t_ns, whole.id, whole.length, whole.data, strict=True)
-            if n > 8]  # fmt: skip
+    return [
+        (int(t) // 10**6, int(i), d[:n].tobytes())
+        for t, i, n, d in zip(whole.t_ns, whole.id, whole.length, whole.data, strict=True)
+        if n > 8
+    ]
 
 
 PAYLOAD = bytes(range(100, 139))
@@ -54,13 +75,19 @@ def test_a_broadcast_is_put_together():
 
 def test_transfers_of_several_senders_run_side_by_side():
     other = bytes(reversed(PAYLOAD))
-    parts = [packets(PAYLOAD, 0xFEE3, 0x21), packets(other, 0xFEE3, 0x22, start_ms=3),
-             packets(other, 0xFEE3, 0x21, start_ms=4, channel=1),
-             packets(bytes(20), 0xFECA, 0x23, start_ms=5),
-             packets(PAYLOAD[:20], 0xEF00, 0x21, to=0x31, start_ms=6)]  # fmt: skip
+    parts = [
+        packets(PAYLOAD, 0xFEE3, 0x21),
+        packets(other, 0xFEE3, 0x22, start_ms=3),
+        packets(other, 0xFEE3, 0x21, start_ms=4, channel=1),
+        packets(bytes(20), 0xFECA, 0x23, start_ms=5),
+        packets(PAYLOAD[:20], 0xEF00, 0x21, to=0x31, start_ms=6),
+    ]
     assert found(Frames.concatenate(parts), LONG, ADDRESSED) == [
-        (156, 0x18EF0021, PAYLOAD[:20]), (300, 0x18FEE321, PAYLOAD), (303, 0x18FEE322, other),
-        (304, 0x18FEE321, other)]  # fmt: skip
+        (156, 0x18EF0021, PAYLOAD[:20]),
+        (300, 0x18FEE321, PAYLOAD),
+        (303, 0x18FEE322, other),
+        (304, 0x18FEE321, other),
+    ]
 
 
 def test_a_packet_asked_for_again_comes_again():

@@ -20,8 +20,18 @@ from clutchest.cli import terminal
 from clutchest.generator import SCENARIOS, alsd
 from clutchest.shipped import shipped
 
-VERBS = ("replay", "inspect", "convert", "simulate", "identify", "diagnose", "discover",
-         "reproduce", "monitor", "play")  # fmt: skip
+VERBS = (
+    "replay",
+    "inspect",
+    "convert",
+    "simulate",
+    "identify",
+    "diagnose",
+    "discover",
+    "reproduce",
+    "monitor",
+    "play",
+)
 
 
 @pytest.fixture

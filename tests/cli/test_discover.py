@@ -76,9 +76,18 @@ def test_what_the_search_is_asked(run, search, logs, tmp_path):
     mine = tmp_path / "mine.py"
     mine.write_text(effect_of_the_manual(), encoding="utf-8")
     code, _, err = run(
-        found, "--vehicle", "truck", "--holdout", kept, "--holdout", kept_too,
-        "--effects", mine, "--out", tmp_path / "out",
-    )  # fmt: skip
+        found,
+        "--vehicle",
+        "truck",
+        "--holdout",
+        kept,
+        "--holdout",
+        kept_too,
+        "--effects",
+        mine,
+        "--out",
+        tmp_path / "out",
+    )
     assert (code, err) == (0, "")
     (asked,) = search.asked
     assert asked["vehicle"] == load_vehicle("truck")

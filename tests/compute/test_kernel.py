@@ -146,18 +146,31 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
     t = np.sort(np.round(rng.uniform(0.0, 30.0, K), 2))
     sensor = rng.integers(-1, 2, K).astype(np.int8)
     digest, functions = linear.compiled()
-    compiled = Compiled(linear.TANKS, functions, digest, linear.NUMBERS, np.zeros(0), (),
-                        np.zeros(0))  # fmt: skip
+    compiled = Compiled(
+        linear.TANKS, functions, digest, linear.NUMBERS, np.zeros(0), (), np.zeros(0)
+    )
     line = Timeline(
-        t=t, sensor=sensor, z=rng.normal(3.0, 2.0, K), R=10.0 ** rng.uniform(-4, 1, K),
+        t=t,
+        sensor=sensor,
+        z=rng.normal(3.0, 2.0, K),
+        R=10.0 ** rng.uniform(-4, 1, K),
         u=np.interp(t, np.linspace(0, 30, 40), rng.normal(1.0, 1.0, 40))[:, None],
-        row=rng.integers(0, 2, K), W=np.zeros((2, 0)),
+        row=rng.integers(0, 2, K),
+        W=np.zeros((2, 0)),
         Q=np.array([[0.1, 0.02, 0.01, 0.0], [0.5, 0.3, 0.0, 0.02]]),
-        longest=np.array([0.02, 0.007]), mode=np.zeros(K, np.uint8), emit=np.arange(K),
-        grid=np.ones(K, bool), noise=np.array([0.3]), variance=np.array([0.2]), warnings=(),
-    )  # fmt: skip
-    return compiled, line, Belief.of(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]),
-                                  np.zeros((2, 0)))  # fmt: skip
+        longest=np.array([0.02, 0.007]),
+        mode=np.zeros(K, np.uint8),
+        emit=np.arange(K),
+        grid=np.ones(K, bool),
+        noise=np.array([0.3]),
+        variance=np.array([0.2]),
+        warnings=(),
+    )
+    return (
+        compiled,
+        line,
+        Belief.of(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]), np.zeros((2, 0))),
+    )
 
 
 def test_on_a_linear_model_it_is_the_kalman_filter(

@@ -30,22 +30,30 @@ def cases(draw: st.DrawFn) -> tuple[Compiled, Timeline, Belief]:
     Of a variance, one reading leaves 1e-10 at the least: a part that double precision still tells.
     """
     K = draw(st.integers(1, 40))
-    gaps = draw(st.lists(st.sampled_from([0.0, 0.0, 1e-6, 0.01, 0.3, 20.0]), min_size=K,
-                         max_size=K))  # fmt: skip
+    gaps = draw(
+        st.lists(st.sampled_from([0.0, 0.0, 1e-6, 0.01, 0.3, 20.0]), min_size=K, max_size=K)
+    )
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     digest, functions = linear.compiled()
     numbers = np.array([draw(RATE), draw(RATE)])
     compiled = Compiled(linear.TANKS, functions, digest, numbers, np.zeros(0), (), np.zeros(0))
     line = Timeline(
-        t=np.cumsum(gaps), sensor=random.integers(-1, 2, K).astype(np.int8),
+        t=np.cumsum(gaps),
+        sensor=random.integers(-1, 2, K).astype(np.int8),
         z=random.normal(0.0, 10.0 ** draw(st.floats(-2, 4)), K),
-        R=10.0 ** random.uniform(-5.0, 4.0, K), u=random.normal(1.0, 1.0, (K, 1)),
-        row=random.integers(0, 2, K), W=np.zeros((2, 0)),
+        R=10.0 ** random.uniform(-5.0, 4.0, K),
+        u=random.normal(1.0, 1.0, (K, 1)),
+        row=random.integers(0, 2, K),
+        W=np.zeros((2, 0)),
         Q=np.array([[draw(NOISE), draw(NOISE), 0.0, 0.0], [0.0, draw(NOISE), 0.0, 0.0]]),
-        longest=np.array([0.5, 0.05]), mode=np.zeros(K, np.uint8), emit=np.arange(K),
-        grid=np.ones(K, bool), noise=np.array([draw(NOISE)]), variance=np.array([0.2]),
+        longest=np.array([0.5, 0.05]),
+        mode=np.zeros(K, np.uint8),
+        emit=np.arange(K),
+        grid=np.ones(K, bool),
+        noise=np.array([draw(NOISE)]),
+        variance=np.array([0.2]),
         warnings=(),
-    )  # fmt: skip
+    )
     root = random.normal(size=(2, 2)) * 10.0 ** draw(st.floats(-4, 2))
     P = root @ root.T + 1e-12 * np.trace(root @ root.T) * np.eye(2)
     return compiled, line, Belief.of(random.normal(size=2), (P + P.T) / 2, np.zeros((2, 0)))

@@ -100,8 +100,9 @@ def test_matrices_vectors_and_a_returned_number() -> None:
     x, dt = ca.SX.sym("x", 3), ca.SX.sym("dt")
     matrix = ca.SX(2, 3)
     matrix[1, 2] = x[0] * dt
-    ours = runnable(lower("lowered", {"x": x, "dt": dt},
-                          {"m": matrix, "v": 2 * x, "s": x[1] - dt}, "s"))  # fmt: skip
+    ours = runnable(
+        lower("lowered", {"x": x, "dt": dt}, {"m": matrix, "v": 2 * x, "s": x[1] - dt}, "s")
+    )
     m, v = np.full((2, 3), 9.0), np.zeros(3)
     assert ours(np.array([1.0, 2.0, 3.0]), 0.5, m, v) == 1.5
     assert v.tolist() == [2.0, 4.0, 6.0]
@@ -125,17 +126,37 @@ class Lowered:
         self.f, self.b, self.model = b.full.functions, b, b.full.model
         n, nu, no, m = self.f.STATES, self.f.INPUTS, self.f.OUTPUTS, self.f.THETAS
         self.shapes = {
-            "xn": n, "F": (n, n), "Q": (n, n), "e": n, "G": (n, m), "eG": m, "f": n, "A": (n, n),
-            "B": (n, nu), "mapped": n, "J": (n, n), "y": no, "Y": (no, n), "Yu": (no, nu),
-            "Ym": (no, m), "xi": n, "Si": (n, m), "h": self.f.SENSORS, "H": (self.f.SENSORS, n),
-            "Hm": (self.f.SENSORS, m), "energy": 1,
-        }  # fmt: skip
+            "xn": n,
+            "F": (n, n),
+            "Q": (n, n),
+            "e": n,
+            "G": (n, m),
+            "eG": m,
+            "f": n,
+            "A": (n, n),
+            "B": (n, nu),
+            "mapped": n,
+            "J": (n, n),
+            "y": no,
+            "Y": (no, n),
+            "Yu": (no, nu),
+            "Ym": (no, m),
+            "xi": n,
+            "Si": (n, m),
+            "h": self.f.SENSORS,
+            "H": (self.f.SENSORS, n),
+            "Hm": (self.f.SENSORS, m),
+            "energy": 1,
+        }
 
     def point(self, rng: np.random.Generator) -> dict[str, Any]:
         """Anywhere plausible; ``dt`` about the longest step, 10–50 ms for the truck."""
         names, plausible = argument_names(self.model), self.b.plausible
-        gains = {f"{e.name}.{n.key}": (n.lower, n.upper)
-                 for e in self.model.effects for n in e.parameters}  # fmt: skip
+        gains = {
+            f"{e.name}.{n.key}": (n.lower, n.upper)
+            for e in self.model.effects
+            for n in e.parameters
+        }
         inputs = {name: plausible.inputs[name] for name in names[1]}
         states = {name: plausible.states[name] for name in names[0]}
         return {
@@ -191,20 +212,38 @@ def test_every_lowered_function_is_casadis(lowered: Lowered) -> None:
     mapped = ca.substitute([e.mapped], [ca.vertcat(e.u0, e.u)], [ca.vertcat(e.u, s.u1)])[0]
     j = ca.jacobian
     theirs = {
-        "xn": s.x, "F": j(s.x, e.x), "Q": s.Q, "energy": s.energy, "e": j(s.energy, e.x).T,
-        "G": j(s.x, g), "eG": j(s.energy, g).T,
+        "xn": s.x,
+        "F": j(s.x, e.x),
+        "Q": s.Q,
+        "energy": s.energy,
+        "e": j(s.energy, e.x).T,
+        "G": j(s.x, g),
+        "eG": j(s.energy, g).T,
         **dict(zip(("f", "A", "B"), now(e.rate, j(e.rate, e.x), j(e.rate, e.u)), strict=True)),
-        "mapped": mapped, "J": j(mapped, e.x),
-        **dict(zip(("y", "Y", "Yu", "Ym"), now(e.outputs, j(e.outputs, e.x), j(e.outputs, e.u),
-                                               j(e.outputs, g)), strict=True)),
-        "xi": e.initial, "Si": j(e.initial, g),
-        **dict(zip(("h", "H", "Hm"), now(e.readings, j(e.readings, e.x), j(e.readings, g)),
-                   strict=True)),
-    }  # fmt: skip
+        "mapped": mapped,
+        "J": j(mapped, e.x),
+        **dict(
+            zip(
+                ("y", "Y", "Yu", "Ym"),
+                now(e.outputs, j(e.outputs, e.x), j(e.outputs, e.u), j(e.outputs, g)),
+                strict=True,
+            )
+        ),
+        "xi": e.initial,
+        "Si": j(e.initial, g),
+        **dict(
+            zip(
+                ("h", "H", "Hm"), now(e.readings, j(e.readings, e.x), j(e.readings, g)), strict=True
+            )
+        ),
+    }
     assert set(theirs) == set(lowered.shapes)
     reference = ca.Function("reference", over, list(theirs.values()))
-    late = [k for k, theta in enumerate(lowered.b.full.thetas)
-            if _delayed(lowered.model, *theta) is not None]  # fmt: skip
+    late = [
+        k
+        for k, theta in enumerate(lowered.b.full.thetas)
+        if _delayed(lowered.model, *theta) is not None
+    ]
     rng = np.random.default_rng(5)
     for _ in range(200):
         at = lowered.point(rng)
@@ -278,6 +317,8 @@ def _delayed(model: Model, name: str, key: str) -> int | None:
 def _slope(
     lowered: Lowered, at: dict[str, Any], along: dict[str, np.ndarray], h: float
 ) -> dict[str, np.ndarray]:
-    up, down = (lowered({**at, **{name: at[name] + step * way for name, way in along.items()}})
-                for step in (h, -h))  # fmt: skip
+    up, down = (
+        lowered({**at, **{name: at[name] + step * way for name, way in along.items()}})
+        for step in (h, -h)
+    )
     return {name: (up[name] - down[name]) / (2.0 * h) for name in up}

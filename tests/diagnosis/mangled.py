@@ -54,8 +54,9 @@ def held(frames: Frames, can_id: int, begin: float, end: float, at: slice) -> Fr
     return replace(frames, data=data)
 
 
-def flipped(frames: Frames, can_id: int, begin: float, end: float, byte: int, share: float,
-            seed: int = 1) -> Frames:  # fmt: skip
+def flipped(
+    frames: Frames, can_id: int, begin: float, end: float, byte: int, share: float, seed: int = 1
+) -> Frames:
     """One bit of ``byte`` is wrong in that share of frames."""
     own = rows(frames, can_id, begin, end)
     own = own[np.random.default_rng(seed).random(len(own)) < share]
@@ -64,8 +65,9 @@ def flipped(frames: Frames, can_id: int, begin: float, end: float, byte: int, sh
     return replace(frames, data=data)
 
 
-def shaken(frames: Frames, can_id: int, begin: float, at: slice, steps: float,
-           seed: int = 1) -> Frames:  # fmt: skip
+def shaken(
+    frames: Frames, can_id: int, begin: float, at: slice, steps: float, seed: int = 1
+) -> Frames:
     """Noise of so many bus steps on the little-endian 16-bit number at ``at``."""
     own = rows(frames, can_id, begin, np.inf)
     data = frames.data.copy()

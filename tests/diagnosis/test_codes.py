@@ -64,8 +64,11 @@ def test_a_set_is_no_component():
 def test_the_vehicle_file_may_state_other_numbers(tmp_path):
     text = load_vehicle("truck").path.read_text(encoding="utf-8")
     path = tmp_path / "mine.toml"
-    path.write_text(text + '\n[monitors.codes]\n"stuck:engine_speed" = { spn = 190, fmi = 2 }\n'
-                    "clutch = { spn = 5000 }\n", encoding="utf-8")  # fmt: skip
+    path.write_text(
+        text + '\n[monitors.codes]\n"stuck:engine_speed" = { spn = 190, fmi = 2 }\n'
+        "clutch = { spn = 5000 }\n",
+        encoding="utf-8",
+    )
     mine = load_vehicle(path)
     assert number_of("stuck:engine_speed", mine) == (190, 2)
     assert number_of_set(("wear", "position_offset"), mine) == (5000, 11)

@@ -45,9 +45,12 @@ class TestEquations:
 
     @pytest.mark.parametrize(
         ("effect", "key", "size"),
-        [("torque_bias", "bias", 70.0), ("friction_level", "change", -0.25),
-         ("torque_gain", "change", 0.15)],
-    )  # fmt: skip
+        [
+            ("torque_bias", "bias", 70.0),
+            ("friction_level", "change", -0.25),
+            ("torque_gain", "change", 0.15),
+        ],
+    )
     def test_the_fault_is_named_and_its_size_estimated(self, truck, effect, key, size):
         found = diagnosed(truck, {effect: {key: size}})
         assert [f.fault for f in found.faults] == [effect]
@@ -70,8 +73,9 @@ class TestEquations:
         signals = clutchest.simulate(truck, "city", 52, duration=600.0)
         torque = signals["engine_torque"]
         value = torque.value + 60.0 * (torque.time > 350.0)
-        signals = replace(signals, signals={
-            **signals.signals, "engine_torque": replace(torque, value=value)})  # fmt: skip
+        signals = replace(
+            signals, signals={**signals.signals, "engine_torque": replace(torque, value=value)}
+        )
         run = clutchest.replay(signals, truck)
         (fault,) = clutchest.diagnose(run).faults
         assert fault.set == ("torque_bias",)
@@ -118,8 +122,9 @@ class TestEquations:
                 clutchest.simulate(truck, "cooldown", seed, duration=1200.0), truck
             )
             watched = Drive.of(run, run.signals, run.tracks[0]).watched
-            whole = since(watched.blocks, watched.columns, watched.residuals.before, 0,
-                          len(watched.blocks))  # fmt: skip
+            whole = since(
+                watched.blocks, watched.columns, watched.residuals.before, 0, len(watched.blocks)
+            )
             k = [j.fault.name for j in watched.faults].index("drift:slave_position")
             drift.append(whole.score[-1, k] / np.sqrt(whole.information[-1, k, k]))
         assert abs(np.mean(drift)) < 3.0 / np.sqrt(len(drift))
@@ -165,8 +170,9 @@ class TestWithoutEquations:
     def test_a_fault_has_a_freeze_frame_and_a_code(self, run):
         angle = run.signals["motor_angle"]
         held = np.where((angle.time > 5) & (angle.time < 6), 1.234, angle.value)
-        signals = replace(run.signals, signals={
-            **run.signals.signals, "motor_angle": replace(angle, value=held)})  # fmt: skip
+        signals = replace(
+            run.signals, signals={**run.signals.signals, "motor_angle": replace(angle, value=held)}
+        )
         found = clutchest.diagnose(replace(run, signals=signals))
         assert [f.fault for f in found.faults] == ["stuck:motor_angle"]
         fault = found.faults[0]

@@ -8,11 +8,12 @@ from clutchest.diagnosis.predicted import nuisances, predicted, since
 from clutchest.identify.problem import Theta
 
 THETAS = (
-    Theta("parameter", "heat_capacity_body", 1.0), Theta("parameter", "kiss_point", 1.0),
+    Theta("parameter", "heat_capacity_body", 1.0),
+    Theta("parameter", "kiss_point", 1.0),
     Theta("start", "friction", 0.02, drive=0),
     Theta("friction_level", "change", 0.5, gain=True),
     Theta("torque_gain", "change", 0.3, gain=True),
-)  # fmt: skip
+)
 FAULTS = (3, 4)
 
 

@@ -47,17 +47,20 @@ HELD = {
     "frozen:EEC1": lambda f: mangled.repeated(f, EEC1, BEGIN, END, slice(8, 8)),
     "stuck:engine_speed": lambda f: mangled.held(f, EEC1, BEGIN, END, slice(3, 5)),
     "stuck:slave_position": lambda f: mangled.resummed(
-        mangled.held(f, ACTUATOR, BEGIN, END, slice(0, 2))),
+        mangled.held(f, ACTUATOR, BEGIN, END, slice(0, 2))
+    ),
     "missing:EEC1": lambda f: mangled.without(f, EEC1, BEGIN, END),
     "missing:ET1": lambda f: mangled.without(f, COOLANT, BEGIN, np.inf),
     "late:ETC1": lambda f: mangled.slowed(f, ETC1, BEGIN, 1.25),
     "counter:ClutchActuator": lambda f: mangled.resummed(
-        mangled.held(f, ACTUATOR, BEGIN, END, slice(4, 5))),
+        mangled.held(f, ACTUATOR, BEGIN, END, slice(4, 5))
+    ),
     "checksum:ClutchActuator": lambda f: mangled.flipped(f, ACTUATOR, BEGIN, END, 7, 0.3),
     "noise:slave_position": lambda f: mangled.resummed(
-        mangled.shaken(f, ACTUATOR, BEGIN, slice(0, 2), 40.0)),
+        mangled.shaken(f, ACTUATOR, BEGIN, slice(0, 2), 40.0)
+    ),
     "noise:input_shaft_speed": lambda f: mangled.shaken(f, ETC1, BEGIN, slice(5, 7), 15.0),
-}  # fmt: skip
+}
 # by when it must be known, s after it began
 WITHIN = {"missing:ET1": 40.0, "noise:slave_position": 15.0, "noise:input_shaft_speed": 15.0}
 BESIDE = {  # what it also looks like
@@ -88,8 +91,10 @@ def test_a_sound_bus_has_no_fault(truck, frames):
     assert wanted <= ran
 
 
-@pytest.mark.parametrize("name", ["frozen:EEC1", "missing:EEC1", "counter:ClutchActuator",
-                                  "noise:slave_position", "late:ETC1"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    ["frozen:EEC1", "missing:EEC1", "counter:ClutchActuator", "noise:slave_position", "late:ETC1"],
+)
 def test_batches_do_not_matter(truck, frames, name):
     broken = HELD[name](frames)
     whole, pieces = found(streams_of(truck, broken)), found(streams_of(truck, broken, step=1.0))
@@ -126,8 +131,9 @@ def test_a_piston_that_sticks(truck, frames):
     value = slave.value.copy()
     rng = np.random.default_rng(1)
     value[own] = value[own][0] + rng.normal(0.0, 0.01, own.sum())
-    broken = replace(signals, signals={**signals.signals,
-                                       "slave_position": replace(slave, value=value)})  # fmt: skip
+    broken = replace(
+        signals, signals={**signals.signals, "slave_position": replace(slave, value=value)}
+    )
     streams = Streams(truck)
     streams.take(broken, broken.end)
     alarms = found(streams)

@@ -41,8 +41,11 @@ def test_faults_come_and_go_as_the_log_has_them(truck):
     broken = mangled.resummed(mangled.held(broken, mangled.ACTUATOR, 40.0, np.inf, slice(4, 5)))
     watch, changes, signals = watched(truck, broken, 0.5, share=None)
     told = [(c.fault, c.failed) for c in changes]
-    assert told == [("missing:ETC1", True), ("missing:ETC1", False),
-                    ("counter:ClutchActuator", True)]  # fmt: skip
+    assert told == [
+        ("missing:ETC1", True),
+        ("missing:ETC1", False),
+        ("counter:ClutchActuator", True),
+    ]
     whole = Streams(truck)
     whole.take(signals, signals.end)
     once = {t.name: t.alarms[0] for t in whole.tests if t.alarms}

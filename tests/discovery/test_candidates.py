@@ -71,8 +71,10 @@ def test_settings_are_the_shapes_of_those_chosen():
     assert settings((plain,)) == {}
     assert settings((plain, fade, bump)) == {
         ("friction_fade", "onset"): 160.0,
-        ("bumpy", "width"): 1.0, ("bumpy", "place"): 7.0, ("bumpy", "height"): 4.0,
-    }  # fmt: skip
+        ("bumpy", "width"): 1.0,
+        ("bumpy", "place"): 7.0,
+        ("bumpy", "height"): 4.0,
+    }
 
 
 def test_a_candidate_is_a_value():

@@ -88,8 +88,9 @@ def test_a_size_beyond_what_is_plausible_is_found_as_it_is_and_said_to_be_so():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("effect", "signal"), [("torque_delay", "engine_torque"),
-                                                ("position_delay", "slave_position")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "signal"), [("torque_delay", "engine_torque"), ("position_delay", "slave_position")]
+)
 def test_a_delay_that_is_found_holds_the_tolerance_of_its_signal(effect, signal):
     """How late a signal is in all is told better than by what it may be late beyond the file; the
     slower its noise, the less well."""
@@ -162,8 +163,11 @@ def test_the_extended_vehicle_replays_with_the_cause(found, tmp_path):
 @pytest.mark.slow
 def test_what_was_found_before_is_corrected_beside_what_is_found_now(tmp_path):
     """Sizes hold beside each other only."""
-    earlier = replace(TRUCK, effects={"friction_speed": {"slope": -0.11}},
-                      effects_spread={"friction_speed": {"slope": 0.02}})  # fmt: skip
+    earlier = replace(
+        TRUCK,
+        effects={"friction_speed": {"slope": -0.11}},
+        effects_spread={"friction_speed": {"slope": 0.02}},
+    )
     answer = discover(drive(74, HIDDEN | {"kiss_point": {"shift": 0.4}}), earlier)
     assert [c.effect for c in answer.causes] == ["kiss_point"]
     slope = answer.extended.effects["friction_speed"]["slope"]

@@ -28,8 +28,9 @@ def written(folder: Path, curve: Curve) -> Effect:
     return effects_of_file(folder / patch.FILE)[patch.NAME]
 
 
-@pytest.mark.parametrize(("position", "value"), [(37.0, 0.0), (41.0, 0.75), (45.0, -0.5),
-                                                 (52.0, 2.0)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("position", "value"), [(37.0, 0.0), (41.0, 0.75), (45.0, -0.5), (52.0, 2.0)]
+)
 def test_a_reading_is_corrected_by_what_goes_with_the_reading_itself(tmp_path, position, value):
     curve = replace(FOUND, flaw="sensor:slave_position", equation="sensor:slave_position")
     model = DRY_CLUTCH.with_effects((written(tmp_path, curve),))
@@ -93,8 +94,9 @@ def test_what_a_curve_may_be_off_by_goes_with_it(tmp_path):
     assert made is not None
     assert made.effects == {"patch": {"size": 1.0, "bend_1": 0.0, "bend_2": 0.0}}
     assert made.spread == {"patch": {"bend_1": 1.0, "bend_2": 1.0}}
-    clock = replace(FOUND, flaw="timing:engine_torque", equation="timing:engine_torque",
-                    driver="engine_speed")  # fmt: skip
+    clock = replace(
+        FOUND, flaw="timing:engine_torque", equation="timing:engine_torque", driver="engine_speed"
+    )
     late = patch.written(clock, DRY_CLUTCH, ["patch", "patch_bend_1"])
     assert late is not None
     off = ["patch_2_bend_1", "patch_2_bend_2"]
@@ -113,9 +115,13 @@ def test_what_a_curve_may_be_off_by_goes_with_it(tmp_path):
 
 @pytest.mark.parametrize(
     ("known", "name"),
-    [([], "patch"), (["patch_2"], "patch"), (["patch", "patch_3"], "patch_2"),
-     (["wear", "patch_bend_1"], "patch_2")],
-)  # fmt: skip
+    [
+        ([], "patch"),
+        (["patch_2"], "patch"),
+        (["patch", "patch_3"], "patch_2"),
+        (["wear", "patch_bend_1"], "patch_2"),
+    ],
+)
 def test_a_patch_takes_a_name_that_is_free(known, name):
     made = patch.written(FOUND, DRY_CLUTCH, known)
     assert made is not None and list(made.effects) == [name]

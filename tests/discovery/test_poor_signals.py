@@ -16,8 +16,9 @@ TRUCK = clutchest.load_vehicle("truck")
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["slave_position", "input_shaft_speed"])
 def test_without_a_signal_nothing_is_claimed(lost):
-    signals = clutchest.simulate(TRUCK, "launches", 81, {"friction_level": {"change": -0.3}},
-                                 duration=150.0)  # fmt: skip
+    signals = clutchest.simulate(
+        TRUCK, "launches", 81, {"friction_level": {"change": -0.3}}, duration=150.0
+    )
     kept = {name: signal for name, signal in signals.signals.items() if name != lost}
     answer = discover(replace(signals, signals=kept), TRUCK)
     assert answer.verdict == "none"

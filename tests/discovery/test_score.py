@@ -171,8 +171,12 @@ def normal_board(draws: int = DRAWS, causes: int = 10, one_sided: bool = False) 
 def test_p_values_of_independent_causes():
     """1 − (1 − p)^C, also far below what draws can count."""
     scores = normal_board()
-    for p, wide in [(0.02, 3.3 * np.sqrt(0.2 / 2000) / 0.2), (0.002, 0.5), (1e-4, 1.0),
-                    (1e-8, 1.0)]:  # fmt: skip
+    for p, wide in [
+        (0.02, 3.3 * np.sqrt(0.2 / 2000) / 0.2),
+        (0.002, 0.5),
+        (1e-4, 1.0),
+        (1e-8, 1.0),
+    ]:
         expected = -np.expm1(10 * np.log1p(-p))
         assert scores.p_among_all(p) == pytest.approx(expected, rel=wide)
 
@@ -205,8 +209,12 @@ def test_a_threshold_is_where_the_level_is_reached(level, one_sided):
 
 
 def test_one_sided_causes_take_no_negative_score():
-    scores = Board(np.array([-9.0, -9.0, 2.0]), np.eye(3), np.array([True, False, True]),
-                   np.random.default_rng(8).standard_normal((2000, 3)))  # fmt: skip
+    scores = Board(
+        np.array([-9.0, -9.0, 2.0]),
+        np.eye(3),
+        np.array([True, False, True]),
+        np.random.default_rng(8).standard_normal((2000, 3)),
+    )
     p = scores.p_alone(scores.z)
     assert p[0] > 0.999 and p[1] < 1e-15
     assert p[2] == pytest.approx(norm.sf(2.0))
@@ -220,11 +228,21 @@ def test_causes_without_a_trace_never_win():
     rng = np.random.default_rng(9)
     look = regression.fitted(rng.standard_normal(600), rng.standard_normal(NUISANCES))
     plain = regression.board(look)
-    dead = np.column_stack([
-        np.zeros(600), 1e-7 * rng.standard_normal(600), regression.psi[:, 4],
-    ])  # nothing at all, next to nothing, and what a free nuisance does as well  # fmt: skip
-    more = board(look, np.arange(NUISANCES), PRIOR, np.column_stack([regression.columns, dead]),
-                 (*ONE_SIDED, True, False, False), 3)  # fmt: skip
+    dead = np.column_stack(
+        [
+            np.zeros(600),
+            1e-7 * rng.standard_normal(600),
+            regression.psi[:, 4],
+        ]
+    )  # nothing at all, next to nothing, and what a free nuisance does as well
+    more = board(
+        look,
+        np.arange(NUISANCES),
+        PRIOR,
+        np.column_stack([regression.columns, dead]),
+        (*ONE_SIDED, True, False, False),
+        3,
+    )
     assert np.all(np.isinf(more.std[-3:])) and np.all(more.z[-3:] == 0.0)
     p = more.p_alone(more.z)
     assert np.all(p[-3:] >= 0.5)

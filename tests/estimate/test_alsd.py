@@ -63,8 +63,11 @@ def test_what_the_reduction_costs(amps: float, rpm: float) -> None:
     start = full.rest(full.RIG, p["free_play"], 25.0)
     start["drive_speed"] = rpm * np.pi / 30 * p["final_drive_ratio"]
     a = whole.run(p, start, given, 1e-3, 20)
-    inputs = {"armature_voltage": a["armature_voltage"], "slip_speed": a["slip_speed"],
-              "oil_temp": given["oil_temp"]}  # fmt: skip
+    inputs = {
+        "armature_voltage": a["armature_voltage"],
+        "slip_speed": a["slip_speed"],
+        "oil_temp": given["oil_temp"],
+    }
     nought = dict.fromkeys((s.name for s in ALSD.states), 0.0)
     b = reduced.run(p, nought | resting(p, {"oil_temp": 25.0}), inputs, 1e-3, 4)
     for name in names:
@@ -95,8 +98,15 @@ def test_intervals_hold_the_truth() -> None:
         track, signals = replayed(seed).tracks[0], steps(seed)
         pressed = (track.time > 3.0) & (truth(signals, "pack_force", track.time) > 100.0)
         columns = {**track.states, "clutch_torque": track.clutch_torque}
-        for name in ("current", "motor_speed", "motor_angle", "pack_force", "temp_armature",
-                     "temp_pack", "clutch_torque"):  # fmt: skip
+        for name in (
+            "current",
+            "motor_speed",
+            "motor_angle",
+            "pack_force",
+            "temp_armature",
+            "temp_pack",
+            "clutch_torque",
+        ):
             error = columns[name].value - truth(signals, name, track.time)
             inside.setdefault(name, []).append(
                 np.abs(error[pressed]) < 1.96 * columns[name].std[pressed]
@@ -132,9 +142,15 @@ def test_on_the_road_wheels_and_half_shafts_tell_the_friction() -> None:
     assert run.summary["sensors"]["shaft_torque"]["count"] > 100
 
 
-@pytest.mark.parametrize(("key", "wrong"), [("free_play", 1.5), ("free_play", 0.5),
-                                            ("friction_coefficient", 1.2),
-                                            ("friction_coefficient", 0.8)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("free_play", 1.5),
+        ("free_play", 0.5),
+        ("friction_coefficient", 1.2),
+        ("friction_coefficient", 0.8),
+    ],
+)
 def test_a_wrong_start_is_recovered_from(key: str, wrong: float) -> None:
     """Free play half off, friction a fifth: the vehicle file says so, and allows for it."""
     signals = simulate("alsd_rig", "rig-steps", 1, duration=LENGTH, nominal=True)
@@ -151,8 +167,10 @@ def test_a_wrong_start_is_recovered_from(key: str, wrong: float) -> None:
 def test_both_wrong_at_once_are_recovered_from() -> None:
     """On the reduced model's own data, free play by half (3.2 σ) and friction by a fifth."""
     rig = load_vehicle("alsd_rig")
-    known = {k: v if k in ("free_play", "friction_coefficient") else replace(v, spread=0.0)
-             for k, v in rig.parameters.items()}  # fmt: skip
+    known = {
+        k: v if k in ("free_play", "friction_coefficient") else replace(v, spread=0.0)
+        for k, v in rig.parameters.items()
+    }
     rig = replace(rig, parameters=known)
     signals = simulate(rig, "rig-steps", 3, duration=LENGTH, nominal=True)
     compiled = compile_model(rig, model_for("alsd", set(signals)))

@@ -67,10 +67,14 @@ def test_pieces_are_put_off_as_the_whole_is(truck, signals):
 
 def test_what_is_late_by_turns_is_estimated_as_what_is_punctual(truck, signals):
     torque, speed = signals["engine_torque"], signals["engine_speed"]
-    behind = np.interp(torque.time - late(np.interp(torque.time, speed.time, speed.value)),
-                       torque.time, torque.value)  # fmt: skip
-    lazy = replace(signals, signals={
-        **signals.signals, "engine_torque": replace(torque, value=behind)})  # fmt: skip
+    behind = np.interp(
+        torque.time - late(np.interp(torque.time, speed.time, speed.value)),
+        torque.time,
+        torque.value,
+    )
+    lazy = replace(
+        signals, signals={**signals.signals, "engine_torque": replace(torque, value=behind)}
+    )
 
     def likely(drive, vehicle):
         return clutchest.replay(drive, vehicle).tracks[0].log_likelihood
@@ -89,8 +93,9 @@ def test_of_two_delays_of_one_signal_an_absent_one_changes_nothing(truck, signal
     files = (tmp_path / "more.py",)
     alone = evenly_late(signals, truck)["engine_torque"]
     for size, other in ((1.5, 0.0), (0.0, 1.5)):
-        both = replace(truck, effects={"lazy": {"size": size}, "other": {"size": other}},
-                       effects_files=files)  # fmt: skip
+        both = replace(
+            truck, effects={"lazy": {"size": size}, "other": {"size": other}}, effects_files=files
+        )
         found = evenly_late(signals, both)["engine_torque"]
         assert delays(both) == delays(truck)
         np.testing.assert_array_equal(found.time, alone.time)

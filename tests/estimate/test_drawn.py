@@ -25,16 +25,27 @@ DRAWS = 400
 def tanks() -> tuple[Compiled, Timeline, Belief]:
     """Two tanks: two seconds in which they are gauged now and then."""
     digest, functions = linear.compiled()
-    compiled = Compiled(linear.TANKS, functions, digest, linear.NUMBERS, np.zeros(0), (),
-                        np.zeros(0))  # fmt: skip
+    compiled = Compiled(
+        linear.TANKS, functions, digest, linear.NUMBERS, np.zeros(0), (), np.zeros(0)
+    )
     K = 60
     line = Timeline(
-        t=np.linspace(0.0, 2.0, K), sensor=np.resize([-1, 0, 1], K).astype(np.int8),
-        z=np.zeros(K), R=np.full(K, 0.04), u=np.ones((K, 1)), row=np.zeros(K, np.int64),
-        W=np.zeros((1, 0)), Q=np.array([[0.1, 0.02, 0.0, 0.0]]), longest=np.array([0.02]),
-        mode=np.zeros(K, np.uint8), emit=np.arange(K), grid=np.ones(K, bool),
-        noise=np.array([0.3]), variance=np.array([0.2]), warnings=(),
-    )  # fmt: skip
+        t=np.linspace(0.0, 2.0, K),
+        sensor=np.resize([-1, 0, 1], K).astype(np.int8),
+        z=np.zeros(K),
+        R=np.full(K, 0.04),
+        u=np.ones((K, 1)),
+        row=np.zeros(K, np.int64),
+        W=np.zeros((1, 0)),
+        Q=np.array([[0.1, 0.02, 0.0, 0.0]]),
+        longest=np.array([0.02]),
+        mode=np.zeros(K, np.uint8),
+        emit=np.arange(K),
+        grid=np.ones(K, bool),
+        noise=np.array([0.3]),
+        variance=np.array([0.2]),
+        warnings=(),
+    )
     prior = Belief.of(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]), np.zeros((2, 0)))
     return compiled, line, prior
 
@@ -56,8 +67,12 @@ def test_without_measurements_they_spread_as_the_model_says(
 def test_slip_energy_makes_noise(tanks: tuple[Compiled, Timeline, Belief]) -> None:
     """Only the noise per joule: what the upper tank gathers is in proportion to its energy."""
     compiled, line, prior = tanks
-    quiet = replace(line, sensor=np.full(len(line.t), -1, np.int8), noise=np.zeros(1),
-                    Q=np.array([[0.0, 0.0, 0.02, 0.0]]))  # fmt: skip
+    quiet = replace(
+        line,
+        sensor=np.full(len(line.t), -1, np.int8),
+        noise=np.zeros(1),
+        Q=np.array([[0.0, 0.0, 0.02, 0.0]]),
+    )
     sure = Belief.of(prior.x, 1e-12 * np.eye(2), prior.S)
     predicted = whole_log.run(compiled, quiet, sure)
     gathered = [

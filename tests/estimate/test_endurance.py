@@ -82,9 +82,7 @@ def times(signals: dict[str, Signal]) -> Floats:
     return np.array([s.time[-1] for s in signals.values() if len(s)])
 
 
-@pytest.mark.parametrize(
-    "how", ["gaps", "clock jump", "level jump", "outliers", "stuck", "twice"]
-)  # fmt: skip
+@pytest.mark.parametrize("how", ["gaps", "clock jump", "level jump", "outliers", "stuck", "twice"])
 def test_whatever_befalls_the_signals(how: str, drive: Signals) -> None:
     """Each signal alone, then all of them: estimates stay finite, covariances stay covariances."""
     random = np.random.default_rng(4)

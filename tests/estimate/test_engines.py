@@ -61,8 +61,9 @@ def test_engines_agree_on_what_parameters_may_do(bench: BenchOf) -> None:
 def with_every_effect(bench: Bench) -> Compiled:
     """Every effect at work at a tenth of its largest plausible size, step maps included."""
     full = bench.full
-    sizes = [n.default if n.shape else 0.1 * n.upper
-             for e in full.model.effects for n in e.parameters]  # fmt: skip
+    sizes = [
+        n.default if n.shape else 0.1 * n.upper for e in full.model.effects for n in e.parameters
+    ]
     e = full.model.expressions()
     assert full.functions.HAS_MAP != ca.is_equal(e.mapped, e.x, 1)
     return replace(full, g=np.array(sizes))

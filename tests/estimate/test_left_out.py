@@ -12,15 +12,21 @@ from clutchest.estimate import whole_log
 from clutchest.estimate.replay import replay
 from clutchest.models import model_for
 
-EFFECTS = {"friction_level": {"change": 0.1}, "position_delay": {"delay": 0.02},
-           "expansion_body": {"change": 0.1}}  # fmt: skip
+EFFECTS = {
+    "friction_level": {"change": 0.1},
+    "position_delay": {"delay": 0.02},
+    "expansion_body": {"change": 0.1},
+}
 
 
 @pytest.mark.parametrize(
     ("missing", "kept"),
-    [("slave_position", ["expansion_body"]), ("input_shaft_speed", ["expansion_body"]),
-     ("vehicle_speed", list(EFFECTS))],
-)  # fmt: skip
+    [
+        ("slave_position", ["expansion_body"]),
+        ("input_shaft_speed", ["expansion_body"]),
+        ("vehicle_speed", list(EFFECTS)),
+    ],
+)
 def test_a_model_takes_the_effects_that_its_signals_show(
     missing: str, kept: list[str], bench: Callable[[str], Bench]
 ) -> None:

@@ -101,8 +101,11 @@ class Lazy(Effect):
 
 def test_a_report_that_is_late_by_turns(tmp_path):
     (tmp_path / "lazy.py").write_text(LAZY)
-    truck = replace(clutchest.load_vehicle("truck"), effects={"lazy": {"size": 1.0}},
-                    effects_files=(tmp_path / "lazy.py",))  # fmt: skip
+    truck = replace(
+        clutchest.load_vehicle("truck"),
+        effects={"lazy": {"size": 1.0}},
+        effects_files=(tmp_path / "lazy.py",),
+    )
     frames = frames_of("demo", 60.0)
     batches = np.unique(np.random.default_rng(6).integers(0, len(frames), 60)).tolist()
     pieces, _ = live(truck, frames, batches)

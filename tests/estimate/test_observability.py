@@ -38,8 +38,10 @@ def bits(run, name):
 
 
 def test_each_state_is_told_in_the_mode_that_shows_it(launches):
-    assert bits(launches, "zero_position")["retracted"] > 0.9 * bits(launches, "zero_position")[
-        "total"]  # fmt: skip
+    assert (
+        bits(launches, "zero_position")["retracted"]
+        > 0.9 * bits(launches, "zero_position")["total"]
+    )
     assert bits(launches, "friction")["slipping"] > 0.75 * bits(launches, "friction")["total"]
     assert bits(launches, "torque_bias")["open"] > 0.5 * bits(launches, "torque_bias")["total"]
     assert bits(launches, "friction")["slipping"] > 1.0
@@ -49,8 +51,11 @@ def test_each_state_is_told_in_the_mode_that_shows_it(launches):
 def test_the_pieces_add_up(launches):
     summary = launches.summary
     events = [event["information_bits"] for event in summary["engagements"]]
-    others = [mode["information_bits"] for piece in summary["between_engagements"]
-              for mode in piece["modes"].values()]  # fmt: skip
+    others = [
+        mode["information_bits"]
+        for piece in summary["between_engagements"]
+        for mode in piece["modes"].values()
+    ]
     assert len(events) >= 5 and len(others) >= len(events)
     for name in STATES:
         total = bits(launches, name)["total"]
@@ -115,8 +120,10 @@ def test_what_would_tell_a_pair_apart():
     alone = needs("dry_clutch", STATES["temp_body"], {})
     assert alone == STATES["temp_body"].informed_by
     pair = needs("dry_clutch", STATES["temp_body"], {"zero_position": -0.97})
-    assert pair == ("slow cooling with the actuator retracted: "
-                    "it tells body temperature and zero position apart")  # fmt: skip
+    assert pair == (
+        "slow cooling with the actuator retracted: "
+        "it tells body temperature and zero position apart"
+    )
     for (a, b), manoeuvre in card("dry_clutch").apart:
         assert {a, b} <= set(STATES) and manoeuvre
 

@@ -51,8 +51,10 @@ class TestGT350:
         speed, torque = signals["engine_speed"], signals["engine_torque"]
         at = track.time[(track.time > 0.5) & (track.time < 2.0)]
         wide = 0.05
-        rise = [np.polyfit(speed.time[near], speed.value[near], 1)[0]
-                for near in (np.abs(speed.time - t) < wide + 1e-6 for t in at)]  # fmt: skip
+        rise = [
+            np.polyfit(speed.time[near], speed.value[near], 1)[0]
+            for near in (np.abs(speed.time - t) < wide + 1e-6 for t in at)
+        ]
         expected = np.interp(at, torque.time, torque.value) - inertia * np.array(rise)
         found = np.interp(at, track.time, track.clutch_torque.value)
         assert np.sqrt(np.mean((found - expected) ** 2)) < 5.0

@@ -17,8 +17,16 @@ from clutchest.shipped import locate
 from clutchest.signals import Signal, Signals
 
 TRUCK = clutchest.load_vehicle("truck")
-STATES = ("temp_body", "temp_housing", "temp_disc", "zero_position", "friction", "engine_speed",
-          "torque_bias", "wear_rate")  # fmt: skip
+STATES = (
+    "temp_body",
+    "temp_housing",
+    "temp_disc",
+    "zero_position",
+    "friction",
+    "engine_speed",
+    "torque_bias",
+    "wear_rate",
+)
 
 
 def error(run, truth, name):
@@ -51,7 +59,8 @@ def test_torque_while_slipping(drives):
         row = np.clip(np.searchsorted(truth.time, track.time), 0, len(truth.time) - 1)
         slipping = truth.columns["mode"][row] == "slipping"
         wrong = track.clutch_torque.value - np.interp(
-            track.time, truth.time, truth.columns["clutch_torque"])  # fmt: skip
+            track.time, truth.time, truth.columns["clutch_torque"]
+        )
         assert np.sqrt(np.mean(wrong[slipping] ** 2)) < 0.03 * 3500  # [ME15]'s three per cent
 
 
@@ -63,7 +72,8 @@ def test_a_closed_clutch_carries_what_the_engine_gives():
         drive = clutchest.simulate(truck, "city", seed, duration=300.0, noise_ar=0.9)
         track, truth = clutchest.replay(drive, truck).tracks[0], drive.truth
         wrong = track.clutch_torque.value - np.interp(
-            track.time, truth.time, truth.columns["clutch_torque"])  # fmt: skip
+            track.time, truth.time, truth.columns["clutch_torque"]
+        )
         assert np.abs(wrong).max() < 350.0
 
 
@@ -149,8 +159,9 @@ def test_a_drive_in_stretches_is_the_whole_drive(monkeypatch):
     (a,), (b,) = parts.tracks, whole.tracks
     for name, estimate in b.states.items():
         for column in ("value", "std", "valid"):
-            np.testing.assert_array_equal(getattr(a.states[name], column),
-                                          getattr(estimate, column))  # fmt: skip
+            np.testing.assert_array_equal(
+                getattr(a.states[name], column), getattr(estimate, column)
+            )
     for name in ("time", "mode"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     for name in ("time", "sensor", "innovation", "std"):
@@ -185,8 +196,9 @@ def until(signal, end):
 def after(signal, start):
     """The samples from ``start`` s on, counted from there."""
     keep = signal.time >= start
-    return replace(signal, time=signal.time[keep] - start, value=signal.value[keep],
-                   why=signal.why[keep])  # fmt: skip
+    return replace(
+        signal, time=signal.time[keep] - start, value=signal.value[keep], why=signal.why[keep]
+    )
 
 
 class TestCarryingOver:
@@ -202,7 +214,8 @@ class TestCarryingOver:
         assert after[zero].std[0] < 1.05 * before[zero].std[-1]
         assert after["friction"].std[0] < 1.05 * before["friction"].std[-1]
         assert second.tracks[0].slip_energy.value[0] == pytest.approx(
-            first.tracks[0].slip_energy.value[-1])  # fmt: skip
+            first.tracks[0].slip_energy.value[-1]
+        )
 
     def test_temperatures_relax_over_minutes_and_settle_over_days(self, drives):
         signals, first = drives[0]
@@ -251,8 +264,9 @@ class TestCarryingOver:
         signals, whole = drives[0]
         half = 300.0
         first = replace(signals, signals={n: until(s, half) for n, s in signals.items()}, end=half)
-        second = replace(signals, signals={n: after(s, half) for n, s in signals.items()},
-                         end=signals.end - half)  # fmt: skip
+        second = replace(
+            signals, signals={n: after(s, half) for n, s in signals.items()}, end=signals.end - half
+        )
         state = json.loads(json.dumps(clutchest.replay(first, TRUCK).final))
         joined = clutchest.replay(shifted(second, half), TRUCK, state=state).tracks[0].slip_energy
         entire = whole.tracks[0].slip_energy
@@ -329,12 +343,21 @@ class TestEffectsInTheVehicleFile:
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("x", [1.0, 2.0]), ("x", ["a"] * 7), ("x", [None] * 7), ("P", [[1.0]]),
-        ("P", (-np.eye(7)).tolist()), ("signature", [[1.0]]), ("thetas", 3), ("inputs", [1]),
-        ("inputs", {"coolant_temp": "warm"}), ("states", 3), ("time_ns", "noon"),
-        ("slip_energy", "much"), ("model", "alsd"),
+        ("x", [1.0, 2.0]),
+        ("x", ["a"] * 7),
+        ("x", [None] * 7),
+        ("P", [[1.0]]),
+        ("P", (-np.eye(7)).tolist()),
+        ("signature", [[1.0]]),
+        ("thetas", 3),
+        ("inputs", [1]),
+        ("inputs", {"coolant_temp": "warm"}),
+        ("states", 3),
+        ("time_ns", "noon"),
+        ("slip_energy", "much"),
+        ("model", "alsd"),
     ],
-)  # fmt: skip
+)
 def test_a_damaged_state_is_told_before_the_kernel_trusts_it(drives, key, value):
     signals, run = drives[0]
     state = {**run.final, "time_ns": None, key: value}
@@ -344,8 +367,12 @@ def test_a_damaged_state_is_told_before_the_kernel_trusts_it(drives, key, value)
 
 def test_a_log_shorter_than_a_row_of_the_grid():
     time = np.array([0.003, 0.013, 0.023])
-    names = {"engine_speed": "rad/s", "engine_torque": "Nm", "input_shaft_speed": "rad/s",
-             "slave_position": "mm"}  # fmt: skip
+    names = {
+        "engine_speed": "rad/s",
+        "engine_torque": "Nm",
+        "input_shaft_speed": "rad/s",
+        "slave_position": "mm",
+    }
     signals = {n: Signal.of(n, unit, time, np.full(3, 45.0)) for n, unit in names.items()}
     table = clutchest.replay(Signals(signals, end=0.023), TRUCK).to_pandas()
     assert len(table) == 1 and np.isfinite(table.engine_speed).all()

@@ -60,23 +60,38 @@ def tanks(spread: tuple[float, float], count: int = 600) -> tuple[Compiled, Time
     rng = np.random.default_rng(10)
     t = np.sort(np.round(rng.uniform(0.0, count / 20, count), 2))
     digest, text = build.generate(TANKS, THETAS)
-    compiled = Compiled(TANKS, build.load(digest, text), digest, NOMINAL, np.zeros(0), THETAS,
-                        np.array(spread))  # fmt: skip
+    compiled = Compiled(
+        TANKS, build.load(digest, text), digest, NOMINAL, np.zeros(0), THETAS, np.array(spread)
+    )
     z = rng.normal(3.0, 2.0, count)
     z[::97] += 60.0
     last = np.append(np.diff(t) > 0, True)
     line = Timeline(
-        t=t, sensor=rng.integers(-1, 2, count).astype(np.int8), z=z,
+        t=t,
+        sensor=rng.integers(-1, 2, count).astype(np.int8),
+        z=z,
         R=10.0 ** rng.uniform(-4, 1, count),
         u=np.interp(t, np.linspace(0, t[-1], 40), rng.normal(1.0, 1.0, 40))[:, None],
-        row=rng.integers(0, 2, count), W=np.zeros((2, 0)),
+        row=rng.integers(0, 2, count),
+        W=np.zeros((2, 0)),
         Q=np.array([[0.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]]),
-        longest=np.array([0.02, 0.007]), mode=np.zeros(count, np.uint8),
-        emit=np.where(last, np.cumsum(last) - 1, -1), grid=np.arange(last.sum()) % 3 != 1,
-        noise=np.array([0.0]), variance=np.array([0.2]), warnings=(),
-    )  # fmt: skip
-    return compiled, line, Belief.of(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]),
-                                  np.array([[0.2, -0.1], [0.4, 0.0]]))  # fmt: skip
+        longest=np.array([0.02, 0.007]),
+        mode=np.zeros(count, np.uint8),
+        emit=np.where(last, np.cumsum(last) - 1, -1),
+        grid=np.arange(last.sum()) % 3 != 1,
+        noise=np.array([0.0]),
+        variance=np.array([0.2]),
+        warnings=(),
+    )
+    return (
+        compiled,
+        line,
+        Belief.of(
+            np.array([2.0, 1.0]),
+            np.array([[2.0, 0.3], [0.3, 1.0]]),
+            np.array([[0.2, -0.1], [0.4, 0.0]]),
+        ),
+    )
 
 
 def textbook(
@@ -144,10 +159,17 @@ def test_it_agrees_with_filterpy() -> None:
     count = 300
     t = np.arange(count) * 0.005
     line = replace(
-        line, t=t, sensor=np.arange(count) % 3 % 2, z=line.z[:count], R=line.R[:count],
-        u=np.zeros((count, 1)), row=np.ones(count, np.int64), emit=np.arange(count),
-        grid=np.ones(count, bool), mode=np.zeros(count, np.uint8),
-    )  # fmt: skip
+        line,
+        t=t,
+        sensor=np.arange(count) % 3 % 2,
+        z=line.z[:count],
+        R=line.R[:count],
+        u=np.zeros((count, 1)),
+        row=np.ones(count, np.int64),
+        emit=np.arange(count),
+        grid=np.ones(count, bool),
+        mode=np.zeros(count, np.uint8),
+    )
     line = replace(line, sensor=line.sensor.astype(np.int8))
     filtered = whole_log.run(compiled, line, start, limit=1e9)
     ours = smoothed(compiled, line, start, filtered)
@@ -202,8 +224,10 @@ def test_on_its_own_model_it_is_consistent_and_never_less_sure() -> None:
     """Drives drawn as the filter states, its parameters certain: the normalised squared error in
     the middle of a drive within its 99.9 % interval, no standard deviation above the filter's,
     and every covariance one."""
-    certain = {key: p if key == "zero_position_ref" else replace(p, spread=0.0)
-               for key, p in TRUCK.parameters.items()}  # fmt: skip
+    certain = {
+        key: p if key == "zero_position_ref" else replace(p, spread=0.0)
+        for key, p in TRUCK.parameters.items()
+    }
     vehicle, draws = replace(TRUCK, parameters=certain), 8
     signals = clutchest.simulate(vehicle, "launches", 1, duration=160.0, nominal=True)
     compiled = whole_log.compile_model(vehicle, model_for(vehicle.model, set(signals)))

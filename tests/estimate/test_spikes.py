@@ -45,10 +45,14 @@ def test_a_few_standard_deviations_beyond_the_limit_are_seen() -> None:
 
 @pytest.mark.parametrize(
     "course",
-    [np.where(TIME > 10.0, 500.0, 0.0), 4000.0 * TIME, 300.0 * np.sin(2 * np.pi * 2.0 * TIME),
-     np.where((TIME > 10.0) & (TIME < 10.025), 50.0, 0.0)],
+    [
+        np.where(TIME > 10.0, 500.0, 0.0),
+        4000.0 * TIME,
+        300.0 * np.sin(2 * np.pi * 2.0 * TIME),
+        np.where((TIME > 10.0) & (TIME < 10.025), 50.0, 0.0),
+    ],
     ids=["a step", "a ramp", "a swing", "a peak of two samples"],
-)  # fmt: skip
+)
 def test_a_transient_stays(course: Floats) -> None:
     for seed in range(10):
         kept, count = without_spikes(signal(course + rough(seed)), NOISE)

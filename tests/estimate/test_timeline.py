@@ -108,16 +108,22 @@ def test_delays_shift_a_signal_back_to_when_it_was_true():
     late = timeline(drive(), engine_torque=0.1)
     inside = (late.t > 0.2) & (late.t < 9.8)
     assert np.allclose(column(late, "engine_torque")[inside], 300 + 50 * (late.t[inside] + 0.1))
-    stated = replace(TRUCK, signals={**TRUCK.signals, "engine_torque": replace(
-        TRUCK.signals["engine_torque"], delay=0.1)})  # fmt: skip
+    stated = replace(
+        TRUCK,
+        signals={
+            **TRUCK.signals,
+            "engine_torque": replace(TRUCK.signals["engine_torque"], delay=0.1),
+        },
+    )
     assert np.array_equal(timeline(drive(), stated).u, late.u)
 
 
 @pytest.mark.parametrize("name", ["engine_speed", "engine_torque", "input_shaft_speed"])
 def test_a_signal_without_any_valid_sample_is_named(name):
     plain = drive()
-    dead = Signal.of("", "", plain[name].time, plain[name].value,
-                     np.full(len(plain[name]), Why.ERROR, np.uint8))  # fmt: skip
+    dead = Signal.of(
+        "", "", plain[name].time, plain[name].value, np.full(len(plain[name]), Why.ERROR, np.uint8)
+    )
     with pytest.raises(ClutchestError, match=f"no valid sample of {name}"):
         timeline(drive(**{name: dead}))
 
@@ -158,8 +164,13 @@ def test_readings_at_rest_are_averaged():
 
 
 def test_coloured_noise_counts_for_less():
-    vehicle = replace(TRUCK, signals={**TRUCK.signals, "engine_speed": replace(
-        TRUCK.signals["engine_speed"], noise_ar=0.5)})  # fmt: skip
+    vehicle = replace(
+        TRUCK,
+        signals={
+            **TRUCK.signals,
+            "engine_speed": replace(TRUCK.signals["engine_speed"], noise_ar=0.5),
+        },
+    )
     white, coloured = timeline(drive()), timeline(drive(), vehicle)
     sensed = white.sensor == 0
     assert np.allclose(coloured.R[sensed], 3.0 * white.R[sensed])

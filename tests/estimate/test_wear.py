@@ -90,7 +90,8 @@ class TestTheSection:
         assert wear["amount"]["std"] == pytest.approx(states["zero_position"]["std"], rel=0.01)
         assert wear["rate"]["value"] == pytest.approx(states["wear_rate"]["value"], abs=1e-3)
         assert wear["slip_energy"]["value"] == pytest.approx(
-            first.summary["slip_energy_J"] * 1e-6, rel=1e-3)  # fmt: skip
+            first.summary["slip_energy_J"] * 1e-6, rel=1e-3
+        )
         low, high = wear["amount"]["ci95"]
         assert high - low == pytest.approx(2 * 1.96 * wear["amount"]["std"])
 
@@ -101,9 +102,11 @@ class TestTheSection:
         spent = history["slip_energy_J"] * 1e-6
         assert left["MJ"]["ci95"][0] > 10.0 and left["MJ"]["ci95"][1] is None  # five minutes
         assert left["h"]["ci95"][0] == pytest.approx(
-            left["MJ"]["ci95"][0] / spent * history["driven_s"] / 3600.0)  # fmt: skip
+            left["MJ"]["ci95"][0] / spent * history["driven_s"] / 3600.0
+        )
         assert left["engagements"]["ci95"][0] == pytest.approx(
-            left["MJ"]["ci95"][0] / spent * history["engagements"])  # fmt: skip
+            left["MJ"]["ci95"][0] / spent * history["engagements"]
+        )
         assert "not bounded from above" in first.summary["wear"]["words"][1]
 
     def test_without_a_limit_nothing_is_left_to_tell(self, drive):
@@ -188,9 +191,13 @@ def test_the_trend_of_many_drives_holds_what_it_says():
         state, worn = None, 0.0
         for number in range(50):
             signals = clutchest.simulate(
-                TRUCK, "launches", 50 * truck + number, {"wear": {"rate": rate, "amount": worn}},
-                truck_seed=truck, duration=600.0,
-            )  # fmt: skip
+                TRUCK,
+                "launches",
+                50 * truck + number,
+                {"wear": {"rate": rate, "amount": worn}},
+                truck_seed=truck,
+                duration=600.0,
+            )
             run = clutchest.replay(signals, TRUCK, state=state)
             state, truth, wear = run.final, signals.truth.columns, run.summary["wear"]
             worn += rate * truth["slip_energy"][-1] * 1e-6
@@ -200,7 +207,9 @@ def test_the_trend_of_many_drives_holds_what_it_says():
         low, high = wear["remaining"]["MJ"]["ci95"]
         assert low < 1.3 * remaining and (high is None or high > remaining / 1.3)
     amount, speed = np.mean(inside, axis=0)
-    print(f"share of {len(inside)} drives: amount {amount:.3f}, rate {speed:.3f}; truck by truck\n",
-          np.reshape(inside, (4, 50, 2)).mean(axis=1))  # fmt: skip
+    print(
+        f"share of {len(inside)} drives: amount {amount:.3f}, rate {speed:.3f}; truck by truck\n",
+        np.reshape(inside, (4, 50, 2)).mean(axis=1),
+    )
     assert amount >= 0.9
     assert speed >= 0.9

@@ -98,8 +98,11 @@ def fuzz(
     """
     end = perf_counter() + 60.0 * minutes
     stream.BLOCK = 1 << 14  # so that files have several, and little memory to clear
-    seeds = {path.name: path.read_bytes() for path in sorted(SEEDS.iterdir())
-             if not formats or path.suffix in formats}  # fmt: skip
+    seeds = {
+        path.name: path.read_bytes()
+        for path in sorted(SEEDS.iterdir())
+        if not formats or path.suffix in formats
+    }
     random, results = Random(seed), Counter[str]()
     signal.signal(signal.SIGALRM, _too_slow)
     with TemporaryDirectory() as folder:
@@ -140,12 +143,21 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"))
     given = parser.parse_args()
     begin = perf_counter()
-    results = fuzz(given.inputs, given.seed, given.formats, given.seconds, given.keep,
-                   given.minutes, given.mebibytes)  # fmt: skip
+    results = fuzz(
+        given.inputs,
+        given.seed,
+        given.formats,
+        given.seconds,
+        given.keep,
+        given.minutes,
+        given.mebibytes,
+    )
     for what, count in sorted(results.items()):
         print(f"{what:16s} {count:9d}")
-    print(f"{results.total()} inputs in {perf_counter() - begin:.0f} s, "
-          f"peak memory {peak_MiB():.0f} MiB")  # fmt: skip
+    print(
+        f"{results.total()} inputs in {perf_counter() - begin:.0f} s, "
+        f"peak memory {peak_MiB():.0f} MiB"
+    )
 
 
 if __name__ == "__main__":

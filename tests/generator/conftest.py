@@ -12,14 +12,26 @@ from clutchest.generator import Channel, Sampled, generate
 from clutchest.generator.effects import complete, numbers
 
 TRUCK = {
-    "heat_capacity_body": 40500.0, "heat_capacity_housing": 15000.0, "heat_capacity_disc": 2270.0,
-    "conductance_engine_body": 22.5, "conductance_body_housing": 22.5,
-    "conductance_housing_ambient": 8.0, "conductance_disc_body": 126.0,
-    "heat_fraction_body": 0.0, "expansion_body": 0.0096, "expansion_disc": 0.0094,
-    "reference_temp": 70.0, "disc_body_temp_cap": 110.0, "zero_position_ref": 38.4,
-    "position_origin": 38.4, "torque_cubic": -21.0, "torque_quadratic": 38.7, "kiss_point": 6.51,
-    "engine_inertia": 3.2, "engine_torque_max": 3500.0,
-}  # fmt: skip
+    "heat_capacity_body": 40500.0,
+    "heat_capacity_housing": 15000.0,
+    "heat_capacity_disc": 2270.0,
+    "conductance_engine_body": 22.5,
+    "conductance_body_housing": 22.5,
+    "conductance_housing_ambient": 8.0,
+    "conductance_disc_body": 126.0,
+    "heat_fraction_body": 0.0,
+    "expansion_body": 0.0096,
+    "expansion_disc": 0.0094,
+    "reference_temp": 70.0,
+    "disc_body_temp_cap": 110.0,
+    "zero_position_ref": 38.4,
+    "position_origin": 38.4,
+    "torque_cubic": -21.0,
+    "torque_quadratic": 38.7,
+    "kiss_point": 6.51,
+    "engine_inertia": 3.2,
+    "engine_torque_max": 3500.0,
+}
 CHANNELS = (
     Channel("engine_speed", "EEC1", 0.01),
     Channel("engine_torque", "EEC1", 0.01),
@@ -51,8 +63,9 @@ def drive() -> Callable[..., Sampled]:
 class Bench:
     """The plant held still: state ``y``, situation ``s``, numbers ``p``."""
 
-    def __init__(self, plate: float = 4.6, mass: float = 20e3, effects: dict | None = None,
-                 **changes: float) -> None:  # fmt: skip
+    def __init__(
+        self, plate: float = 4.6, mass: float = 20e3, effects: dict | None = None, **changes: float
+    ) -> None:
         from clutchest.generator import plant
 
         values = {**TRUCK, **changes}
@@ -62,8 +75,16 @@ class Bench:
         self.y = np.zeros(8)
         self.y[[plant.BODY, plant.HOUSING, plant.DISC]] = 90.0, 60.0, 150.0
         self.y[[plant.ENGINE, plant.TORQUE]] = 150.0, 400.0
-        given = {"friction": 1.0, "sign": 1.0, "held": 1, "coolant": 85.0, "ambient": 15.0,
-                 "request": 500.0, "plate": plate, "plate_before": plate}  # fmt: skip
+        given = {
+            "friction": 1.0,
+            "sign": 1.0,
+            "held": 1,
+            "coolant": 85.0,
+            "ambient": 15.0,
+            "request": 500.0,
+            "plate": plate,
+            "plate_before": plate,
+        }
         for name, value in given.items():
             self.s[name] = value
 

@@ -22,8 +22,15 @@ from clutchest.vehicle import load_vehicle
 
 Columns = dict[str, NDArray[np.float64]]
 ACTUATOR = ("armature_voltage", "armature_current", "motor_angle", "oil_temp")
-RIG = (*ACTUATOR, "slip_speed", "armature_temp", "clutch_torque", "motor_torque", "drive_torque",
-       "drive_angle")  # fmt: skip
+RIG = (
+    *ACTUATOR,
+    "slip_speed",
+    "armature_temp",
+    "clutch_torque",
+    "motor_torque",
+    "drive_torque",
+    "drive_angle",
+)
 CAR = (*ACTUATOR, "wheel_speed_left", "wheel_speed_right", "shaft_torque")
 
 
@@ -36,9 +43,15 @@ def drive(scenario: str, seed: int = 1, duration: float | None = None, **rest: o
     names = CAR if scenario in ON_THE_ROAD else RIG
     channels = [Channel(name, "M", 0.005) for name in names]
     return alsd.generate(
-        rig(), {}, scenario, seed, channels, nominal=True, duration=duration,
+        rig(),
+        {},
+        scenario,
+        seed,
+        channels,
+        nominal=True,
+        duration=duration,
         **rest,  # type: ignore[arg-type]
-    )  # fmt: skip
+    )
 
 
 def record(
@@ -120,13 +133,21 @@ def test_an_effect_is_absent_at_zero_and_seen_otherwise(name: str) -> None:
     channels = [Channel(n, "M", 0.005) for n in (*CAR, "armature_temp", "clutch_torque")]
 
     def signals(values: Mapping[str, float]) -> Columns:
-        found = alsd.generate(rig(), {}, "car", 3, channels, nominal=True, duration=6.0,
-                              effects={name: values})  # fmt: skip
+        found = alsd.generate(
+            rig(), {}, "car", 3, channels, nominal=True, duration=6.0, effects={name: values}
+        )
         return {n: value for n, (_, value) in found.signals.items()}
 
     without, absent = signals({}), signals(dict.fromkeys(gains, 0.0))
-    small = {"change": 1e-3, "growth": 1e-5, "rate": 1e-3, "resistance": 0.02, "offset": 0.01,
-             "slope": 0.1, "coefficient": 5.0}  # fmt: skip
+    small = {
+        "change": 1e-3,
+        "growth": 1e-5,
+        "rate": 1e-3,
+        "resistance": 0.02,
+        "offset": 0.01,
+        "slope": 0.1,
+        "coefficient": 5.0,
+    }
     present = signals({key: small[key] for key in gains})
     for column in without:
         assert np.array_equal(without[column], absent[column])

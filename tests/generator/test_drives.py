@@ -22,8 +22,11 @@ def _events(columns, least: float = 15e3):
     slipping = columns["mode"] == "slipping"
     edges = np.flatnonzero(np.diff(np.r_[0, slipping, 0]))
     energy = columns["slip_energy"]
-    return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)
-            if b < len(energy) and energy[b] - energy[a] > least]  # fmt: skip
+    return [
+        (a, b)
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if b < len(energy) and energy[b] - energy[a] > least
+    ]
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
@@ -121,8 +124,9 @@ def test_heating_keeps_to_the_axes_of_the_paper(drive):
     c = d.truth.columns
     heatings = _heatings(c)
     assert len(heatings) == 4
-    after = [np.searchsorted(d.truth.time, d.truth.time[last] + 4 * 2270 / 126)
-             for _, last in heatings]  # fmt: skip
+    after = [
+        np.searchsorted(d.truth.time, d.truth.time[last] + 4 * 2270 / 126) for _, last in heatings
+    ]
     read = [c["slave_position"][row] for row in after if row < len(c["mode"])]
     assert len(read) >= 3 and all(np.diff(read) > 0)
     assert 38.35 < c["slave_position"][0] < 38.45 and 39.0 < read[-1] < 39.25
@@ -174,8 +178,11 @@ def test_closed_and_cooling_never_slip(drive):
 def test_retracted_slave_reads_the_zero_position(drive):
     d = drive("city")
     c = d.truth.columns
-    zero = (c["zero_position"] + 0.0096 * (c["temp_body"] - 70)
-            + 0.0094 * np.minimum(c["temp_disc"] - c["temp_body"], 110))  # fmt: skip
+    zero = (
+        c["zero_position"]
+        + 0.0096 * (c["temp_body"] - 70)
+        + 0.0094 * np.minimum(c["temp_disc"] - c["temp_body"], 110)
+    )
     retracted = c["mode"] == "retracted"
     # recorded a step apart from the temperatures
     assert np.abs(c["slave_position"] - zero)[retracted].max() < 1e-4
@@ -197,10 +204,24 @@ def test_drives_start_near_rest_at_plausible_temperatures():
 
 
 def test_truth_has_its_columns_and_rates(drive):
-    states = {"temp_body", "temp_housing", "temp_disc", "zero_position", "friction",
-              "engine_speed", "torque_bias"}  # fmt: skip
-    extra = {"clutch_torque", "mode", "slip_speed", "slip_energy", "engine_torque",
-             "input_shaft_speed", "slave_position"}  # fmt: skip
+    states = {
+        "temp_body",
+        "temp_housing",
+        "temp_disc",
+        "zero_position",
+        "friction",
+        "engine_speed",
+        "torque_bias",
+    }
+    extra = {
+        "clutch_torque",
+        "mode",
+        "slip_speed",
+        "slip_energy",
+        "engine_torque",
+        "input_shaft_speed",
+        "slave_position",
+    }
     d = drive("launches", 1, 60.0)
     assert states | extra <= set(d.truth.columns)
     assert {len(c) for c in d.truth.columns.values()} == {len(d.truth.time)} == {6001}
@@ -208,14 +229,16 @@ def test_truth_has_its_columns_and_rates(drive):
 
 
 def test_a_seed_is_a_drive():
-    one, same, other = (generate(TRUCK, SPREADS, "city", seed, CHANNELS, duration=60.0)
-                        for seed in (5, 5, 6))  # fmt: skip
+    one, same, other = (
+        generate(TRUCK, SPREADS, "city", seed, CHANNELS, duration=60.0) for seed in (5, 5, 6)
+    )
     assert one.parameters == same.parameters != other.parameters
     for name, (time, value) in one.signals.items():
         np.testing.assert_array_equal(time, same.signals[name][0])
         np.testing.assert_array_equal(value, same.signals[name][1])
     assert len(one.signals["engine_speed"][1]) != len(other.signals["engine_speed"][1]) or np.any(
-        one.signals["engine_speed"][1] != other.signals["engine_speed"][1])  # fmt: skip
+        one.signals["engine_speed"][1] != other.signals["engine_speed"][1]
+    )
 
 
 def test_parameters_are_drawn_with_their_spread():
@@ -234,11 +257,28 @@ def test_parameters_are_drawn_with_their_spread():
 def test_disturbances_walk_as_stated():
     ends = []
     for seed in range(60):
-        c = generate(TRUCK, {}, "closed", seed, (), duration=9.0, disturbances=Disturbances(
-            torque_bias_walk=2.0, torque_bias_std=8.0, friction_walk=0.01, friction_std=0.05,
-        )).truth.columns  # fmt: skip
-        ends.append([c["torque_bias"][0], np.ptp(c["torque_bias"][[0, -1]]), c["friction"][0],
-                     np.ptp(c["friction"][[0, -1]])])  # fmt: skip
+        c = generate(
+            TRUCK,
+            {},
+            "closed",
+            seed,
+            (),
+            duration=9.0,
+            disturbances=Disturbances(
+                torque_bias_walk=2.0,
+                torque_bias_std=8.0,
+                friction_walk=0.01,
+                friction_std=0.05,
+            ),
+        ).truth.columns
+        ends.append(
+            [
+                c["torque_bias"][0],
+                np.ptp(c["torque_bias"][[0, -1]]),
+                c["friction"][0],
+                np.ptp(c["friction"][[0, -1]]),
+            ]
+        )
     bias, walked, friction, strayed = np.array(ends).T
     assert np.std(bias) == pytest.approx(8.0, rel=0.35)
     assert np.sqrt(np.mean(walked**2)) == pytest.approx(6.0, rel=0.35)
@@ -246,28 +286,43 @@ def test_disturbances_walk_as_stated():
     assert np.sqrt(np.mean(strayed**2)) == pytest.approx(0.03, rel=0.35)
 
 
-@pytest.mark.parametrize(("change", "says"), [
-    ({"scenario": "citty"}, "did you mean 'city'"),
-    ({"effects": {"wera": {}}}, "did you mean 'wear'"),
-    ({"effects": {"wear": {"rat": 1.0}}}, "did you mean 'rate'"),
-    ({"effects": {"wear": {"rate": -1.0}}}, "expected 0 or more"),
-    ({"effects": {"friction_slip": {"speed": 0.0}}}, "expected more than 0"),
-    ({"duration": 0.0}, "expected more than 0 s"),
-    ({"outliers": 1.5}, "share of outliers"),
-    ({"parameters": {}}, "is missing"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"scenario": "citty"}, "did you mean 'city'"),
+        ({"effects": {"wera": {}}}, "did you mean 'wear'"),
+        ({"effects": {"wear": {"rat": 1.0}}}, "did you mean 'rate'"),
+        ({"effects": {"wear": {"rate": -1.0}}}, "expected 0 or more"),
+        ({"effects": {"friction_slip": {"speed": 0.0}}}, "expected more than 0"),
+        ({"duration": 0.0}, "expected more than 0 s"),
+        ({"outliers": 1.5}, "share of outliers"),
+        ({"parameters": {}}, "is missing"),
+    ],
+)
 def test_bad_input_is_told_in_one_line(change, says):
-    arguments = {"parameters": TRUCK, "spreads": {}, "scenario": "city", "seed": 1,
-                 "channels": CHANNELS, "duration": 1.0} | change  # fmt: skip
+    arguments = {
+        "parameters": TRUCK,
+        "spreads": {},
+        "scenario": "city",
+        "seed": 1,
+        "channels": CHANNELS,
+        "duration": 1.0,
+    } | change
     with pytest.raises(ClutchestError) as told:
         generate(**arguments)
     assert says in str(told.value) and "\n" not in str(told.value)
 
 
 def test_coolant_and_ambient_wander_slowly():
-    coolant, ambient = np.array([[generate(TRUCK, {}, "closed", seed, CHANNELS, duration=400.0)
-                                  .signals[name][1] for name in ("coolant_temp", "ambient_temp")]
-                                 for seed in range(8)]).swapaxes(0, 1)  # fmt: skip
+    coolant, ambient = np.array(
+        [
+            [
+                generate(TRUCK, {}, "closed", seed, CHANNELS, duration=400.0).signals[name][1]
+                for name in ("coolant_temp", "ambient_temp")
+            ]
+            for seed in range(8)
+        ]
+    ).swapaxes(0, 1)
     assert coolant.min() > 76 and coolant.max() < 93
     assert 0.5 < np.std(coolant[:, -1] - coolant[:, 0]) < 4
     assert np.abs(np.diff(coolant)).max() < 0.2  # K per second

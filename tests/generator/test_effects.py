@@ -95,8 +95,10 @@ def test_heat_split_moves_power_to_the_body(bench):
 
 def _pair(effects, scenario="launches", duration=60.0):
     """The same drive without and with the effects."""
-    return [generate(TRUCK, {}, scenario, 1, CHANNELS, nominal=True, duration=duration, effects=e)
-            for e in ({}, effects)]  # fmt: skip
+    return [
+        generate(TRUCK, {}, scenario, 1, CHANNELS, nominal=True, duration=duration, effects=e)
+        for e in ({}, effects)
+    ]
 
 
 def test_wear_lowers_the_zero_position_and_the_curve():
@@ -119,8 +121,9 @@ def test_position_offset_shows_in_the_zero_position_too():
     plain, off = _pair({"position_offset": {"offset": 0.2}}, duration=5.0)
     shift = off.signals["slave_position"][1] - plain.signals["slave_position"][1]
     np.testing.assert_allclose(shift, 0.2, atol=1e-9)
-    np.testing.assert_array_equal(off.truth.columns["slave_position"],
-                                  plain.truth.columns["slave_position"])  # fmt: skip
+    np.testing.assert_array_equal(
+        off.truth.columns["slave_position"], plain.truth.columns["slave_position"]
+    )
 
 
 def test_friction_level_is_the_truths_friction():
@@ -131,15 +134,18 @@ def test_friction_level_is_the_truths_friction():
 
 def test_torque_gain_and_bias_change_only_the_report():
     plain, wrong = _pair({"torque_gain": {"change": 0.05}, "torque_bias": {"bias": 30.0}})
-    np.testing.assert_allclose(wrong.signals["engine_torque"][1],
-                               1.05 * plain.signals["engine_torque"][1] + 30.0)  # fmt: skip
-    np.testing.assert_array_equal(wrong.truth.columns["engine_torque"],
-                                  plain.truth.columns["engine_torque"])  # fmt: skip
+    np.testing.assert_allclose(
+        wrong.signals["engine_torque"][1], 1.05 * plain.signals["engine_torque"][1] + 30.0
+    )
+    np.testing.assert_array_equal(
+        wrong.truth.columns["engine_torque"], plain.truth.columns["engine_torque"]
+    )
     assert (wrong.truth.columns["torque_bias"] == 30.0).all()
 
 
-@pytest.mark.parametrize(("effect", "signal"), [("torque_delay", "engine_torque"),
-                                                ("position_delay", "slave_position")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "signal"), [("torque_delay", "engine_torque"), ("position_delay", "slave_position")]
+)
 def test_delays_touch_their_signal_only(effect, signal):
     plain, late = _pair({effect: {"delay": 0.05}})
     for name, (time, value) in late.signals.items():
@@ -165,9 +171,17 @@ def test_hysteresis_is_a_play(bench):
 
 
 def test_every_effect_has_been_looked_at():
-    elsewhere = {"heat_split", "wear", "position_offset", "friction_level",
-                 "torque_gain", "torque_bias", "torque_delay", "position_delay",
-                 "position_hysteresis"}  # fmt: skip
+    elsewhere = {
+        "heat_split",
+        "wear",
+        "position_offset",
+        "friction_level",
+        "torque_gain",
+        "torque_bias",
+        "torque_delay",
+        "position_delay",
+        "position_hysteresis",
+    }
     assert set(ON_THE_BENCH) | elsewhere == set(EFFECTS)
     assert not set(ON_THE_BENCH) & elsewhere
 
@@ -182,15 +196,25 @@ def test_effects_at_gain_zero_are_absent():
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_no_effect_upsets_a_drive(name):
-    gains = {"wear": 1.0, "position_offset": 0.3, "torque_delay": 0.1, "position_delay": 0.1,
-             "torque_bias": 50.0, "kiss_point": 0.3, "position_hysteresis": 0.1,
-             "transmission_heat_path": 10.0, "viscous_drag": 10.0}  # fmt: skip
+    gains = {
+        "wear": 1.0,
+        "position_offset": 0.3,
+        "torque_delay": 0.1,
+        "position_delay": 0.1,
+        "torque_bias": 50.0,
+        "kiss_point": 0.3,
+        "position_hysteresis": 0.1,
+        "transmission_heat_path": 10.0,
+        "viscous_drag": 10.0,
+    }
     gain = next(iter(EFFECTS[name].parameters))
     d, changed = _pair({name: {gain: gains.get(name, 0.15)}}, scenario="city", duration=100.0)
     c = changed.truth.columns
     assert c["engine_speed"].min() > 40 and 20 < c["temp_disc"].max() < 300
-    assert any(np.any(value != d.signals[n][1]) for n, (_, value) in changed.signals.items()
-               ) or name == "friction_fade"  # fmt: skip
+    assert (
+        any(np.any(value != d.signals[n][1]) for n, (_, value) in changed.signals.items())
+        or name == "friction_fade"
+    )
 
 
 def test_a_clutch_too_weak_for_its_engine_is_relieved():

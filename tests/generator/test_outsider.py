@@ -42,8 +42,9 @@ class Always:
 
 
 def driven(outsider: Always | None, scenario: str = "launches") -> Sampled:
-    return generate(TRUCK, {}, scenario, 1, CHANNELS, nominal=True, duration=SECONDS,
-                    outsider=outsider)  # fmt: skip
+    return generate(
+        TRUCK, {}, scenario, 1, CHANNELS, nominal=True, duration=SECONDS, outsider=outsider
+    )
 
 
 @pytest.fixture(scope="module")
@@ -82,14 +83,21 @@ def test_without_a_law_the_drive_is_one_call(monkeypatch):
     assert calls[-1] == (steps - 1, steps) and len(calls) > 1000
 
 
-@pytest.mark.parametrize(("name", "heated"), [
-    ("body_heat", "temp_body"), ("housing_heat", "temp_housing"), ("disc_heat", "temp_disc"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "heated"),
+    [
+        ("body_heat", "temp_body"),
+        ("housing_heat", "temp_housing"),
+        ("disc_heat", "temp_disc"),
+    ],
+)
 def test_heat_goes_where_it_is_said(plain, name, heated):
     """In the first seconds the heat is still where it was put: power · time / capacity."""
     warm = driven(Always({name: 100.0}))
-    rise = {c: warm.truth.columns[c][100] - plain.truth.columns[c][100]
-            for c in ("temp_body", "temp_housing", "temp_disc")}  # fmt: skip
+    rise = {
+        c: warm.truth.columns[c][100] - plain.truth.columns[c][100]
+        for c in ("temp_body", "temp_housing", "temp_disc")
+    }
     capacity = TRUCK["heat_capacity_" + heated.removeprefix("temp_")]
     assert rise.pop(heated) == pytest.approx(100.0 / capacity, rel=0.05)  # the disc passes some on
     assert all(abs(other) < 0.05 * 100.0 / capacity for other in rise.values())
@@ -152,8 +160,17 @@ def test_what_a_law_sees_is_the_truth():
     drive = driven(watching)
     truth = drive.truth
     assert [seen["time"] for seen in watching.saw] == pytest.approx(list(truth.time))
-    for name in ("temp_body", "temp_housing", "temp_disc", "engine_speed", "input_shaft_speed",
-                 "slip_speed", "vehicle_speed", "engine_torque", "slave_position"):  # fmt: skip
+    for name in (
+        "temp_body",
+        "temp_housing",
+        "temp_disc",
+        "engine_speed",
+        "input_shaft_speed",
+        "slip_speed",
+        "vehicle_speed",
+        "engine_torque",
+        "slave_position",
+    ):
         seen = np.array([row[name] for row in watching.saw[1:]])
         assert np.abs(seen - truth.columns[name][1:]).max() < 1e-9, name
     energy = np.array([row["energy"] for row in watching.saw])

@@ -37,8 +37,15 @@ def test_a_slip_agrees_with_an_adaptive_integrator(bench, held):
     b.s["held"], b.s["ratio"] = held, 40.0
     start = b.y[[0, 1, 2, 3, 4, 6, 7]]
     b.advance(600)
-    expected = solve_ivp(_reference, (0, 0.6), start, args=(4.6, 500.0, held), method="DOP853",
-                         rtol=1e-12, atol=1e-12).y[:, -1]  # fmt: skip
+    expected = solve_ivp(
+        _reference,
+        (0, 0.6),
+        start,
+        args=(4.6, 500.0, held),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-12,
+    ).y[:, -1]
     assert expected[3] - expected[4] > 10  # still slipping, both ends of the comparison too
     np.testing.assert_allclose(b.y[[0, 1, 2, 3, 4, 6, 7]], expected, rtol=1e-9)
 
@@ -64,8 +71,12 @@ def test_halving_the_step_changes_nothing_that_matters(drive, monkeypatch):
     monkeypatch.setattr(plant, "run", lambda begin, end, _, *rest: run(begin, end, 2, *rest))
     half = generate(TRUCK, {}, "launches", 1, (), nominal=True, duration=60.0).truth.columns
     assert whole["slip_energy"][-1] > 30e3
-    for name, worst in (("temp_disc", 1e-4), ("temp_body", 1e-5), ("engine_speed", 1e-2),
-                        ("slave_position", 1e-4)):  # fmt: skip
+    for name, worst in (
+        ("temp_disc", 1e-4),
+        ("temp_body", 1e-5),
+        ("engine_speed", 1e-2),
+        ("slave_position", 1e-4),
+    ):
         assert np.abs(half[name] - whole[name]).max() < worst, name
 
 
@@ -75,9 +86,12 @@ def test_heat_is_neither_lost_nor_made(drive):
     coolant, ambient = (np.interp(t, *d.signals[n]) for n in ("coolant_temp", "ambient_temp"))
     lost = 22.5 * (c["temp_body"] - coolant) + 8.0 * (c["temp_housing"] - ambient)
     lost = np.sum((lost[1:] + lost[:-1]) / 2 * np.diff(t))
-    stored = sum(TRUCK[f"heat_capacity_{n}"] * np.ptp(c[f"temp_{n}"][[0, -1]])
-                 * np.sign(c[f"temp_{n}"][-1] - c[f"temp_{n}"][0])
-                 for n in ("body", "housing", "disc"))  # fmt: skip
+    stored = sum(
+        TRUCK[f"heat_capacity_{n}"]
+        * np.ptp(c[f"temp_{n}"][[0, -1]])
+        * np.sign(c[f"temp_{n}"][-1] - c[f"temp_{n}"][0])
+        for n in ("body", "housing", "disc")
+    )
     assert c["slip_energy"][-1] > 200e3
     assert stored + lost == pytest.approx(c["slip_energy"][-1], rel=1e-3)
 
@@ -103,8 +117,12 @@ def test_engine_and_truck_obey_newton(drive):
 
 def test_megajoules_heat_the_body_by_kelvins(truck):
     """D5: 81 kg of 500 J/(kg K) take 1.5 MJ without cooling: 37 K."""
-    truck |= {"conductance_engine_body": 0.0, "conductance_body_housing": 0.0,
-              "conductance_disc_body": 0.0, "heat_fraction_body": 1.0}  # fmt: skip
+    truck |= {
+        "conductance_engine_body": 0.0,
+        "conductance_body_housing": 0.0,
+        "conductance_disc_body": 0.0,
+        "heat_fraction_body": 1.0,
+    }
     c = generate(truck, {}, "heating", 1, (), nominal=True, duration=300.0).truth.columns
     rise = c["temp_body"][-1] - c["temp_body"][0]
     assert 1.4e6 < c["slip_energy"][-1] < 1.6e6

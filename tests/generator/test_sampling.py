@@ -12,8 +12,9 @@ from .conftest import TRUCK
 
 
 def _sampled(*channels: Channel, **options):
-    return generate(TRUCK, {}, "launches", 4, channels, nominal=True,
-                    **{"duration": 300.0, **options}).signals  # fmt: skip
+    return generate(
+        TRUCK, {}, "launches", 4, channels, nominal=True, **{"duration": 300.0, **options}
+    ).signals
 
 
 def test_noise_has_its_size_and_colour():
@@ -45,9 +46,11 @@ def test_noise_of_one_signal_leaves_the_rest_alone():
 
 
 def test_messages_beat_at_their_period_with_stamps_that_are_true():
-    signals = _sampled(Channel("engine_speed", "EEC1", 0.02),
-                       Channel("engine_torque", "EEC1", 0.02),
-                       Channel("slave_position", "CLUTCH", 0.01))  # fmt: skip
+    signals = _sampled(
+        Channel("engine_speed", "EEC1", 0.02),
+        Channel("engine_torque", "EEC1", 0.02),
+        Channel("slave_position", "CLUTCH", 0.01),
+    )
     time = signals["engine_speed"][0]
     assert signals["engine_torque"][0] is time
     gaps = np.diff(time)
@@ -57,10 +60,14 @@ def test_messages_beat_at_their_period_with_stamps_that_are_true():
     assert (time[0] - other[0]) % 0.01 > 1e-5  # no common phase
 
 
-@pytest.mark.parametrize(("delayed", "effects"), [
-    (0.037, {}), (0.0, {"torque_delay": {"delay": 0.037}}),
-    (0.02, {"torque_delay": {"delay": 0.017}}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("delayed", "effects"),
+    [
+        (0.037, {}),
+        (0.0, {"torque_delay": {"delay": 0.037}}),
+        (0.02, {"torque_delay": {"delay": 0.017}}),
+    ],
+)
 def test_delays_are_finer_than_a_sample(delayed, effects):
     channel = Channel("engine_torque", "EEC1", 0.01)
     time, prompt = _sampled(channel)["engine_torque"]
@@ -71,11 +78,14 @@ def test_delays_are_finer_than_a_sample(delayed, effects):
     assert np.std(late - shifted) < 0.1 * np.std(late - rough)
 
 
-@pytest.mark.parametrize(("channel", "says"), [
-    (Channel("engine_sped", "EEC1", 0.01), "did you mean 'engine_speed'"),
-    (Channel("engine_speed", "EEC1", 0.0), "period 0 s"),
-    (Channel("engine_speed", "EEC1", 0.01, noise_ar=1.0), "noise_ar"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("channel", "says"),
+    [
+        (Channel("engine_sped", "EEC1", 0.01), "did you mean 'engine_speed'"),
+        (Channel("engine_speed", "EEC1", 0.0), "period 0 s"),
+        (Channel("engine_speed", "EEC1", 0.01, noise_ar=1.0), "noise_ar"),
+    ],
+)
 def test_impossible_channels_are_refused(channel, says):
     with pytest.raises(ClutchestError, match=says):
         _sampled(channel, duration=1.0)
@@ -83,5 +93,8 @@ def test_impossible_channels_are_refused(channel, says):
 
 def test_one_message_has_one_period():
     with pytest.raises(ClutchestError, match="EEC1"):
-        _sampled(Channel("engine_speed", "EEC1", 0.01), Channel("engine_torque", "EEC1", 0.02),
-                 duration=1.0)  # fmt: skip
+        _sampled(
+            Channel("engine_speed", "EEC1", 0.01),
+            Channel("engine_torque", "EEC1", 0.02),
+            duration=1.0,
+        )

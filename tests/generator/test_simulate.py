@@ -17,8 +17,12 @@ from clutchest.generator.effects import LARGEST
 from clutchest.generator.surroundings import surroundings
 from clutchest.simulated import simulate, simulate_frames, write_simulation
 
-WANDERING = {"torque_bias_walk": 2.0, "torque_bias_std": 8.0, "friction_walk": 0.005,
-             "friction_std": 0.05}  # fmt: skip
+WANDERING = {
+    "torque_bias_walk": 2.0,
+    "torque_bias_std": 8.0,
+    "friction_walk": 0.005,
+    "friction_std": 0.05,
+}
 
 
 @pytest.fixture(scope="module")
@@ -41,14 +45,19 @@ def run(monkeypatch, capsys, tmp_path):
     return call
 
 
-@pytest.mark.parametrize(("column", "start", "walk"), [
-    ("friction", "friction_std", "friction_walk"),
-    ("torque_bias", "torque_bias_std", "torque_bias_walk"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("column", "start", "walk"),
+    [
+        ("friction", "friction_std", "friction_walk"),
+        ("torque_bias", "torque_bias_std", "torque_bias_walk"),
+    ],
+)
 def test_variance_over_seeds_grows_with_time(column, start, walk):
     seeds, times = 400, (0, 400, 3600)  # rows of 0.1 s
-    drawn = [getattr(surroundings(seed, 400.0, Disturbances.of(WANDERING)), column)[list(times)]
-             for seed in range(seeds)]  # fmt: skip
+    drawn = [
+        getattr(surroundings(seed, 400.0, Disturbances.of(WANDERING)), column)[list(times)]
+        for seed in range(seeds)
+    ]
     variance = np.var(drawn, axis=0, ddof=1)
     expected = WANDERING[start] ** 2 + WANDERING[walk] ** 2 * 0.1 * np.array(times)
     low, high = chi2.ppf([5e-4, 1 - 5e-4], seeds - 1) / (seeds - 1)
@@ -56,15 +65,21 @@ def test_variance_over_seeds_grows_with_time(column, start, walk):
 
 
 def test_truth_follows_the_disturbances_and_the_effects(truck):
-    effects = {"friction_level": {"change": -0.2}, "torque_bias": {"bias": 40.0},
-               "wear": {"amount": 0.1, "rate": 0.5}}  # fmt: skip
-    drive = simulate(truck, "launches", 3, effects, duration=60.0, nominal=True,
-                     disturbances=WANDERING)  # fmt: skip
+    effects = {
+        "friction_level": {"change": -0.2},
+        "torque_bias": {"bias": 40.0},
+        "wear": {"amount": 0.1, "rate": 0.5},
+    }
+    drive = simulate(
+        truck, "launches", 3, effects, duration=60.0, nominal=True, disturbances=WANDERING
+    )
     plain = simulate(truck, "launches", 3, duration=60.0, nominal=True)
     around = surroundings(3, 60.0, Disturbances.of(WANDERING))
     truth, late = drive.truth, 60.0 - drive.truth.time[-1]
-    walks = [np.interp(truth.time + late, around.time, column)
-             for column in (around.friction, around.torque_bias)]  # fmt: skip
+    walks = [
+        np.interp(truth.time + late, around.time, column)
+        for column in (around.friction, around.torque_bias)
+    ]
     c = truth.columns
     assert np.ptp(c["friction"]) > 0.01 and np.ptp(c["torque_bias"]) > 2
     np.testing.assert_allclose(c["friction"], 0.8 * walks[0], atol=2e-4)
@@ -94,8 +109,9 @@ def test_another_drive_of_the_same_truck(truck, tmp_path):
     own, other, foreign = about(5), about(6, truck_seed=5), about(6)
     assert own["parameters"] == other["parameters"] != foreign["parameters"]
     assert (other["seed"], other["truck_seed"], own["truck_seed"]) == ("6", "5", "5")
-    drives = [simulate_frames(truck, "closed", seed, duration=2.0, truck_seed=5)
-              for seed in (5, 6)] + [simulate_frames(truck, "closed", 6, duration=2.0)]  # fmt: skip
+    drives = [
+        simulate_frames(truck, "closed", seed, duration=2.0, truck_seed=5) for seed in (5, 6)
+    ] + [simulate_frames(truck, "closed", 6, duration=2.0)]
     (own_frames, own_truth), (other_frames, other_truth), (foreign_frames, foreign_truth) = drives
     zero = [t.columns["zero_position"][0] for t in (own_truth, other_truth, foreign_truth)]
     assert zero[0] == zero[1] != zero[2]
@@ -109,16 +125,26 @@ def test_another_drive_of_the_same_truck(truck, tmp_path):
 def test_metadata_tell_the_disturbances(run, tmp_path):
     import pyarrow.parquet as pq
 
-    code, out, err = run("--disturb", "torque_bias_walk=0.5", "--disturb", "friction_std=0.05",
-                         "--truck-seed", 7, "--json")  # fmt: skip
+    code, out, err = run(
+        "--disturb",
+        "torque_bias_walk=0.5",
+        "--disturb",
+        "friction_std=0.05",
+        "--truck-seed",
+        7,
+        "--json",
+    )
     assert (code, err) == (0, "")
     told = json.loads(out)
     assert told["disturbances"] == {"torque_bias_walk": 0.5, "friction_std": 0.05}
     assert told["truck_seed"] == 7
     metadata = pq.read_schema(tmp_path / "x.log.truth.parquet").metadata
     assert json.loads(metadata[b"disturbances"]) == {
-        "torque_bias_walk": 0.5, "torque_bias_std": 0.0, "friction_walk": 0.0, "friction_std": 0.05,
-    }  # fmt: skip
+        "torque_bias_walk": 0.5,
+        "torque_bias_std": 0.0,
+        "friction_walk": 0.0,
+        "friction_std": 0.05,
+    }
     assert json.loads(metadata[b"truck_seed"]) == 7
 
 
@@ -128,27 +154,35 @@ def test_parts_of_one_effect_join(run):
     assert json.loads(out)["effects"] == {"wear": {"amount": 0.5, "rate": 0.02}}
 
 
-@pytest.mark.parametrize(("arguments", "says"), [
-    (("--disturb", "friction_wlak=0.1"), "did you mean 'friction_walk'"),
-    (("--disturb", "friction_walk=-0.1"), "expected 0 to 0.02"),
-    (("--disturb", "friction_walk=nan"), "expected 0 to 0.02"),
-    (("--disturb", "torque_bias_std=inf"), "expected 0 to 500"),
-    (("--effect", "torque_delay:delay=1e9"), "magnitude of at most 2"),
-    (("--effect", "friction_level:change=1e3"), "magnitude of at most 4"),
-    (("--effect", "position_delay:delay=2"), "less than the drive's 2 s"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--disturb", "friction_wlak=0.1"), "did you mean 'friction_walk'"),
+        (("--disturb", "friction_walk=-0.1"), "expected 0 to 0.02"),
+        (("--disturb", "friction_walk=nan"), "expected 0 to 0.02"),
+        (("--disturb", "torque_bias_std=inf"), "expected 0 to 500"),
+        (("--effect", "torque_delay:delay=1e9"), "magnitude of at most 2"),
+        (("--effect", "friction_level:change=1e3"), "magnitude of at most 4"),
+        (("--effect", "position_delay:delay=2"), "less than the drive's 2 s"),
+    ],
+)
 def test_what_cannot_be_is_told_in_one_line(run, tmp_path, arguments, says):
     code, out, err = run(*arguments)
     assert (code, out, err.count("\n")) == (1, "", 1) and says in err
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("arguments", [
-    ("--effect", "wear:amount=0.5", "--effect", "wear:amount=0.6"),
-    ("--effect", "wear:amount=0.5,amount=0.6"),
-    ("--disturb", "friction_std=0.1", "--disturb", "friction_std=0.1"),
-    ("--disturb", "friction_std"), ("--effect", "wear:amount=much"), ("--truck-seed", "-1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--effect", "wear:amount=0.5", "--effect", "wear:amount=0.6"),
+        ("--effect", "wear:amount=0.5,amount=0.6"),
+        ("--disturb", "friction_std=0.1", "--disturb", "friction_std=0.1"),
+        ("--disturb", "friction_std"),
+        ("--effect", "wear:amount=much"),
+        ("--truck-seed", "-1"),
+    ],
+)
 def test_wrong_usage_is_2(run, tmp_path, arguments):
     code, out, err = run(*arguments)
     assert (code, out) == (2, "") and "Error:" in err

@@ -48,8 +48,9 @@ def test_it_goes_where_the_signal_goes(ar):
 def test_it_is_the_noise_where_the_signal_matters_that_counts():
     noise = coloured(np.random.default_rng(3), 0.0) * (T < 30.0)
     quiet = T >= 30.0
-    np.testing.assert_allclose(calm(T, noise + trapezium(), quiet)[quiet], trapezium()[quiet],
-                               atol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(
+        calm(T, noise + trapezium(), quiet)[quiet], trapezium()[quiet], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("ar", [0.0, 0.9])
@@ -64,10 +65,14 @@ def test_a_play_below_the_noise_hangs_back_where_the_plate_does(ar):
     """Slow creep to and fro by less than the noise, between moves of thousands of it."""
     creeps = 4.0 * np.sin(2.0 * np.pi * T / 12.0) + 3000.0 * (np.abs(T - 30.0) < 2.0)
     hangs = lag(creeps, 0.8)
-    seen = [lag(path(T, creeps + coloured(rng, ar), 1.0, ar), 0.8) @ hangs / (hangs @ hangs)
-            for rng in np.random.default_rng(5).spawn(10)]  # fmt: skip
-    read = [lag(creeps + coloured(rng, ar), 0.8) @ hangs / (hangs @ hangs)
-            for rng in np.random.default_rng(5).spawn(10)]  # fmt: skip
+    seen = [
+        lag(path(T, creeps + coloured(rng, ar), 1.0, ar), 0.8) @ hangs / (hangs @ hangs)
+        for rng in np.random.default_rng(5).spawn(10)
+    ]
+    read = [
+        lag(creeps + coloured(rng, ar), 0.8) @ hangs / (hangs @ hangs)
+        for rng in np.random.default_rng(5).spawn(10)
+    ]
     assert np.mean(seen) > 0.9 > 0.7 > np.mean(read)
 
 

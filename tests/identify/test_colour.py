@@ -126,8 +126,9 @@ def test_sensors_and_regimes_have_colours_of_their_own():
     assert np.all(both.place[0:n:500] == 0) and both.place[n] == 0
     assert both.place[2 * n - 1] == n - 1
     coloured = ar2(n, rng)
-    values = np.where(rows == 7, np.concatenate([coloured, coloured]),
-                      3.0 * rng.standard_normal(2 * n))  # fmt: skip
+    values = np.where(
+        rows == 7, np.concatenate([coloured, coloured]), 3.0 * rng.standard_normal(2 * n)
+    )
     colour = Colour.fit([both], [values])
     of = dict(zip(colour.groups, range(3), strict=True))
     slip = of[both.group[500]]

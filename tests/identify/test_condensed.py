@@ -39,21 +39,30 @@ def timeline(
         slipping |= (t >= a) & (t <= b)
     zero = sensor == ZERO
     return Timeline(
-        t=t, sensor=sensor, z=np.zeros(len(t)), R=np.where(zero, NOISE**2, 4e-3),
-        u=np.column_stack([t, np.sin(t)]), row=np.where(slipping, SLIP, REST),
+        t=t,
+        sensor=sensor,
+        z=np.zeros(len(t)),
+        R=np.where(zero, NOISE**2, 4e-3),
+        u=np.column_stack([t, np.sin(t)]),
+        row=np.where(slipping, SLIP, REST),
         W=np.array([[r >> 2 & 1, r >> 1 & 1, r & 1] for r in range(8)], float),
-        Q=np.zeros((8, 2)), longest=np.full(8, 0.5),
+        Q=np.zeros((8, 2)),
+        longest=np.full(8, 0.5),
         mode=np.where(zero, Mode.retracted, Mode.locked).astype(np.uint8),
-        emit=np.full(len(t), -1), grid=np.zeros(0, bool), noise=np.zeros(2), variance=np.zeros(2),
+        emit=np.full(len(t), -1),
+        grid=np.zeros(0, bool),
+        noise=np.zeros(2),
+        variance=np.zeros(2),
         warnings=(),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
 def line() -> Timeline:
     """Rests of odd lengths, one broken by a hole, and two slips."""
-    return timeline([(0.0, 7.3), (9.0, 13.45), (30.0, 41.0), (55.0, 55.02)],
-                    [(20.0, 24.0), (45.0, 50.0)])  # fmt: skip
+    return timeline(
+        [(0.0, 7.3), (9.0, 13.45), (30.0, 41.0), (55.0, 55.02)], [(20.0, 24.0), (45.0, 50.0)]
+    )
 
 
 def test_nothing_is_dropped_near_slips(line):
@@ -87,8 +96,9 @@ def test_means_lie_within_their_stretch(line):
     for begin, end in [(0.0, 7.3), (9.0, 13.45), (30.0, 41.0), (55.0, 55.02)]:
         inside = (time >= begin) & (time < end)
         assert inside.sum() == np.ceil((end - begin) / RESTED)
-        np.testing.assert_array_equal(np.floor((time[inside] - begin) / RESTED),
-                                      np.arange(inside.sum()))  # fmt: skip
+        np.testing.assert_array_equal(
+            np.floor((time[inside] - begin) / RESTED), np.arange(inside.sum())
+        )
         count += inside.sum()
     assert len(time) == count
 
@@ -174,8 +184,9 @@ def test_samples_of_inputs_stay_where_no_reading_is_near(line):
     z, R = np.zeros(len(t)), np.full(len(t), NOISE**2)
     mode, emit = np.full(len(t), Mode.locked, np.uint8), np.full(len(t), -1)
     u = np.column_stack([t, t])
-    short = condensed(replace(line, t=t, sensor=sensor, z=z, R=R, u=u, row=row, mode=mode,
-                              emit=emit), DRY_CLUTCH)  # fmt: skip
+    short = condensed(
+        replace(line, t=t, sensor=sensor, z=z, R=R, u=u, row=row, mode=mode, emit=emit), DRY_CLUTCH
+    )
     bare = short.t[(short.sensor < 0) & (short.t > 45.0) & (short.t < 50.0)]
     inside = (t > 46.0 + SOON) & (t < 47.0 - SOON)
     assert np.sum(inside) > 150

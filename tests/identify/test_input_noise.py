@@ -91,8 +91,9 @@ def test_a_walk_is_taken_out_of_what_it_moves():
     walk = Walk.of(columns)
     root = np.eye(200)
     walk.whiten_in_place(root)
-    np.testing.assert_allclose(root @ (np.eye(200) + columns @ columns.T) @ root.T, np.eye(200),
-                               atol=1e-9)  # fmt: skip
+    np.testing.assert_allclose(
+        root @ (np.eye(200) + columns @ columns.T) @ root.T, np.eye(200), atol=1e-9
+    )
 
 
 def test_what_is_most_probable_of_a_walk():

@@ -26,9 +26,12 @@ LIBRARY = tuple(library("dry_clutch").values())
 # the slope of the engine speed implies, and are less smooth than the differences.  A delay acts by
 # slopes that are smoothed as far as the signal is noisy.
 ROUGH = {
-    "engine_inertia": 0.3, "torque_gain": 0.1, "position_hysteresis": 0.2, "position_delay": 0.04,
+    "engine_inertia": 0.3,
+    "torque_gain": 0.1,
+    "position_hysteresis": 0.2,
+    "position_delay": 0.04,
     "timing": 0.04,
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -165,25 +168,35 @@ def test_derivatives_bear_noise(truck):
     theta = truth(noisy, drive)
     rows = implied(noisy, theta)
     assert 0.09 < misses(rows) < 1.44
-    for effect, key in [("engine_inertia", "change"), ("friction_speed", "slope"),
-                        ("torque_gain", "change"), ("torque_bias", "bias"),
-                        ("position_offset", "offset"), ("viscous_drag", "coefficient"),
-                        ("expansion_disc", "change"), ("heat_split", "fraction")]:  # fmt: skip
+    for effect, key in [
+        ("engine_inertia", "change"),
+        ("friction_speed", "slope"),
+        ("torque_gain", "change"),
+        ("torque_bias", "bias"),
+        ("position_offset", "offset"),
+        ("viscous_drag", "coefficient"),
+        ("expansion_disc", "change"),
+        ("heat_split", "fraction"),
+    ]:
         k = noisy.index(effect, key)
         along, _ = agreement(difference(noisy, theta, k, 0.01, rows.r), rows.psi[:, k])
         assert abs(along - 1.0) < 0.03, (effect, along)
         if effect == "engine_inertia":
             # the same number as a parameter, in another unit
-            j = next(j for j, t in enumerate(noisy.thetas)
-                     if (t.owner, t.key) == ("parameter", effect))  # fmt: skip
+            j = next(
+                j for j, t in enumerate(noisy.thetas) if (t.owner, t.key) == ("parameter", effect)
+            )
             np.testing.assert_allclose(rows.psi[:, k] * 0.03 / 0.4, rows.psi[:, j], rtol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("owner", "key", "size"),
-    [("friction_speed", "slope", 1e30), ("parameter", "torque_cubic", -1e160),
-     ("parameter", "conductance_disc_body", -1e6)],
-)  # fmt: skip
+    [
+        ("friction_speed", "slope", 1e30),
+        ("parameter", "torque_cubic", -1e160),
+        ("parameter", "conductance_disc_body", -1e6),
+    ],
+)
 def test_numbers_at_which_the_equations_run_away_leave_no_trace(
     problem, at_truth, owner, key, size
 ):
@@ -249,7 +262,7 @@ def test_a_small_delay_is_any_signals(problem, at_truth):
         np.testing.assert_allclose(
             *(problem.linearise(theta, {}, np.zeros(0, np.int64))[0].r for theta in (both, alone)),
             atol=1e-9,
-        )  # fmt: skip
+        )
 
 
 def test_several_drives_start_each_for_itself(truck, drive):
@@ -291,8 +304,11 @@ def test_an_effect_in_the_vehicle_file_is_not_sought(truck):
 def test_numbers_are_in_their_units(problem):
     """θ counts prior standard deviations of nuisances and largest plausible sizes of gains."""
     theta = np.zeros(len(problem.thetas))
-    inertia = next(k for k, t in enumerate(problem.thetas)
-                   if (t.owner, t.key) == ("parameter", "engine_inertia"))  # fmt: skip
+    inertia = next(
+        k
+        for k, t in enumerate(problem.thetas)
+        if (t.owner, t.key) == ("parameter", "engine_inertia")
+    )
     slope = problem.index("friction_speed", "slope")
     theta[[inertia, slope]] = 2.0, 0.5
     p, g, _ = problem.numbers(theta, {("friction_slip", "speed"): 33.0})

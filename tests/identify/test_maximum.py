@@ -40,13 +40,18 @@ class MadeUp:
         self.thetas = tuple(Theta(n, n, 1.0, gain=n in self.bounds) for n in self.names)
         gain = np.array([t.gain for t in self.thetas])
         self.gains, self.nuisances = np.flatnonzero(gain), np.flatnonzero(~gain)
-        self.effects = {name: SimpleNamespace(gains=(Number(name, "1", *ends),))
-                        for name, ends in self.bounds.items()}  # fmt: skip
+        self.effects = {
+            name: SimpleNamespace(gains=(Number(name, "1", *ends),))
+            for name, ends in self.bounds.items()
+        }
         count = len(self.data)
         nothing = np.zeros(count, int)
         time = np.arange(count) * PERIOD
-        self.drives = [SimpleNamespace(t=time, stretches=Stretches.of(time, nothing, nothing),
-                                       walks=np.zeros((count, 0)))]  # fmt: skip
+        self.drives = [
+            SimpleNamespace(
+                t=time, stretches=Stretches.of(time, nothing, nothing), walks=np.zeros((count, 0))
+            )
+        ]
 
     def linearise(
         self, theta: Floats, shapes: object, active: NDArray[np.int64] | None = None
@@ -70,8 +75,13 @@ class MadeUp:
             low[k], high[k] = self.bounds[self.names[k]]
         return least_squares(
             lambda theta: np.concatenate([self.data - self.law(theta), theta[prior]]),
-            begin, bounds=(low, high), xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=10_000,
-        )  # fmt: skip
+            begin,
+            bounds=(low, high),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            max_nfev=10_000,
+        )
 
     @property
     def all(self) -> NDArray[np.int64]:
@@ -283,8 +293,12 @@ def test_a_ridge_is_not_crept_along():
 def test_a_drives_optimum_is_that_of_least_squares(drive):
     """SciPy's own steps and differences, on the innovations as they come."""
     fitter = Fitter(drive)
-    wanted = {("start", "temp_body"), ("start", "zero_position"), ("start", "friction"),
-              ("friction_speed", "slope")}  # fmt: skip
+    wanted = {
+        ("start", "temp_body"),
+        ("start", "zero_position"),
+        ("start", "friction"),
+        ("friction_speed", "slope"),
+    }
     free = np.array([k for k, t in enumerate(drive.thetas) if (t.owner, t.key) in wanted])
 
     walks = drive.drives[0].walks  # unknown numbers of their own, to SciPy

@@ -69,8 +69,10 @@ def test_noise_of_a_signal_that_wanders_and_is_rounded(ar):
         value[seed::97] += 12.0  # far off
         found = sensor_noise.estimate(sensor_noise.windows_of([read(value)]), step)
         reach = 1.96 * np.sqrt(np.diag(found.covariance))
-        inside += [abs(np.log(found.noise)) < reach[0],
-                   abs(np.arctanh(found.ar) - np.arctanh(ar)) < reach[1]]  # fmt: skip
+        inside += [
+            abs(np.log(found.noise)) < reach[0],
+            abs(np.arctanh(found.ar) - np.arctanh(ar)) < reach[1],
+        ]
     assert binomtest(sum(inside), len(inside)).proportion_ci(0.99).high >= 0.95
 
 

@@ -141,9 +141,18 @@ def test_command_writes_fit_vehicle_and_picture(tmp_path):
         )
     result = CliRunner().invoke(
         app,
-        ["identify", "disc", str(log), "--holdout", str(other), "--vehicle", "truck",
-         "--out", str(out)],
-    )  # fmt: skip
+        [
+            "identify",
+            "disc",
+            str(log),
+            "--holdout",
+            str(other),
+            "--vehicle",
+            "truck",
+            "--out",
+            str(out),
+        ],
+    )
     assert result.exit_code == 0, result.output
     told = json.loads((out / "fit.json").read_text(encoding="utf-8"))
     assert told["validation"]["logs"] == ["b.log"] and told["logs"] == ["a.log"]
@@ -176,8 +185,10 @@ def test_cool_down_tells_of_heat_and_expansion(tmp_path):
     joint = run("all", together)
     holds(joint, ("heat_capacity_body", "expansion_body", "conductance_disc_body", "torque_cubic"))
     for key in ("heat_capacity_body", "expansion_body"):  # more logs never make it less sure
-        assert joint.parameters[key].std < 1.05 * (thermal if key != "expansion_body" else
-                                                   expansion).parameters[key].std  # fmt: skip
+        assert (
+            joint.parameters[key].std
+            < 1.05 * (thermal if key != "expansion_body" else expansion).parameters[key].std
+        )
     assert np.isfinite([p.value for p in joint.parameters.values()]).all()
 
 
@@ -189,7 +200,8 @@ def test_two_standard_deviations_hold_the_truth(name):
     for seed in range(5000, 5060):
         truth, _ = draw(VALUES, {key: p.spread for key, p in TRUCK.parameters.items()}, seed)
         fit = run(name, clutchest.simulate(TRUCK, "ramps", seed))
-        errors += [(p.value - truth[key]) / p.std
-                   for key, p in fit.parameters.items() if p.determined]  # fmt: skip
+        errors += [
+            (p.value - truth[key]) / p.std for key, p in fit.parameters.items() if p.determined
+        ]
     assert 0.90 < np.mean(np.abs(errors) <= 2.0) <= 0.99
     assert abs(np.mean(errors)) < 0.3

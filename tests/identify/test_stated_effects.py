@@ -46,8 +46,9 @@ def test_what_is_not_known_exactly_is_fitted_on(tmp_path: Path) -> None:
     """A size two spreads off the truth: the data bring it back, and with it what they lack."""
     true, spread = 0.06, 0.02
     vehicle = stated("torque_gain", "change", true - 2.0 * spread, spread)
-    signals = simulate(TRUCK, "city", 5, {"torque_gain": {"change": true}},
-                       nominal=True, duration=600.0)  # fmt: skip
+    signals = simulate(
+        TRUCK, "city", 5, {"torque_gain": {"change": true}}, nominal=True, duration=600.0
+    )
     problem = Problem(signals, vehicle, LIBRARY)
     k = index(problem, "torque_gain", "change")
     assert k in problem.nuisances and problem.units[k] == spread
@@ -76,8 +77,10 @@ def test_a_delay_that_varies_is_as_uncertain_as_one_that_does_not(tmp_path: Path
     (tmp_path / "flat.py").write_text(flat, encoding="utf-8")
     curve = replace(stated("uneven", "size", 0.0, 0.5), effects_files=(tmp_path / "flat.py",))
     signals = simulate(TRUCK, "city", 5, duration=120.0)
-    std = [clutchest.replay(signals, vehicle).to_pandas()["clutch_torque_std"].to_numpy()
-           for vehicle in (curve, stated("torque_delay", "delay", 0.0, 0.01), TRUCK)]  # fmt: skip
+    std = [
+        clutchest.replay(signals, vehicle).to_pandas()["clutch_torque_std"].to_numpy()
+        for vehicle in (curve, stated("torque_delay", "delay", 0.0, 0.01), TRUCK)
+    ]
     np.testing.assert_allclose(std[0], std[1], rtol=1e-9)
     assert np.max(std[0] - std[2]) > 1.0
 
@@ -88,8 +91,9 @@ def test_what_is_exact_is_no_nuisance_of_a_diagnosis() -> None:
         vehicle = stated("torque_gain", "change", 0.03, spread)
         thetas = Problem(signals, vehicle, LIBRARY).thetas
         found, _, _ = nuisances(SimpleNamespace(thetas=thetas))
-        assert (("torque_gain", "change") in [(thetas[i].owner, thetas[i].key) for i in found]
-                ) == counts  # fmt: skip
+        assert (
+            ("torque_gain", "change") in [(thetas[i].owner, thetas[i].key) for i in found]
+        ) == counts
 
 
 def test_a_wear_rate_of_the_file_is_as_uncertain_as_it_says() -> None:

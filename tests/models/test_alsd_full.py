@@ -22,8 +22,14 @@ from clutchest.vehicle import load_vehicle
 
 Columns = dict[str, NDArray[np.float64]]
 WATCHED = ("pack_force", "motor_angle", "current", "clutch_torque")
-SHOWN = (*WATCHED, "friction_potential", "slip_speed", "ball_ramp_force", "spring_force",
-         "bristle_stiffness")  # fmt: skip
+SHOWN = (
+    *WATCHED,
+    "friction_potential",
+    "slip_speed",
+    "ball_ramp_force",
+    "spring_force",
+    "bristle_stiffness",
+)
 PERIOD = 1e-3
 OIL = 25.0
 STEPS = (0.5, 0.501, 1.3, 1.301, 2.1)  # A1: request up, request down
@@ -93,10 +99,15 @@ def reference(method: str, amps: float, rpm: float, stiffness: float = 1e6) -> C
     for a, b in pairwise((0.0, *STEPS)):
         wanted = grid[(grid > a - 1e-9) & (grid < b + 1e-9)]
         solution = solve_ivp(
-            lambda t, x: np.array(f(x, at(t), p)).ravel(), (a, b), x, method=method,
-            jac=lambda t, x: np.array(jacobian(x, at(t), p)), t_eval=np.clip(wanted, a, b),
-            rtol=1e-7, atol=1e-9 * scale,
-        )  # fmt: skip
+            lambda t, x: np.array(f(x, at(t), p)).ravel(),
+            (a, b),
+            x,
+            method=method,
+            jac=lambda t, x: np.array(jacobian(x, at(t), p)),
+            t_eval=np.clip(wanted, a, b),
+            rtol=1e-7,
+            atol=1e-9 * scale,
+        )
         assert solution.success
         x = solution.y[:, -1]
         for time, column in zip(wanted, solution.y.T, strict=True):
@@ -144,10 +155,21 @@ def test_energy_is_balanced() -> None:
     accounted = replace(full.RIG, pieces=(*full.RIG.pieces, energy.account))
     heats = ("heat_armature", "heat_motor_friction", "heat_film", "heat_driveline")
     watched = (
-        "electrical_power", "servo_power", "stored_energy", *heats, "work_ball_ramp", "work_clutch",
-        "wind_up", "deflection", "ball_ramp_bristle", "clutch_torque", "contact", "current",
-        "ball_ramp_friction_torque", "friction_potential",
-    )  # fmt: skip
+        "electrical_power",
+        "servo_power",
+        "stored_energy",
+        *heats,
+        "work_ball_ramp",
+        "work_clutch",
+        "wind_up",
+        "deflection",
+        "ball_ramp_bristle",
+        "clutch_torque",
+        "contact",
+        "current",
+        "ball_ramp_friction_torque",
+        "friction_potential",
+    )
     fine = 2e-5
     t = np.arange(round(1.6 / fine) + 1) * fine
     slip = np.interp(t, (0.0, 0.7, 0.9), (2.6, 2.6, -2.6))
@@ -217,9 +239,13 @@ def test_the_structure_apart_winds_up_as_the_lumped_bristle_does(
     structure = 40001.0 if law is karnopp else rig()["structure_stiffness"]
     bristle = rig()["torsional_stiffness"]
     o = step_response(
-        12.0, 0.5, model=compiled(model), structure_stiffness=structure,
-        torsional_stiffness=bristle, differential_backlash=0.0,
-    )[1]["clutch_torque"]  # fmt: skip
+        12.0,
+        0.5,
+        model=compiled(model),
+        structure_stiffness=structure,
+        torsional_stiffness=bristle,
+        differential_backlash=0.0,
+    )[1]["clutch_torque"]
     late = slice(800, 1290)
     assert lumped[800] > 400
     assert np.all(o[late] < 1.02 * lumped[late])
@@ -285,7 +311,11 @@ def test_the_half_shafts_of_a_car_soften_the_clutch() -> None:
 
 def test_what_is_missing_is_named() -> None:
     with pytest.raises(ClutchestError, match="parameter 'gear_ratio' is missing"):
-        compiled().run({k: v for k, v in rig().items() if k != "gear_ratio"},
-                       full.rest(full.RIG, 1e-4, OIL), {}, PERIOD)  # fmt: skip
+        compiled().run(
+            {k: v for k, v in rig().items() if k != "gear_ratio"},
+            full.rest(full.RIG, 1e-4, OIL),
+            {},
+            PERIOD,
+        )
     with pytest.raises(ValueError, match="no piece"):
         full.CAR.swap(driveline.rig_lumped, driveline.rig_apart)

@@ -108,12 +108,19 @@ def curve(x: float, v: dict[str, float]) -> float:
 
 
 QUANTITIES = {
-    "expansion": "expansion", "corrected_position": "corrected", "slip_speed": "slip",
-    "clutch_torque": "torque", "measured_torque": "measured", "power": "power",
-    "temp_body_rate": "body_rate", "temp_housing_rate": "housing_rate",
-    "temp_disc_rate": "disc_rate", "engine_speed_rate": "engine_rate",
-    "transmitted_torque": "transmitted", "zero_position_reading": "zero",
-}  # fmt: skip
+    "expansion": "expansion",
+    "corrected_position": "corrected",
+    "slip_speed": "slip",
+    "clutch_torque": "torque",
+    "measured_torque": "measured",
+    "power": "power",
+    "temp_body_rate": "body_rate",
+    "temp_housing_rate": "housing_rate",
+    "temp_disc_rate": "disc_rate",
+    "engine_speed_rate": "engine_rate",
+    "transmitted_torque": "transmitted",
+    "zero_position_reading": "zero",
+}
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
@@ -152,8 +159,10 @@ def test_torque_and_slope_vanish_at_the_kiss_point() -> None:
 def test_torque_grows_as_the_clutch_closes() -> None:
     evaluate = evaluator(DRY_CLUTCH, ["reference_torque"])
     base = points(DRY_CLUTCH)[1]
-    torque = [evaluate({**base, "slave_position": x})["reference_torque"]
-              for x in np.linspace(38.0, 51.0, 200)]  # fmt: skip
+    torque = [
+        evaluate({**base, "slave_position": x})["reference_torque"]
+        for x in np.linspace(38.0, 51.0, 200)
+    ]
     assert np.all(np.diff(torque) <= 0.0)
     assert torque[0] > 1000.0
     assert torque[-1] == 0.0
@@ -287,18 +296,28 @@ def course(model: Model, v: dict[str, float], names: tuple[str, ...], span: floa
     rate = ca.Function("rate", [e.x, e.u, e.w, e.p, e.g], [e.rate])
     x0, *rest = (vector(group, v) for group in argument_names(model))
     solved = solve_ivp(
-        lambda _, x: np.array(rate(x, *rest)).ravel(), (0.0, span), x0,
-        method="Radau", rtol=1e-9, atol=1e-9,
-    )  # fmt: skip
+        lambda _, x: np.array(rate(x, *rest)).ravel(),
+        (0.0, span),
+        x0,
+        method="Radau",
+        rtol=1e-9,
+        atol=1e-9,
+    )
     return np.array([solved.y[model.state(name), -1] for name in names])
 
 
 def test_two_states_are_the_limit_of_a_disc_without_capacity() -> None:
     """(6)–(7) from (12)–(14) as (m c_p)_d → 0: the error falls in proportion."""
     v = {
-        **pressed(), "engine_speed": 120.0, "input_shaft_speed": 80.0, "free_running": 0.0,
-        "engine_acceleration": 0.0, "sliding": 1.0, "engaged": 1.0, "expansion_disc": 0.0,
-    }  # fmt: skip
+        **pressed(),
+        "engine_speed": 120.0,
+        "input_shaft_speed": 80.0,
+        "free_running": 0.0,
+        "engine_acceleration": 0.0,
+        "sliding": 1.0,
+        "engaged": 1.0,
+        "expansion_disc": 0.0,
+    }
     temperatures = ("temp_body", "temp_housing")
     two = course(two_state(DRY_CLUTCH), v, temperatures, 60.0)
     assert two[0] > truck()["reference_temp"] + 10.0  # the slip does heat the body
@@ -356,8 +375,10 @@ def test_a_model_says_which_effects_it_takes() -> None:
     about_torque = {name for name, e in effects.items() if e.equation == "torque"}
     at_parameters = {"kiss_point", "expansion_disc"}  # there, if without consequence
     assert refused == about_torque - at_parameters | {
-        "position_offset", "position_hysteresis", "position_delay",
-    }  # fmt: skip
+        "position_offset",
+        "position_hysteresis",
+        "position_delay",
+    }
     for name in set(effects) - refused:
         WITHOUT_POSITION.with_effects((effects[name],)).expressions()
 

@@ -40,14 +40,16 @@ def friction(factor: Callable[[Values, Values, Values], float]) -> Says:
 SAYS: dict[str, Says] = {
     "friction_level": friction(lambda v, g, q: 1 + g["change"]),
     "friction_slip": friction(
-        lambda v, g, q: 1 + g["change"] * np.exp(-abs(q["slip_speed"]) / g["speed"])),
+        lambda v, g, q: 1 + g["change"] * np.exp(-abs(q["slip_speed"]) / g["speed"])
+    ),
     "friction_speed": friction(lambda v, g, q: 1 + g["slope"] * abs(q["slip_speed"]) / 100),
-    "friction_temperature": friction(
-        lambda v, g, q: 1 + g["slope"] * (v["temp_disc"] - 100) / 100),
+    "friction_temperature": friction(lambda v, g, q: 1 + g["slope"] * (v["temp_disc"] - 100) / 100),
     "friction_fade": friction(
-        lambda v, g, q: 1 - g["slope"] * max(v["temp_disc"] - g["onset"], 0) / 100),
+        lambda v, g, q: 1 - g["slope"] * max(v["temp_disc"] - g["onset"], 0) / 100
+    ),
     "torque_curve": friction(
-        lambda v, g, q: 1 + g["change"] * (v["kiss_point"] - max(q["corrected_position"], 0.0))),
+        lambda v, g, q: 1 + g["change"] * (v["kiss_point"] - max(q["corrected_position"], 0.0))
+    ),
     "centrifugal": friction(lambda v, g, q: 1 + g["slope"] * (v["engine_speed"] / 100) ** 2),
     "torque_gain": lambda v, g, q: {"engine_torque": v["engine_torque"] / (1 + g["change"])},
     "torque_bias": lambda v, g, q: {"engine_torque": v["engine_torque"] - g["bias"]},
@@ -60,26 +62,29 @@ SAYS: dict[str, Says] = {
     "heat_split": lambda v, g, q: {"heat_fraction_body": v["heat_fraction_body"] + g["fraction"]},
     "coolant_coupling": scaled("conductance_engine_body"),
     "housing_airflow": lambda v, g, q: {
-        "conductance_housing_ambient":
-            v["conductance_housing_ambient"] * (1 + g["slope"] * v["vehicle_speed"] / 20)},
+        "conductance_housing_ambient": v["conductance_housing_ambient"]
+        * (1 + g["slope"] * v["vehicle_speed"] / 20)
+    },
     "position_offset": lambda v, g, q: {"slave_position": v["slave_position"] - g["offset"]},
     "position_hysteresis": lambda v, g, q: {
-        "slave_position": v["slave_position"] + v["position_play"]},
+        "slave_position": v["slave_position"] + v["position_play"]
+    },
     "torque_delay": lambda v, g, q: {},
     "position_delay": lambda v, g, q: {},
     "transmission_heat_path": lambda v, g, q: {},
     "wear": lambda v, g, q: {},
     "viscous_drag": lambda v, g, q: {},
-}  # fmt: skip
+}
 
 # … and what it adds to what comes out; q holds power and the rest without the effect.
 ADDS: dict[str, Callable[[Values, Values, Values], Values]] = {
     "position_offset": lambda v, g, q: {"zero_position_reading": g["offset"]},
     "transmission_heat_path": lambda v, g, q: {
-        "temp_body_rate": -g["conductance"] * (v["temp_body"] - 80) / v["heat_capacity_body"]},
+        "temp_body_rate": -g["conductance"] * (v["temp_body"] - 80) / v["heat_capacity_body"]
+    },
     "wear": lambda v, g, q: {"zero_position_rate": -g["rate"] * q["power"] / 1e6},
     "viscous_drag": lambda v, g, q: drag(v, g["coefficient"] * q["slip_speed"] / 100, q),
-}  # fmt: skip
+}
 
 
 def drag(v: Values, torque: float, q: Values) -> Values:
@@ -143,8 +148,9 @@ def test_worn_pads_start_lower() -> None:
 @pytest.mark.parametrize("estimated", [0.0, 0.1])
 def test_a_megajoule_wears_its_rate(estimated: float) -> None:
     """What the vehicle file says of it, and what the filter finds beside that."""
-    evaluate = evaluator(DRY_CLUTCH.with_effects((EFFECTS["wear"],)),
-                         ["zero_position_rate", "power"])  # fmt: skip
+    evaluate = evaluator(
+        DRY_CLUTCH.with_effects((EFFECTS["wear"],)), ["zero_position_rate", "power"]
+    )
     values, _ = next(v for v in points(DRY_CLUTCH, "wear") if v[0]["sliding"] == 1.0)
     values |= {"slave_position": 42.0, "zero_position": 38.4, "wear_rate": estimated}
     made = evaluate({**values, "wear.rate": 0.2})

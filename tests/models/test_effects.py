@@ -130,8 +130,17 @@ def test_gain_0_is_absent_in_every_step(model: str, name: str, bench: BenchOf) -
         brought = np.zeros(len(effect.states))
         dt = b.model.longest[0]
         plain = functions[0](x, u0, u1, dt, w, p, [], q.ravel(), noise)
-        filled = functions[1](np.append(x, brought), u0, u1, dt, w, p, shapes,
-                              np.hstack([q, [brought] * 2]).ravel(), noise)  # fmt: skip
+        filled = functions[1](
+            np.append(x, brought),
+            u0,
+            u1,
+            dt,
+            w,
+            p,
+            shapes,
+            np.hstack([q, [brought] * 2]).ravel(),
+            noise,
+        )
         for a, c in zip(plain, filled, strict=True):
             a, c = np.array(a), np.array(c)
             assert np.array_equal(a, c[: a.shape[0], : a.shape[1]])
@@ -199,11 +208,16 @@ def _delayed(line: Timeline, shifted: Timeline) -> Timeline:
     t, sensor = t[order], sensor[order]
     interval = np.minimum(np.searchsorted(line.t, t), len(line.t) - 1)
     return replace(
-        line, t=t, sensor=sensor, z=np.append(line.z, none)[order],
-        R=np.append(line.R, none)[order], row=line.row[interval],
+        line,
+        t=t,
+        sensor=sensor,
+        z=np.append(line.z, none)[order],
+        R=np.append(line.R, none)[order],
+        row=line.row[interval],
         u=np.column_stack([np.interp(t, shifted.t, column) for column in shifted.u.T]),
-        mode=line.mode[interval], emit=np.full(len(t), -1),
-    )  # fmt: skip
+        mode=line.mode[interval],
+        emit=np.full(len(t), -1),
+    )
 
 
 # --- c. finite everywhere ---
@@ -228,8 +242,10 @@ def test_everything_is_finite_within_the_bounds(model: str, corners: bool, bench
                 values[:] = vector(names, {**dict(zip(names, values, strict=True)), **resting})
             u1[:] = u0
         g = vector(argument_names(m)[4], draw(rng, drawn, corners))
-        made = [np.zeros(s) for s in (n, (n, n), (n, n), n, (n, k), k, no, (no, n), (no, nu),
-                                      (no, k), n, k)]  # fmt: skip
+        made = [
+            np.zeros(s)
+            for s in (n, (n, n), (n, n), n, (n, k), k, no, (no, n), (no, nu), (no, k), n, k)
+        ]
         xn, F, Q, e, G, eG, y, Y, Yu, Ym, H, Hm = made
         f.step(x, u0, u1, dt, w, p, g, np.ones(2 * n), np.ones(nu), xn, F, Q, e)
         f.step_signature(x, u0, u1, dt, w, p, g, (u1 - u0) / dt, G, eG)
@@ -256,13 +272,21 @@ def test_torque_opposes_slip(model: str, name: str, bench: BenchOf) -> None:
     after = brake(settled(*at), *at[1:])  # as every step leaves the state
     function = ca.Function("after", at, list(after))
     for corners in (False, True):
-        drawn = [{**draw(rng, ranges_of(b, m)), **draw(rng, bounds(*m.effects), corners),
-                  **parameters(b)} for _ in range(300)]  # fmt: skip
+        drawn = [
+            {
+                **draw(rng, ranges_of(b, m)),
+                **draw(rng, bounds(*m.effects), corners),
+                **parameters(b),
+            }
+            for _ in range(300)
+        ]
         for values in drawn:
             for spring, by in b.plausible.wound.items():
                 values[spring] = abs(values[spring]) * np.sign(values[by])
-        columns = [ca.DM(np.array([vector(group, values) for values in drawn]).T)
-                   for group in argument_names(m)]  # fmt: skip
+        columns = [
+            ca.DM(np.array([vector(group, values) for values in drawn]).T)
+            for group in argument_names(m)
+        ]
         torque, slip = (np.array(row).ravel() for row in function(*columns))
         assert np.all(torque * slip >= 0.0)
         assert np.sum(torque != 0.0) > 50, "the points hold a clutch that is pressed together"
@@ -312,12 +336,14 @@ def check_units(model: Model) -> None:
     states = [dimensions_of(s.unit) for s in model.states]
     inputs = [dimensions_of(i.unit) for i in model.inputs]
     given = {
-        0: states, 1: inputs, 2: inputs,
+        0: states,
+        1: inputs,
+        2: inputs,
         3: [dimensions_of("1")] * len(model.regime)
         + [states[model.state(name)] for name in model.doubted],
         4: [dimensions_of(p.unit) for p in model.parameters],
         5: [dimensions_of(n.unit) for effect in model.effects for n in effect.parameters],
-    }  # fmt: skip
+    }
     wanted = {
         "rate": [per_second(s) for s in states],
         "readings": [dimensions_of(s.unit) for s in model.sensors],
@@ -341,15 +367,24 @@ def test_units_balance(model: str, name: str, bench: BenchOf) -> None:
 WRONG = {
     "a temperature added to a torque": ("drag_torque", "1", lambda m, q, g: m + q.temp_disc),
     "a slope per kelvin on a square": (
-        "sliding_torque", "1/(100 K)", lambda m, q, g: m * (1 + g * q.temp_disc**2)),
+        "sliding_torque",
+        "1/(100 K)",
+        lambda m, q, g: m * (1 + g * q.temp_disc**2),
+    ),
     "a speed in an exponential": ("sliding_torque", "1", lambda m, q, g: m * ca.exp(q.slip_speed)),
     "a speed compared with a torque": (
-        "sliding_torque", "1", lambda m, q, g: m * (q.slip_speed < m)),
+        "sliding_torque",
+        "1",
+        lambda m, q, g: m * (q.slip_speed < m),
+    ),
     "a gain in the wrong unit": ("zero_position_rate", "mm/s", lambda r, q, g: r - g * q.power),
     "a product for a quotient": ("temp_disc_rate", "1", lambda r, q, g: r * q.heat_capacity_disc),
     "branches of two kinds": (
-        "drag_torque", "1", lambda m, q, g: ca.if_else(g > 0, q.sliding_torque, q.slip_speed)),
-}  # fmt: skip
+        "drag_torque",
+        "1",
+        lambda m, q, g: ca.if_else(g > 0, q.sliding_torque, q.slip_speed),
+    ),
+}
 
 
 @pytest.mark.parametrize("what", WRONG)

@@ -42,8 +42,9 @@ def test_a_fault_is_an_event_and_a_code_on_the_bus(truck, monkeypatch):
     watcher = Faults(truck, load_database(truck), lambda f: sent.append((clock[-1], f)))
     events = driven(truck, broken, watcher, clock)
     assert [(e.kind, e.name, e.data["failed"]) for e in events] == [
-        ("fault", "missing:ETC1", True), ("fault", "missing:ETC1", False),
-    ]  # fmt: skip
+        ("fault", "missing:ETC1", True),
+        ("fault", "missing:ETC1", False),
+    ]
     assert 10.0 < events[0].time < 10.6
     codes = [(t, read_payload(bytes(f.data[0]))) for t, f in sent]
     told = [(c.spn, c.fmi) for _, found in codes for c in found]
@@ -72,8 +73,12 @@ def test_a_new_drive_begins_anew(truck):
 def test_the_last_word_is_an_event(truck, monkeypatch):
     """What had not been judged yet, and what the equations show of the whole drive."""
     frames, _ = simulate_frames(truck, "city", 5, duration=20.0)
-    said = {"fault": "torque_bias", "first_detected_s": 12.0, "set": ["torque_bias"],
-            "causes": [{"size": 40.0}]}  # fmt: skip
+    said = {
+        "fault": "torque_bias",
+        "first_detected_s": 12.0,
+        "set": ["torque_bias"],
+        "causes": [{"size": 40.0}],
+    }
     monkeypatch.setattr(watch, "looked_at", lambda *_: watch.Look([said], 1.0))
     watcher = Faults(truck, load_database(truck), None)
     assert not driven(truck, frames, watcher, [])

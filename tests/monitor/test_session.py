@@ -22,8 +22,12 @@ GROUP = "239.74.163.2"
 def run(folder: Path, name: str, *arguments, **more):
     """A clutchest of its own; what it says goes to files, so that it never waits for a reader."""
     with (folder / f"{name}.out").open("w") as out, (folder / f"{name}.err").open("w") as err:
-        return subprocess.Popen([sys.executable, "-m", "clutchest", *map(str, arguments)],
-                                stdout=out, stderr=err, **more)  # fmt: skip
+        return subprocess.Popen(
+            [sys.executable, "-m", "clutchest", *map(str, arguments)],
+            stdout=out,
+            stderr=err,
+            **more,
+        )
 
 
 def bus(*arguments):
@@ -96,17 +100,28 @@ def sessions(tmp_path_factory, port):
             process.wait()
     again = start("again", "monitor", "--vehicle", "truck", "--out", cut, "--duration", 0.5)
     again.wait(60)
-    told = [json.loads(line) for line in said("second").splitlines(keepends=True)
-            if line.endswith("\n")]  # fmt: skip
-    return {"whole": whole, "cut": cut, "told": told, "refused": said("twice", "err"),
-            "words": said("again"), "errors": said("first", "err"),
-            "lines": [json.loads(line) for line in said("first").splitlines()],
-            "codes": (first.returncode, again.returncode, twice.returncode)}  # fmt: skip
+    told = [
+        json.loads(line) for line in said("second").splitlines(keepends=True) if line.endswith("\n")
+    ]
+    return {
+        "whole": whole,
+        "cut": cut,
+        "told": told,
+        "refused": said("twice", "err"),
+        "words": said("again"),
+        "errors": said("first", "err"),
+        "lines": [json.loads(line) for line in said("first").splitlines()],
+        "codes": (first.returncode, again.returncode, twice.returncode),
+    }
 
 
 def verified(recording: Path) -> str:
-    result = subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", recording],
-                            capture_output=True, text=True, check=False)  # fmt: skip
+    result = subprocess.run(
+        [sys.executable, "-m", "rerun", "rrd", "verify", recording],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     return "" if result.returncode == 0 else result.stdout + result.stderr
 
 

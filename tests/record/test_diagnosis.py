@@ -22,16 +22,37 @@ def diagnosis():
     run = clutchest.replay(clutchest.read_log("alsd", rig), rig)
     found = clutchest.diagnose(run)
     frame = {
-        "time": 3.0, "mode": "slipping", "clutch_torque": 100.0, "causes": ["angle_offset"],
+        "time": 3.0,
+        "mode": "slipping",
+        "clutch_torque": 100.0,
+        "causes": ["angle_offset"],
         "states": {"current": {"value": 1.0, "std": np.nan, "valid": False}},
         "inputs": {"motor_angle": 2.0, "oil_temp": None},
-    }  # fmt: skip
+    }
     causes = (Explanation("angle_offset", 0.1, 0.01, "rad", 3, 0.0),)
-    fault = Fault("angle_offset", ("angle_offset", "friction_level"), 0, 2.0, 3.0, None, 0.999,
-                  "angle_offset +0.1 rad", causes, frame, 0x2F, 520_192, 11)  # fmt: skip
-    matrix = Isolability(("a", "b"), ("rad", "1"), np.array([0.1, 0.2]),
-                         np.array([[0.0, 4.0, 5.0], [4.0, 0.0, 6.0]]), (0.1, None),
-                         {"a": ("angle",), "b": ()})  # fmt: skip
+    fault = Fault(
+        "angle_offset",
+        ("angle_offset", "friction_level"),
+        0,
+        2.0,
+        3.0,
+        None,
+        0.999,
+        "angle_offset +0.1 rad",
+        causes,
+        frame,
+        0x2F,
+        520_192,
+        11,
+    )
+    matrix = Isolability(
+        ("a", "b"),
+        ("rad", "1"),
+        np.array([0.1, 0.2]),
+        np.array([[0.0, 4.0, 5.0], [4.0, 0.0, 6.0]]),
+        (0.1, None),
+        {"a": ("angle",), "b": ()},
+    )
     lanes = {**found.lanes, "angle_offset": (((0.0, "passed"), (3.0, "failed")),)}
     return replace(found, faults=(fault,), isolability=matrix, lanes=lanes)
 
@@ -43,16 +64,28 @@ def test_json_has_what_the_interface_names(diagnosis, tmp_path):
     for monitor in told["monitors"]:
         assert {"name", "status", "why", "threshold", "false_alarms_per_1000h"} <= set(monitor)
     fault = told["faults"][0]
-    assert {"fault", "set", "first_detected_s", "confidence", "freeze_frame", "status_byte", "spn",
-            "fmi"} <= set(fault)  # fmt: skip
+    assert {
+        "fault",
+        "set",
+        "first_detected_s",
+        "confidence",
+        "freeze_frame",
+        "status_byte",
+        "spn",
+        "fmi",
+    } <= set(fault)
     assert fault["freeze_frame"]["states"]["current"]["std"] is None
 
 
 def test_the_recording_has_lanes_a_log_and_a_freeze_frame(diagnosis, tmp_path):
     recording = write_diagnosis(diagnosis, tmp_path / "out")[1]
     entities = {chunk.entity_path for chunk in RrdReader(recording).stream()}
-    assert {"/fault/log", "/fault/freeze_frame", "/fault/angle_offset",
-            "/fault/angle_offset/freeze_frame"} <= entities  # fmt: skip
+    assert {
+        "/fault/log",
+        "/fault/freeze_frame",
+        "/fault/angle_offset",
+        "/fault/angle_offset/freeze_frame",
+    } <= entities
 
 
 def test_the_terminal_names_the_set_and_explains(diagnosis):

@@ -83,8 +83,11 @@ def test_files(tmp_path, verdict, gain):
 def test_what_a_log_can_tell_is_whole_on_80_columns():
     effects = library("dry_clutch").values()
     longest = max((effect.name for effect in effects), key=len)
-    tells = [Identifiable(effect.name, n.unit, 0.00123456, n.upper, longest, 12.3)
-             for effect in effects for n in effect.gains]  # fmt: skip
+    tells = [
+        Identifiable(effect.name, n.unit, 0.00123456, n.upper, longest, 12.3)
+        for effect in effects
+        for n in effect.gains
+    ]
     text = StringIO()
     print_identifiable(tells, Console(file=text, width=80))
     said = text.getvalue()
@@ -220,8 +223,14 @@ def test_what_could_be_told_is_printed():
     lines = printed(discovery("none")).splitlines()
     (fade,) = [line for line in lines if "friction_fade" in line]
     assert fade.replace("│", " ").split() == [
-        "friction_fade", "0.05", "0.4", "1/(100", "K)", "friction_temperature", "7.2",
-    ]  # fmt: skip
+        "friction_fade",
+        "0.05",
+        "0.4",
+        "1/(100",
+        "K)",
+        "friction_temperature",
+        "7.2",
+    ]
     assert any("viscous_drag" in line and "never" in line for line in lines)
 
 
@@ -331,8 +340,9 @@ def test_recording_of_several_drives(tmp_path):
     assert second > found.misfit.time[0][-1]
     table = moving["/residual/engine_speed"]
     own = found.misfit.sensor[1] == 0
-    np.testing.assert_array_equal(values(table)[seconds(table) > second][-own.sum():],
-                                  found.misfit.before[1][own])  # fmt: skip
+    np.testing.assert_array_equal(
+        values(table)[seconds(table) > second][-own.sum() :], found.misfit.before[1][own]
+    )
 
 
 def test_a_spike_stays_in_the_recording_and_out_of_its_range(tmp_path):

@@ -75,11 +75,25 @@ class Machine:
 
     def _boot(self, place: Path, seconds: float) -> str:
         line = [
-            str(self.kernel), f"mem={MEMORY}", "rootfstype=hostfs", "rootflags=/", "ro", "quiet",
-            "loglevel=1", "panic=-1", "con=null", "con0=null,fd:1", "ssl=null",
-            f"uml_dir={place}", "umid=machine", f"init={place}/python", "--", "-I",
-            f"{place}/boot.py", f"{place}/order.json",
-        ]  # fmt: skip
+            str(self.kernel),
+            f"mem={MEMORY}",
+            "rootfstype=hostfs",
+            "rootflags=/",
+            "ro",
+            "quiet",
+            "loglevel=1",
+            "panic=-1",
+            "con=null",
+            "con0=null,fd:1",
+            "ssl=null",
+            f"uml_dir={place}",
+            "umid=machine",
+            f"init={place}/python",
+            "--",
+            "-I",
+            f"{place}/boot.py",
+            f"{place}/order.json",
+        ]
 
         def alone() -> None:
             ctypes.CDLL(None).prctl(_DIES_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
@@ -88,9 +102,13 @@ class Machine:
             os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
         kernel = subprocess.Popen(
-            line, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            start_new_session=True, preexec_fn=alone,
-        )  # fmt: skip
+            line,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=alone,
+        )
         try:
             said, _ = kernel.communicate(timeout=seconds)
         except subprocess.TimeoutExpired:

@@ -12,8 +12,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-MODULES = ("net/can/can", "net/can/can-raw", "net/can/can-bcm", "drivers/net/can/dev/can-dev",
-           "drivers/net/can/vcan", "fs/overlayfs/overlay")  # fmt: skip
+MODULES = (
+    "net/can/can",
+    "net/can/can-raw",
+    "net/can/can-bcm",
+    "drivers/net/can/dev/can-dev",
+    "drivers/net/can/vcan",
+    "fs/overlayfs/overlay",
+)
 LAYERS = "/run"
 LIBC = ctypes.CDLL(None, use_errno=True)
 FINIT_MODULE = {"x86_64": 313, "aarch64": 273}[os.uname().machine]
@@ -79,8 +85,14 @@ def settle(order):
     Path(top).mkdir()
     Path(work).mkdir()
     mount("overlay", root, data=f"lowerdir=/,upperdir={top},workdir={work}")
-    for kind, where in (("proc", "proc"), ("sysfs", "sys"), ("devtmpfs", "dev"),
-                        ("devpts", "dev/pts"), ("tmpfs", "dev/shm"), ("tmpfs", "run")):  # fmt: skip
+    for kind, where in (
+        ("proc", "proc"),
+        ("sysfs", "sys"),
+        ("devtmpfs", "dev"),
+        ("devpts", "dev/pts"),
+        ("tmpfs", "dev/shm"),
+        ("tmpfs", "run"),
+    ):
         mount(kind, f"{root}/{where}")
     for folder in order["writable"]:
         mount("hostfs", root + folder, data=folder)

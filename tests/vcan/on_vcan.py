@@ -163,8 +163,9 @@ def test_what_a_full_buffer_drops_is_counted():
     sender = open_bus("socketcan", BUS)
 
     def send(number):
-        sender.send(can.Message(arbitration_id=0x123, data=number.to_bytes(4, "big"),
-                                is_extended_id=False))  # fmt: skip
+        sender.send(
+            can.Message(arbitration_id=0x123, data=number.to_bytes(4, "big"), is_extended_id=False)
+        )
 
     for k in range(500):
         send(k)

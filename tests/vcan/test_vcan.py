@@ -36,11 +36,22 @@ def natively() -> str:
 def test_on_a_real_bus(tmp_path, pytestconfig):
     why = natively()
     report = tmp_path / "report.xml"
-    command = [sys.executable, "-m", "pytest", "-q", "--durations=0", "-m", "vcan",
-               "-p", "no:cacheprovider",
-               "-o", "addopts=--strict-markers --import-mode=importlib",
-               f"--junitxml={report}", f"--basetemp={tmp_path / 'inside'}",
-               str(HERE / "on_vcan.py")]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "--durations=0",
+        "-m",
+        "vcan",
+        "-p",
+        "no:cacheprovider",
+        "-o",
+        "addopts=--strict-markers --import-mode=importlib",
+        f"--junitxml={report}",
+        f"--basetemp={tmp_path / 'inside'}",
+        str(HERE / "on_vcan.py"),
+    ]
     if not why:
         import subprocess
 
@@ -50,8 +61,10 @@ def test_on_a_real_bus(tmp_path, pytestconfig):
         folder = os.environ.get("CLUTCHEST_UML")
         machine = Machine.at(Path(folder)) if folder else None
         if machine is None:
-            why += ("; CLUTCHEST_UML names no unpacked user-mode-linux package (apt-get download "
-                    "user-mode-linux; dpkg -x user-mode-linux_*.deb FOLDER)")  # fmt: skip
+            why += (
+                "; CLUTCHEST_UML names no unpacked user-mode-linux package (apt-get download "
+                "user-mode-linux; dpkg -x user-mode-linux_*.deb FOLDER)"
+            )
             if os.environ.get("CLUTCHEST_VCAN") == "required":
                 pytest.fail(why)
             pytest.skip(why)

@@ -142,8 +142,12 @@ def test_a_column_in_another_unit_is_told(tmp_path: Path, truck) -> None:
     """Readings that the bus signal could not carry; those that scatter about its end it could."""
     n = 200
     noise = 0.2 * np.random.default_rng(1).standard_normal(n)
-    columns = {"time": 0.01 * np.arange(n), "engine_speed": 1200.0 + noise,
-               "input_shaft_speed": noise, "coolant_temp": 360.0 + noise}  # fmt: skip
+    columns = {
+        "time": 0.01 * np.arange(n),
+        "engine_speed": 1200.0 + noise,
+        "input_shaft_speed": noise,
+        "coolant_temp": 360.0 + noise,
+    }
     pd.DataFrame(columns).to_csv(tmp_path / "rpm.csv", index=False)
     told = [w for w in read_log(tmp_path / "rpm.csv", truck).warnings if "lie outside" in w]
     assert told == [

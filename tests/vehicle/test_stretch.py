@@ -55,8 +55,10 @@ def assert_same_signals(a, b) -> None:
 def test_the_size_of_the_blocks_does_not_matter(block, busy, truck, monkeypatch):
     whole = read_log(busy, truck)
     assert [len(drive["engine_speed"]) for drive in whole.drives] == [1000, 1000]
-    lost = [sum(drive.counts.rejected.get(f"{kind} frame", 0) for drive in whole.drives)
-            for kind in ("error", "remote")]  # fmt: skip
+    lost = [
+        sum(drive.counts.rejected.get(f"{kind} frame", 0) for drive in whole.drives)
+        for kind in ("error", "remote")
+    ]
     assert lost == [100, 200]
     monkeypatch.setattr(stream, "BLOCK", block)
     blocks = read_log(busy, truck)
@@ -130,8 +132,19 @@ def test_a_date_needs_a_clock(send, truck, tmp_path):
 
 def test_convert_cuts(log, tmp_path, capsys):
     with pytest.raises(SystemExit) as left:
-        app(["convert", str(log), "-o", str(tmp_path / "b.blf"), "--from", "1", "--to", "2",
-             "--json"])  # fmt: skip
+        app(
+            [
+                "convert",
+                str(log),
+                "-o",
+                str(tmp_path / "b.blf"),
+                "--from",
+                "1",
+                "--to",
+                "2",
+                "--json",
+            ]
+        )
     assert left.value.code == 0
     assert json.loads(capsys.readouterr().out)["frames"] == 100
     assert len(files.read_frames(tmp_path / "b.blf")) == 100

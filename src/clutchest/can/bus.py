@@ -46,8 +46,9 @@ def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = 
         cause = problem.__cause__
         if cause is not None and str(cause) not in reason:
             reason += f" ({cause})"
-        raise ClutchestError(f"bus {where}: cannot be opened: {reason}; "
-                             f"interfaces that python-can knows: {known}") from None  # fmt: skip
+        raise ClutchestError(
+            f"bus {where}: cannot be opened: {reason}; interfaces that python-can knows: {known}"
+        ) from None
     _widen(bus)
     return bus
 
@@ -55,8 +56,9 @@ def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = 
 def filters(messages: Iterable[Message]) -> list[dict[str, Any]]:
     """What python-can needs to let these messages in, and the packets of those in packets."""
     wanted = list(messages)
-    found = [{"can_id": m.id & m.id_mask, "can_mask": m.id_mask, "extended": m.extended}
-             for m in wanted]  # fmt: skip
+    found = [
+        {"can_id": m.id & m.id_mask, "can_mask": m.id_mask, "extended": m.extended} for m in wanted
+    ]
     if any(transport.may_carry(message) for message in wanted):
         found += [{"can_id": i, "can_mask": mask, "extended": True} for i, mask in _TRANSPORT]
     return found
@@ -171,8 +173,14 @@ def _kernel_frames(payloads: Sequence[bytes], stamps: list[int], sent: list[bool
     length = table[:, 4].copy()
     data[np.arange(data.shape[1]) >= length[:, None]] = 0
     mask = np.where(word & 0xA0000000, 0x1FFFFFFF, 0x7FF).astype(np.uint32)
-    return Frames(np.array(stamps, np.int64), np.zeros(len(payloads), np.uint8), word & mask,
-                  flags.astype(np.uint8), length, data)  # fmt: skip
+    return Frames(
+        np.array(stamps, np.int64),
+        np.zeros(len(payloads), np.uint8),
+        word & mask,
+        flags.astype(np.uint8),
+        length,
+        data,
+    )
 
 
 def frames_of(messages: Sequence[can.Message]) -> Frames:
@@ -183,12 +191,14 @@ def frames_of(messages: Sequence[can.Message]) -> Frames:
         frames.t_ns[k] = round(m.timestamp * 1e6) * 1000
         frames.id[k] = m.arbitration_id
         frames.flags[k] = (
-            (Flag.EXTENDED if m.is_extended_id else 0) | (Flag.REMOTE if m.is_remote_frame else 0)
-            | (Flag.ERROR if m.is_error_frame else 0) | (Flag.FD if m.is_fd else 0)
+            (Flag.EXTENDED if m.is_extended_id else 0)
+            | (Flag.REMOTE if m.is_remote_frame else 0)
+            | (Flag.ERROR if m.is_error_frame else 0)
+            | (Flag.FD if m.is_fd else 0)
             | (Flag.BITRATE_SWITCH if m.bitrate_switch else 0)
             | (Flag.ERROR_STATE if m.error_state_indicator else 0)
             | (0 if m.is_rx else Flag.SENT)
-        )  # fmt: skip
+        )
         if m.is_remote_frame:
             frames.length[k] = m.dlc
         else:
@@ -204,10 +214,13 @@ def message_of(frames: Frames, row: int) -> can.Message:
     flags, length = int(frames.flags[row]), int(frames.length[row])
     remote = bool(flags & Flag.REMOTE)
     return can.Message(
-        arbitration_id=int(frames.id[row]), is_extended_id=bool(flags & Flag.EXTENDED),
-        is_remote_frame=remote, is_fd=bool(flags & Flag.FD),
+        arbitration_id=int(frames.id[row]),
+        is_extended_id=bool(flags & Flag.EXTENDED),
+        is_remote_frame=remote,
+        is_fd=bool(flags & Flag.FD),
         bitrate_switch=bool(flags & Flag.BITRATE_SWITCH),
         error_state_indicator=bool(flags & Flag.ERROR_STATE),
         dlc=length if remote else None,
-        data=None if remote else frames.data[row, :length].tobytes(), check=True,
-    )  # fmt: skip
+        data=None if remote else frames.data[row, :length].tobytes(),
+        check=True,
+    )

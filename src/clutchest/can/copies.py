@@ -15,8 +15,9 @@ _LOOK_BACK = 256  # frames of one time stamp among which a copy is looked for
 def without_copies(frames: Frames) -> Frames:
     """``frames`` (sorted) without those that equal one before, stamp included; they are counted in
     ``passed_over``."""
-    copies = _copies(frames.t_ns, frames.channel, frames.id, frames.flags, frames.length,
-                     frames.data)  # fmt: skip
+    copies = _copies(
+        frames.t_ns, frames.channel, frames.id, frames.flags, frames.length, frames.data
+    )
     count = int(np.count_nonzero(copies))
     if not count:
         return frames

@@ -70,8 +70,9 @@ class Message:
         try:
             return self.signals[name]
         except KeyError:
-            raise ClutchestError(f"message '{self.name}' has no signal '{name}'"
-                                 + nearest(name, self.signals)) from None  # fmt: skip
+            raise ClutchestError(
+                f"message '{self.name}' has no signal '{name}'" + nearest(name, self.signals)
+            ) from None
 
     @property
     def id_mask(self) -> int:
@@ -93,8 +94,9 @@ class Database:
             return self.messages[name]
         except KeyError:
             files = ", ".join(path.name for path in self.paths) or "the DBC"
-            raise ClutchestError(f"no message '{name}' in {files}"
-                                 + nearest(name, self.messages)) from None  # fmt: skip
+            raise ClutchestError(
+                f"no message '{name}' in {files}" + nearest(name, self.messages)
+            ) from None
 
     def find(self, can_id: int, extended: bool) -> Message | None:
         """The message that a frame with this id carries (J1939: by PGN), None if unknown."""
@@ -160,15 +162,17 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], str]:
             complaint = f"{error} Loaded without that check."
     except ParseError as error:
         line = text.splitlines()[error.line - 1].strip()
-        raise ClutchestError(f"{path}, line {error.line}, column {error.column}: "
-                             f"not valid in a DBC: {line[:80]!r}") from None  # fmt: skip
+        raise ClutchestError(
+            f"{path}, line {error.line}, column {error.column}: not valid in a DBC: {line[:80]!r}"
+        ) from None
     except TokenizeError as error:
         number = text.count("\n", 0, error.offset) + 1
         line = text.splitlines()[number - 1].strip()
         raise ClutchestError(f"{path}, line {number}: not valid in a DBC: {line[:80]!r}") from None
     except Exception as error:  # cantools lets its own lookups fail on a broken file
-        raise ClutchestError(f"{path}: not a DBC that can be read "
-                             f"({type(error).__name__}: {error})") from None  # fmt: skip
+        raise ClutchestError(
+            f"{path}: not a DBC that can be read ({type(error).__name__}: {error})"
+        ) from None
     if not database.messages:
         raise ClutchestError(f"{path}: no messages; expected a DBC with BO_ lines")
     attributes = database.dbc.attributes if database.dbc else {}
@@ -182,22 +186,41 @@ def _message(message: Any, bus_is_j1939: bool) -> Message:
     is_j1939 = extended and (message.protocol == "j1939" or bus_is_j1939)
     signals = {signal.name: _signal(signal, is_j1939) for signal in message.signals}
     cycle = message.cycle_time
-    return Message(message.name, message.frame_id, extended, message.length, is_j1939,
-                   cycle / 1000 if cycle else None, signals)  # fmt: skip
+    return Message(
+        message.name,
+        message.frame_id,
+        extended,
+        message.length,
+        is_j1939,
+        cycle / 1000 if cycle else None,
+        signals,
+    )
 
 
 def _signal(signal: Any, is_j1939: bool) -> SignalLayout:
     is_float = bool(signal.conversion.is_float)
     # Counters and checksums run through every code.
-    coded = (is_j1939 and not signal.is_signed and not is_float and signal.length > 1
-             and not signal.name.endswith(("Counter", "Checksum")))  # fmt: skip
+    coded = (
+        is_j1939
+        and not signal.is_signed
+        and not is_float
+        and signal.length > 1
+        and not signal.name.endswith(("Counter", "Checksum"))
+    )
     return SignalLayout(
-        name=signal.name, start=signal.start, width=signal.length,
+        name=signal.name,
+        start=signal.start,
+        width=signal.length,
         little_endian=signal.byte_order == "little_endian",
-        signed=bool(signal.is_signed), is_float=is_float,
-        scale=signal.scale, offset=signal.offset, unit=signal.unit or "",
-        minimum=signal.minimum, maximum=signal.maximum,
+        signed=bool(signal.is_signed),
+        is_float=is_float,
+        scale=signal.scale,
+        offset=signal.offset,
+        unit=signal.unit or "",
+        minimum=signal.minimum,
+        maximum=signal.maximum,
         multiplexer=signal.multiplexer_signal,
         multiplexer_ids=frozenset(signal.multiplexer_ids or ()),
-        spn=signal.spn, coded=coded,
-    )  # fmt: skip
+        spn=signal.spn,
+        coded=coded,
+    )

@@ -42,9 +42,15 @@ def rows_of(frames: Frames, message: Message, channel: int | None = None) -> Row
     is one, destination do not matter.
     """
     kind = Flag.EXTENDED if message.extended else 0
-    return _matching(frames.id, frames.flags, frames.channel, message.id_mask,
-                     message.id & message.id_mask, int(kind),
-                     -1 if channel is None else channel)  # fmt: skip
+    return _matching(
+        frames.id,
+        frames.flags,
+        frames.channel,
+        message.id_mask,
+        message.id & message.id_mask,
+        int(kind),
+        -1 if channel is None else channel,
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -58,23 +64,33 @@ def _matching(ids, flags, channels, mask, wanted, kind, channel):  # type: ignor
     return rows[:n].copy()
 
 
-def decode(frames: Frames, rows: Rows, message: Message,
-           signal_names: Sequence[str]) -> dict[str, Column]:  # fmt: skip
+def decode(
+    frames: Frames, rows: Rows, message: Message, signal_names: Sequence[str]
+) -> dict[str, Column]:
     """The named signals of ``message`` from the given ``rows``, by name.
 
     Frames longer than the message are read as far as the DBC goes; in shorter ones every signal
     that does not lie wholly inside is TOO_SHORT.  Raises ClutchestError for an unknown signal.
     """
     length = frames.length[rows]
-    return {name: _column(rows, frames.data, length, message, message.signal(name))
-            for name in signal_names}  # fmt: skip
+    return {
+        name: _column(rows, frames.data, length, message, message.signal(name))
+        for name in signal_names
+    }
 
 
-def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.unsignedinteger],
-            message: Message, layout: SignalLayout) -> Column:  # fmt: skip
+def _column(
+    rows: Rows,
+    data: NDArray[np.uint8],
+    length: NDArray[np.unsignedinteger],
+    message: Message,
+    layout: SignalLayout,
+) -> Column:
     if layout.width > 64:
-        raise ClutchestError(f"signal '{layout.name}' of message '{message.name}' has "
-                             f"{layout.width} bits; at most 64 can be a number")  # fmt: skip
+        raise ClutchestError(
+            f"signal '{layout.name}' of message '{message.name}' has "
+            f"{layout.width} bits; at most 64 can be a number"
+        )
     short = length <= layout.last_byte
     if layout.multiplexer:
         selector = message.signal(layout.multiplexer)
@@ -86,8 +102,11 @@ def _column(rows: Rows, data: NDArray[np.uint8], length: NDArray[np.unsignedinte
         rows, short = rows[inside], short[inside] | unread[keep]
     raw = _raw(data, rows, layout)
     value = scaled(raw, layout)
-    why = (j1939.why_of(raw, layout.width, layout.spn) if layout.coded
-           else np.zeros(len(rows), np.uint8))  # fmt: skip
+    why = (
+        j1939.why_of(raw, layout.width, layout.spn)
+        if layout.coded
+        else np.zeros(len(rows), np.uint8)
+    )
     why[short] = Why.TOO_SHORT
     if layout.is_float:
         why[(why == Why.VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
@@ -104,8 +123,11 @@ def _raw(data: NDArray[np.uint8], rows: Rows, layout: SignalLayout) -> NDArray:
     """Raw values (n,) from the payloads in ``rows`` (n,)."""
     first, last = layout.first_bit // 8, layout.last_byte
     # Bits of the first byte before the signal; big endian: bits of the last byte behind it.
-    below = (layout.first_bit % 8 if layout.little_endian
-             else 8 * (last + 1) - layout.first_bit - layout.width)  # fmt: skip
+    below = (
+        layout.first_bit % 8
+        if layout.little_endian
+        else 8 * (last + 1) - layout.first_bit - layout.width
+    )
     raw = np.empty(len(rows), np.uint64)
     signed = layout.signed and not layout.is_float
     _gather(data, rows, first, last, below, layout.little_endian, layout.width, signed, raw)

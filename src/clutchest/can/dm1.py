@@ -35,13 +35,15 @@ class Code:
     def __post_init__(self) -> None:
         for name, most in (("spn", 0x7FFFF), ("fmi", 0x1F), ("count", 0x7F)):
             if not 0 <= getattr(self, name) <= most:
-                raise ClutchestError(f"trouble code: {name} {getattr(self, name)}, "
-                                     f"expected 0 … {most}")  # fmt: skip
+                raise ClutchestError(
+                    f"trouble code: {name} {getattr(self, name)}, expected 0 … {most}"
+                )
 
     def bytes(self) -> bytes:
         """Four bytes: SPN low, middle, its upper three bits with the FMI, conversion and count."""
-        return bytes((self.spn & 0xFF, self.spn >> 8 & 0xFF, self.spn >> 16 << 5 | self.fmi,
-                      self.count))  # fmt: skip
+        return bytes(
+            (self.spn & 0xFF, self.spn >> 8 & 0xFF, self.spn >> 16 << 5 | self.fmi, self.count)
+        )
 
 
 def payload(codes: Sequence[Code]) -> bytes:
@@ -75,8 +77,18 @@ def frames_of(codes: Sequence[Code], source_address: int, t_ns: int = 0) -> Fram
         can_id = _PRIORITY << 26 | PGN << 8 | source_address
         return _frames([(can_id, data.ljust(8, b"\xff"))], t_ns)
     packets = -(-len(data) // 7)
-    announced = bytes((_BAM, len(data) & 0xFF, len(data) >> 8, packets, 0xFF,
-                       PGN & 0xFF, PGN >> 8 & 0xFF, PGN >> 16))  # fmt: skip
+    announced = bytes(
+        (
+            _BAM,
+            len(data) & 0xFF,
+            len(data) >> 8,
+            packets,
+            0xFF,
+            PGN & 0xFF,
+            PGN >> 8 & 0xFF,
+            PGN >> 16,
+        )
+    )
     cm, dt = (
         _TRANSFER_PRIORITY << 26 | form << 16 | _EVERYONE << 8 | source_address
         for form in (_CM, _DT)

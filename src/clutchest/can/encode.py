@@ -41,8 +41,13 @@ class Check:
         return int(np.count_nonzero(~self.counter))
 
 
-def encode(message: Message, values: Mapping[str, ArrayLike], t_ns: ArrayLike,
-           source_address: int = 0x00, channel: int = 0) -> Frames:  # fmt: skip
+def encode(
+    message: Message,
+    values: Mapping[str, ArrayLike],
+    t_ns: ArrayLike,
+    source_address: int = 0x00,
+    channel: int = 0,
+) -> Frames:
     """One frame per time stamp ``t_ns`` (n,), holding ``values`` (n,) each in bus units.
 
     Values saturate at the DBC's range and at what the bits hold.  NaN becomes the J1939 code "not
@@ -61,13 +66,16 @@ def encode(message: Message, values: Mapping[str, ArrayLike], t_ns: ArrayLike,
     data = np.full((n, max(8, message.length)), 0xFF if message.is_j1939 else 0, np.uint8)
     data[:, message.length :] = 0
 
-    columns = {name: np.broadcast_to(np.asarray(column, np.float64), n)
-               for name, column in values.items()}  # fmt: skip
+    columns = {
+        name: np.broadcast_to(np.asarray(column, np.float64), n) for name, column in values.items()
+    }
     for name in columns:
         selector = message.signal(name).multiplexer
         if selector and selector not in columns:
-            raise ClutchestError(f"signal '{name}' of message '{message.name}' needs its "
-                                 f"multiplexer '{selector}' too")  # fmt: skip
+            raise ClutchestError(
+                f"signal '{name}' of message '{message.name}' needs its "
+                f"multiplexer '{selector}' too"
+            )
     for name in values:
         layout = message.signal(name)
         active = _active(message, layout, columns)
@@ -81,12 +89,17 @@ def encode(message: Message, values: Mapping[str, ArrayLike], t_ns: ArrayLike,
     for layout in _checksums(message):
         if layout.name not in values:
             data = _insert(data, layout, _checksum(data, ids, layout))
-    return Frames(t_ns, np.full(n, channel, np.uint8), ids, np.full(n, flags, np.uint8),
-                  np.full(n, message.length, np.uint8), data)  # fmt: skip
+    return Frames(
+        t_ns,
+        np.full(n, channel, np.uint8),
+        ids,
+        np.full(n, flags, np.uint8),
+        np.full(n, message.length, np.uint8),
+        data,
+    )
 
 
-def rewritten(frames: Frames, rows: Rows, message: Message, name: str,
-              values: ArrayLike) -> Frames:  # fmt: skip
+def rewritten(frames: Frames, rows: Rows, message: Message, name: str, values: ArrayLike) -> Frames:
     """``frames`` with one signal of ``message`` in ``rows`` (n,) at ``values`` (n,), bus units.
 
     All other bits stay, checksums too.  Values saturate as :func:`encode` has it.
@@ -148,8 +161,10 @@ def _raw(message: Message, layout: SignalLayout, values: NDArray[np.float64]) ->
     """Bit patterns (n,) of the nearest values that the signal can hold."""
     missing = np.isnan(values)
     if missing.any() and not layout.coded:
-        raise ClutchestError(f"signal '{layout.name}' of message '{message.name}' has no code for "
-                             f"'not available', but value {np.argmax(missing)} is NaN")  # fmt: skip
+        raise ClutchestError(
+            f"signal '{layout.name}' of message '{message.name}' has no code for "
+            f"'not available', but value {np.argmax(missing)} is NaN"
+        )
     low, high = layout.minimum, layout.maximum
     if low is not None and high is not None and low < high:  # [0|0] says that there is no range
         values = np.clip(values, low, high)
@@ -187,13 +202,17 @@ def _counter_size(layout: SignalLayout) -> int:
     return 1 << layout.width
 
 
-def _insert(data: NDArray[np.uint8], layout: SignalLayout,
-            raw: NDArray[np.uint64]) -> NDArray[np.uint8]:  # fmt: skip
+def _insert(
+    data: NDArray[np.uint8], layout: SignalLayout, raw: NDArray[np.uint64]
+) -> NDArray[np.uint8]:
     """The payloads (n, width) with the bits of ``layout`` replaced by those of ``raw`` (n,)."""
     data = data.copy()
     first, last = layout.first_bit // 8, layout.last_byte
-    below = (layout.first_bit % 8 if layout.little_endian
-             else 8 * (last + 1) - layout.first_bit - layout.width)  # fmt: skip
+    below = (
+        layout.first_bit % 8
+        if layout.little_endian
+        else 8 * (last + 1) - layout.first_bit - layout.width
+    )
     full = (1 << layout.width) - 1
     raw = raw & np.uint64(full)
     for byte in range(first, last + 1):
@@ -211,8 +230,9 @@ def _checksums(message: Message) -> list[SignalLayout]:
     return [layout for name, layout in message.signals.items() if name.endswith("Checksum")]
 
 
-def _checksum(data: NDArray[np.uint8], ids: NDArray[np.uint32],
-              layout: SignalLayout) -> NDArray[np.uint64]:  # fmt: skip
+def _checksum(
+    data: NDArray[np.uint8], ids: NDArray[np.uint32], layout: SignalLayout
+) -> NDArray[np.uint64]:
     """The right checksums (n,) for payloads (n, width) and ids (n,); see the module's docstring."""
     cleared = _insert(data, layout, np.zeros(len(data), np.uint64))
     total = cleared.sum(axis=1, dtype=np.uint64)

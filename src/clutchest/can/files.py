@@ -32,9 +32,10 @@ _SIGNS = {
     "candump": re.compile(rb"^[ \t]*\(\d+\.\d+\)[ \t]+\S+[ \t]", re.MULTILINE),
     "csv": re.compile(rb"^timestamp,arbitration_id,extended,remote,error,dlc,data", re.MULTILINE),
     "trc": re.compile(rb"^;(\$FILEVERSION|[ \t]*PCAN|##|[ \t]*Message Number|---\+)", re.MULTILINE),
-    "asc": re.compile(rb"^(date[ \t]|base[ \t]+(hex|dec)|begin triggerblock)",
-                      re.MULTILINE | re.IGNORECASE),
-}  # fmt: skip
+    "asc": re.compile(
+        rb"^(date[ \t]|base[ \t]+(hex|dec)|begin triggerblock)", re.MULTILINE | re.IGNORECASE
+    ),
+}
 
 Reader = Callable[[Source], Iterator[Frames]]
 
@@ -94,8 +95,9 @@ def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
     if suffix not in _WRITABLE:
         given = suffix + ".gz" if zipped else suffix
         valid = tuple(known + ".gz" for known in _WRITABLE) if zipped else _WRITABLE
-        raise ClutchestError(f"{path}: no log format has the suffix '{given}'"
-                             + nearest(given, valid))  # fmt: skip
+        raise ClutchestError(
+            f"{path}: no log format has the suffix '{given}'" + nearest(given, valid)
+        )
     try:
         if suffix in _TEXT:
             with _file(path, zipped) as file:
@@ -183,5 +185,7 @@ def _reader(source: Source) -> Reader:
     if head[:15] == b"SQLite format 3" or python_can.knows(source.path):
         return python_can.read
     first = head.lstrip()[:60].splitlines()[0].decode("utf-8", "replace")
-    raise ClutchestError(f"{source.path}: not a CAN log that is known; it begins with {first!r}; "
-                         f"expected {_EXPECTED}")  # fmt: skip
+    raise ClutchestError(
+        f"{source.path}: not a CAN log that is known; it begins with {first!r}; "
+        f"expected {_EXPECTED}"
+    )

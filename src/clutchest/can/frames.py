@@ -51,8 +51,9 @@ class Frames:
     passed_over: Tally = ()  # frames that were read, but not kept
 
     @classmethod
-    def empty(cls, n: int = 0, width: int = 8, absolute: bool = True,
-              rejected: Tally = ()) -> Frames:  # fmt: skip
+    def empty(
+        cls, n: int = 0, width: int = 8, absolute: bool = True, rejected: Tally = ()
+    ) -> Frames:
         """``n`` rows of zeros."""
         return cls(
             np.zeros(n, np.int64),

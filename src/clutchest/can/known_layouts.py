@@ -47,12 +47,16 @@ def _place(content: bytes) -> Path:
 
 
 def _plain(message: Message) -> dict[str, Any]:
-    signals = [{**asdict(signal), "multiplexer_ids": sorted(signal.multiplexer_ids)}
-               for signal in message.signals.values()]  # fmt: skip
+    signals = [
+        {**asdict(signal), "multiplexer_ids": sorted(signal.multiplexer_ids)}
+        for signal in message.signals.values()
+    ]
     return {**asdict(message), "signals": signals}
 
 
 def _message(given: dict[str, Any]) -> Message:
-    signals = [SignalLayout(**{**signal, "multiplexer_ids": frozenset(signal["multiplexer_ids"])})
-               for signal in given["signals"]]  # fmt: skip
+    signals = [
+        SignalLayout(**{**signal, "multiplexer_ids": frozenset(signal["multiplexer_ids"])})
+        for signal in given["signals"]
+    ]
     return Message(**{**given, "signals": {signal.name: signal for signal in signals}})

@@ -60,8 +60,10 @@ def play(
             try:
                 _send(bus, message)
             except (can.CanError, OSError) as problem:
-                raise ClutchestError(f"{path}: frame {played.sent + played.skipped + 1}: the bus "
-                                     f"does not take it: {problem}") from None  # fmt: skip
+                raise ClutchestError(
+                    f"{path}: frame {played.sent + played.skipped + 1}: the bus "
+                    f"does not take it: {problem}"
+                ) from None
             played.sent += 1
             if due - asked > 1.0:
                 asked = due

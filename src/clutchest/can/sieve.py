@@ -46,8 +46,11 @@ class Sieve:
         left, odd = frames.flags[~keep], Flag.ERROR | Flag.REMOTE
         error = int(np.count_nonzero(left & Flag.ERROR))
         remote = int(np.count_nonzero((left & odd) == Flag.REMOTE))
-        counts = {"error frame": error, "remote frame": remote,
-                  "not mapped": len(left) - error - remote}  # fmt: skip
+        counts = {
+            "error frame": error,
+            "remote frame": remote,
+            "not mapped": len(left) - error - remote,
+        }
         passed_over = tuple((reason, n) for reason, n in counts.items() if n)
         return replace(frames.take(keep) if len(left) else frames, passed_over=passed_over)
 

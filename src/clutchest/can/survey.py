@@ -38,8 +38,11 @@ def survey(frames: Frames, databases: Sequence[Database] = ()) -> list[Row]:
     """One :class:`Row` per channel and id of the data frames, by channel, kind and id."""
     data = np.flatnonzero((frames.flags & (Flag.REMOTE | Flag.ERROR)) == 0)
     extended = (frames.flags[data] & Flag.EXTENDED).astype(np.uint64)
-    key = (frames.channel[data].astype(np.uint64) << np.uint64(33) | extended << np.uint64(32)
-           | frames.id[data].astype(np.uint64))  # fmt: skip
+    key = (
+        frames.channel[data].astype(np.uint64) << np.uint64(33)
+        | extended << np.uint64(32)
+        | frames.id[data].astype(np.uint64)
+    )
     order = np.lexsort((frames.t_ns[data], key))
     data, key = data[order], key[order]
     starts = np.flatnonzero(np.diff(key)) + 1
@@ -59,6 +62,15 @@ def _row(frames: Frames, group: np.ndarray, databases: Sequence[Database]) -> Ro
         period, gap = float(np.median(steps)), float(steps.max())
         rate = (len(group) - 1) / (float(t[-1] - t[0]) * 1e-9) if t[-1] > t[0] else None
     lengths = tuple(int(length) for length in np.unique(frames.length[group]))
-    return Row(int(frames.channel[first]), can_id, extended,
-               j1939.pgn(can_id) if extended else None, message, len(group),
-               rate, period, gap, lengths)  # fmt: skip
+    return Row(
+        int(frames.channel[first]),
+        can_id,
+        extended,
+        j1939.pgn(can_id) if extended else None,
+        message,
+        len(group),
+        rate,
+        period,
+        gap,
+        lengths,
+    )

@@ -52,8 +52,19 @@ def reassembled(frames: Frames, messages: Sequence[Message]) -> Frames:
     most = int(np.count_nonzero((frames.id[packets] & _PF) == _CM))
     rows, found = np.zeros(most, np.int64), np.zeros(most, np.int64)
     length, data = np.zeros(most, np.uint16), np.zeros((most, width), np.uint8)
-    n, lost = _collect(packets, frames.t_ns, frames.channel, frames.id, frames.length, frames.data,
-                       pgns, rows, found, length, data)  # fmt: skip
+    n, lost = _collect(
+        packets,
+        frames.t_ns,
+        frames.channel,
+        frames.id,
+        frames.length,
+        frames.data,
+        pgns,
+        rows,
+        found,
+        length,
+        data,
+    )
     if lost:
         told = (("transport protocol message is not complete", int(lost)),)
         frames = replace(frames, rejected=added_up((frames.rejected, told)))
@@ -61,9 +72,15 @@ def reassembled(frames: Frames, messages: Sequence[Message]) -> Frames:
         return frames
     rows, found = rows[:n], found[:n]
     bases = np.array([j1939.with_source(wanted[pgn].id, 0) for pgn in sorted(wanted)], np.uint32)
-    together = Frames(frames.t_ns[rows], frames.channel[rows],
-                      bases[found] | frames.id[rows] & np.uint32(0xFF), frames.flags[rows],
-                      length[:n], data[:n], frames.absolute)  # fmt: skip
+    together = Frames(
+        frames.t_ns[rows],
+        frames.channel[rows],
+        bases[found] | frames.id[rows] & np.uint32(0xFF),
+        frames.flags[rows],
+        length[:n],
+        data[:n],
+        frames.absolute,
+    )
     others = np.ones(len(frames), bool)
     others[rows] = False
     return Frames.concatenate([frames.take(others), together]).sorted()

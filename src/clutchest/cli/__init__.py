@@ -30,8 +30,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Clutch temperatures, wear and friction from production CAN signals.",
 )
-for _verb in (replay, inspect, convert, simulate, identify, diagnose, discover, reproduce, monitor,
-              play):  # fmt: skip
+for _verb in (
+    replay,
+    inspect,
+    convert,
+    simulate,
+    identify,
+    diagnose,
+    discover,
+    reproduce,
+    monitor,
+    play,
+):
     app.command()(_verb)
 
 

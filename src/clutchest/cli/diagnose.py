@@ -47,6 +47,9 @@ def diagnose(
         show("writing", None)
         names = [path.name for path in write_diagnosis(found, out)]
     answer(
-        found.summary(), as_json, lambda console: print_diagnosis(found, console, explain), out,
+        found.summary(),
+        as_json,
+        lambda console: print_diagnosis(found, console, explain),
+        out,
         names,
-    )  # fmt: skip
+    )

@@ -67,9 +67,13 @@ def discover(
         signals = read_log(logs, car)
         held_out = read_log(holdout, car).drives if holdout else None
         found = search(
-            signals, car, holdout=held_out, effects_files=tuple(effects or ()), progress=show,
+            signals,
+            car,
+            holdout=held_out,
+            effects_files=tuple(effects or ()),
+            progress=show,
             told=None if as_json else lambda tells: print_identifiable(tells, Console()),
-        )  # fmt: skip
+        )
         show("writing", None)
         names = [path.name for path in write_discovery(found, out)]
     answer(found.summary(), as_json, lambda console: print_discovery(found, console), out, names)

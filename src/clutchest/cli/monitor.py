@@ -74,10 +74,15 @@ def monitor(
         car = load_vehicle(vehicle)
         before = None if state is None else read_state(state)
         watching = Monitor(
-            open_bus(interface, channel), car, out=out, rate=rate, state=before,
+            open_bus(interface, channel),
+            car,
+            out=out,
+            rate=rate,
+            state=before,
             serve=(port - 1, port) if serve else None,
-            reopen=lambda: open_bus(interface, channel, watching.messages), progress=show,
-        )  # fmt: skip
+            reopen=lambda: open_bus(interface, channel, watching.messages),
+            progress=show,
+        )
         # a bus that is not there is said before anything is compiled for it, and one that is there
         # is listened to meanwhile
         show("compiling the fault tests, once on this machine", None)
@@ -151,13 +156,20 @@ def _lines(status: Status, piece: Piece | None, events: Sequence[Event]) -> None
 
 def _rows(piece: Piece) -> list[dict]:
     track = piece.track
-    columns = {**track.states, "clutch_torque": track.clutch_torque,
-               "slip_energy": track.slip_energy}  # fmt: skip
+    columns = {
+        **track.states,
+        "clutch_torque": track.clutch_torque,
+        "slip_energy": track.slip_energy,
+    }
     return [
         {
-            "time": float(at), "kind": "estimate", "name": track.mode_names[track.mode[k]],
-            "data": {name: {"value": e.value[k], "std": e.std[k], "valid": bool(e.valid[k])}
-                     for name, e in columns.items()},
+            "time": float(at),
+            "kind": "estimate",
+            "name": track.mode_names[track.mode[k]],
+            "data": {
+                name: {"value": e.value[k], "std": e.std[k], "valid": bool(e.valid[k])}
+                for name, e in columns.items()
+            },
         }
         for k, at in enumerate(track.time)
-    ]  # fmt: skip
+    ]

@@ -59,8 +59,9 @@ def _print(found: Reproduction, console: Console) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table("", "stated", "obtained", "", title=found.title, title_justify="left",
-                  show_lines=True)  # fmt: skip
+    table = Table(
+        "", "stated", "obtained", "", title=found.title, title_justify="left", show_lines=True
+    )
     for row in found.rows:
         claim = row.claim
         fails = [name for name, verdict in row.without.items() if not verdict.passed]

@@ -30,9 +30,37 @@ LANES = 16  # columns that the processor takes at once: what is over, it takes o
 
 @njit(cache=True, error_model="numpy")
 def answer(
-    x, P, S, active, basis, which, t, sensor, z, R, u, expected, slope, moves, calm, tracked, row,
-    W, Qs, longest, noise, p, g, frozen, gain, variance, place, out_x, out_innovation, out_answer,
-):  # fmt: skip
+    x,
+    P,
+    S,
+    active,
+    basis,
+    which,
+    t,
+    sensor,
+    z,
+    R,
+    u,
+    expected,
+    slope,
+    moves,
+    calm,
+    tracked,
+    row,
+    W,
+    Qs,
+    longest,
+    noise,
+    p,
+    g,
+    frozen,
+    gain,
+    variance,
+    place,
+    out_x,
+    out_innovation,
+    out_answer,
+):
     """Filter a log and follow the signatures ``S`` (n, a) of the ``active`` (a) thetas; the rest as
     the kernel's ``run`` takes it.  A theta may come and go: c acts in proportion to the column
     ``which[c]`` of ``basis`` (K, b), fully where that is −1.

@@ -56,8 +56,9 @@ def _lowered_once(model: Model, thetas: tuple[tuple[str, str], ...]) -> str:
 
 def generate_forward(model: Model, watched: Sequence[str]) -> tuple[str, str]:
     """(hash, source) of the module that runs this model forward and writes out quantities."""
-    return named([_HEADER, _text_of("choices.py"), forward_text(model, watched),
-                  _text_of("marching.py")])  # fmt: skip
+    return named(
+        [_HEADER, _text_of("choices.py"), forward_text(model, watched), _text_of("marching.py")]
+    )
 
 
 def named(parts: Sequence[str]) -> tuple[str, str]:

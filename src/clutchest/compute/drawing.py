@@ -54,9 +54,29 @@ def wander(x, ua, ub, dt, w, p, g, q, noise, random, k, A, B, y, Y, Yu):
 
 @njit(cache=True, error_model="numpy")
 def draw(
-    random, x, P, t, sensor, R, u, row, W, Qs, longest, finest, noise, p, g,
-    watched, held, pull, emit, z, out_x, out_bound,
-):  # fmt: skip
+    random,
+    x,
+    P,
+    t,
+    sensor,
+    R,
+    u,
+    row,
+    W,
+    Qs,
+    longest,
+    finest,
+    noise,
+    p,
+    g,
+    watched,
+    held,
+    pull,
+    emit,
+    z,
+    out_x,
+    out_bound,
+):
     """Draw the truth from ``x`` (n) along a timeline, and everything that is measured of it.
 
     Events as the filter's ``run`` takes them.  ``finest`` s is the longest step of the truth.
@@ -71,8 +91,14 @@ def draw(
     """
     n = STATES
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    xn, e, K, PH, H, at = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
-                           np.zeros(n))  # fmt: skip
+    xn, e, K, PH, H, at = (
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+    )
     k4, A, B = np.zeros((4, n)), np.zeros((n, n)), np.zeros((n, INPUTS))
     y, Y, Yu = np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS))
     nothing, none, few = np.zeros((n, 0)), np.zeros(0), np.zeros(0)
@@ -95,9 +121,23 @@ def draw(
                     uf = ua + (ub - ua) * (f / finer)
                     ug = ua + (ub - ua) * ((f + 1) / finer)
                     wander(
-                        x, uf, ug, dt / finer, w, p, g, Qs[row[k]], noise, random, k4, A, B,
-                        y, Y, Yu,
-                    )  # fmt: skip
+                        x,
+                        uf,
+                        ug,
+                        dt / finer,
+                        w,
+                        p,
+                        g,
+                        Qs[row[k]],
+                        noise,
+                        random,
+                        k4,
+                        A,
+                        B,
+                        y,
+                        Y,
+                        Yu,
+                    )
                     if HAS_MAP:
                         step_map(x, uf, ug, w, p, g, at, A)
                         x[:] = at

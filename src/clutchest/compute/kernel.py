@@ -229,11 +229,43 @@ def in_proportion(x, P, cE, K, innovation):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def run(
-    x, P, S, E, cE, sE, held, gained, spread, considered, t, sensor, z, R, u, row, W, Qs, longest,
-    noise, variance, p, g, limit,
-    emit, with_signature, frozen, gains, out_x, out_P, out_total, out_y, out_energy, out_gained,
-    out_innovation, out_signature,
-):  # fmt: skip
+    x,
+    P,
+    S,
+    E,
+    cE,
+    sE,
+    held,
+    gained,
+    spread,
+    considered,
+    t,
+    sensor,
+    z,
+    R,
+    u,
+    row,
+    W,
+    Qs,
+    longest,
+    noise,
+    variance,
+    p,
+    g,
+    limit,
+    emit,
+    with_signature,
+    frozen,
+    gains,
+    out_x,
+    out_P,
+    out_total,
+    out_y,
+    out_energy,
+    out_gained,
+    out_innovation,
+    out_signature,
+):
     """Filter a whole log.
 
     Advanced in place, so that a log can be run piece by piece: state ``x`` (n), covariance ``P``
@@ -262,14 +294,24 @@ def run(
     n, m = STATES, THETAS
     F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
-    xn, e, K, PH, H, Hm = (np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
-                           np.zeros(m))  # fmt: skip
+    xn, e, K, PH, H, Hm = (
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(m),
+    )
     ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
     slope, w = np.zeros(INPUTS), np.zeros(W.shape[1])
     if len(DOUBTED) > 0 and held[0] < 0.0:
         doubt(P, held)
-    y, Y, Yu, Ym = (np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS)),
-                    np.zeros((OUTPUTS, m)))  # fmt: skip
+    y, Y, Yu, Ym = (
+        np.zeros(OUTPUTS),
+        np.zeros((OUTPUTS, n)),
+        np.zeros((OUTPUTS, INPUTS)),
+        np.zeros((OUTPUTS, m)),
+    )
     log_likelihood = 0.0
     followed = m if with_signature else 0
 

@@ -21,23 +21,45 @@ _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
 # What each operation of CasADi is in Python; see compute.choices for the named ones.
 _CALLS = {
-    ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} * {1}",
-    ca.OP_NEG: "-{0}", ca.OP_EXP: "exp({0})", ca.OP_EXPM1: "expm1({0})",
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_EXP: "exp({0})",
+    ca.OP_EXPM1: "expm1({0})",
     ca.OP_LOG: "log({0})",
-    ca.OP_POW: "{0} ** {1}", ca.OP_CONSTPOW: "{0} ** {1}", ca.OP_SQRT: "sqrt({0})",
-    ca.OP_SQ: "{0} * {0}", ca.OP_TWICE: "2.0 * {0}", ca.OP_SIN: "sin({0})", ca.OP_COS: "cos({0})",
-    ca.OP_TANH: "tanh({0})", ca.OP_INV: "1.0 / {0}", ca.OP_FABS: "abs({0})",
-    ca.OP_LT: "less({0}, {1})", ca.OP_LE: "at_most({0}, {1})", ca.OP_EQ: "same({0}, {1})",
-    ca.OP_NE: "(1.0 - same({0}, {1}))", ca.OP_NOT: "same({0}, 0.0)", ca.OP_AND: "both({0}, {1})",
-    ca.OP_OR: "either({0}, {1})", ca.OP_SIGN: "sign({0})", ca.OP_FMIN: "smaller({0}, {1})",
-    ca.OP_FMAX: "larger({0}, {1})", ca.OP_IF_ELSE_ZERO: "when({0}, {1})",
-}  # fmt: skip
+    ca.OP_POW: "{0} ** {1}",
+    ca.OP_CONSTPOW: "{0} ** {1}",
+    ca.OP_SQRT: "sqrt({0})",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "2.0 * {0}",
+    ca.OP_SIN: "sin({0})",
+    ca.OP_COS: "cos({0})",
+    ca.OP_TANH: "tanh({0})",
+    ca.OP_INV: "1.0 / {0}",
+    ca.OP_FABS: "abs({0})",
+    ca.OP_LT: "less({0}, {1})",
+    ca.OP_LE: "at_most({0}, {1})",
+    ca.OP_EQ: "same({0}, {1})",
+    ca.OP_NE: "(1.0 - same({0}, {1}))",
+    ca.OP_NOT: "same({0}, 0.0)",
+    ca.OP_AND: "both({0}, {1})",
+    ca.OP_OR: "either({0}, {1})",
+    ca.OP_SIGN: "sign({0})",
+    ca.OP_FMIN: "smaller({0}, {1})",
+    ca.OP_FMAX: "larger({0}, {1})",
+    ca.OP_IF_ELSE_ZERO: "when({0}, {1})",
+}
 
 
 def lower(
-    name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX], returned: str = "",
+    name: str,
+    inputs: dict[str, ca.SX],
+    outputs: dict[str, ca.SX],
+    returned: str = "",
     compiled: str = _EXACT,
-) -> str:  # fmt: skip
+) -> str:
     """Source of a function ``name(inputs…, outputs…)`` that fills its output arrays.
 
     Only structurally nonzero entries are written: the caller's arrays start as zeros.  An output
@@ -173,30 +195,53 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
         lower(
             "step",
             over | {"q": taken.q, "noise": taken.noise},
-            {"xn": taken.x, "F": ca.jacobian(taken.x, e.x), "Q": taken.Q, "energy": taken.energy,
-             "e": ca.jacobian(taken.energy, e.x).T},
+            {
+                "xn": taken.x,
+                "F": ca.jacobian(taken.x, e.x),
+                "Q": taken.Q,
+                "energy": taken.energy,
+                "e": ca.jacobian(taken.energy, e.x).T,
+            },
             "energy",
         ),
-        lower("step_signature", over | {"slope": slope},
-              {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T}),
+        lower(
+            "step_signature",
+            over | {"slope": slope},
+            {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T},
+        ),
         lower("follow", calmly, {"xn": calm.x}),
-        lower("transition", calmly | {"slope": slope},
-              {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm) + taken_in},
-              compiled=_CONTRACTED),
+        lower(
+            "transition",
+            calmly | {"slope": slope},
+            {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm) + taken_in},
+            compiled=_CONTRACTED,
+        ),
         _product("carry", ca.jacobian(calm.x, e.x)),
         lower("gathered", calmly | {"q": calm.q, "noise": calm.noise}, {"Q": calm.Q}),
         lower("implied", at, {"v": e.implied}),
         lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),
-        lower("dynamics", at, {"f": e.rate, "A": ca.jacobian(e.rate, e.x),
-                               "B": ca.jacobian(e.rate, e.u)}),
-        lower("step_map", {"x": e.x, "u0": e.u0, "u": e.u, "w": e.w, "p": e.p, "g": e.g},
-              {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x)}),
-        lower("outputs", at, {"y": e.outputs, "Y": ca.jacobian(e.outputs, e.x),
-                              "Yu": ca.jacobian(e.outputs, e.u)}),
+        lower(
+            "dynamics",
+            at,
+            {"f": e.rate, "A": ca.jacobian(e.rate, e.x), "B": ca.jacobian(e.rate, e.u)},
+        ),
+        lower(
+            "step_map",
+            {"x": e.x, "u0": e.u0, "u": e.u, "w": e.w, "p": e.p, "g": e.g},
+            {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x)},
+        ),
+        lower(
+            "outputs",
+            at,
+            {"y": e.outputs, "Y": ca.jacobian(e.outputs, e.x), "Yu": ca.jacobian(e.outputs, e.u)},
+        ),
         lower("outputs_signature", at, {"Ym": ca.jacobian(e.outputs, theta)}),
-        lower("initial", {"x": e.x, "p": e.p, "g": e.g},
-              {"xi": e.initial, "Si": ca.jacobian(e.initial, theta) + started}),
-    ]  # fmt: skip
+        lower(
+            "initial",
+            {"x": e.x, "p": e.p, "g": e.g},
+            {"xi": e.initial, "Si": ca.jacobian(e.initial, theta) + started},
+        ),
+    ]
     for i, _ in enumerate(model.sensors):
         h = e.readings[i]
         parts.append(lower(f"reading_{i}", at, {"h": h, "H": ca.jacobian(h, e.x).T}, "h"))
@@ -221,20 +266,23 @@ def _product(name: str, matrix: ca.SX) -> str:
     them.  All rows of a column at once, so that columns are loaded once and go in parallel."""
     places = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     rows = {i: [k for row, k in places if row == i] for i, _ in places}
-    lines = [_CONTRACTED, f"def {name}(F, X, T, columns):",
-             *(f"    f{i}_{k} = F[{i}, {k}]" for i, k in places),
-             "    for c in range(columns):",
-             *(f"        x{k} = X[{k}, c]" for k in sorted({k for _, k in places})),
-             *(f"        T[{i}, c] += {' + '.join(f'f{i}_{k} * x{k}' for k in of)}"
-               for i, of in rows.items())]  # fmt: skip
+    lines = [
+        _CONTRACTED,
+        f"def {name}(F, X, T, columns):",
+        *(f"    f{i}_{k} = F[{i}, {k}]" for i, k in places),
+        "    for c in range(columns):",
+        *(f"        x{k} = X[{k}, c]" for k in sorted({k for _, k in places})),
+        *(
+            f"        T[{i}, c] += {' + '.join(f'f{i}_{k} * x{k}' for k in of)}"
+            for i, of in rows.items()
+        ),
+    ]
     return "\n".join(lines) + "\n"
 
 
 def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
     """A function that picks a sensor's own function by its index and clears its target first."""
-    lines = [_EXACT,
-             f"def {name}(sensor, x, u, w, p, g, {target}):",
-             f"    {target}[:] = 0.0"]  # fmt: skip
+    lines = [_EXACT, f"def {name}(sensor, x, u, w, p, g, {target}):", f"    {target}[:] = 0.0"]
     for i in range(sensors):
         lines.append(f"    if sensor == {i}:")
         lines.append(f"        return reading_{i}{suffix}(x, u, w, p, g, {target})")

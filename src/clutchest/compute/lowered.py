@@ -16,9 +16,20 @@ DOUBTED: Any = ()  # states whose standard deviations stand at the end of w
 
 
 def step(
-    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, q: Any, noise: Any,
-    xn: Any, F: Any, Q: Any, e: Any,
-) -> float:  # fmt: skip
+    x: Any,
+    u0: Any,
+    u1: Any,
+    dt: float,
+    w: Any,
+    p: Any,
+    g: Any,
+    q: Any,
+    noise: Any,
+    xn: Any,
+    F: Any,
+    Q: Any,
+    e: Any,
+) -> float:
     """xn (n) = x after ``dt`` s, F (n, n) = ∂xn/∂x, Q (n, n) the noise of process (``q`` (2n)) and
     inputs (``noise`` (nu)); returns the slip energy of the step, e (n) its derivative by x."""
     raise NotImplementedError
@@ -44,9 +55,18 @@ def follow(
 
 
 def transition(
-    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, moves: Any, slope: Any, F: Any,
+    x: Any,
+    u0: Any,
+    u1: Any,
+    dt: float,
+    w: Any,
+    p: Any,
+    g: Any,
+    moves: Any,
+    slope: Any,
+    F: Any,
     G: Any,
-) -> float:  # fmt: skip
+) -> float:
     """F and G of ``follow``, as ``step`` and ``step_signature`` have them."""
     raise NotImplementedError
 
@@ -57,9 +77,18 @@ def carry(F: Any, X: Any, T: Any, columns: int) -> None:
 
 
 def gathered(
-    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, moves: Any, q: Any, noise: Any,
+    x: Any,
+    u0: Any,
+    u1: Any,
+    dt: float,
+    w: Any,
+    p: Any,
+    g: Any,
+    moves: Any,
+    q: Any,
+    noise: Any,
     Q: Any,
-) -> float:  # fmt: skip
+) -> float:
     """Q of ``follow``, as ``step`` has it."""
     raise NotImplementedError
 

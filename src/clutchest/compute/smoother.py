@@ -51,9 +51,33 @@ def product(F, Phi, T):
 
 @njit(cache=True, error_model="numpy")
 def remember(
-    x, d, P, S, t, sensor, z, R, u, row, W, Qs, longest, noise, p, g, known, centre, emit,
-    Phi, H, K, used, told, out_X, out_P,
-):  # fmt: skip
+    x,
+    d,
+    P,
+    S,
+    t,
+    sensor,
+    z,
+    R,
+    u,
+    row,
+    W,
+    Qs,
+    longest,
+    noise,
+    p,
+    g,
+    known,
+    centre,
+    emit,
+    Phi,
+    H,
+    K,
+    used,
+    told,
+    out_X,
+    out_P,
+):
     """Filter one window with θ at its nominal value and keep what ``look_back`` needs.
 
     ``x`` (n), ``P`` (n, n) and ``S`` (n, m) as the kernel's ``run`` takes and advances them, and

@@ -18,8 +18,18 @@ CLUTCH = PROPRIETARY[0]  # the clutch as a whole: what cannot be narrowed down t
 UNKNOWN_CAUSE = 11  # FMI
 MISFIT = "misfit"  # what no known fault explains
 WORN = 16  # FMI: above normal, moderately severe
-KINDS = ("missing", "late", "frozen", "counter", "checksum", "stuck", "noise", "drift",
-         "implausible", "sticking")  # fmt: skip
+KINDS = (
+    "missing",
+    "late",
+    "frozen",
+    "counter",
+    "checksum",
+    "stuck",
+    "noise",
+    "drift",
+    "implausible",
+    "sticking",
+)
 BLOCK = 371  # numbers per kind, and for the clutch's own faults
 TICK = 0.1  # s between two reports of a test to its debounce counter
 FAILED, PASSED = 127, -128  # of the counter
@@ -43,8 +53,9 @@ class Debounce:
         else:
             self.counter = max(self.counter + DOWN, PASSED)
         if self.counter == FAILED:
-            self.status |= (TEST_FAILED | FAILED_THIS_CYCLE | PENDING | CONFIRMED
-                            | FAILED_SINCE_CLEAR)  # fmt: skip
+            self.status |= (
+                TEST_FAILED | FAILED_THIS_CYCLE | PENDING | CONFIRMED | FAILED_SINCE_CLEAR
+            )
         elif self.counter == PASSED:
             self.status &= ~TEST_FAILED
         if self.counter in (FAILED, PASSED):
@@ -67,8 +78,9 @@ def status_byte(drives: Sequence[tuple[float, Sequence[Alarm]]]) -> int:
             code.next_cycle()
         for tick in range(1, int(length / TICK) + 1):
             now = tick * TICK
-            code.report(any(a.detected <= now and (a.ended is None or now < a.ended)
-                            for a in alarms))  # fmt: skip
+            code.report(
+                any(a.detected <= now and (a.ended is None or now < a.ended) for a in alarms)
+            )
         if any(a.detected > int(length / TICK) * TICK for a in alarms):
             code.report(True)
     return code.status

@@ -69,11 +69,23 @@ def _stream_faults(run: Run, drives: Sequence[Drive]) -> list[Fault]:
             ]
             if any(f.fault == test.name for f in found):
                 continue  # the code of an earlier drive covers it
-            found.append(Fault(
-                test.name, (test.name,), number, first.begun, first.detected, first.ended,
-                _confidence(test.per_1000h, drive.length), first.what, (),
-                _freeze(run, number, first.detected), status_byte(all_of), spn, fmi,
-            ))  # fmt: skip
+            found.append(
+                Fault(
+                    test.name,
+                    (test.name,),
+                    number,
+                    first.begun,
+                    first.detected,
+                    first.ended,
+                    _confidence(test.per_1000h, drive.length),
+                    first.what,
+                    (),
+                    _freeze(run, number, first.detected),
+                    status_byte(all_of),
+                    spn,
+                    fmi,
+                )
+            )
     return found
 
 
@@ -134,9 +146,13 @@ def _model_alarm(
         return None, ()
     onsets = {int(j.onset[k]) if j.begins[k] > 1.0 else 0 for j in failed for k in [j.detected]}
     causes = refined(
-        drive.unharmed, run.vehicle, effects_for(run.vehicle.model), watched,
-        explanations(watched, sorted(onsets), len(watched.blocks)), progress,
-    )  # fmt: skip
+        drive.unharmed,
+        run.vehicle,
+        effects_for(run.vehicle.model),
+        watched,
+        explanations(watched, sorted(onsets), len(watched.blocks)),
+        progress,
+    )
     first = min(failed, key=lambda j: j.detected or 0)
     k = first.detected or 0
     blocks = watched.blocks
@@ -152,23 +168,41 @@ def _model_alarm(
 
 def _excess(judged: Judged) -> float:
     """By how much a log-likelihood ratio leaves its threshold at most."""
-    return float(max((judged.begins.max() - 1.0) * judged.begins_at,
-                     (judged.was.max() - 1.0) * judged.was_at))  # fmt: skip
+    return float(
+        max(
+            (judged.begins.max() - 1.0) * judged.begins_at, (judged.was.max() - 1.0) * judged.was_at
+        )
+    )
 
 
 def _fault(
-    run: Run, drives: Sequence[Drive], number: int, names: Sequence[str], alarm: Alarm,
-    causes: Sequence[Explanation], size: float,
-) -> Fault:  # fmt: skip
+    run: Run,
+    drives: Sequence[Drive],
+    number: int,
+    names: Sequence[str],
+    alarm: Alarm,
+    causes: Sequence[Explanation],
+    size: float,
+) -> Fault:
     per_1000h = false_alarms(run.vehicle)
     spn, fmi = number_of_set(names, run.vehicle, size)
     lengths = [(d.length, [alarm] if i == number else []) for i, d in enumerate(drives)]
     chance = 1.0 - _confidence(per_1000h, drives[number].length)
     return Fault(
-        names[0], tuple(names), number, alarm.begun, alarm.detected, None,
-        1.0 - chance * alarm.chance, alarm.what, tuple(causes),
-        _freeze(run, number, alarm.detected, causes), status_byte(lengths), spn, fmi,
-    )  # fmt: skip
+        names[0],
+        tuple(names),
+        number,
+        alarm.begun,
+        alarm.detected,
+        None,
+        1.0 - chance * alarm.chance,
+        alarm.what,
+        tuple(causes),
+        _freeze(run, number, alarm.detected, causes),
+        status_byte(lengths),
+        spn,
+        fmi,
+    )
 
 
 def _confidence(per_1000h: float, length: float) -> float:
@@ -189,14 +223,17 @@ def _freeze(run: Run, drive: int, time: float, causes: Sequence[Explanation] = (
         "time": float(track.time[row]),
         "mode": track.mode_names[track.mode[row]],
         "states": {
-            name: {"value": float(e.value[row]), "std": float(e.std[row]),
-                   "valid": bool(e.valid[row])}
+            name: {
+                "value": float(e.value[row]),
+                "std": float(e.std[row]),
+                "valid": bool(e.valid[row]),
+            }
             for name, e in track.states.items()
         },
         "clutch_torque": float(track.clutch_torque.value[row]),
         "inputs": inputs,
         "causes": [c.fault for c in causes],
-    }  # fmt: skip
+    }
 
 
 # --- what could be told -------------------------------------------------------------------------
@@ -211,9 +248,7 @@ def _isolability(run: Run, drives: Sequence[Drive]) -> Isolability | None:
     known = hypotheses(watched)
     detectable = {j.fault.name: j.detectable for j in watched.faults}
     needed = {j.fault.name: j.fault.size for j in watched.faults}
-    sizes = np.array([
-        detectable.get(h.name) or needed.get(h.name) or h.scale / 3.0 for h in known
-    ])  # fmt: skip
+    sizes = np.array([detectable.get(h.name) or needed.get(h.name) or h.scale / 3.0 for h in known])
     names, d_prime = distances(watched, sizes)
     usable = {name for drive in run.signals.drives for name in drive}
     model = model_for(run.vehicle.model, usable)
@@ -221,6 +256,10 @@ def _isolability(run: Run, drives: Sequence[Drive]) -> Isolability | None:
     gains += [("wear", e, "amount") for e in effects_for(run.vehicle.model) if e.name == "wear"]
     shown = structure.shown_in(model, gains)
     return Isolability(
-        names, tuple(h.unit for h in known), sizes, d_prime,
-        tuple(detectable.get(name) for name in names), shown,
-    )  # fmt: skip
+        names,
+        tuple(h.unit for h in known),
+        sizes,
+        d_prime,
+        tuple(detectable.get(name) for name in names),
+        shown,
+    )

@@ -55,9 +55,11 @@ def _unharmed(signals: Signals, streams: Streams, run: Run) -> Signals:
     for test in streams.tests:
         if test.harmless:
             continue
-        names = [test.subject] if not test.of_message else [
-            n for n, s in run.vehicle.signals.items() if s.bus.message == test.subject
-        ]  # fmt: skip
+        names = (
+            [test.subject]
+            if not test.of_message
+            else [n for n, s in run.vehicle.signals.items() if s.bus.message == test.subject]
+        )
         for name in (n for n in names if n in kept):
             for alarm in test.alarms:
                 over = np.inf if alarm.ended is None else alarm.ended + AGAIN

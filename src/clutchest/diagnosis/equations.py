@@ -101,24 +101,42 @@ def watch(
     hours = max(hours, SHORTEST)
     chance = per_1000h / 2.0 * hours / 1000.0
     found = [
-        _judged(fault, residuals.z[:, i], told[:, i], whole.score[:, i],
-                whole.information[:, i, i], blocks.thetas[columns[i]].unit, colour, chance)
+        _judged(
+            fault,
+            residuals.z[:, i],
+            told[:, i],
+            whole.score[:, i],
+            whole.information[:, i, i],
+            blocks.thetas[columns[i]].unit,
+            colour,
+            chance,
+        )
         for i, fault in enumerate(faults)
-    ]  # fmt: skip
+    ]
     misfit_at = log(len(blocks) / (2.0 * chance))
     misfit = -chi2.logsf(residuals.surprise / colour.level**2, residuals.count) / misfit_at
     return Watched(blocks, residuals, columns, tuple(found), colour, hours, misfit, misfit_at)
 
 
 def _judged(
-    fault: ModelFault, z: Floats, told: Floats, score: Floats, whole: Floats, unit: float,
-    colour: Colour, chance: float,
-) -> Judged:  # fmt: skip
+    fault: ModelFault,
+    z: Floats,
+    told: Floats,
+    score: Floats,
+    whole: Floats,
+    unit: float,
+    colour: Colour,
+    chance: float,
+) -> Judged:
     number = fault.number
     low, one_sided = LEAST * fault.size / unit, number.one_sided
-    begins_at = threshold(
-        lambda s, i: glr_path(s, i, low, 1.0, one_sided)[0], told, colour, chance / len(z)
-    ) if told.max() > 0.0 else np.inf  # fmt: skip
+    begins_at = (
+        threshold(
+            lambda s, i: glr_path(s, i, low, 1.0, one_sided)[0], told, colour, chance / len(z)
+        )
+        if told.max() > 0.0
+        else np.inf
+    )
     begins, onset = glr_path(z * np.sqrt(told), told, low, 1.0, one_sided)
     was_at = log(1.0 / chance)
     ratio = _mixture(score / colour.level, whole, one_sided)
@@ -127,9 +145,17 @@ def _judged(
     d_prime = float(np.sqrt(max(whole[-1], 0.0)))
     size = needed / d_prime * unit if d_prime > 0.0 else np.inf
     return Judged(
-        fault, begins / begins_at, ratio / was_at, begins_at, was_at, onset, unit,
-        size if size <= unit else None, needed, d_prime,
-    )  # fmt: skip
+        fault,
+        begins / begins_at,
+        ratio / was_at,
+        begins_at,
+        was_at,
+        onset,
+        unit,
+        size if size <= unit else None,
+        needed,
+        d_prime,
+    )
 
 
 def _mixture(score: Floats, information: Floats, one_sided: bool) -> Floats:

@@ -44,10 +44,11 @@ def hypotheses(watched: Watched) -> tuple[Hypothesis, ...]:
     """Every fault that is watched, and wear that was there before."""
     thetas = watched.blocks.thetas
     found = [
-        Hypothesis(j.fault.name, column, j.fault.number.unit, thetas[column].unit,
-                   j.fault.number.one_sided)
+        Hypothesis(
+            j.fault.name, column, j.fault.number.unit, thetas[column].unit, j.fault.number.one_sided
+        )
         for j, column in zip(watched.faults, watched.columns, strict=True)
-    ]  # fmt: skip
+    ]
     for i, t in enumerate(thetas):
         if (t.owner, t.key) == ("wear", "amount"):
             found.append(Hypothesis("wear", i, "mm", t.unit, True, True))
@@ -58,10 +59,14 @@ def explanations(watched: Watched, onsets: list[int], until: int) -> list[Explan
     """Every fault's best account of blocks up to ``until`` (exclusive), best first; it began with
     one of the blocks ``onsets`` or close to it."""
     able = hypotheses(watched)
-    tried = sorted({
-        k for onset in onsets for k in range(max(onset - AROUND, 0), onset + AROUND + 1)
-        if k < until and (onset or not k)
-    })  # fmt: skip
+    tried = sorted(
+        {
+            k
+            for onset in onsets
+            for k in range(max(onset - AROUND, 0), onset + AROUND + 1)
+            if k < until and (onset or not k)
+        }
+    )
     best: dict[str, Explanation] = {}
     for onset in tried:
         score, information = traces(watched, able, onset, until)

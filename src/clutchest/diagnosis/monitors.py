@@ -25,9 +25,9 @@ def monitors(run: Run, drives: Sequence[Drive]) -> tuple[Monitor, ...]:
         at = [d.watched.faults[k].begins_at if d.watched else None for d in drives]
         found.append(_monitor(run, fault.name, words, at))
     words = [_misfit_status(d) for d in drives]
-    found.append(_monitor(run, MISFIT, words, [
-        d.watched.misfit_at if d.watched else None for d in drives
-    ]))  # fmt: skip
+    found.append(
+        _monitor(run, MISFIT, words, [d.watched.misfit_at if d.watched else None for d in drives])
+    )
     if "zero_position" in {state.name for state in model_for(run.vehicle.model, NEEDED).states}:
         limit = run.vehicle.limits.get("wear")
         words = [d.wear[1:] for d in drives]
@@ -63,8 +63,10 @@ def _model_status(fault: ModelFault, k: int, drive: Drive) -> tuple[str, str]:
     judged, unit = drive.watched.faults[k], fault.number.unit
     shown = "" if unit == "1" else f" {unit}"
     if judged.status == "not run":
-        return "not run", (f"even the largest plausible size, {judged.unit:g}{shown}, would leave "
-                           f"d′ = {judged.d_prime:.2g}; {judged.needed:.2g} is needed")  # fmt: skip
+        return "not run", (
+            f"even the largest plausible size, {judged.unit:g}{shown}, would leave "
+            f"d′ = {judged.d_prime:.2g}; {judged.needed:.2g} is needed"
+        )
     if judged.status == "failed":
         at = float(drive.watched.blocks.end[judged.detected or 0])
         return "failed", f"log-likelihood ratio beyond {judged.begins_at:.1f} at {at:.1f} s"

@@ -67,14 +67,16 @@ class Since:
 def nuisances(blocks: Blocks) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Indices (n) of what a healthy truck may differ by, prior variances, and what each gains per
     hour (n), all in units."""
-    found = [i for i, t in enumerate(blocks.thetas)
-             if not t.exact and (not t.gain or t.healthy)]  # fmt: skip
+    found = [i for i, t in enumerate(blocks.thetas) if not t.exact and (not t.gain or t.healthy)]
     thetas = [blocks.thetas[i] for i in found]
     variance = [
-        t.healthy**2 if t.gain
-        else (STARTS_HOT.get(t.key, t.unit) / t.unit) ** 2 if t.owner == "start" else 1.0
+        t.healthy**2
+        if t.gain
+        else (STARTS_HOT.get(t.key, t.unit) / t.unit) ** 2
+        if t.owner == "start"
+        else 1.0
         for t in thetas
-    ]  # fmt: skip
+    ]
     walk = [WANDERS.get(t.key, 0.0) ** 2 if t.owner == "start" else 0.0 for t in thetas]
     return np.array(found, np.int64), np.array(variance), np.array(walk)
 

@@ -27,9 +27,13 @@ STRONG = 5.0  # standard deviations; what is weaker lies within its own interval
 
 
 def refined(
-    signals: Signals, vehicle: Vehicle, effects: Sequence[Effect], watched: Watched,
-    causes: Sequence[Explanation], progress: Progress | None = None,
-) -> tuple[Explanation, ...]:  # fmt: skip
+    signals: Signals,
+    vehicle: Vehicle,
+    effects: Sequence[Effect],
+    watched: Watched,
+    causes: Sequence[Explanation],
+    progress: Progress | None = None,
+) -> tuple[Explanation, ...]:
     """``causes`` with the sizes of those that may be it, are strong, and were there from the start:
     where that explains the drive as well, by the equations with the fault in them.
 

@@ -52,16 +52,23 @@ class Fault:
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""
         return {
-            "fault": self.fault, "set": list(self.set), "drive": self.drive,
-            "first_detected_s": self.first_detected_s, "began_s": self.began_s,
-            "ended_s": self.ended_s, "confidence": self.confidence, "what": self.what,
+            "fault": self.fault,
+            "set": list(self.set),
+            "drive": self.drive,
+            "first_detected_s": self.first_detected_s,
+            "began_s": self.began_s,
+            "ended_s": self.ended_s,
+            "confidence": self.confidence,
+            "what": self.what,
             "causes": [
                 {"fault": c.fault, "size": c.size, "std": c.std, "unit": c.unit, "behind": c.behind}
                 for c in self.causes
             ],
-            "freeze_frame": self.freeze_frame, "status_byte": self.status_byte,
-            "spn": self.spn, "fmi": self.fmi,
-        }  # fmt: skip
+            "freeze_frame": self.freeze_frame,
+            "status_byte": self.status_byte,
+            "spn": self.spn,
+            "fmi": self.fmi,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +91,14 @@ class Isolability:
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""
         return {
-            "faults": list(self.faults), "units": list(self.units), "sizes": self.sizes,
-            "d_prime": self.d_prime[:, :-1], "d_prime_none": self.d_prime[:, -1],
+            "faults": list(self.faults),
+            "units": list(self.units),
+            "sizes": self.sizes,
+            "d_prime": self.d_prime[:, :-1],
+            "d_prime_none": self.d_prime[:, -1],
             "detectable_size": list(self.detectable),
             "structure": {fault: list(shown) for fault, shown in self.structure.items()},
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +116,17 @@ class Diagnosis:
         """What ``diagnosis.json`` holds."""
         return {
             "monitors": [
-                {"name": m.name, "status": m.status, "why": m.why, "threshold": m.threshold,
-                 "false_alarms_per_1000h": m.false_alarms_per_1000h, "drives": list(m.drives)}
+                {
+                    "name": m.name,
+                    "status": m.status,
+                    "why": m.why,
+                    "threshold": m.threshold,
+                    "false_alarms_per_1000h": m.false_alarms_per_1000h,
+                    "drives": list(m.drives),
+                }
                 for m in self.monitors
             ],
             "faults": [fault.summary() for fault in self.faults],
             "isolability": self.isolability.summary() if self.isolability else None,
             "provenance": dict(self.provenance),
-        }  # fmt: skip
+        }

@@ -60,9 +60,13 @@ class Streams:
         def on(traffic: Traffic) -> Floats:
             return np.interp(traffic.time, points, alive)
 
-        return Batch(new.signals, new.traffic, until,
-                     {name: on(t) for name, t in new.traffic.items()},
-                     self._alive + silent)  # fmt: skip
+        return Batch(
+            new.signals,
+            new.traffic,
+            until,
+            {name: on(t) for name, t in new.traffic.items()},
+            self._alive + silent,
+        )
 
 
 def ready(vehicle: Vehicle) -> None:

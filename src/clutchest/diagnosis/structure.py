@@ -50,9 +50,10 @@ def shown_in(
         shown = []
         for s, sensor in enumerate(model.sensors):
             through = [
-                state.name for i, state in enumerate(model.states)
+                state.name
+                for i, state in enumerate(model.states)
                 if touched[i] and (seen[s] & reach[:, i]).any()
-            ]  # fmt: skip
+            ]
             if direct[s] or (sensor.name in model.renewed and sensor.name in through):
                 shown.append(sensor.name)
             elif through:

@@ -54,8 +54,9 @@ class Colour:
 Test = Callable[[Floats, Floats], Floats]  # (scores, information per block) → path
 
 
-def glr_path(score: Floats, information: Floats, low: float, high: float,
-             one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
+def glr_path(
+    score: Floats, information: Floats, low: float, high: float, one_sided: bool = False
+) -> tuple[Floats, np.ndarray]:
     """Log-likelihood ratio (n) of the likeliest fault and the block it began with (n), its size
     from ``low`` to ``high`` either way."""
     path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)
@@ -63,8 +64,9 @@ def glr_path(score: Floats, information: Floats, low: float, high: float,
     return path, begun
 
 
-def cusum_path(score: Floats, information: Floats, size: float,
-               one_sided: bool = False) -> tuple[Floats, np.ndarray]:  # fmt: skip
+def cusum_path(
+    score: Floats, information: Floats, size: float, one_sided: bool = False
+) -> tuple[Floats, np.ndarray]:
     """The same for a fault of one ``size``, either way: Page's test."""
     drift = size**2 * information / 2.0
     path, begun = np.zeros(len(score)), np.zeros(len(score), np.int64)

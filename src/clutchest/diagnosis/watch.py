@@ -51,9 +51,13 @@ class FaultWatch:
     """
 
     def __init__(
-        self, vehicle: Vehicle, database: Database, *, share: float | None = SHARE,
+        self,
+        vehicle: Vehicle,
+        database: Database,
+        *,
+        share: float | None = SHARE,
         log: Path | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.vehicle, self.share, self.log = vehicle, share, log
         messages = [database.message(name) for name in mapped_messages(vehicle, database)]
         self.streams = Streams(vehicle)
@@ -142,8 +146,13 @@ class FaultWatch:
             if test.failing and name not in self.active:
                 alarm = test.alarms[-1]
                 spn, fmi = number_of(name, self.vehicle)
-                data = {"began_s": alarm.begun, "what": alarm.what, "spn": spn, "fmi": fmi,
-                        "set": [name]}  # fmt: skip
+                data = {
+                    "began_s": alarm.begun,
+                    "what": alarm.what,
+                    "spn": spn,
+                    "fmi": fmi,
+                    "set": [name],
+                }
                 self.active[name] = Change(alarm.detected, name, True, (name,), data)
                 found.append(self.active[name])
             elif not test.failing and name in self.active:

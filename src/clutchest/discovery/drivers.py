@@ -21,21 +21,33 @@ def drivers(drive: LinearDrive) -> dict[str, Floats]:
     """Name → value at every event (K) of the drive as it was last linearised."""
     model, line = drive.compiled.model, drive.line
     quantities, rates = drivers_of(model.name)
-    found = {item.name: drive.expected[:, j] for j, item in enumerate(model.inputs)
-             if item.name not in model.slopes}  # fmt: skip
+    found = {
+        item.name: drive.expected[:, j]
+        for j, item in enumerate(model.inputs)
+        if item.name not in model.slopes
+    }
     found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]
     power = e.outputs[model.outputs.index("power")]
-    values = e.along(ca.vertcat(*wanted, power), drive.states, drive.expected, line.W[line.row],
-                     drive.compiled.p, drive.compiled.g)  # fmt: skip
+    values = e.along(
+        ca.vertcat(*wanted, power),
+        drive.states,
+        drive.expected,
+        line.W[line.row],
+        drive.compiled.p,
+        drive.compiled.g,
+    )
     found |= dict(zip(quantities, values, strict=False))
     spans = np.diff(line.t, prepend=line.t[0])
     # what goes with the noise of a driver is no error
     found = {name: calm(line.t, value, drive.acts) for name, value in found.items()}
-    found |= {name: pace(line.t, drive.expected[:, model.input(of)], drive.acts)
-              for name, of in rates.items() if of in found}  # fmt: skip
+    found |= {
+        name: pace(line.t, drive.expected[:, model.input(of)], drive.acts)
+        for name, of in rates.items()
+        if of in found
+    }
     found |= {name: np.maximum.accumulate(found[of]) for name, of in peaks_of(model.name).items()}
     found["energy"] = np.cumsum(values[-1] * spans)
     found["time"] = line.t

@@ -57,8 +57,9 @@ def propose(
         )
     sensor = told_apart_by(vehicle.model, [c.effect.equation for c, _ in rivals])
     if not tried:
-        return Experiment(f"no manoeuvre could be tried out ({why}); {sensor} would tell {names} "
-                          "apart", None)  # fmt: skip
+        return Experiment(
+            f"no manoeuvre could be tried out ({why}); {sensor} would tell {names} apart", None
+        )
     return Experiment(f"no manoeuvre tells {names} apart on these signals: {sensor} would", None)
 
 
@@ -74,7 +75,18 @@ def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: P
     free = np.concatenate([problem.nuisances, certain]).astype(int)
     fitter.come(theta, shapes)
     look = fitter.lesson(theta, shapes, np.union1d(free, gains))
-    scores: Board = board(look, free, fitter.prior, look.psi[:, gains],
-                          [c.gain.one_sided for c, _ in rivals], SEED, draws=1)  # fmt: skip
-    return min(distance(scores, i, rivals[i][1], k)
-               for i in range(len(rivals)) for k in range(len(rivals)) if i != k)  # fmt: skip
+    scores: Board = board(
+        look,
+        free,
+        fitter.prior,
+        look.psi[:, gains],
+        [c.gain.one_sided for c, _ in rivals],
+        SEED,
+        draws=1,
+    )
+    return min(
+        distance(scores, i, rivals[i][1], k)
+        for i in range(len(rivals))
+        for k in range(len(rivals))
+        if i != k
+    )

@@ -38,14 +38,14 @@ def extend(
     gains = {(e.name, n.key) for e in problem.compiled.model.effects for n in e.gains}
     for name, numbers in acts.items():
         effects[name] = {**effects.get(name, {}), **{key: f.value for key, f in numbers.items()}}
-        spreads[name] = {key: f.std for key, f in numbers.items()
-                         if (name, key) in gains and 0.0 < f.std < inf}  # fmt: skip
+        spreads[name] = {
+            key: f.std for key, f in numbers.items() if (name, key) in gains and 0.0 < f.std < inf
+        }
     used = {effect for effect in effects if effect not in library(vehicle.model)}
     for path in own:
         if used & set(effects_of_file(path)):
             files.append(path.resolve())
-    extended = replace(vehicle, effects=effects, effects_spread=spreads,
-                       effects_files=tuple(files))  # fmt: skip
+    extended = replace(vehicle, effects=effects, effects_spread=spreads, effects_files=tuple(files))
     return extended, text
 
 

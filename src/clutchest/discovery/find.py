@@ -87,15 +87,18 @@ class _Finding:
     told: Tells | None
 
     def problem(self, signals: Signals) -> Problem:
-        return Problem(without_holes(signals, self.vehicle), self.vehicle, self.effects,
-                       self.progress)  # fmt: skip
+        return Problem(
+            without_holes(signals, self.vehicle), self.vehicle, self.effects, self.progress
+        )
 
     def answer(self) -> Discovery:
         """The four questions in order."""
         search = Search.begin(self.problem(self.signals), self.progress)
         problem = search.problem
-        tells = (*identifiability(search.all, problem.units, search.first, LEVEL),
-                 *self._untold(problem))  # fmt: skip
+        tells = (
+            *identifiability(search.all, problem.units, search.first, LEVEL),
+            *self._untold(problem),
+        )
         if self.told:
             self.told(tells)
         other = self._other()
@@ -107,8 +110,11 @@ class _Finding:
         elif verdict != "none":
             gained = self._gain(search, other)
         if gained is not None and gained.other_logs and gainsaid(search, judged, gained):
-            what = (f"an error in '{errors[0].equation}'" if judged.unnamed
-                    else " and ".join(sorted(judged.best.names)))  # fmt: skip
+            what = (
+                f"an error in '{errors[0].equation}'"
+                if judged.unnamed
+                else " and ".join(sorted(judged.best.names))
+            )
             warnings.append(_not_borne_out(what))
             verdict, curve, gained = "none", None, None
         named = verdict in ("named", "ambiguous")
@@ -121,8 +127,10 @@ class _Finding:
         sizes = {**beside, **_sizes(acts, told)}
         extended, text = extend(problem, sizes, curve, self.files)
         if gained is not None and gained.total < 0.0:
-            warnings.append("what was found does not pay on data held out: extended.toml is the "
-                            "vehicle as it was")  # fmt: skip
+            warnings.append(
+                "what was found does not pay on data held out: extended.toml is the "
+                "vehicle as it was"
+            )
             extended, text = self.vehicle, None
         before = search.fitter.arrive(search.null.look.theta)
         return Discovery(
@@ -142,7 +150,7 @@ class _Finding:
             counts=sum((drive.counts for drive in self.signals.drives), Counts()),
             warnings=tuple(warnings),
             provenance=self._provenance(problem),
-        )  # fmt: skip
+        )
 
     @property
     def _known(self) -> list[Effect]:
@@ -152,8 +160,11 @@ class _Finding:
     def _untold(self, problem: Problem) -> list[Identifiable]:
         """The same of effects that the equations of these signals cannot have: nothing shows."""
         there = {*problem.effects, *self.vehicle.effects}
-        return [Identifiable(e.name, e.gains[0].unit, None, e.gains[0].upper, None, None)
-                for e in self._known if e.name not in there]  # fmt: skip
+        return [
+            Identifiable(e.name, e.gains[0].unit, None, e.gains[0].upper, None, None)
+            for e in self._known
+            if e.name not in there
+        ]
 
     def _unseen(self, search: Search, best: Hypothesis) -> list[str]:
         """In words, what of the log and of the effects could not be looked at; where a log begins,
@@ -161,13 +172,17 @@ class _Finding:
         problem = search.problem
         words = [*self.signals.warnings, *untried(problem, self._known)]
         if more := len(problem.drives) - len(self.signals.drives):
-            words.append(f"{more} hole(s) through which the clutch may have slipped unseen: "
-                         "what comes after one is taken for a drive of its own")  # fmt: skip
+            words.append(
+                f"{more} hole(s) through which the clutch may have slipped unseen: "
+                "what comes after one is taken for a drive of its own"
+            )
         # without a cause, a start may stand in for it
         for i in (i for i in search.running if abs(best.look.theta[i]) > ODD):
             start, off = problem.thetas[i], best.look.theta[i] * problem.units[i]
-            words.append(f"{start.key} starts {off:+.0f} K from that of a clutch at rest: the log "
-                         "begins in the middle of a drive")  # fmt: skip
+            words.append(
+                f"{start.key} starts {off:+.0f} K from that of a clutch at rest: the log "
+                "begins in the middle of a drive"
+            )
         return words
 
     def _other(self) -> HeldOut | None:
@@ -190,10 +205,14 @@ class _Finding:
             for c in h.chosen:
                 unit = search.problem.units[c.index]
                 of_noise, clock = std[free == c.index][0] * unit, search.problem.clock(c.index)
-                numbers = {c.gain.key: Found(float(look.theta[c.index] * unit),
-                                             float(np.hypot(of_noise, clock)))}  # fmt: skip
-                numbers |= {key: Found(value, spread.std.get((c.name, key), 0.0))
-                            for key, value in c.shapes}  # fmt: skip
+                numbers = {
+                    c.gain.key: Found(
+                        float(look.theta[c.index] * unit), float(np.hypot(of_noise, clock))
+                    )
+                }
+                numbers |= {
+                    key: Found(value, spread.std.get((c.name, key), 0.0)) for key, value in c.shapes
+                }
                 if c.name in found:
                     numbers |= found[c.name].parameters
                     found[c.name] = replace(found[c.name], parameters=numbers)
@@ -220,8 +239,9 @@ class _Finding:
         leading = list(first.values())
         followed = [patch.written(c, model) is not None for c in leading]
         if other is None:
-            mean_the_same = [c for c, can in zip(leading, followed, strict=True)
-                             if can and c.driver != "time"]  # fmt: skip
+            mean_the_same = [
+                c for c, can in zip(leading, followed, strict=True) if can and c.driver != "time"
+            ]
             return errors, max(mean_the_same, key=lambda c: c.evidence, default=None), None
         if self.progress:
             self.progress("measuring the gain on data held out", None)
@@ -235,14 +255,19 @@ class _Finding:
 
         common = set.intersection(*({c.index for c in h.chosen} for h in judged.sets))
         sized = [[(c, float(h.look.theta[c.index])) for c in h.chosen] for h in judged.sets]
-        rivals = [next((one for one in each if one[0].index not in common), each[0])
-                  for each in sized]  # fmt: skip
+        rivals = [
+            next((one for one in each if one[0].index not in common), each[0]) for each in sized
+        ]
         beside = [one for one in sized[0] if one[0].index in common and one not in rivals]
         return propose(
-            rivals, beside, self.vehicle, tuple(SCENARIOS),
+            rivals,
+            beside,
+            self.vehicle,
+            tuple(SCENARIOS),
             lambda name, effects: simulate(self.vehicle, name, 1, effects, nominal=True),
-            self.problem, self.progress,
-        )  # fmt: skip
+            self.problem,
+            self.progress,
+        )
 
     def _provenance(self, problem: Problem) -> dict[str, str]:
         return {
@@ -267,15 +292,20 @@ def _alike(signals: Signals, other: Sequence[Signals], model: str) -> tuple[Sign
             raise ClutchestError(f"{name}: has the readings of the log, expected another drive")
         left = used & drive.told
         if model_for(model, left) is not model_for(model, used):
-            raise ClutchestError(f"{name}: no valid sample of {', '.join(sorted(used - left))}, "
-                                 "expected the signals of the log in what is held out")  # fmt: skip
-    return tuple(replace(drive, signals={name: drive[name] for name in used if name in drive})
-                 for drive in other)  # fmt: skip
+            raise ClutchestError(
+                f"{name}: no valid sample of {', '.join(sorted(used - left))}, "
+                "expected the signals of the log in what is held out"
+            )
+    return tuple(
+        replace(drive, signals={name: drive[name] for name in used if name in drive})
+        for drive in other
+    )
 
 
 def _not_borne_out(what: str) -> str:
-    return (f"{what}: seemed to be there, and the drives held out do not bear it out; "
-            "taken for noise")  # fmt: skip
+    return (
+        f"{what}: seemed to be there, and the drives held out do not bear it out; taken for noise"
+    )
 
 
 def _implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
@@ -287,8 +317,10 @@ def _implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
             continue
         nearest = min(max(size.value, n.lower), n.upper)
         if abs(size.value - nearest) > 2.0 * size.std:
-            said.append(f"{cause.effect}: {n.key} = {size.value:.3g} ± {size.std:.2g} {n.unit} "
-                        f"is more than is plausible ({nearest:.3g})")  # fmt: skip
+            said.append(
+                f"{cause.effect}: {n.key} = {size.value:.3g} ± {size.std:.2g} {n.unit} "
+                f"is more than is plausible ({nearest:.3g})"
+            )
     return said
 
 
@@ -300,12 +332,20 @@ def _rivals(problem: Problem, judged: Judged) -> tuple[Rival, ...]:
     """Those that lost, the likeliest first; one of whose causes nothing is left is none."""
     lost = [h for h in judged.lost if all(h.look.theta[c.index] != 0.0 for c in h.chosen)]
     return tuple(
-        Rival(" and ".join(_names_of(h)), h.cost - judged.limit,
-              {f"{c.name}.{key}" if len(h.chosen) > 1 else key: value for c in h.chosen
-               for key, value in ((c.gain.key, float(h.look.theta[c.index]
-                                                     * problem.units[c.index])), *c.shapes)})
+        Rival(
+            " and ".join(_names_of(h)),
+            h.cost - judged.limit,
+            {
+                f"{c.name}.{key}" if len(h.chosen) > 1 else key: value
+                for c in h.chosen
+                for key, value in (
+                    (c.gain.key, float(h.look.theta[c.index] * problem.units[c.index])),
+                    *c.shapes,
+                )
+            },
+        )
         for h in sorted(lost, key=lambda h: h.cost)[:MOST_RIVALS]
-    )  # fmt: skip
+    )
 
 
 def _where(
@@ -332,8 +372,10 @@ def _sentence(verdict: str, judged: Judged, told: Told, where: Where | None, exc
         assert where is not None
         with_ = f" and goes with {where.drivers[0]}" if where.drivers else ""
         with_ += ", the highest it has been" if where.peak else ""
-        return (f"Something is wrong in the equation '{where.equation}'{with_}, "
-                "and no known cause explains it.")  # fmt: skip
+        return (
+            f"Something is wrong in the equation '{where.equation}'{with_}, "
+            "and no known cause explains it."
+        )
     lacks = either([_with_sizes(h, told) for h in judged.sets])
     which = "; these data cannot tell which" if verdict == "ambiguous" else ""
     return f"The model lacks {lacks}{which}."
@@ -357,7 +399,9 @@ def _with_sizes(h: Hypothesis, told: Told) -> list[str]:
     units = {(c.name, n.key): n.unit for c in h.chosen for n in c.effect.parameters}
     words = []
     for name, sizes in _sizes(h, told).items():
-        numbers = [f"{key} = {f.value:.3g} ± {f.std:.2g} {units[name, key]}".removesuffix(" 1")
-                   for key, f in sizes.items()]  # fmt: skip
+        numbers = [
+            f"{key} = {f.value:.3g} ± {f.std:.2g} {units[name, key]}".removesuffix(" 1")
+            for key, f in sizes.items()
+        ]
         words.append(f"{name} ({', '.join(numbers)})")
     return words

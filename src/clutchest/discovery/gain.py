@@ -42,8 +42,9 @@ def on_another(
     again = before.theta * known + with_ * gains
     after = min(fitted(fitter, after.theta, shapes), fitted(fitter, again, shapes), key=_cost)
     assert fitter.span is not None
-    return between(Foretold.of(other, fitter, before), Foretold.of(other, fitter, after),
-                 fitter.span)  # fmt: skip
+    return between(
+        Foretold.of(other, fitter, before), Foretold.of(other, fitter, after), fitter.span
+    )
 
 
 def fitted(fitter: Fitter, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
@@ -139,8 +140,14 @@ class Foretold:
     def only(self, when: Callable[[Floats], NDArray[np.bool_]]) -> Foretold:
         """The same at times s ``when`` it counts; nothing elsewhere."""
         mine, its = when(self.at), when(self.torque_at)
-        return Foretold(self.at, self.white * mine, self.own * mine, self.torque_at,
-                         self.torque * its, self.cost)  # fmt: skip
+        return Foretold(
+            self.at,
+            self.white * mine,
+            self.own * mine,
+            self.torque_at,
+            self.torque * its,
+            self.cost,
+        )
 
     @classmethod
     def joined(cls, parts: Sequence[Foretold]) -> Foretold:

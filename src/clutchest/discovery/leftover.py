@@ -64,8 +64,12 @@ def curves(
     # without a signal, some equations are others
     flaws = {k: v for k, v in flaws_of(problem.compiled.model.name).items() if k in place}
     values = [drivers(drive) for drive in problem.drives]
-    tables = [(name, driver, at) for driver, at in _bent(problem, values)
-              for name, flaw in flaws.items() if _may_go_with(flaw, driver, at)]  # fmt: skip
+    tables = [
+        (name, driver, at)
+        for driver, at in _bent(problem, values)
+        for name, flaw in flaws.items()
+        if _may_go_with(flaw, driver, at)
+    ]
     choices = Counter(flaws[name].equation for name, _, _ in tables)
     found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
     for left, some in _left_over(problem, fitter, look, values, tables, place):
@@ -87,15 +91,25 @@ def curves(
             if evidence(score, information, faint) > 0.0:
                 unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
             told = score / unrest, information / unrest, faint / unrest
-            found.append(Curve(
-                name, equation, driver, at, *expected(*told),
-                float(score @ best) / unrest - 2.0 * rank, float(evidence(*told)) - rare, 1.0,
-            ))  # fmt: skip
+            found.append(
+                Curve(
+                    name,
+                    equation,
+                    driver,
+                    at,
+                    *expected(*told),
+                    float(score @ best) / unrest - 2.0 * rank,
+                    float(evidence(*told)) - rare,
+                    1.0,
+                )
+            )
         del left, c, pure  # before the next ones are made
     # a Bayes factor of B is given to noise once in B times at most
     least = np.sort(np.exp(-most / 2.0))
-    named = [replace(curve, p_value=float(among(least, np.exp(-curve.evidence / 2.0))))
-             for curve in found]  # fmt: skip
+    named = [
+        replace(curve, p_value=float(among(least, np.exp(-curve.evidence / 2.0))))
+        for curve in found
+    ]
     return sorted(named, key=lambda curve: -curve.evidence)
 
 
@@ -155,9 +169,10 @@ def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tupl
     still = set.intersection(*(at_rest(drive) for drive in problem.drives))
     return [
         (name, at)
-        for name in values[0] if name not in still and all(name in v for v in values)
+        for name in values[0]
+        if name not in still and all(name in v for v in values)
         for at in knots(name, np.concatenate([v[name] for v in values]), acts)
-    ]  # fmt: skip
+    ]
 
 
 def _may_go_with(flaw: Flaw, driver: str, at: Floats) -> bool:
@@ -167,9 +182,13 @@ def _may_go_with(flaw: Flaw, driver: str, at: Floats) -> bool:
 
 
 def _left_over(
-    problem: Problem, fitter: Fitter, look: Look, values: Sequence[Mapping[str, Floats]],
-    tables: Sequence[Table], place: Mapping[str, int],
-) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:  # fmt: skip
+    problem: Problem,
+    fitter: Fitter,
+    look: Look,
+    values: Sequence[Mapping[str, Floats]],
+    tables: Sequence[Table],
+    place: Mapping[str, int],
+) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:
     """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
     of each curve; some drivers at a time, as many as memory likes.  ``place`` of each flaw in θ."""
     readings = sum(len(drive.rows) for drive in problem.drives)
@@ -185,8 +204,13 @@ def _left_over(
         thetas = np.concatenate([np.full(len(at), place[name]) for name, _, at in some])
         ends = np.cumsum([len(at) for _, _, at in some])
         left = fitter.modulated(look, thetas, [np.column_stack(b) for b in bases], columns)
-        yield left, [(table, np.arange(end - len(table[2]), end))
-                     for table, end in zip(some, ends, strict=True)]  # fmt: skip
+        yield (
+            left,
+            [
+                (table, np.arange(end - len(table[2]), end))
+                for table, end in zip(some, ends, strict=True)
+            ],
+        )
 
 
 def _portions(tables: Sequence[Table], held: int) -> Iterator[list[Table]]:

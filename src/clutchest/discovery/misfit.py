@@ -35,9 +35,9 @@ def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfi
             level, lag = float(np.mean(r**2)), float(np.mean(r[1:] * r[:-1]))
             levels.append(Level(name, MODE_NAMES[m], level, lag / level, len(r)))
             for driver in [name for name in values[0] if all(name in v for v in values)]:
-                joined = np.concatenate([
-                    v[driver][d.rows] for v, d in zip(values, problem.drives, strict=True)
-                ])[rows]  # fmt: skip
+                joined = np.concatenate(
+                    [v[driver][d.rows] for v, d in zip(values, problem.drives, strict=True)]
+                )[rows]
                 edges = np.unique(np.quantile(joined, np.linspace(0.0, 1.0, BINS + 1)))
                 if len(edges) < 3:
                     continue

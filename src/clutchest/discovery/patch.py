@@ -155,16 +155,28 @@ def _of_a_clock(curve: Curve, model: Model, name: str, bends: Sequence[Floats]) 
     assert late is not None
     signal, per_unit = late
     curves = [(name, "What was found.", curve.coefficients)]
-    curves += [(f"{name}_bend_{k}", "What it may be off by, a standard deviation one way.", bend)
-               for k, bend in enumerate(bends, 1)]  # fmt: skip
+    curves += [
+        (f"{name}_bend_{k}", "What it may be off by, a standard deviation one way.", bend)
+        for k, bend in enumerate(bends, 1)
+    ]
     return _LATE.format(
-        signal=signal, driver=curve.driver, model=model.name, equation=curve.equation,
+        signal=signal,
+        driver=curve.driver,
+        model=model.name,
+        equation=curve.equation,
         knots=_numbers(curve.at),
-        curves="".join(_CURVE.format(
-            title=each.title().replace("_", ""), what=what, name=each, signal=signal,
-            driver=curve.driver, seconds=_numbers(per_unit * values),
-        ) for each, what, values in curves),
-    )  # fmt: skip
+        curves="".join(
+            _CURVE.format(
+                title=each.title().replace("_", ""),
+                what=what,
+                name=each,
+                signal=signal,
+                driver=curve.driver,
+                seconds=_numbers(per_unit * values),
+            )
+            for each, what, values in curves
+        ),
+    )
 
 
 def _of_an_equation(curve: Curve, model: Model, name: str, bends: Sequence[Floats]) -> str | None:

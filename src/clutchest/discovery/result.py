@@ -195,43 +195,69 @@ class Discovery:
             "verdict": self.verdict,
             "sentence": self.sentence,
             "causes": [
-                {"effect": c.effect, "equation": c.equation,
-                 "parameters": {k: {"value": f.value, "std": f.std}
-                                for k, f in c.parameters.items()},
-                 "statistic": c.statistic, "p_value": c.p_value}
+                {
+                    "effect": c.effect,
+                    "equation": c.equation,
+                    "parameters": {
+                        k: {"value": f.value, "std": f.std} for k, f in c.parameters.items()
+                    },
+                    "statistic": c.statistic,
+                    "p_value": c.p_value,
+                }
                 for c in self.causes
             ],
             "rivals": [
                 {"effect": r.effect, "behind": r.behind, "parameters": dict(r.parameters)}
                 for r in self.rivals
             ],
-            "where": None if self.where is None else
-            {"equation": self.where.equation, "drivers": list(self.where.drivers)},
+            "where": None
+            if self.where is None
+            else {"equation": self.where.equation, "drivers": list(self.where.drivers)},
             "unexcited": list(self.unexcited),
             "identifiability": {
-                i.effect: {"detectable_size": i.detectable_size, "unit": i.unit,
-                           "plausible_size": i.plausible_size, "nearest": i.nearest,
-                           "d_prime_nearest": i.d_prime_nearest}
+                i.effect: {
+                    "detectable_size": i.detectable_size,
+                    "unit": i.unit,
+                    "plausible_size": i.plausible_size,
+                    "nearest": i.nearest,
+                    "d_prime_nearest": i.d_prime_nearest,
+                }
                 for i in self.identifiability
             },
-            "gain": None if self.gain is None else {
-                **{key: getattr(self.gain, key) for key in (
-                    "rmse_before", "rmse_after", "nll_before", "nll_after",
-                    "simulation_rmse_before", "simulation_rmse_after")},
+            "gain": None
+            if self.gain is None
+            else {
+                **{
+                    key: getattr(self.gain, key)
+                    for key in (
+                        "rmse_before",
+                        "rmse_after",
+                        "nll_before",
+                        "nll_after",
+                        "simulation_rmse_before",
+                        "simulation_rmse_after",
+                    )
+                },
                 "ci95": list(self.gain.ci95),
                 "other_logs": self.gain.other_logs,
             },
-            "experiment": None if self.experiment is None else
-            {"words": self.experiment.words, "scenario": self.experiment.scenario},
+            "experiment": None
+            if self.experiment is None
+            else {"words": self.experiment.words, "scenario": self.experiment.scenario},
             "levels": [
-                {"sensor": x.sensor, "mode": x.mode, "level": x.level, "lag": x.lag,
-                 "count": x.count}
+                {
+                    "sensor": x.sensor,
+                    "mode": x.mode,
+                    "level": x.level,
+                    "lag": x.lag,
+                    "count": x.count,
+                }
                 for x in self.misfit.levels
             ],
             **self.counts.summary(),
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
-        }  # fmt: skip
+        }
 
 
 def either(sets: Sequence[Sequence[str]]) -> str:

@@ -123,8 +123,14 @@ class Search:
         self, base: Hypothesis, wanted: Sequence[Candidate], columns: Floats, seed: int
     ) -> Board:
         """The same where derivatives ``columns`` (K, C) of the innovations are known."""
-        return board(base.look, self.free(base.chosen), self.fitter.prior, columns,
-                     [c.gain.one_sided for c in wanted], seed)  # fmt: skip
+        return board(
+            base.look,
+            self.free(base.chosen),
+            self.fitter.prior,
+            columns,
+            [c.gain.one_sided for c in wanted],
+            seed,
+        )
 
     def free(self, chosen: Iterable[Candidate]) -> NDArray[np.int64]:
         """Indices of nuisances and of the gains of ``chosen``."""
@@ -201,8 +207,11 @@ class Search:
         """Begin again from a hypothesis at quite other numbers, or from a rival of as many causes
         that is better there."""
         size = len(there.chosen)
-        rivals = [self.fitted(h.chosen, there.look).bare
-                  for h in self.sizes.get(size, []) if h.names != there.names]  # fmt: skip
+        rivals = [
+            self.fitted(h.chosen, there.look).bare
+            for h in self.sizes.get(size, [])
+            if h.names != there.names
+        ]
         self.sizes[size] = sorted([there, *rivals], key=lambda h: h.cost)
         self.best, *self.rivals = self.sizes[size]
         self.tried.clear()
@@ -280,15 +289,18 @@ class Search:
 
     def tied(self) -> list[Hypothesis]:
         """Rivals of the same size that the data do not exclude."""
-        return [h for h in self.rivals
-                if h.cost - self.best.cost < TIED and h.names != self.best.names]  # fmt: skip
+        return [
+            h for h in self.rivals if h.cost - self.best.cost < TIED and h.names != self.best.names
+        ]
 
 
 def _running(problem: Problem, theta: Floats) -> NDArray[np.int64]:
     """Which temperatures in ``theta`` (m) drives start from that no clutch at rest has."""
     warm = {state.name for state in problem.compiled.model.states if state.unit == "°C"}
-    odd = [t.drive >= 0 and t.key in warm and abs(value) > ODD
-           for t, value in zip(problem.thetas, theta, strict=True)]  # fmt: skip
+    odd = [
+        t.drive >= 0 and t.key in warm and abs(value) > ODD
+        for t, value in zip(problem.thetas, theta, strict=True)
+    ]
     return np.flatnonzero(odd)
 
 

@@ -32,8 +32,10 @@ def suspicions(files: Sequence[Path], vehicle: Vehicle) -> list[Effect]:
 def _unsought(effect: Effect, model: str, found: dict[str, Effect]) -> str | None:
     """Why an effect that may stand in the model cannot be looked for."""
     if effect.lateness:
-        return ("is late by more at one time than at another: nothing to look for, but to be "
-                "stated in the vehicle file")  # fmt: skip
+        return (
+            "is late by more at one time than at another: nothing to look for, but to be "
+            "stated in the vehicle file"
+        )
     taken = [("the library", library(model)), ("another file", found)]
     for where, names in taken:
         if effect.name in names:

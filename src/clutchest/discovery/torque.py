@@ -31,8 +31,11 @@ def _of_drive(problem: Problem, look: Look, own: LinearDrive) -> Torques:
     p, g, _ = problem.numbers(look.theta, look.shapes)
     nominal = problem.compiled.p  # what was measured does not change with what is believed
     off = np.zeros_like(g)
-    still = [i for i, (effect, n) in enumerate(problem.compiled.model.numbers)
-             if any(s.key == n and s.shape for s in effect.parameters)]  # fmt: skip
+    still = [
+        i
+        for i, (effect, n) in enumerate(problem.compiled.model.numbers)
+        if any(s.key == n and s.shape for s in effect.parameters)
+    ]
     off[still] = problem.compiled.g[still]
     time, (read, told, made) = while_sliding(own, NAMES, (nominal, off), (nominal, g), (p, g))
     return time, read[0], made[1] + read[0] - told[0]

@@ -85,16 +85,20 @@ class Transfer:
         if chosen is None:
             return None, None
         halves = [self._chosen(2.0 * gained[:, 1 - k], usable) for k in (0, 1)]
-        judged = [(self.before if i is None else self.after[i]).only(partial(_in_half, k))
-                  for k, i in enumerate(halves)]  # fmt: skip
+        judged = [
+            (self.before if i is None else self.after[i]).only(partial(_in_half, k))
+            for k, i in enumerate(halves)
+        ]
         after = Foretold.joined(judged)
         return self.curves[chosen], between(self.before, after, self.span)
 
     def _chosen(self, gained: Floats, usable: Sequence[bool]) -> int | None:
         """Index of the likeliest that pays if it has to, gaining so much each (n)."""
         # at some time of another drive, nothing need go wrong
-        pays = [yes and (curve.driver != "time" or gain > 0.0)
-                for yes, curve, gain in zip(usable, self.curves, gained, strict=True)]  # fmt: skip
+        pays = [
+            yes and (curve.driver != "time" or gain > 0.0)
+            for yes, curve, gain in zip(usable, self.curves, gained, strict=True)
+        ]
         likely = np.where(pays, self._evidence(gained), -np.inf)
         return int(np.argmax(likely)) if any(pays) else None
 

@@ -91,8 +91,11 @@ def weeded(search: Search, other: HeldOut) -> list[str]:
     bear out: names."""
     dropped, borne_out = list[str](), set[int]()
     while len(search.best.chosen) > 1:
-        doubts = [(search.established(c, search.best)[1], c)
-                  for c in search.best.chosen if c.index not in borne_out]  # fmt: skip
+        doubts = [
+            (search.established(c, search.best)[1], c)
+            for c in search.best.chosen
+            if c.index not in borne_out
+        ]
         p, cause = max(doubts, key=lambda doubt: doubt[0], default=(0.0, None))
         if cause is None or p <= SURE:
             break

@@ -20,8 +20,9 @@ class Clocks:
     def __init__(self, vehicle: Vehicle) -> None:
         self.late: list[tuple[str, float, Lateness]] = [
             (signal, vehicle.effects[effect.name].get(effect.delays[signal], 0.0), lateness)
-            for effect in present_effects(vehicle) for signal, lateness in effect.lateness.items()
-        ]  # fmt: skip
+            for effect in present_effects(vehicle)
+            for signal, lateness in effect.lateness.items()
+        ]
         self._value: dict[str, float] = {}  # the last one of what delays go with
         self._put_off: dict[int, float] = {}  # until when the samples of each of them have been
 

@@ -74,8 +74,27 @@ def draw(
     u, z = plan.u.copy(), np.zeros(len(plan.t))
     x, bound = np.zeros((rows, n)), np.zeros((rows, n))
     compiled.functions.draw(
-        rng, start.copy(), prior.P.copy(), plan.t, plan.sensor, plan.R, u,
-        plan.row, plan.W, plan.Q, plan.longest, finest, plan.noise, compiled.p, compiled.g,
-        watched, plan.z, pull, plan.emit, z, x, bound,
-    )  # fmt: skip
+        rng,
+        start.copy(),
+        prior.P.copy(),
+        plan.t,
+        plan.sensor,
+        plan.R,
+        u,
+        plan.row,
+        plan.W,
+        plan.Q,
+        plan.longest,
+        finest,
+        plan.noise,
+        compiled.p,
+        compiled.g,
+        watched,
+        plan.z,
+        pull,
+        plan.emit,
+        z,
+        x,
+        bound,
+    )
     return Drawn(replace(plan, u=u, z=z), x, bound)

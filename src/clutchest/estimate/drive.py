@@ -70,9 +70,14 @@ class Drive:
     """
 
     def __init__(
-        self, vehicle: Vehicle, names: Iterable[str], start_ns: int | None, rate: float,
-        state: Mapping[str, Any] | None, progress: Progress | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        vehicle: Vehicle,
+        names: Iterable[str],
+        start_ns: int | None,
+        rate: float,
+        state: Mapping[str, Any] | None,
+        progress: Progress | None = None,
+    ) -> None:
         self.vehicle, self.start_ns, self.state = vehicle, start_ns, state
         model = model_for(vehicle.model, set(names))
         self.compiled: Compiled = compile_model(vehicle, model, progress=progress)
@@ -123,8 +128,7 @@ class Drive:
         if self.belief is None:
             self.begin = max(0.0, min(float(s.time[0]) for s in present.values()))
         since = max(self.begin, self.done - self.back)
-        found = assemble(self.setting, present, self.habits,
-                         Stretch(since, end, self.averaged))  # fmt: skip
+        found = assemble(self.setting, present, self.habits, Stretch(since, end, self.averaged))
         before = self._certain(found, known, last)
         line = _cut(found.line, self.done, before)
         if line is None:
@@ -148,10 +152,17 @@ class Drive:
     @property
     def due_s(self) -> float:
         """When the next row may become certain, s on the drive's clock, if nothing is late."""
-        return self.worth + self.thresholds.ahead + max(
-            (lag * self.habits[name].period + self.setting.late(name)
-             for name, lag in self.lags.items()), default=0.0,
-        )  # fmt: skip
+        return (
+            self.worth
+            + self.thresholds.ahead
+            + max(
+                (
+                    lag * self.habits[name].period + self.setting.late(name)
+                    for name, lag in self.lags.items()
+                ),
+                default=0.0,
+            )
+        )
 
     def _present(self, settled: Mapping[str, float], last: bool) -> tuple[dict[str, Signal], float]:
         """The signals at hand, cleaned, and up to when, s, what drives the equations is known.
@@ -236,8 +247,9 @@ class Drive:
         begins = self.belief is None
         warnings: list[str] = []
         if self.belief is None:
-            self.belief, warnings = begun(self.vehicle, self.compiled, found.line, self.state,
-                                          self.start_ns)  # fmt: skip
+            self.belief, warnings = begun(
+                self.vehicle, self.compiled, found.line, self.state, self.start_ns
+            )
             self.start = self.belief.copy()
             self.first_s = float(line.t[0])
         filtered = run(self.compiled, line, self.belief, consider=True, gained=self.gained)
@@ -269,8 +281,10 @@ class Drive:
 
     def _forget(self) -> None:
         since = self.done - self.back
-        longest = max((slope_count(self.habits[of].period)
-                       for of in self.setting.model.slopes.values()), default=1)  # fmt: skip
+        longest = max(
+            (slope_count(self.habits[of].period) for of in self.setting.model.slopes.values()),
+            default=1,
+        )
         for name, signal in self.samples.items():
             late = self.setting.late(name)
             first = int(np.searchsorted(signal.time, since + late)) - longest - 2
@@ -318,15 +332,26 @@ def _cut(line: Timeline, since: float, before: float) -> Timeline | None:
     grid = line.grid[emit[rows]]
     emit[rows] = np.arange(np.count_nonzero(rows))
     return replace(
-        line, t=line.t[events], sensor=sensor, z=line.z[events], R=line.R[events],
-        u=line.u[events], row=line.row[events], mode=line.mode[events], emit=emit, grid=grid,
-    )  # fmt: skip
+        line,
+        t=line.t[events],
+        sensor=sensor,
+        z=line.z[events],
+        R=line.R[events],
+        u=line.u[events],
+        row=line.row[events],
+        mode=line.mode[events],
+        emit=emit,
+        grid=grid,
+    )
 
 
 def begun(
-    vehicle: Vehicle, compiled: Compiled, line: Timeline, state: Mapping[str, Any] | None,
+    vehicle: Vehicle,
+    compiled: Compiled,
+    line: Timeline,
+    state: Mapping[str, Any] | None,
     start_ns: int | None,
-) -> tuple[Belief, list[str]]:  # fmt: skip
+) -> tuple[Belief, list[str]]:
     """The belief at the first event of a drive, carried on from ``state`` if there is one, and
     warnings."""
     warnings = left_out(vehicle, compiled)

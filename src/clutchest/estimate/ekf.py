@@ -156,8 +156,9 @@ class OnlineFilter(ExtendedKalmanFilter):
         if self.consider:
             self._leave_parameters(measured - h, H, R_used)
         else:
-            self.update(measured, HJacobian=lambda x: H[None, :], Hx=lambda x: np.array([h]),
-                        R=R_used)  # fmt: skip
+            self.update(
+                measured, HJacobian=lambda x: H[None, :], Hx=lambda x: np.array([h]), R=R_used
+            )
         self._in_proportion(z - h)
         return float(z - h), float(S)
 

@@ -142,6 +142,11 @@ class Live:
         self.arrived = first.signals
         if last:
             rest = incoming.take(Frames.empty(), int(frames.t_ns[-1]), last=True)
-            first = Decoded({n: s.then(rest.signals[n]) if n in rest.signals else s
-                             for n, s in first.signals.items()}, rest.settled)  # fmt: skip
+            first = Decoded(
+                {
+                    n: s.then(rest.signals[n]) if n in rest.signals else s
+                    for n, s in first.signals.items()
+                },
+                rest.settled,
+            )
         return drive.take(first.signals, first.settled, last)

@@ -79,9 +79,14 @@ class Regimes:
 
     @classmethod
     def pressing(
-        cls, time: Floats, torque: Floats | None, slip: Floats | None, yielding: float,
-        lost: NDArray[np.bool_], guard: float,
-    ) -> Regimes:  # fmt: skip
+        cls,
+        time: Floats,
+        torque: Floats | None,
+        slip: Floats | None,
+        yielding: float,
+        lost: NDArray[np.bool_],
+        guard: float,
+    ) -> Regimes:
         """Of a clutch whose equations hold throughout, and whose state says how it stands.
 
         A torque sensor tells of pressed surfaces only: near the moment at which they touch or
@@ -137,8 +142,11 @@ def classify(
     apart = np.zeros(len(time), bool)
     if position is not None:
         apart = position > kiss_point + thresholds.open_margin
-    mode = np.where(home, Mode.retracted, np.where(locked, Mode.locked,
-                    np.where(apart, Mode.open, Mode.slipping)))  # fmt: skip
+    mode = np.where(
+        home,
+        Mode.retracted,
+        np.where(locked, Mode.locked, np.where(apart, Mode.open, Mode.slipping)),
+    )
     longest, least = thresholds.lock_time, BARELY * thresholds.lock_slip
     slides = ~locked | _ending(time, slip, locked, longest, least)
     slides |= _ending(-time[::-1], slip[::-1], locked[::-1], longest, least)[::-1]

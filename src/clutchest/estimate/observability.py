@@ -42,9 +42,13 @@ class Information:
 
     @classmethod
     def of(
-        cls, compiled: Compiled, time: Floats, mode: NDArray[np.uint8], gained: Floats,
+        cls,
+        compiled: Compiled,
+        time: Floats,
+        mode: NDArray[np.uint8],
+        gained: Floats,
         before: Floats | float = 0.0,
-    ) -> Information:  # fmt: skip
+    ) -> Information:
         """From the kernel's running sum ``gained`` (r, states), nats, ``before`` (states) the first
         row."""
         states, hidden = compiled.model.states, compiled.model.unobservable
@@ -66,10 +70,11 @@ class Information:
     def by_mode(self) -> dict[str, dict[str, float]]:
         """Mode → state → bits, of all modes."""
         return {
-            mode: dict(zip(self.names, self.bits[self.mode == code].sum(axis=0).tolist(),
-                           strict=True))
+            mode: dict(
+                zip(self.names, self.bits[self.mode == code].sum(axis=0).tolist(), strict=True)
+            )
             for code, mode in enumerate(MODE_NAMES)
-        }  # fmt: skip
+        }
 
     def informed_at(self, name: str) -> float | None:
         """The time since which measurements told nothing of this state any more, s; None if they

@@ -90,8 +90,9 @@ def _beside(drive: Signals, unusable: Sequence[tuple[Signals, Unusable]]) -> Sig
         rejected = Counter(counts.rejected) + Counter(other.counts.rejected)
         if other.counts.decoded:
             rejected["in a stretch without what the model needs"] += other.counts.decoded
-        counts = replace(counts, frames=counts.frames + other.counts.frames,
-                         rejected=dict(rejected))  # fmt: skip
+        counts = replace(
+            counts, frames=counts.frames + other.counts.frames, rejected=dict(rejected)
+        )
         begun = other.start_ns
         when = (
             "" if begun is None else f" from {datetime.fromtimestamp(begun / 1e9, UTC):%F %T} UTC"
@@ -101,9 +102,12 @@ def _beside(drive: Signals, unusable: Sequence[tuple[Signals, Unusable]]) -> Sig
 
 
 def _in_stretches(
-    signals: Signals, vehicle: Vehicle, rate: float, state: Mapping[str, Any] | None,
+    signals: Signals,
+    vehicle: Vehicle,
+    rate: float,
+    state: Mapping[str, Any] | None,
     progress: Progress | None,
-) -> tuple[Track, Part, Mapping[str, Any]]:  # fmt: skip
+) -> tuple[Track, Part, Mapping[str, Any]]:
     """One drive, stretch by stretch: what the filter needs and makes on its way takes no more
     memory in a longer log."""
     usable = {name: signal for name, signal in signals.items() if signal.valid.any()}
@@ -118,8 +122,10 @@ def _in_stretches(
         if progress:
             progress("filtering", max(done, 0.0) / max(signals.end, 1e-9))
         last = stop == np.inf
-        new = {name: signal.take(slice(*np.searchsorted(signal.time, (done, stop))))
-               for name, signal in usable.items()}  # fmt: skip
+        new = {
+            name: signal.take(slice(*np.searchsorted(signal.time, (done, stop))))
+            for name, signal in usable.items()
+        }
         piece = drive.take(new, dict.fromkeys(new, signals.end if last else stop), last)
         if piece is not None:
             recent.append(piece.track)
@@ -132,15 +138,19 @@ def _in_stretches(
         progress("filtering", 1.0)
     left = drive.final()
     assert left is not None and drive.belief is not None  # a drive has an event at its end
-    part = Part(signals, drive.compiled, drive.span_s, drive.belief, drive.own, warnings,
-                drive.past)  # fmt: skip
+    part = Part(
+        signals, drive.compiled, drive.span_s, drive.belief, drive.own, warnings, drive.past
+    )
     return joined([*tracks, *recent]), part, left
 
 
 def _whole(
-    signals: Signals, vehicle: Vehicle, rate: float, state: Mapping[str, Any] | None,
+    signals: Signals,
+    vehicle: Vehicle,
+    rate: float,
+    state: Mapping[str, Any] | None,
     progress: Progress | None,
-) -> tuple[Track, Part, Mapping[str, Any]]:  # fmt: skip
+) -> tuple[Track, Part, Mapping[str, Any]]:
     """One drive at once, since a smoother goes back over all of it."""
     usable = signals.told
     compiled = compile_model(vehicle, model_for(vehicle.model, usable), progress=progress)
@@ -155,8 +165,15 @@ def _whole(
     history = History.of(state).after(
         span, len(track.engagements), max(float(filtered.final.E[0] - start.E[0]), 0.0)
     )
-    part = Part(signals, compiled, span, filtered.final, filtered.P[-1].diagonal(),
-                [*timeline.warnings, *warnings], history)  # fmt: skip
+    part = Part(
+        signals,
+        compiled,
+        span,
+        filtered.final,
+        filtered.P[-1].diagonal(),
+        [*timeline.warnings, *warnings],
+        history,
+    )
     left = leave(vehicle, compiled, timeline, filtered.final, signals.start_ns, history)
     return track, part, left
 
@@ -165,8 +182,13 @@ def provenance(vehicle: Vehicle, digest: str) -> dict[str, str]:
     """Versions, and hashes of vehicle, parameters and compiled model."""
     from importlib.metadata import version
 
-    numbers = repr((sorted((k, v.value, v.spread) for k, v in vehicle.parameters.items()),
-                    vehicle.effects, vehicle.effects_spread))  # fmt: skip
+    numbers = repr(
+        (
+            sorted((k, v.value, v.spread) for k, v in vehicle.parameters.items()),
+            vehicle.effects,
+            vehicle.effects_spread,
+        )
+    )
     return {
         "clutchest": __version__,
         "python": platform.python_version(),

@@ -128,9 +128,13 @@ def told(
     first, count, value = _averages(time, signal.value, APART * period, most)
     variance = noise**2 * np.maximum(coloured, most) / count
     return Told(
-        time[first + count // 2], value, variance, time[first], time[first + count - 1],
+        time[first + count // 2],
+        value,
+        variance,
+        time[first],
+        time[first + count - 1],
         count == most,
-    )  # fmt: skip
+    )
 
 
 @njit(cache=True, error_model="numpy")

@@ -60,8 +60,11 @@ class Setting:
     @cached_property
     def _fast(self) -> tuple[tuple[str, str], ...]:
         """Inputs that may not, each with the signal that it is made of."""
-        return tuple((i.name, self.model.slopes.get(i.name, i.name))
-                     for i in self.model.inputs if i.name not in self._slow)  # fmt: skip
+        return tuple(
+            (i.name, self.model.slopes.get(i.name, i.name))
+            for i in self.model.inputs
+            if i.name not in self._slow
+        )
 
     @cached_property
     def _judges(self) -> tuple[str, ...]:
@@ -115,9 +118,12 @@ def held_on(signal: Signal, time: float) -> Signal:
     long that it counts as lost: what never comes back is away from its last sample on."""
     if time - signal.time[-1] <= LOST:
         return signal
-    return replace(signal, time=np.append(signal.time, time),
-                   value=np.append(signal.value, signal.value[-1]),
-                   why=np.append(signal.why, signal.why[-1]))  # fmt: skip
+    return replace(
+        signal,
+        time=np.append(signal.time, time),
+        value=np.append(signal.value, signal.value[-1]),
+        why=np.append(signal.why, signal.why[-1]),
+    )
 
 
 def usable(signals: Signals, setting: Setting) -> tuple[dict[str, Signal], dict[str, Habit]]:
@@ -188,11 +194,15 @@ def warnings_of(signals: Signals, setting: Setting) -> tuple[str, ...]:
         if name in needed and end - last > max(LOST, gap):  # as held_on has it
             holes.append(end - last)
         if spikes:
-            told.append(f"{name}: {spikes} single sample(s) far off both neighbours left "
-                        f"out, {100 * spikes / count:.2g} %")  # fmt: skip
+            told.append(
+                f"{name}: {spikes} single sample(s) far off both neighbours left "
+                f"out, {100 * spikes / count:.2g} %"
+            )
         if holes:
-            gaps[name] = (f"{name}: {len(holes)} gap(s), the longest {max(holes):.1f} s; "
-                          "heat of a slip in a gap is not seen")  # fmt: skip
+            gaps[name] = (
+                f"{name}: {len(holes)} gap(s), the longest {max(holes):.1f} s; "
+                "heat of a slip in a gap is not seen"
+            )
     return (*told, *(gaps[name] for name in steady if name in gaps))
 
 

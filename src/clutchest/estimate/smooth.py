@@ -123,12 +123,28 @@ class _Windows:
         on_grid = np.zeros(len(timeline.t), bool)
         on_grid[timeline.emit >= 0] = timeline.grid
         size = min(WINDOW, len(on_grid)) + 1
-        most = max((int(np.sum(on_grid[begin : begin + WINDOW]))
-                    for begin in range(0, len(on_grid), WINDOW)), default=0)  # fmt: skip
-        events = (np.zeros((size, n, n)), np.zeros((size, n)), np.zeros((size, n)), np.ones(size),
-                  np.zeros((size, 1 + m)))  # fmt: skip
-        return cls(compiled, timeline, filtered, on_grid, events,
-                   (np.zeros((most, n, 1 + m)), np.zeros((most, n, n))))  # fmt: skip
+        most = max(
+            (
+                int(np.sum(on_grid[begin : begin + WINDOW]))
+                for begin in range(0, len(on_grid), WINDOW)
+            ),
+            default=0,
+        )
+        events = (
+            np.zeros((size, n, n)),
+            np.zeros((size, n)),
+            np.zeros((size, n)),
+            np.ones(size),
+            np.zeros((size, 1 + m)),
+        )
+        return cls(
+            compiled,
+            timeline,
+            filtered,
+            on_grid,
+            events,
+            (np.zeros((most, n, 1 + m)), np.zeros((most, n, n))),
+        )
 
     def _piece(self, begin: int) -> tuple[slice, NDArray[np.int8], NDArray[np.int64]]:
         """The window's events, their sensors and rows.  It starts with the event before it,
@@ -144,14 +160,33 @@ class _Windows:
         returns what it adds to the products that :func:`parameters` takes."""
         piece, sensor, emit = self._piece(begin)
         line, compiled, (_, predicted, used) = (
-            self.timeline, self.compiled, self.filtered.innovation[piece].T,
-        )  # fmt: skip
+            self.timeline,
+            self.compiled,
+            self.filtered.innovation[piece].T,
+        )
         compiled.functions.remember(
-            belief.x, apart, belief.P, belief.S, line.t[piece], sensor, line.z[piece],
-            line.R[piece] + (used - predicted), line.u[piece], line.row[piece], line.W, line.Q,
-            line.longest, line.noise, compiled.p, compiled.g, self.filtered.x, line.emit[piece],
-            emit, *self.events, *self.rows,
-        )  # fmt: skip
+            belief.x,
+            apart,
+            belief.P,
+            belief.S,
+            line.t[piece],
+            sensor,
+            line.z[piece],
+            line.R[piece] + (used - predicted),
+            line.u[piece],
+            line.row[piece],
+            line.W,
+            line.Q,
+            line.longest,
+            line.noise,
+            compiled.p,
+            compiled.g,
+            self.filtered.x,
+            line.emit[piece],
+            emit,
+            *self.events,
+            *self.rows,
+        )
         seen = np.flatnonzero(sensor >= 0)
         variance, told = self.events[3][seen], self.events[4][seen]
         return told.T @ (told / variance[:, None])

@@ -119,13 +119,16 @@ def carried_on(
         kept &= np.array([s.parked_noise == 0.0 for s in model.states])
         warning = "no absolute time: temperatures do not carry over from the last drive"
     elif first_ns < state["time_ns"]:
-        raise StateError("the log begins before the state that was carried over ends; give the "
-                        "drives in order of time")  # fmt: skip
+        raise StateError(
+            "the log begins before the state that was carried over ends; give the "
+            "drives in order of time"
+        )
     elif any(s.stiff for s in model.states):  # days of standing, in steps of a millisecond
         kept &= np.array([s.parked_noise == 0.0 for s in model.states])
     else:
-        before = _parked(vehicle, compiled, timeline, before, state,
-                         (first_ns - state["time_ns"]) * 1e-9)  # fmt: skip
+        before = _parked(
+            vehicle, compiled, timeline, before, state, (first_ns - state["time_ns"]) * 1e-9
+        )
     belief.x[kept], belief.S[kept], belief.cE[kept] = (
         before.x[kept],
         before.S[kept],
@@ -165,16 +168,28 @@ def leave(
 
 
 def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> None:
-    wanted = {"model", "states", "x", "P", "signature", "thetas", "inputs", "slip_energy",
-              "slip_energy_covariance", "slip_energy_signature"}  # fmt: skip
+    wanted = {
+        "model",
+        "states",
+        "x",
+        "P",
+        "signature",
+        "thetas",
+        "inputs",
+        "slip_energy",
+        "slip_energy_covariance",
+        "slip_energy_signature",
+    }
     if lacking := wanted - set(state):
         raise StateError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
     if state["model"] != compiled.model.name:
-        raise StateError(f"the carried-over state is of model '{state['model']}', "
-                        f"not '{compiled.model.name}'")  # fmt: skip
+        raise StateError(
+            f"the carried-over state is of model '{state['model']}', not '{compiled.model.name}'"
+        )
     if state.get("vehicle", vehicle.name) != vehicle.name:
-        raise StateError(f"the carried-over state is of vehicle '{state['vehicle']}', "
-                        f"not '{vehicle.name}'")  # fmt: skip
+        raise StateError(
+            f"the carried-over state is of vehicle '{state['vehicle']}', not '{vehicle.name}'"
+        )
     found = state["states"]
     if not (isinstance(found, list) and all(isinstance(name, str) for name in found)):
         raise StateError("the carried-over state is damaged: 'states' must be a list of names")
@@ -187,13 +202,24 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
 def _check_numbers(state: Mapping[str, Any], n: int) -> None:
     """Shapes and finite numbers: the compiled kernel trusts them blindly."""
     thetas = state["thetas"]
-    if not (isinstance(thetas, list) and all(
-        isinstance(pair, list | tuple) and len(pair) == 2 and all(isinstance(p, str) for p in pair)
-        for pair in thetas
-    )):  # fmt: skip
+    if not (
+        isinstance(thetas, list)
+        and all(
+            isinstance(pair, list | tuple)
+            and len(pair) == 2
+            and all(isinstance(p, str) for p in pair)
+            for pair in thetas
+        )
+    ):
         raise _damaged("thetas", "a list of pairs of names")
-    shapes = {"x": (n,), "P": (n, n), "signature": (n, len(thetas)), "slip_energy": (2,),
-              "slip_energy_covariance": (n,), "slip_energy_signature": (len(thetas),)}  # fmt: skip
+    shapes = {
+        "x": (n,),
+        "P": (n, n),
+        "signature": (n, len(thetas)),
+        "slip_energy": (2,),
+        "slip_energy_covariance": (n,),
+        "slip_energy_signature": (len(thetas),),
+    }
     for key, shape in shapes.items():
         try:
             numbers = np.array(state[key], np.float64)
@@ -262,8 +288,15 @@ def _parked(
         u[:, j] = a + (b - a) * towards
     nothing, rows = np.zeros(len(t)), len(timeline.longest)
     quiet = replace(
-        timeline, t=t, sensor=np.full(len(t), -1, np.int8), z=nothing, R=nothing, u=u,
-        row=np.zeros(len(t), np.int64), Q=np.tile(process_noise(vehicle, model, True), (rows, 1)),
-        longest=np.full(rows, PARKED_STEP), emit=np.full(len(t), -1, np.int64),
-    )  # fmt: skip
+        timeline,
+        t=t,
+        sensor=np.full(len(t), -1, np.int8),
+        z=nothing,
+        R=nothing,
+        u=u,
+        row=np.zeros(len(t), np.int64),
+        Q=np.tile(process_noise(vehicle, model, True), (rows, 1)),
+        longest=np.full(rows, PARKED_STEP),
+        emit=np.full(len(t), -1, np.int64),
+    )
     return run(compiled, quiet, belief).final

@@ -127,8 +127,9 @@ def assemble(
             reading = _where(reading, stamps, regime.mode == Mode[sensor.mode])
         if i in stretch.averaged:
             reading = _after(reading, stretch.averaged[i])
-        found = told(reading, setting.noise(name), setting.colour(name), sensor.repeats,
-                     habits[name])  # fmt: skip
+        found = told(
+            reading, setting.noise(name), setting.colour(name), sensor.repeats, habits[name]
+        )
         if sensor.repeats:
             averages[i] = found
         times.append(found.time)
@@ -259,8 +260,9 @@ def _among(values: Floats, some: Floats) -> NDArray[np.bool_]:
     return np.asarray(some[place] == values)
 
 
-def _over_intervals(acting: NDArray[np.bool_], of: NDArray[np.intp],
-                    regime: Sequence[str]) -> NDArray[np.int64]:  # fmt: skip
+def _over_intervals(
+    acting: NDArray[np.bool_], of: NDArray[np.intp], regime: Sequence[str]
+) -> NDArray[np.int64]:
     """Flags (K, w) of the interval that ends at each event: an interval runs free if both its ends
     do, the rest is as at its end."""
     flags = acting[of]

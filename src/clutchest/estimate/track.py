@@ -61,8 +61,12 @@ class Rows:
 
     def then(self, later: Rows) -> Rows:
         """These rows and those that follow them."""
-        return Rows(*(np.concatenate([getattr(self, name), getattr(later, name)])
-                      for name in Rows.__slots__))  # fmt: skip
+        return Rows(
+            *(
+                np.concatenate([getattr(self, name), getattr(later, name)])
+                for name in Rows.__slots__
+            )
+        )
 
     def since(self, row: int) -> Rows:
         """The rows from one on."""
@@ -70,10 +74,14 @@ class Rows:
 
 
 def track_of(
-    vehicle: Vehicle, compiled: Compiled, timeline: Timeline, filtered: Filtered,
-    rows: Rows | None = None, events: tuple[Engagement, ...] | None = None,
+    vehicle: Vehicle,
+    compiled: Compiled,
+    timeline: Timeline,
+    filtered: Filtered,
+    rows: Rows | None = None,
+    events: tuple[Engagement, ...] | None = None,
     before: Floats | float = 0.0,
-) -> Track:  # fmt: skip
+) -> Track:
     """The estimates of a drive, or of a piece of one, on the regular grid.
 
     ``rows`` and slip ``events`` are made of what was filtered unless given; ``before`` is what its
@@ -111,8 +119,12 @@ def joined(tracks: Sequence[Track]) -> Track:
     first = tracks[0]
 
     def estimate(parts: Sequence[Estimate]) -> Estimate:
-        return Estimate(*(spilled.concatenated([getattr(part, f.name) for part in parts])
-                          for f in fields(Estimate)))  # fmt: skip
+        return Estimate(
+            *(
+                spilled.concatenated([getattr(part, f.name) for part in parts])
+                for f in fields(Estimate)
+            )
+        )
 
     def column(of: Callable[[Track], NDArray]) -> NDArray:
         return spilled.concatenated([of(track) for track in tracks])

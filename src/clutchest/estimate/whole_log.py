@@ -60,8 +60,9 @@ class Belief:
     @classmethod
     def of(cls, x: Floats, P: Floats, S: Floats) -> Belief:
         """Before any slip."""
-        return cls(x, P, S, np.zeros(2), np.zeros(len(x)), np.zeros(S.shape[1]),
-                   np.full(len(x), -1.0))  # fmt: skip
+        return cls(
+            x, P, S, np.zeros(2), np.zeros(len(x)), np.zeros(S.shape[1]), np.full(len(x), -1.0)
+        )
 
     def copy(self) -> Belief:
         """An independent copy."""
@@ -102,8 +103,9 @@ def present_effects(vehicle: Vehicle) -> tuple[Effect, ...]:
         known |= effects_of_file(path)
     unknown = [name for name in vehicle.effects if name not in known]
     if unknown:
-        raise ClutchestError(f"{vehicle.path.name}: unknown effect '{unknown[0]}'"
-                             + nearest(unknown[0], known))  # fmt: skip
+        raise ClutchestError(
+            f"{vehicle.path.name}: unknown effect '{unknown[0]}'" + nearest(unknown[0], known)
+        )
     return tuple(known[name] for name in vehicle.effects)
 
 
@@ -161,8 +163,9 @@ def compile_model(
     digest, text = build.generate(model, tuple(thetas))
     if progress and not build.is_compiled(digest):
         progress("compiling the model, once on this machine", None)
-    return Compiled(model, build.load(digest, text), digest, p, np.array(g), tuple(thetas),
-                    np.array(spread))  # fmt: skip
+    return Compiled(
+        model, build.load(digest, text), digest, p, np.array(g), tuple(thetas), np.array(spread)
+    )
 
 
 def run(
@@ -195,8 +198,14 @@ def run(
     considered = compiled.spread**2 if consider and with_signature else np.zeros(0)
     width = n + len(compiled.model.doubted)
     gains = np.zeros((K if keep_gains else 0, width)) if frozen is None else frozen
-    out = (np.zeros((rows, n)), np.zeros((rows, n, n)), np.zeros((rows, n)),
-           np.zeros((rows, outputs, 2)), np.zeros((rows, 3 + m)), np.zeros((rows, n)))  # fmt: skip
+    out = (
+        np.zeros((rows, n)),
+        np.zeros((rows, n, n)),
+        np.zeros((rows, n)),
+        np.zeros((rows, outputs, 2)),
+        np.zeros((rows, 3 + m)),
+        np.zeros((rows, n)),
+    )
     innovation = np.zeros((K, 3))
     signature = np.zeros((K if keep_signature else 0, m))
     total = 0.0
@@ -209,13 +218,38 @@ def run(
         if begin:
             sensor[0] = emit[0] = -1
         total += compiled.functions.run(
-            belief.x, belief.P, belief.S, belief.E, belief.cE, belief.sE, belief.held, gained,
-            compiled.spread, considered, timeline.t[piece], sensor, timeline.z[piece],
-            timeline.R[piece], timeline.u[piece], timeline.row[piece], timeline.W, timeline.Q,
-            timeline.longest, timeline.noise, timeline.variance, compiled.p, compiled.g, limit,
-            emit, with_signature, frozen is not None, gains[piece] if len(gains) else gains, *out,
-            innovation[piece], signature[piece] if len(signature) else signature,
-        )  # fmt: skip
+            belief.x,
+            belief.P,
+            belief.S,
+            belief.E,
+            belief.cE,
+            belief.sE,
+            belief.held,
+            gained,
+            compiled.spread,
+            considered,
+            timeline.t[piece],
+            sensor,
+            timeline.z[piece],
+            timeline.R[piece],
+            timeline.u[piece],
+            timeline.row[piece],
+            timeline.W,
+            timeline.Q,
+            timeline.longest,
+            timeline.noise,
+            timeline.variance,
+            compiled.p,
+            compiled.g,
+            limit,
+            emit,
+            with_signature,
+            frozen is not None,
+            gains[piece] if len(gains) else gains,
+            *out,
+            innovation[piece],
+            signature[piece] if len(signature) else signature,
+        )
     if progress:
         progress("filtering", 1.0)
     if not np.all(np.isfinite(belief.x)):

@@ -11,5 +11,14 @@ from clutchest.generator.sampling import Channel, Sampled
 from clutchest.generator.scenarios import SCENARIOS, Scenario
 from clutchest.generator.surroundings import Disturbances
 
-__all__ = ["EFFECTS", "SCENARIOS", "Channel", "Disturbances", "Effect", "Outsider", "Sampled",
-           "Scenario", "generate"]  # fmt: skip
+__all__ = [
+    "EFFECTS",
+    "SCENARIOS",
+    "Channel",
+    "Disturbances",
+    "Effect",
+    "Outsider",
+    "Sampled",
+    "Scenario",
+    "generate",
+]

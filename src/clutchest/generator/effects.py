@@ -30,71 +30,140 @@ class Effect:
 
 
 # Per name of a parameter, a magnitude that no truck reaches: beyond it a drive is nonsense.
-LARGEST: Values = MappingProxyType({
-    "amount": 20.0, "rate": 10.0, "offset": 20.0, "shift": 5.0, "play": 5.0,  # mm, mm/MJ
-    "change": 4.0, "slope": 5.0, "fraction": 1.0, "speed": 1e3, "onset": 1e3,  # –, rad/s, °C
-    "bias": 3500.0, "coefficient": 1e4, "conductance": 1e4, "delay": 2.0,  # Nm, W/K, s
-})  # fmt: skip
+LARGEST: Values = MappingProxyType(
+    {
+        "amount": 20.0,
+        "rate": 10.0,
+        "offset": 20.0,
+        "shift": 5.0,
+        "play": 5.0,  # mm, mm/MJ
+        "change": 4.0,
+        "slope": 5.0,
+        "fraction": 1.0,
+        "speed": 1e3,
+        "onset": 1e3,  # –, rad/s, °C
+        "bias": 3500.0,
+        "coefficient": 1e4,
+        "conductance": 1e4,
+        "delay": 2.0,  # Nm, W/K, s
+    }
+)
 
 _CHANGE = {"change": 0.0}
 _SHRINKS = {"change": -1.0}  # a coefficient must stay positive
 
-EFFECTS: Mapping[str, Effect] = MappingProxyType({
-    "wear": Effect("pads thinner by amount (mm), and by rate (mm/MJ) of slip energy",
-                   {"amount": 0.0, "rate": 0.0}, one_sided=True),
-    "position_offset": Effect("slave sensor reads too much, mm", {"offset": 0.0}),
-    "friction_level": Effect("torque × (1 + change)", _CHANGE, at_least=_SHRINKS),
-    "friction_slip": Effect("torque × (1 + change·exp(−|slip|/speed)), rad/s",
-                            {"change": 0.0, "speed": 10.0},
-                            at_least={"change": -1.0, "speed": 0.0}),
-    "friction_speed": Effect("torque × (1 + slope·|slip|/100 rad/s)", {"slope": 0.0}),
-    "friction_temperature": Effect("torque × (1 + slope·(disc − 100 °C)/100 K)", {"slope": 0.0}),
-    "friction_fade": Effect("torque × (1 − slope·max(disc − onset, 0)/100 K)",
-                            {"slope": 0.0, "onset": 200.0}, one_sided=True),
-    "torque_gain": Effect("reported engine torque × (1 + change)", _CHANGE, at_least=_SHRINKS),
-    "torque_bias": Effect("reported engine torque + bias, Nm", {"bias": 0.0}),
-    "torque_delay": Effect("reported engine torque is late, s", {"delay": 0.0}, one_sided=True),
-    "position_delay": Effect("slave position is late, s", {"delay": 0.0}, one_sided=True),
-    "engine_inertia": Effect("engine inertia × (1 + change)", _CHANGE, at_least=_SHRINKS),
-    "kiss_point": Effect("kiss point + shift, mm", {"shift": 0.0}),
-    "torque_curve": Effect("torque × (1 + change·depth below the kiss point in mm)", _CHANGE),
-    "expansion_body": Effect("expansion by the body × (1 + change)", _CHANGE, at_least=_SHRINKS),
-    "expansion_disc": Effect("expansion by the disc × (1 + change)", _CHANGE, at_least=_SHRINKS),
-    "heat_capacity_disc": Effect("disc's capacity × (1 + change)", _CHANGE, at_least=_SHRINKS),
-    "heat_capacity_body": Effect("body's capacity × (1 + change)", _CHANGE, at_least=_SHRINKS),
-    "heat_split": Effect("more of the slip power into the body", {"fraction": 0.0}),
-    "transmission_heat_path": Effect("body loses heat to a gearbox of 80 °C, W/K",
-                                     {"conductance": 0.0}, one_sided=True),
-    "coolant_coupling": Effect("engine-body conductance × (1 + change)", _CHANGE,
-                               at_least=_SHRINKS),
-    "housing_airflow": Effect("housing-ambient conductance × (1 + slope·speed/20 m/s)",
-                              {"slope": 0.0}),
-    "position_hysteresis": Effect("play of this half-width between slave and plate, mm",
-                                  {"play": 0.0}, one_sided=True),
-    "centrifugal": Effect("torque × (1 + slope·(engine speed/100 rad/s)²)", {"slope": 0.0}),
-    "viscous_drag": Effect("drag torque, Nm per 100 rad/s of slip, also when open",
-                           {"coefficient": 0.0}, one_sided=True),
-})  # fmt: skip
+EFFECTS: Mapping[str, Effect] = MappingProxyType(
+    {
+        "wear": Effect(
+            "pads thinner by amount (mm), and by rate (mm/MJ) of slip energy",
+            {"amount": 0.0, "rate": 0.0},
+            one_sided=True,
+        ),
+        "position_offset": Effect("slave sensor reads too much, mm", {"offset": 0.0}),
+        "friction_level": Effect("torque × (1 + change)", _CHANGE, at_least=_SHRINKS),
+        "friction_slip": Effect(
+            "torque × (1 + change·exp(−|slip|/speed)), rad/s",
+            {"change": 0.0, "speed": 10.0},
+            at_least={"change": -1.0, "speed": 0.0},
+        ),
+        "friction_speed": Effect("torque × (1 + slope·|slip|/100 rad/s)", {"slope": 0.0}),
+        "friction_temperature": Effect(
+            "torque × (1 + slope·(disc − 100 °C)/100 K)", {"slope": 0.0}
+        ),
+        "friction_fade": Effect(
+            "torque × (1 − slope·max(disc − onset, 0)/100 K)",
+            {"slope": 0.0, "onset": 200.0},
+            one_sided=True,
+        ),
+        "torque_gain": Effect("reported engine torque × (1 + change)", _CHANGE, at_least=_SHRINKS),
+        "torque_bias": Effect("reported engine torque + bias, Nm", {"bias": 0.0}),
+        "torque_delay": Effect("reported engine torque is late, s", {"delay": 0.0}, one_sided=True),
+        "position_delay": Effect("slave position is late, s", {"delay": 0.0}, one_sided=True),
+        "engine_inertia": Effect("engine inertia × (1 + change)", _CHANGE, at_least=_SHRINKS),
+        "kiss_point": Effect("kiss point + shift, mm", {"shift": 0.0}),
+        "torque_curve": Effect("torque × (1 + change·depth below the kiss point in mm)", _CHANGE),
+        "expansion_body": Effect(
+            "expansion by the body × (1 + change)", _CHANGE, at_least=_SHRINKS
+        ),
+        "expansion_disc": Effect(
+            "expansion by the disc × (1 + change)", _CHANGE, at_least=_SHRINKS
+        ),
+        "heat_capacity_disc": Effect("disc's capacity × (1 + change)", _CHANGE, at_least=_SHRINKS),
+        "heat_capacity_body": Effect("body's capacity × (1 + change)", _CHANGE, at_least=_SHRINKS),
+        "heat_split": Effect("more of the slip power into the body", {"fraction": 0.0}),
+        "transmission_heat_path": Effect(
+            "body loses heat to a gearbox of 80 °C, W/K", {"conductance": 0.0}, one_sided=True
+        ),
+        "coolant_coupling": Effect(
+            "engine-body conductance × (1 + change)", _CHANGE, at_least=_SHRINKS
+        ),
+        "housing_airflow": Effect(
+            "housing-ambient conductance × (1 + slope·speed/20 m/s)", {"slope": 0.0}
+        ),
+        "position_hysteresis": Effect(
+            "play of this half-width between slave and plate, mm", {"play": 0.0}, one_sided=True
+        ),
+        "centrifugal": Effect("torque × (1 + slope·(engine speed/100 rad/s)²)", {"slope": 0.0}),
+        "viscous_drag": Effect(
+            "drag torque, Nm per 100 rad/s of slip, also when open",
+            {"coefficient": 0.0},
+            one_sided=True,
+        ),
+    }
+)
 
 # Keys of the parameter set, and the range that nature allows them.
-RANGES: Mapping[str, tuple[float, float]] = MappingProxyType({
-    **dict.fromkeys(("heat_capacity_body", "heat_capacity_housing", "heat_capacity_disc",
-                     "engine_inertia", "engine_torque_max"), (1e-3, np.inf)),
-    **dict.fromkeys(("conductance_engine_body", "conductance_body_housing",
-                     "conductance_housing_ambient", "conductance_disc_body", "expansion_body",
-                     "expansion_disc", "torque_quadratic", "disc_body_temp_cap"), (0.0, np.inf)),
-    **dict.fromkeys(("reference_temp", "zero_position_ref", "position_origin", "kiss_point"),
-                    (-np.inf, np.inf)),
-    "heat_fraction_body": (0.0, 1.0),
-    "torque_cubic": (-np.inf, 0.0),
-})  # fmt: skip
+RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        **dict.fromkeys(
+            (
+                "heat_capacity_body",
+                "heat_capacity_housing",
+                "heat_capacity_disc",
+                "engine_inertia",
+                "engine_torque_max",
+            ),
+            (1e-3, np.inf),
+        ),
+        **dict.fromkeys(
+            (
+                "conductance_engine_body",
+                "conductance_body_housing",
+                "conductance_housing_ambient",
+                "conductance_disc_body",
+                "expansion_body",
+                "expansion_disc",
+                "torque_quadratic",
+                "disc_body_temp_cap",
+            ),
+            (0.0, np.inf),
+        ),
+        **dict.fromkeys(
+            ("reference_temp", "zero_position_ref", "position_origin", "kiss_point"),
+            (-np.inf, np.inf),
+        ),
+        "heat_fraction_body": (0.0, 1.0),
+        "torque_cubic": (-np.inf, 0.0),
+    }
+)
 
-_GAINS = ("wear_rate", "slip_change", "slip_speed", "speed_slope", "temperature_slope",
-          "fade_slope", "fade_onset", "curve_change", "gearbox_conductance", "airflow_slope",
-          "play", "centrifugal_slope", "drag")  # fmt: skip
+_GAINS = (
+    "wear_rate",
+    "slip_change",
+    "slip_speed",
+    "speed_slope",
+    "temperature_slope",
+    "fade_slope",
+    "fade_onset",
+    "curve_change",
+    "gearbox_conductance",
+    "airflow_slope",
+    "play",
+    "centrifugal_slope",
+    "drag",
+)
 # What the truck's own control unit believes, and the truck around the clutch.
-_TRUCK = ("zero_position", "known_cubic", "known_quadratic", "known_kiss",
-          "known_inertia", "mass")  # fmt: skip
+_TRUCK = ("zero_position", "known_cubic", "known_quadratic", "known_kiss", "known_inertia", "mass")
 
 NUMBERS = np.dtype([(key, np.float64) for key in (*RANGES, *_GAINS, *_TRUCK)])
 
@@ -114,32 +183,51 @@ def complete(
         effect = known[name]
         for key, value in given.items():
             if key not in effect.parameters:
-                raise ClutchestError(f"effect '{name}' has no parameter '{key}'"
-                                     + nearest(key, effect.parameters))  # fmt: skip
+                raise ClutchestError(
+                    f"effect '{name}' has no parameter '{key}'" + nearest(key, effect.parameters)
+                )
             if not isfinite(value):
                 raise ClutchestError(f"effect '{name}': {key} = {value} is not a finite number")
             if effect.one_sided and value < 0:
                 raise ClutchestError(f"effect '{name}': {key} = {value:g}, expected 0 or more")
             if value <= effect.at_least.get(key, -np.inf):
-                raise ClutchestError(f"effect '{name}': {key} = {value:g}, "
-                                     f"expected more than {effect.at_least[key]:g}")  # fmt: skip
+                raise ClutchestError(
+                    f"effect '{name}': {key} = {value:g}, "
+                    f"expected more than {effect.at_least[key]:g}"
+                )
             if abs(value) > largest[key]:
-                raise ClutchestError(f"effect '{name}': {key} = {value:g}, expected a magnitude "
-                                     f"of at most {largest[key]:g}")  # fmt: skip
-    return {name: {**effect.parameters, **effects.get(name, {})}
-            for name, effect in known.items()}  # fmt: skip
+                raise ClutchestError(
+                    f"effect '{name}': {key} = {value:g}, expected a magnitude "
+                    f"of at most {largest[key]:g}"
+                )
+    return {name: {**effect.parameters, **effects.get(name, {})} for name, effect in known.items()}
 
 
-def numbers(parameters: Values, known: Values, effects: Mapping[str, Values],
-            zero_position: float, mass: float) -> NDArray:  # fmt: skip
+def numbers(
+    parameters: Values,
+    known: Values,
+    effects: Mapping[str, Values],
+    zero_position: float,
+    mass: float,
+) -> NDArray:
     """The one record of type NUMBERS, shape (1,), that the plant runs on.
 
     ``parameters`` as drawn, ``known`` as the control unit believes them; ``effects`` complete;
     ``zero_position`` mm: x0_ref at the start, before wear; ``mass`` of the truck, kg.
     """
-    changed = {key: parameters[key] * (1 + effects[key]["change"]) if key in (
-        "engine_inertia", "expansion_body", "expansion_disc", "heat_capacity_disc",
-        "heat_capacity_body") else parameters[key] for key in RANGES}  # fmt: skip
+    changed = {
+        key: parameters[key] * (1 + effects[key]["change"])
+        if key
+        in (
+            "engine_inertia",
+            "expansion_body",
+            "expansion_disc",
+            "heat_capacity_disc",
+            "heat_capacity_body",
+        )
+        else parameters[key]
+        for key in RANGES
+    }
     changed["conductance_engine_body"] *= 1 + effects["coolant_coupling"]["change"]
     changed["kiss_point"] += effects["kiss_point"]["shift"]
     split = changed["heat_fraction_body"] + effects["heat_split"]["fraction"]
@@ -164,5 +252,5 @@ def numbers(parameters: Values, known: Values, effects: Mapping[str, Values],
         "known_kiss": known["kiss_point"],
         "known_inertia": known["engine_inertia"],
         "mass": mass,
-    }  # fmt: skip
+    }
     return np.array([tuple(changed[key] for key in NUMBERS.names or ())], NUMBERS)

@@ -26,11 +26,20 @@ LONG = 1000.0  # s: from here on the truth is kept at 50 Hz instead of 100 Hz
 
 
 def generate(
-    parameters: Values, spreads: Values, scenario: str, seed: int, channels: Sequence[Channel], *,
-    nominal: bool = False, duration: float | None = None,
-    effects: Mapping[str, Values] | None = None, disturbances: Disturbances | None = None,
-    outliers: float = 0.0, truck_seed: int | None = None, outsider: Outsider | None = None,
-) -> Sampled:  # fmt: skip
+    parameters: Values,
+    spreads: Values,
+    scenario: str,
+    seed: int,
+    channels: Sequence[Channel],
+    *,
+    nominal: bool = False,
+    duration: float | None = None,
+    effects: Mapping[str, Values] | None = None,
+    disturbances: Disturbances | None = None,
+    outliers: float = 0.0,
+    truck_seed: int | None = None,
+    outsider: Outsider | None = None,
+) -> Sampled:
     """Drive ``scenario`` with a truck drawn around ``parameters`` (keys and units of a dry
     clutch's vehicle file) with standard deviations ``spreads``; undrawn if ``nominal``.
 
@@ -47,11 +56,19 @@ def generate(
     active = complete(effects or {})
     for name in ("torque_delay", "position_delay"):
         if active[name]["delay"] >= duration:
-            raise ClutchestError(f"effect '{name}': delay = {active[name]['delay']:g} s, "
-                                 f"expected less than the drive's {duration:g} s")  # fmt: skip
+            raise ClutchestError(
+                f"effect '{name}': delay = {active[name]['delay']:g} s, "
+                f"expected less than the drive's {duration:g} s"
+            )
     drawn, zero_position = draw(parameters, {} if nominal else spreads, truck_seed)
-    around = surroundings(seed, duration, disturbances, active["friction_level"]["change"],
-                          active["torque_bias"]["bias"], plan.cold)  # fmt: skip
+    around = surroundings(
+        seed,
+        duration,
+        disturbances,
+        active["friction_level"]["change"],
+        active["torque_bias"]["bias"],
+        plan.cold,
+    )
     road = stream(seed, "road")
     mass = road.uniform(*plan.mass)
     truck = numbers(drawn, parameters, active, zero_position, mass)
@@ -60,12 +77,12 @@ def generate(
     quantities = _quantities(fast, around, drawn, active)
     if outsider:
         quantities = outsider.readings(quantities)
-    return Sampled(sample(channels, quantities, seed, duration, outliers), truth, drawn, seed,
-                   scenario)  # fmt: skip
+    return Sampled(
+        sample(channels, quantities, seed, duration, outliers), truth, drawn, seed, scenario
+    )
 
 
-def draw(parameters: Values, spreads: Values,
-         seed: int) -> tuple[dict[str, float], float]:  # fmt: skip
+def draw(parameters: Values, spreads: Values, seed: int) -> tuple[dict[str, float], float]:
     """The truck's own parameters, and its x0_ref (mm): normal, clipped to what nature allows."""
     rng = stream(seed, "parameters")
     drawn = {}
@@ -89,9 +106,14 @@ def at_rest(p: NDArray, coolant: float, ambient: float) -> tuple[float, float]:
 
 
 def _simulate(
-    plan: Scenario, duration: float, legs: NDArray, truck: NDArray, around: Surroundings,
-    seed: int, outsider: Outsider | None,
-) -> tuple[Floats, Truth]:  # fmt: skip
+    plan: Scenario,
+    duration: float,
+    legs: NDArray,
+    truck: NDArray,
+    around: Surroundings,
+    seed: int,
+    outsider: Outsider | None,
+) -> tuple[Floats, Truth]:
     """The fast record (n, 6) of ``plant.run``, every FAST·STEP s, and the truth."""
     from clutchest.generator import plant
 
@@ -107,24 +129,36 @@ def _simulate(
     else:
         plant.run(0, steps + 1, 1, legs, grid, truck, situation, state, every, fast, slow)
     if not (np.isfinite(fast).all() and np.isfinite(slow).all()):
-        raise ClutchestError(f"scenario '{plan.name}', seed {seed}: these parameters and effects "
-                             "let the simulation diverge")  # fmt: skip
+        raise ClutchestError(
+            f"scenario '{plan.name}', seed {seed}: these parameters and effects "
+            "let the simulation diverge"
+        )
     time = np.arange(len(slow), dtype=np.float64) * (every * plant.STEP)
     engine, shaft, slave, _, torque, speed = fast[:: every // plant.FAST].T
     columns = {
-        "temp_body": slow[:, 0], "temp_housing": slow[:, 1], "temp_disc": slow[:, 2],
-        "zero_position": slow[:, 3], "friction": slow[:, 4], "engine_speed": engine,
+        "temp_body": slow[:, 0],
+        "temp_housing": slow[:, 1],
+        "temp_disc": slow[:, 2],
+        "zero_position": slow[:, 3],
+        "friction": slow[:, 4],
+        "engine_speed": engine,
         "torque_bias": np.interp(time, around.time, around.torque_bias),
-        "clutch_torque": slow[:, 5], "mode": np.array(plant.MODES)[slow[:, 7].astype(int)],
-        "slip_speed": engine - shaft, "slip_energy": slow[:, 6], "engine_torque": torque,
-        "input_shaft_speed": shaft, "slave_position": truck[0]["position_origin"] + slave,
-        "vehicle_speed": speed, "wear_rate": np.full(len(time), float(truck[0]["wear_rate"])),
-    }  # fmt: skip
+        "clutch_torque": slow[:, 5],
+        "mode": np.array(plant.MODES)[slow[:, 7].astype(int)],
+        "slip_speed": engine - shaft,
+        "slip_energy": slow[:, 6],
+        "engine_torque": torque,
+        "input_shaft_speed": shaft,
+        "slave_position": truck[0]["position_origin"] + slave,
+        "vehicle_speed": speed,
+        "wear_rate": np.full(len(time), float(truck[0]["wear_rate"])),
+    }
     return fast, Truth(time, {name: np.ascontiguousarray(v) for name, v in columns.items()})
 
 
-def _start(plan: Scenario, truck: NDArray, around: Surroundings,
-           seed: int) -> tuple[Floats, NDArray]:  # fmt: skip
+def _start(
+    plan: Scenario, truck: NDArray, around: Surroundings, seed: int
+) -> tuple[Floats, NDArray]:
     """Integrated state and situation at t = 0: standing in neutral, or cruising in top gear."""
     from clutchest.generator import plant
 

@@ -40,9 +40,18 @@ class Outsider(Protocol):
 
 
 def run_under(
-    law: Law, pace: float, steps: int, legs: NDArray, slow: Floats, truck: NDArray,
-    situation: NDArray, state: Floats, every: int, fast: Floats, truth: Floats,
-) -> None:  # fmt: skip
+    law: Law,
+    pace: float,
+    steps: int,
+    legs: NDArray,
+    slow: Floats,
+    truck: NDArray,
+    situation: NDArray,
+    state: Floats,
+    every: int,
+    fast: Floats,
+    truth: Floats,
+) -> None:
     """``plant.run`` from 0 to ``steps`` in slices of ``pace`` s, between which ``law`` may act.
 
     Raises ClutchestError where it names something that cannot be acted on.
@@ -55,21 +64,40 @@ def run_under(
         row = min(begin // round(plant.GRID / plant.STEP), len(slow) - 1)
         seen = {
             "time": begin * plant.STEP,
-            "temp_body": state[plant.BODY], "temp_housing": state[plant.HOUSING],
-            "temp_disc": state[plant.DISC], "energy": state[plant.ENERGY],
-            "engine_speed": state[plant.ENGINE], "input_shaft_speed": state[plant.SHAFT],
+            "temp_body": state[plant.BODY],
+            "temp_housing": state[plant.HOUSING],
+            "temp_disc": state[plant.DISC],
+            "energy": state[plant.ENERGY],
+            "engine_speed": state[plant.ENGINE],
+            "input_shaft_speed": state[plant.SHAFT],
             "slip_speed": state[plant.ENGINE] - state[plant.SHAFT],
-            "vehicle_speed": state[plant.SPEED], "engine_torque": state[plant.TORQUE],
-            "clutch_torque": s["carried"], "motor_position": s["motor"],
+            "vehicle_speed": state[plant.SPEED],
+            "engine_torque": state[plant.TORQUE],
+            "clutch_torque": s["carried"],
+            "motor_position": s["motor"],
             "slave_position": s["slave"] + truck[0]["position_origin"],
             "position_rate": (s["slave"] - slave) / pace,
-            "coolant_temp": slow[row, 1], "ambient_temp": slow[row, 2],
-        }  # fmt: skip
+            "coolant_temp": slow[row, 1],
+            "ambient_temp": slow[row, 2],
+        }
         slave = float(s["slave"])
         for name, value in law(seen).items():
             if name not in plant.FOREIGN:
-                raise ClutchestError(f"an outsider acts on '{name}', which the truck does not have"
-                                     + nearest(name, plant.FOREIGN))  # fmt: skip
+                raise ClutchestError(
+                    f"an outsider acts on '{name}', which the truck does not have"
+                    + nearest(name, plant.FOREIGN)
+                )
             s[f"foreign_{name}"] = value
-        plant.run(begin, min(begin + each, steps + 1), 1, legs, slow, truck, situation, state,
-                  every, fast, truth)  # fmt: skip
+        plant.run(
+            begin,
+            min(begin + each, steps + 1),
+            1,
+            legs,
+            slow,
+            truck,
+            situation,
+            state,
+            every,
+            fast,
+            truth,
+        )

@@ -40,18 +40,50 @@ _RESTING, _OPENING, _NEUTRAL, _LAUNCHING, _CLOSING, DRIVING, _UNLOADING, _HOLDIN
 # What acts on the truck from outside these equations (see ``outsider``), 0 unless something does:
 # share of the friction torque and torque (Nm) added to it, load on the engine (Nm) that no report
 # contains, heat into the three masses (W), shift of the zero position and with it the curve (mm).
-FOREIGN = ("torque_share", "torque", "engine_load", "body_heat", "housing_heat", "disc_heat",
-           "zero_position")  # fmt: skip
+FOREIGN = (
+    "torque_share",
+    "torque",
+    "engine_load",
+    "body_heat",
+    "housing_heat",
+    "disc_heat",
+    "zero_position",
+)
 
 # All that changes during a drive beside the integrated state.
-SITUATION = np.dtype([
-    (name, np.int64) for name in ("phase", "leg", "gear", "next_gear", "bench", "held", "locked")
-] + [(name, np.float64) for name in (
-    "since", "lock_time", "setpoint", "target", "trim", "sensed", "engine_before",
-    "request", "brake", "command", "ratio", "sync_rate", "sync_speed", "sign", "carried",
-    "motor", "port", "slave", "plate_before", "plate",
-    "friction", "coolant", "ambient", "grade",
-    *(f"foreign_{name}" for name in FOREIGN))])  # fmt: skip
+SITUATION = np.dtype(
+    [(name, np.int64) for name in ("phase", "leg", "gear", "next_gear", "bench", "held", "locked")]
+    + [
+        (name, np.float64)
+        for name in (
+            "since",
+            "lock_time",
+            "setpoint",
+            "target",
+            "trim",
+            "sensed",
+            "engine_before",
+            "request",
+            "brake",
+            "command",
+            "ratio",
+            "sync_rate",
+            "sync_speed",
+            "sign",
+            "carried",
+            "motor",
+            "port",
+            "slave",
+            "plate_before",
+            "plate",
+            "friction",
+            "coolant",
+            "ambient",
+            "grade",
+            *(f"foreign_{name}" for name in FOREIGN),
+        )
+    ]
+)
 
 IDLE = 62.8  # rad/s
 _OPEN, _RETRACT = 11.5, -inf  # mm
@@ -64,8 +96,9 @@ _AIR = 3.3  # kg/m: half of density · drag coefficient · frontal area
 @njit(cache=True, error_model="numpy")
 def expansion(body: float, disc: float, p: Record) -> float:
     """Δx0 (15), mm."""
-    return (p.expansion_body * (body - p.reference_temp)
-            + p.expansion_disc * min(disc - body, p.disc_body_temp_cap))  # fmt: skip
+    return p.expansion_body * (body - p.reference_temp) + p.expansion_disc * min(
+        disc - body, p.disc_body_temp_cap
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -135,12 +168,20 @@ def rates(y: Floats, plate: float, s: Record, p: Record, out: Floats) -> None:
     from_disc = p.conductance_disc_body * (y[DISC] - y[BODY])
     to_housing = p.conductance_body_housing * (y[BODY] - y[HOUSING])
     airflow = 1.0 + p.airflow_slope * y[SPEED] / 20.0
-    out[BODY] = (p.conductance_engine_body * (s.coolant - y[BODY]) - to_housing + from_disc
-                 + power - to_disc - p.gearbox_conductance * (y[BODY] - GEARBOX_TEMP)
-                 + s.foreign_body_heat) / p.heat_capacity_body  # fmt: skip
-    out[HOUSING] = (to_housing - p.conductance_housing_ambient * airflow
-                    * (y[HOUSING] - s.ambient)
-                    + s.foreign_housing_heat) / p.heat_capacity_housing  # fmt: skip
+    out[BODY] = (
+        p.conductance_engine_body * (s.coolant - y[BODY])
+        - to_housing
+        + from_disc
+        + power
+        - to_disc
+        - p.gearbox_conductance * (y[BODY] - GEARBOX_TEMP)
+        + s.foreign_body_heat
+    ) / p.heat_capacity_body
+    out[HOUSING] = (
+        to_housing
+        - p.conductance_housing_ambient * airflow * (y[HOUSING] - s.ambient)
+        + s.foreign_housing_heat
+    ) / p.heat_capacity_housing
     out[DISC] = (to_disc - from_disc + s.foreign_disc_heat) / p.heat_capacity_disc
     inverse, load = shaft_side(y, s, p)
     out[ENGINE] = (y[TORQUE] - s.foreign_engine_load - torque) / p.engine_inertia
@@ -171,7 +212,8 @@ def runge_kutta(y: Floats, begin: float, h: float, s: Record, p: Record, work: F
         rates(work[0], plate, s, p, work[stage])
     for i in range(len(y)):
         work[0, i] = y[i] + h / 6.0 * (
-            work[1, i] + 2.0 * work[2, i] + 2.0 * work[3, i] + work[4, i])  # fmt: skip
+            work[1, i] + 2.0 * work[2, i] + 2.0 * work[3, i] + work[4, i]
+        )
 
 
 @njit(cache=True, error_model="numpy")
@@ -424,8 +466,7 @@ def actuate(y: Floats, s: Record, p: Record) -> None:
     goal = -1.0 if s.command == _RETRACT else s.command
     rate = min(max((goal - s.motor) / _SERVO_LAG, -_SERVO_RATE), _SERVO_RATE)
     s.motor = max(s.motor + rate * STEP, 0.0)
-    contact = (zero_reference(y[ENERGY], s, p) + expansion(y[BODY], y[DISC], p)
-               - p.position_origin)  # fmt: skip
+    contact = zero_reference(y[ENERGY], s, p) + expansion(y[BODY], y[DISC], p) - p.position_origin
     if s.motor == 0.0:
         s.port = contact
     trapped = contact + (s.port - contact) * min(s.motor / _PORT, 1.0) + s.motor
@@ -436,9 +477,18 @@ def actuate(y: Floats, s: Record, p: Record) -> None:
 
 @njit(cache=True, error_model="numpy")
 def run(
-    begin: int, end: int, substeps: int, legs: NDArray, slow: Floats, numbers: NDArray,
-    situation: NDArray, y: Floats, truth_every: int, fast: Floats, truth: Floats,
-) -> None:  # fmt: skip
+    begin: int,
+    end: int,
+    substeps: int,
+    legs: NDArray,
+    slow: Floats,
+    numbers: NDArray,
+    situation: NDArray,
+    y: Floats,
+    truth_every: int,
+    fast: Floats,
+    truth: Floats,
+) -> None:
     """The STEPs ``begin`` … ``end`` − 1 of a drive; in pieces it is the same drive.
 
     ``slow`` (n, 3): friction, coolant, ambient every GRID s; ``situation``, ``numbers`` (1,)

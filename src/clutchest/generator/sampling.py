@@ -44,9 +44,12 @@ class Sampled:
 
 
 def sample(
-    channels: Sequence[Channel], quantities: Mapping[str, Callable[[Floats], Floats]],
-    seed: int, duration: float, outliers: float,
-) -> dict[str, tuple[Floats, Floats]]:  # fmt: skip
+    channels: Sequence[Channel],
+    quantities: Mapping[str, Callable[[Floats], Floats]],
+    seed: int,
+    duration: float,
+    outliers: float,
+) -> dict[str, tuple[Floats, Floats]]:
     """Every channel's (time, value); ``quantities``: name → value as a function of true time.
 
     Raises ClutchestError for a channel that the truck does not have, or one that cannot be.
@@ -61,9 +64,11 @@ def sample(
             beats[channel.message] = channel.period, _beat(channel, seed, duration)
         period, time = beats[channel.message]
         if channel.period != period:
-            raise ClutchestError(f"message '{channel.message}': signal '{channel.name}' has a "
-                                 f"period of {channel.period:g} s, the others have "
-                                 f"{period:g} s")  # fmt: skip
+            raise ClutchestError(
+                f"message '{channel.message}': signal '{channel.name}' has a "
+                f"period of {channel.period:g} s, the others have "
+                f"{period:g} s"
+            )
         value = quantities[channel.name](np.maximum(time - channel.delay, 0.0))
         value = value + _noise(channel, seed, len(time))
         signals[channel.name] = time, _with_outliers(value, channel, seed, outliers)
@@ -72,13 +77,15 @@ def sample(
 
 def _check(channel: Channel, quantities: Mapping[str, object]) -> None:
     if channel.name not in quantities:
-        raise ClutchestError(f"the generator makes no signal '{channel.name}'"
-                             + nearest(channel.name, quantities))  # fmt: skip
+        raise ClutchestError(
+            f"the generator makes no signal '{channel.name}'" + nearest(channel.name, quantities)
+        )
     if not channel.period > 0:
         raise ClutchestError(f"signal '{channel.name}': period {channel.period:g} s, expected > 0")
     if not (channel.noise >= 0 and channel.delay >= 0 and -1 < channel.noise_ar < 1):
-        raise ClutchestError(f"signal '{channel.name}': expected noise ≥ 0, delay ≥ 0 and "
-                             "−1 < noise_ar < 1")  # fmt: skip
+        raise ClutchestError(
+            f"signal '{channel.name}': expected noise ≥ 0, delay ≥ 0 and −1 < noise_ar < 1"
+        )
 
 
 def _beat(channel: Channel, seed: int, duration: float) -> Floats:

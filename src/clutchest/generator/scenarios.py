@@ -20,10 +20,20 @@ REST, DRIVE, POSITION, TORQUE = range(4)
 #             moved linearly ``start`` → ``end``, mm from where it rests retracted
 #   TORQUE    as POSITION, but the clutch holds ``torque``
 # Every leg but REST leaves with the clutch opened; speeds in rad/s where not said otherwise.
-LEG = np.dtype([("time", np.float64), ("kind", np.int64), ("speed", np.float64),
-                ("grade", np.float64), ("gear", np.int64), ("torque", np.float64),
-                ("engine_speed", np.float64), ("shaft_speed", np.float64),
-                ("start", np.float64), ("end", np.float64)])  # fmt: skip
+LEG = np.dtype(
+    [
+        ("time", np.float64),
+        ("kind", np.int64),
+        ("speed", np.float64),
+        ("grade", np.float64),
+        ("gear", np.int64),
+        ("torque", np.float64),
+        ("engine_speed", np.float64),
+        ("shaft_speed", np.float64),
+        ("start", np.float64),
+        ("end", np.float64),
+    ]
+)
 
 Random = np.random.Generator
 Legs = list[dict[str, float]]
@@ -65,15 +75,29 @@ class Scenario:
         return table
 
 
-def launch_leg(time: float, speed: float, grade: float, mass: float, gear: int, slip_time: float,
-               engine_speed: float) -> dict[str, float]:  # fmt: skip
+def launch_leg(
+    time: float,
+    speed: float,
+    grade: float,
+    mass: float,
+    gear: int,
+    slip_time: float,
+    engine_speed: float,
+) -> dict[str, float]:
     """A launch whose slip should last about ``slip_time`` s."""
     inertia = mass / PER_METRE[gear - 1] ** 2
     load = mass * GRAVITY * (ROLLING + grade) / PER_METRE[gear - 1]
     torque = inertia * engine_speed / slip_time + max(load, 0.0)
     torque = float(np.clip(torque, 250.0, 950.0))
-    return {"time": time, "kind": DRIVE, "speed": speed, "grade": grade, "gear": gear,
-            "engine_speed": engine_speed, "torque": torque}  # fmt: skip
+    return {
+        "time": time,
+        "kind": DRIVE,
+        "speed": speed,
+        "grade": grade,
+        "gear": gear,
+        "engine_speed": engine_speed,
+        "torque": torque,
+    }
 
 
 def gear_for(energy: float, mass: float, engine_speed: float) -> int:
@@ -125,8 +149,7 @@ def _launches(rng: Random, duration: float, mass: float, kiss_point: float) -> L
 def _ramps(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
     held = {"kind": POSITION, "engine_speed": 151.0}
     wide, tight, stroke = 12.0, 4.15, 5.0
-    legs: Legs = [{"time": 0.0, "kind": REST},
-                  {"time": 4.0, **held, "start": wide, "end": wide}]  # fmt: skip
+    legs: Legs = [{"time": 0.0, "kind": REST}, {"time": 4.0, **held, "start": wide, "end": wide}]
     for k in range(15):
         start, end = (wide, tight) if k % 2 == 0 else (tight, wide)
         legs.append({"time": 10.0 + k * stroke, **held, "start": start, "end": end})
@@ -162,22 +185,30 @@ def _position_probes(rng: Random, legs: Legs, time: float, kiss_point: float, co
     for _ in range(count):
         slip, tight = rng.uniform(9.0, 13.0), kiss_point - rng.uniform(2.2, 2.4)
         held = {"kind": POSITION, "shaft_speed": 60.0, "engine_speed": 60.0 + slip}
-        for start, end, lasts in ((wide, wide, 2.0), (wide, tight, 1.2), (tight, tight, 3.0),
-                                  (tight, wide, 1.2)):  # fmt: skip
+        for start, end, lasts in (
+            (wide, wide, 2.0),
+            (wide, tight, 1.2),
+            (tight, tight, 3.0),
+            (tight, wide, 1.2),
+        ):
             legs.append({"time": time, **held, "start": start, "end": end})
             time += lasts
     return time
 
 
-def _torque_pulses(rng: Random, legs: Legs, time: float, energy: float, count: int,
-                   pause: float) -> float:  # fmt: skip
+def _torque_pulses(
+    rng: Random, legs: Legs, time: float, energy: float, count: int, pause: float
+) -> float:
     """``count`` pulses of ``energy`` J, each after a ``pause`` of about so many s with the clutch
     open, appended to ``legs`` from ``time`` s; gives the end."""
     for _ in range(count):
         torque, hold = rng.uniform(1400.0, 1500.0), rng.uniform(0.3, 0.9)
         ramp = torque / TORQUE_RATE
-        held = {"kind": TORQUE, "shaft_speed": 60.0,
-                "engine_speed": 60.0 + energy / (torque * (hold + ramp))}  # fmt: skip
+        held = {
+            "kind": TORQUE,
+            "shaft_speed": 60.0,
+            "engine_speed": 60.0 + energy / (torque * (hold + ramp)),
+        }
         legs.append({"time": time, **held, "torque": 0.0})
         time += pause + rng.uniform(-0.5, 0.5)
         legs.append({"time": time, **held, "torque": torque})
@@ -205,9 +236,11 @@ def _slip_steps(rng: Random, duration: float, mass: float, kiss_point: float) ->
 def _cooldown(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
     torque, speed = rng.uniform(130.0, 160.0), rng.uniform(120.0, 140.0)
     stop = 23.0 + rng.uniform(1.0e6, 1.4e6) / (torque * speed)
-    return [{"time": 0.0, "kind": REST},
-            {"time": 20.0, "kind": TORQUE, "torque": torque, "engine_speed": speed},
-            {"time": stop, "kind": REST}]  # fmt: skip
+    return [
+        {"time": 0.0, "kind": REST},
+        {"time": 20.0, "kind": TORQUE, "torque": torque, "engine_speed": speed},
+        {"time": stop, "kind": REST},
+    ]
 
 
 def _pulses(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs:
@@ -232,8 +265,14 @@ def _closed(rng: Random, duration: float, mass: float, kiss_point: float) -> Leg
     legs: Legs = []
     time = 0.0
     while time < duration:
-        legs.append({"time": time, "kind": DRIVE, "speed": rng.uniform(20.5, 23.5),
-                     "grade": float(np.clip(rng.normal(0.0, 0.005), -0.012, 0.012))})  # fmt: skip
+        legs.append(
+            {
+                "time": time,
+                "kind": DRIVE,
+                "speed": rng.uniform(20.5, 23.5),
+                "grade": float(np.clip(rng.normal(0.0, 0.005), -0.012, 0.012)),
+            }
+        )
         time += rng.uniform(20.0, 60.0)
     return legs
 
@@ -251,22 +290,66 @@ def _mixed(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs
     return legs
 
 
-SCENARIOS: Mapping[str, Scenario] = MappingProxyType({s.name: s for s in (
-    Scenario("city", "launches, gearshifts, cruising, coasting and stops", 1500.0, _city),
-    Scenario("launches", "some 24 launches, light and heavy, retracted in between", 1500.0,
-             _launches, mass=(30e3, 42e3)),
-    Scenario("ramps", "position ramped back and forth for 75 s, then closed (D1)", 240.0, _ramps,
-             start_temp=73.0, start_spread=0.0),
-    Scenario("heating", "heated by 1.5 MJ, torque probed cold and hot, closed in between (D4)",
-             2500.0, _heating),
-    Scenario("slip-steps", "slip steps 600–1300 rpm at constant position (D3)", 600.0,
-             _slip_steps),
-    Scenario("cooldown", "hot, one heavy heating, then closed for 40 min", 2480.0, _cooldown,
-             start_temp=110.0, start_spread=8.0),
-    Scenario("pulses", "torque pulses up to 600 Nm at moderate slip (D7, D9)", 1400.0, _pulses),
-    Scenario("mixed", "stretches of city, launches, slip-steps and pulses", 1200.0, _mixed),
-    Scenario("cold-start", "launches with an engine as cold as the air", 900.0, _launches,
-             mass=(30e3, 42e3), start_spread=0.5, cold=True),
-    Scenario("closed", "cruising for half an hour without any slip", 1800.0, _closed,
-             cruising=22.0),
-)})  # fmt: skip
+SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
+    {
+        s.name: s
+        for s in (
+            Scenario("city", "launches, gearshifts, cruising, coasting and stops", 1500.0, _city),
+            Scenario(
+                "launches",
+                "some 24 launches, light and heavy, retracted in between",
+                1500.0,
+                _launches,
+                mass=(30e3, 42e3),
+            ),
+            Scenario(
+                "ramps",
+                "position ramped back and forth for 75 s, then closed (D1)",
+                240.0,
+                _ramps,
+                start_temp=73.0,
+                start_spread=0.0,
+            ),
+            Scenario(
+                "heating",
+                "heated by 1.5 MJ, torque probed cold and hot, closed in between (D4)",
+                2500.0,
+                _heating,
+            ),
+            Scenario(
+                "slip-steps",
+                "slip steps 600–1300 rpm at constant position (D3)",
+                600.0,
+                _slip_steps,
+            ),
+            Scenario(
+                "cooldown",
+                "hot, one heavy heating, then closed for 40 min",
+                2480.0,
+                _cooldown,
+                start_temp=110.0,
+                start_spread=8.0,
+            ),
+            Scenario(
+                "pulses", "torque pulses up to 600 Nm at moderate slip (D7, D9)", 1400.0, _pulses
+            ),
+            Scenario("mixed", "stretches of city, launches, slip-steps and pulses", 1200.0, _mixed),
+            Scenario(
+                "cold-start",
+                "launches with an engine as cold as the air",
+                900.0,
+                _launches,
+                mass=(30e3, 42e3),
+                start_spread=0.5,
+                cold=True,
+            ),
+            Scenario(
+                "closed",
+                "cruising for half an hour without any slip",
+                1800.0,
+                _closed,
+                cruising=22.0,
+            ),
+        )
+    }
+)

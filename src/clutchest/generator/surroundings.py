@@ -36,8 +36,9 @@ class Disturbances:
             if name not in LARGEST:
                 raise ClutchestError(f"unknown disturbance '{name}'" + nearest(name, LARGEST))
             if not 0 <= value <= LARGEST[name]:
-                raise ClutchestError(f"disturbance '{name}' = {value:g}: "
-                                     f"expected 0 to {LARGEST[name]:g}")  # fmt: skip
+                raise ClutchestError(
+                    f"disturbance '{name}' = {value:g}: expected 0 to {LARGEST[name]:g}"
+                )
         return cls(**given)
 
     def sizes(self) -> dict[str, float]:
@@ -46,9 +47,14 @@ class Disturbances:
 
 
 # Beyond these the friction runs into its clip, or the bias exceeds what an engine reports.
-LARGEST: Mapping[str, float] = MappingProxyType({
-    "torque_bias_walk": 50.0, "torque_bias_std": 500.0, "friction_walk": 0.02, "friction_std": 0.2,
-})  # fmt: skip
+LARGEST: Mapping[str, float] = MappingProxyType(
+    {
+        "torque_bias_walk": 50.0,
+        "torque_bias_std": 500.0,
+        "friction_walk": 0.02,
+        "friction_std": 0.2,
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -67,15 +73,21 @@ def stream(seed: int, purpose: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(crc32(purpose.encode()),)))
 
 
-def surroundings(seed: int, duration: float, disturbances: Disturbances,
-                 friction_change: float = 0.0, bias: float = 0.0,
-                 cold: bool = False) -> Surroundings:  # fmt: skip
+def surroundings(
+    seed: int,
+    duration: float,
+    disturbances: Disturbances,
+    friction_change: float = 0.0,
+    bias: float = 0.0,
+    cold: bool = False,
+) -> Surroundings:
     """Draw what the truck meets in ``duration`` s; the two effects move the walks' level.  The
     coolant of a ``cold`` engine starts at the air's temperature."""
     n = int(np.ceil(duration / GRID)) + 2
     friction = 1 + _walk(seed, "friction", n, disturbances.friction_std, disturbances.friction_walk)
-    walk = _walk(seed, "torque bias", n, disturbances.torque_bias_std,
-                 disturbances.torque_bias_walk)  # fmt: skip
+    walk = _walk(
+        seed, "torque bias", n, disturbances.torque_bias_std, disturbances.torque_bias_walk
+    )
     weather = stream(seed, "weather")
     coolant = weather.uniform(81.0, 88.0) + _wander(weather, n, std=1.5, time_constant=200.0)
     ambient = weather.uniform(2.0, 26.0) + _wander(weather, n, std=0.7, time_constant=900.0)

@@ -44,10 +44,14 @@ class Procedure:
         only_for(self.model, vehicle.model, f"procedure '{self.name}'")
         run = import_module(self.module).identify
         if holdout is not None and not self.validates:
-            raise ClutchestError(f"procedure '{self.name}' takes no --holdout: it says itself how "
-                                 "sure it is")  # fmt: skip
-        fit: Fit = (run(signals, vehicle, progress, holdout) if self.validates
-                    else run(signals, vehicle, progress))  # fmt: skip
+            raise ClutchestError(
+                f"procedure '{self.name}' takes no --holdout: it says itself how sure it is"
+            )
+        fit: Fit = (
+            run(signals, vehicle, progress, holdout)
+            if self.validates
+            else run(signals, vehicle, progress)
+        )
         return fit
 
 

@@ -37,9 +37,17 @@ def condensed(line: Timeline, model: Model) -> Timeline:
             keep[of] = False
             middle, mean, variance = _means(line, of)
             keep[middle], z[middle], R[middle] = True, mean, variance
-    return replace(line, t=line.t[keep], sensor=line.sensor[keep], z=z[keep], R=R[keep],
-                   u=line.u[keep], row=line.row[keep], mode=line.mode[keep],
-                   emit=line.emit[keep])  # fmt: skip
+    return replace(
+        line,
+        t=line.t[keep],
+        sensor=line.sensor[keep],
+        z=z[keep],
+        R=R[keep],
+        u=line.u[keep],
+        row=line.row[keep],
+        mode=line.mode[keep],
+        emit=line.emit[keep],
+    )
 
 
 def _spare(line: Timeline) -> NDArray[np.bool_]:

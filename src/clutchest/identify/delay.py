@@ -64,8 +64,14 @@ def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
     best = int(np.argmin(misfit))
     inside = 0 < best < len(grid) - 1
     near = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    tau = float(minimize_scalar(lambda tau: _misfit(stretches, tau).sum(), bounds=near,
-                                method="bounded", options={"xatol": 1e-5}).x)  # fmt: skip
+    tau = float(
+        minimize_scalar(
+            lambda tau: _misfit(stretches, tau).sum(),
+            bounds=near,
+            method="bounded",
+            options={"xatol": 1e-5},
+        ).x
+    )
     # Slope and curvature of each stretch's misfit: not from the squared slope of the columns,
     # whose noise would pass for information.
     early, here, late = (_misfit(stretches, tau + h) for h in (-DIFFERENCE, 0.0, DIFFERENCE))

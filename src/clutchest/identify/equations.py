@@ -107,8 +107,14 @@ def _slope(value: Floats) -> Floats:
     return slope
 
 
-def _stretch(drive: Drive, rows: NDArray[np.intp], y: Floats, known: Floats | None,
-             own: list[Floats], level: bool = True) -> Stretch:  # fmt: skip
+def _stretch(
+    drive: Drive,
+    rows: NDArray[np.intp],
+    y: Floats,
+    known: Floats | None,
+    own: list[Floats],
+    level: bool = True,
+) -> Stretch:
     """y less ``known`` at the rows, to be made of ``own`` columns, both ``delay`` s earlier;
     ``level`` gives the stretch a constant.
 
@@ -142,8 +148,7 @@ def engine_torque(drive: Drive, inertia: float) -> list[Stretch]:
     torque = _smooth(drive.raw("engine_torque"), width)
     needed = inertia * _slope(_smooth(drive.raw("engine_speed"), width))
     flag = (drive.mode == Mode.open) & drive.whole("engine_torque", "engine_speed")
-    return [_stretch(drive, rows, torque, needed, [])
-            for rows in drive.rows(flag, 0.3, width)]  # fmt: skip
+    return [_stretch(drive, rows, torque, needed, []) for rows in drive.rows(flag, 0.3, width)]
 
 
 def input_shaft_speed(drive: Drive) -> list[Stretch]:

@@ -104,8 +104,15 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table("", "", "was", "is", "95 %", title=f"{fit.vehicle.name}: {fit.procedure}",
-                  title_justify="left")  # fmt: skip
+    table = Table(
+        "",
+        "",
+        "was",
+        "is",
+        "95 %",
+        title=f"{fit.vehicle.name}: {fit.procedure}",
+        title_justify="left",
+    )
     last = ""
     for key, fitted in fit.parameters.items():
         if key in before.parameters:
@@ -143,5 +150,7 @@ def _in_words(found: Validation) -> str:
     ):
         if before is not None and after is not None:
             words.append(f"error of {what} {scale * before:.3g} → {scale * after:.3g} {unit}")
-    return (f"Validation on {', '.join(found.logs)}: {'; '.join(words)}; "
-            f"ln(probability) {found.gained:+.1f}")  # fmt: skip
+    return (
+        f"Validation on {', '.join(found.logs)}: {'; '.join(words)}; "
+        f"ln(probability) {found.gained:+.1f}"
+    )

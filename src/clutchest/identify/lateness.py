@@ -92,10 +92,23 @@ def _fitted(name: str, found: Mapping[str, Delay | None], before: float) -> Fitt
         return Fitted.unknown(before, "s", "no delay within reach explains it better than others")
     low, high = delay.value - delay.reach, delay.value + delay.reach
     if delay.std >= LOOSEST:
-        return Fitted.unknown(before, "s", f"{low * 1e3:.0f} … {high * 1e3:.0f} ms is too wide to "
-                              f"be of use; needs more {NEEDS[name]}")  # fmt: skip
+        return Fitted.unknown(
+            before,
+            "s",
+            f"{low * 1e3:.0f} … {high * 1e3:.0f} ms is too wide to "
+            f"be of use; needs more {NEEDS[name]}",
+        )
     if high < 0:
-        return Fitted.unknown(before, "s", f"{-delay.value * 1e3:.0f} ms ahead of engine_speed: "
-                              "that one is late, or the equation does not hold")  # fmt: skip
-    return Fitted(round(max(delay.value, 0.0), 5), "s", std=round(delay.std, 6),
-                  low=round(max(low, 0.0), 5), high=round(high, 5))  # fmt: skip
+        return Fitted.unknown(
+            before,
+            "s",
+            f"{-delay.value * 1e3:.0f} ms ahead of engine_speed: "
+            "that one is late, or the equation does not hold",
+        )
+    return Fitted(
+        round(max(delay.value, 0.0), 5),
+        "s",
+        std=round(delay.std, 6),
+        low=round(max(low, 0.0), 5),
+        high=round(high, 5),
+    )

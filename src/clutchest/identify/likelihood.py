@@ -123,8 +123,12 @@ def most_probable(problem: Problem, progress: Progress | None = None) -> Posteri
         lambda x: np.concatenate([_seen(fitter, at(with_held(x)).r), x]),
         np.clip(look.theta[free], low[free], high[free]),
         lambda x: np.vstack([_seen(fitter, at(with_held(x)).psi[:, free]), prior]),
-        bounds=(low[free], high[free]), ftol=1e-6, xtol=1e-6, gtol=1e-6, max_nfev=MOST,
-    )  # fmt: skip
+        bounds=(low[free], high[free]),
+        ftol=1e-6,
+        xtol=1e-6,
+        gtol=1e-6,
+        max_nfev=MOST,
+    )
     covariance = np.zeros((len(low), len(low)))
     theta = with_held(found.x)
     inverse = np.linalg.inv(found.jac.T @ found.jac)

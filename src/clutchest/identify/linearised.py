@@ -78,8 +78,9 @@ class LinearDrive:
         e, self.still, self.firm = model.expressions(), {}, {}
         dragging, self.plays = e.dragging, e.plays
         mapped = (vehicle.signals.get(item.name) for item in model.inputs)
-        noise, ar = zip(*((s.noise, s.noise_ar) if s else (np.inf, 0.0) for s in mapped),
-                        strict=True)  # fmt: skip
+        noise, ar = zip(
+            *((s.noise, s.noise_ar) if s else (np.inf, 0.0) for s in mapped), strict=True
+        )
         for j, freed in _sloped(model, dragging, noise, ar).items():
             time, value = self.course[j].time, self.course[j].value
             acts = np.interp(time, self.line.t, self.acts) > 0.5
@@ -158,9 +159,15 @@ class LinearDrive:
         return innovations, answers
 
     def modulated(
-        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float],
-        active: NDArray[np.int64], basis: Floats, which: NDArray[np.int64],
-    ) -> Floats:  # fmt: skip
+        self,
+        p: Floats,
+        g: Floats,
+        x: Floats,
+        late: Mapping[str, float],
+        active: NDArray[np.int64],
+        basis: Floats,
+        which: NDArray[np.int64],
+    ) -> Floats:
         """Derivatives as of :meth:`answer`, of thetas of which number c acts in proportion to
         column ``which[c]`` of ``basis`` (events, b)."""
         return self._run(p, g, x, self._shifts(g, late), active, basis, which)[1]
@@ -174,9 +181,15 @@ class LinearDrive:
         return shifts
 
     def _run(
-        self, p: Floats, g: Floats, x: Floats, late: Mapping[str, float | Floats],
-        active: NDArray[np.int64], basis: Floats, which: NDArray[np.int64],
-    ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+        self,
+        p: Floats,
+        g: Floats,
+        x: Floats,
+        late: Mapping[str, float | Floats],
+        active: NDArray[np.int64],
+        basis: Floats,
+        which: NDArray[np.int64],
+    ) -> tuple[Floats, Floats, Floats]:
         """Innovations, derivatives, and the states (events, n) on the way."""
         line, functions = self.line, self.compiled.functions
         n, m = len(x), len(self.compiled.thetas)
@@ -195,11 +208,37 @@ class LinearDrive:
         slope = self._slopes(self.still, late)
         moves = slope if g[self.plays].any() else self._slopes(self.firm, late)
         functions.answer(
-            started, self.start.P.copy(), S[:, active].copy(), active, basis, which,
-            line.t, line.sensor, line.z, line.R, u, true, slope, moves, self.calm,
-            np.flatnonzero(self.tracked), line.row, line.W, line.Q, line.longest, line.noise, p, g,
-            self.frozen, self.gain, self.variance, place, states, innovations, answers,
-        )  # fmt: skip
+            started,
+            self.start.P.copy(),
+            S[:, active].copy(),
+            active,
+            basis,
+            which,
+            line.t,
+            line.sensor,
+            line.z,
+            line.R,
+            u,
+            true,
+            slope,
+            moves,
+            self.calm,
+            np.flatnonzero(self.tracked),
+            line.row,
+            line.W,
+            line.Q,
+            line.longest,
+            line.noise,
+            p,
+            g,
+            self.frozen,
+            self.gain,
+            self.variance,
+            place,
+            states,
+            innovations,
+            answers,
+        )
         return innovations, answers, states
 
     def _late(self, late: Mapping[str, float | Floats]) -> Floats:
@@ -218,9 +257,18 @@ class LinearDrive:
         for j, by in self.moved.items():
             implied[:, j] += by
         self.compiled.functions.imply(
-            self.states, self.slope, np.flatnonzero(self.tracked), line.row, self.acts, line.W,
-            line.noise, p, g, measured, implied,
-        )  # fmt: skip
+            self.states,
+            self.slope,
+            np.flatnonzero(self.tracked),
+            line.row,
+            self.acts,
+            line.W,
+            line.noise,
+            p,
+            g,
+            measured,
+            implied,
+        )
         moves, self.moved = np.any((implied != measured)[acts], axis=0), {}
         for j in map(int, np.flatnonzero(moves)):
             # θ may lie where the equations run away: the next run begins from here
@@ -269,8 +317,9 @@ class LinearDrive:
             # no line is drawn across the place where another equation takes over
             pieces = np.split(np.arange(len(t)), np.searchsorted(t, edges))
             pieces = [k for k in pieces if len(k)]
-            rates = [slope(Signal.of("", "", t[k], z[k]), 0.0, RATE_WINDOW)[0].value
-                     for k in pieces]  # fmt: skip
+            rates = [
+                slope(Signal.of("", "", t[k], z[k]), 0.0, RATE_WINDOW)[0].value for k in pieces
+            ]
             still = [calm(t[k], z[k], np.ones(len(k), bool)) for k in pieces]
             rate[:, j] = np.interp(self.line.t, t, np.concatenate(rates))
             value[:, j] = np.interp(self.line.t, t, np.concatenate(still))

@@ -187,9 +187,12 @@ class Fitter:
         return Look(theta, shapes, r, raw[0].spread(active), cost, raw)
 
     def modulated(
-        self, look: Look, thetas: NDArray[np.int64], bases: Sequence[Floats],
+        self,
+        look: Look,
+        thetas: NDArray[np.int64],
+        bases: Sequence[Floats],
         columns: NDArray[np.int64],
-    ) -> Floats:  # fmt: skip
+    ) -> Floats:
         """Derivatives (K, c), white, by ``thetas`` (c) of which each acts in proportion to one of
         the ``columns`` (c) of ``bases`` (events, b), a table per drive."""
         raw = self.problem.modulated(look.theta, look.shapes, thetas, bases, columns)
@@ -235,8 +238,9 @@ class Fitter:
         prior = np.ones(len(theta))  # a cause is taken to be of a plausible size
         step = np.linalg.solve(look.information + np.diag(prior), -look.slope)
         rest = [rows.r + rows.psi @ step for rows in raw]
-        for e, drive, s, walk in zip(rest, self.problem.drives, self.stretches, self.walks,
-                                     strict=True):  # fmt: skip
+        for e, drive, s, walk in zip(
+            rest, self.problem.drives, self.stretches, self.walks, strict=True
+        ):
             e -= drive.walks @ walk.probable(self.colour.whiten(s, e))
         self.colour = Colour.fit(self.stretches, rest)
         self.weights = [

@@ -91,8 +91,11 @@ def _noise(
     """The sensor's noise, and what it says as standard deviation and AR(1) coefficient."""
 
     def unknown(why: str) -> tuple[None, Fitted, Fitted]:
-        return (None, Fitted.unknown(mapped.noise, unit, why),
-                Fitted.unknown(mapped.noise_ar, "1", why))  # fmt: skip
+        return (
+            None,
+            Fitted.unknown(mapped.noise, unit, why),
+            Fitted.unknown(mapped.noise_ar, "1", why),
+        )
 
     count = sum(len(signal) for signal in readings)
     if not count:
@@ -103,8 +106,10 @@ def _noise(
         return unknown(f"always reads {low:.6g} {unit}: whatever noise there is stays in one step")
     windows = windows_of(readings)
     if not len(windows):
-        return unknown(f"no stretch of {WINDOW} samples on end that is neither broken by gaps nor "
-                       f"cut off at zero ({count} samples)")  # fmt: skip
+        return unknown(
+            f"no stretch of {WINDOW} samples on end that is neither broken by gaps nor "
+            f"cut off at zero ({count} samples)"
+        )
     sensor = estimate(windows, bus_step(values))
     if sensor is None or sensor.total == 0.0:
         return unknown("moves in straight lines only: no noise can be seen")
@@ -124,12 +129,15 @@ def _noise(
         ar = Fitted.unknown(mapped.noise_ar, "1", why)
         return sensor, noise, ar
     if sensor.ar > SLOWEST or loose > LOOSEST:
-        _, noise, ar = unknown(f"{len(windows)} stretches of {WINDOW} samples do not tell noise "
-                               "from the signal's own wander")  # fmt: skip
+        _, noise, ar = unknown(
+            f"{len(windows)} stretches of {WINDOW} samples do not tell noise "
+            "from the signal's own wander"
+        )
         return sensor, noise, ar
     if not sensor.quiet and np.tanh(np.arctanh(sensor.ar) - Z * loose_ar) > SLOW:
-        _, noise, ar = unknown("too little of the log is quiet to tell slow noise from the "
-                               "signal's own wander")  # fmt: skip
+        _, noise, ar = unknown(
+            "too little of the log is quiet to tell slow noise from the signal's own wander"
+        )
         return sensor, noise, ar
     low, high = sensor.noise * np.exp(np.array([-Z, Z]) * loose)  # of what is not rounding
     share = sensor.rounding**2 / sensor.total**2
@@ -144,8 +152,13 @@ def _noise(
     if loose_ar > LOOSEST_AR:
         return sensor, noise, Fitted.unknown(mapped.noise_ar, "1", "too few samples to tell")
     low, high = np.tanh(np.arctanh(sensor.ar) + np.array([-Z, Z]) * loose_ar)
-    ar = Fitted(_short(sensor.ar), "1", std=_short((1 - sensor.ar**2) * loose_ar),
-                low=_short(low), high=_short(high))  # fmt: skip
+    ar = Fitted(
+        _short(sensor.ar),
+        "1",
+        std=_short((1 - sensor.ar**2) * loose_ar),
+        low=_short(low),
+        high=_short(high),
+    )
     return sensor, noise, ar
 
 

@@ -48,8 +48,9 @@ def identify_parameters(
     wanted = [key for key in keys if vehicle.parameters[key].spread > 0]
     fixed = [key for key in keys if key not in wanted]
     if not wanted:
-        raise ClutchestError(f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: "
-                             "nothing may be fitted")  # fmt: skip
+        raise ClutchestError(
+            f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: nothing may be fitted"
+        )
     posterior = posterior_of(keys, signals, vehicle, sensor, progress)
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
     source = f"clutchest identify {name}, {', '.join(Path(s).name for s in sources)}"
@@ -57,8 +58,12 @@ def identify_parameters(
     for key in wanted:
         parameters[key] = told(posterior, key)
         if parameters[key].determined:
-            found[key] = replace(found[key], value=parameters[key].value,
-                                 spread=parameters[key].std or 0.0, source=source)  # fmt: skip
+            found[key] = replace(
+                found[key],
+                value=parameters[key].value,
+                spread=parameters[key].std or 0.0,
+                source=source,
+            )
     unsure = [key for key, fitted in parameters.items() if not fitted.determined]
     if unsure:
         stay = "they stay" if len(unsure) > 1 else "it stays"
@@ -103,10 +108,22 @@ def told(posterior: Posterior, key: str) -> Fitted:
     value, std = posterior.of(key) or (before.value, before.spread)
     if std > TOLD * before.spread:
         why = f"these logs lower its standard deviation by {100 * (1 - std / before.spread):.0f} %"
-        return Fitted(before.value, before.unit, std=before.spread, prior_std=before.spread,
-                      determined=False, why=why)  # fmt: skip
-    return Fitted(_short(value), before.unit, std=_short(std), low=_short(value - Z * std),
-                  high=_short(value + Z * std), prior_std=before.spread)  # fmt: skip
+        return Fitted(
+            before.value,
+            before.unit,
+            std=before.spread,
+            prior_std=before.spread,
+            determined=False,
+            why=why,
+        )
+    return Fitted(
+        _short(value),
+        before.unit,
+        std=_short(std),
+        low=_short(value - Z * std),
+        high=_short(value + Z * std),
+        prior_std=before.spread,
+    )
 
 
 def _short(value: float) -> float:

@@ -29,11 +29,15 @@ def draw_noise(found: Mapping[str, SensorNoise], units: Mapping[str, str], folde
         window = sensor.windows[quietest]
         detail.plot(window, ".-", lw=0.6, ms=3, label="readings")
         detail.plot(window - sensor.residuals[quietest], lw=1.2, label="without noise")
-        detail.set_title(f"{name}: noise {sensor.total:.3g} {units[name]}, AR(1) {sensor.ar:.2f}",
-                         loc="left", fontsize=9)  # fmt: skip
+        detail.set_title(
+            f"{name}: noise {sensor.total:.3g} {units[name]}, AR(1) {sensor.ar:.2f}",
+            loc="left",
+            fontsize=9,
+        )
         detail.set_ylabel(units[name])
-        colour.stem(range(LAGS + 1), autocorrelation(sensor.residuals), basefmt=" ",
-                    label="left over")  # fmt: skip
+        colour.stem(
+            range(LAGS + 1), autocorrelation(sensor.residuals), basefmt=" ", label="left over"
+        )
         colour.plot(fitted_autocorrelation(sensor), "C1", lw=1.2, label="fitted")
         colour.set_ylim(-0.3, 1.05)
     axes[0, 0].legend(fontsize=7)

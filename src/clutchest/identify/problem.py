@@ -103,9 +103,13 @@ class Problem:
         sought = tuple(e for e in model.taking(effects) if e not in present)
         self.vehicle, self.effects = vehicle, {e.name: e for e in sought}
         self.compiled = compile_model(
-            vehicle, model, present + sought, healthy_stds(vehicle, model), taken_in(model),
+            vehicle,
+            model,
+            present + sought,
+            healthy_stds(vehicle, model),
+            taken_in(model),
             progress,
-        )  # fmt: skip
+        )
         shared, own = [], []
         for (owner, key), spread in zip(self.compiled.thetas, self.compiled.spread, strict=True):
             if owner in self.effects:
@@ -121,9 +125,12 @@ class Problem:
         starts = [replace(t, drive=i) for i in range(len(drives)) for t in own]
         # a delay too small to be a finding answers as the delay that effects know
         first_of = {
-            signal: k for k, t in reversed(list(enumerate(shared))) if t.gain
-            for signal, key in self.effects[t.owner].delays.items() if key == t.key
-        }  # fmt: skip
+            signal: k
+            for k, t in reversed(list(enumerate(shared)))
+            if t.gain
+            for signal, key in self.effects[t.owner].delays.items()
+            if key == t.key
+        }
         self.timing = {k: signal for signal, k in first_of.items()}
         late = [Theta("timing", signal, TIMING) for signal in self.timing.values()]
         self.thetas = tuple(shared + starts + late)
@@ -213,9 +220,13 @@ class Problem:
         return found
 
     def modulated(
-        self, theta: Floats, shapes: Shapes, thetas: NDArray[np.int64], bases: Sequence[Floats],
+        self,
+        theta: Floats,
+        shapes: Shapes,
+        thetas: NDArray[np.int64],
+        bases: Sequence[Floats],
         columns: NDArray[np.int64],
-    ) -> list[Floats]:  # fmt: skip
+    ) -> list[Floats]:
         """Derivatives (K, c) of every drive's innovations by shared ``thetas`` (c) of which each
         acts in proportion to one of the ``columns`` (c) of ``bases`` (events, b)."""
         p, g, late = self.numbers(theta, shapes)

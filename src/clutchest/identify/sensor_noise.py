@@ -293,8 +293,11 @@ class _Likelihood:
         h = 0.02
         unit = h * np.eye(2)
         # the distribution of walks moves along: its own doubt is in the curvature as well
-        at = {(i, j): self.total(theta + i * unit[0] + j * unit[1])
-              for i in (-1, 0, 1) for j in (-1, 0, 1)}  # fmt: skip
+        at = {
+            (i, j): self.total(theta + i * unit[0] + j * unit[1])
+            for i in (-1, 0, 1)
+            for j in (-1, 0, 1)
+        }
         hessian = np.empty((2, 2))
         hessian[0, 0] = at[1, 0] - 2 * at[0, 0] + at[-1, 0]
         hessian[1, 1] = at[0, 1] - 2 * at[0, 0] + at[0, -1]

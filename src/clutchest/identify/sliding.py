@@ -29,7 +29,9 @@ def while_sliding(
     if not len(time) or not set(names) <= set(e.quantities.names()):
         return np.zeros(0), [np.zeros((len(names), 0)) for _ in numbers]
     wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
-    states, inputs = (np.column_stack([np.interp(time, line.t, column) for column in table.T])
-                      for table in (drive.states, line.u))  # fmt: skip
+    states, inputs = (
+        np.column_stack([np.interp(time, line.t, column) for column in table.T])
+        for table in (drive.states, line.u)
+    )
     flags = line.W[line.row[ends]]
     return time, [e.along(wanted, states, inputs, flags, p, g) for p, g in numbers]

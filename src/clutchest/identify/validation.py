@@ -37,8 +37,14 @@ def validate(holdout: Signals, before: Vehicle, after: Vehicle) -> Validation:
     old = fitter.improve(fitter.look(theta), problem.nuisances)  # by the same colour of the noise
     before_all = _errors(problem, fitter, old)
     logs = dict.fromkeys(Path(s).name for drive in holdout.drives for s in drive.sources)
-    return Validation(tuple(logs), before_all[0], after_all[0], before_all[1], after_all[1],
-                      0.5 * (_cost(fitter, old) - _cost(fitter, new)))  # fmt: skip
+    return Validation(
+        tuple(logs),
+        before_all[0],
+        after_all[0],
+        before_all[1],
+        after_all[1],
+        0.5 * (_cost(fitter, old) - _cost(fitter, new)),
+    )
 
 
 def _cost(fitter: Fitter, look: Look) -> float:

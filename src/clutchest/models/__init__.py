@@ -40,9 +40,14 @@ def card(model: str) -> ModelCard:
     """The card of a model by its name.  Raises ClutchestError for an unknown one."""
     module = _module(model)
     return ModelCard(
-        model, module.STATES, module.PARAMETERS, module.INPUTS, module.SENSORS, module.COLUMNS,
+        model,
+        module.STATES,
+        module.PARAMETERS,
+        module.INPUTS,
+        module.SENSORS,
+        module.COLUMNS,
         module.APART,
-    )  # fmt: skip
+    )
 
 
 def only_for(known: str, model: str, what: str) -> None:

@@ -26,27 +26,97 @@ from clutchest.models.flaws import Flaw
 from clutchest.models.model import Model, Quantities
 from clutchest.models.symbols import Input, Parameter, Sensor, State
 
-# fmt: off
 STATES = (
-    State("temp_body", "°C", "T_b", "flywheel and pressure plate", 0.02, 15.0, 25.0,
-          "a standstill with the actuator retracted", 0.15),
-    State("temp_housing", "°C", "T_h", "clutch housing", 0.02, 12.0, 25.0,
-          "a long cool-down with the actuator retracted", 0.15),
-    State("temp_disc", "°C", "T_d", "friction disc", 0.1, 15.0, 40.0,
-          "a slip, or the actuator retracted right after one", 0.3),
-    State("zero_position", "mm", "x0_ref", "closed slave position at T_ref; wear lowers it",
-          1e-5, 0.2, 0.12, "the actuator fully retracted at a known temperature",
-          slip_noise=1e-5, prior="zero_position_ref"),
-    State("friction", "1", "μ/μ_0", "torque relative to the curve", 5e-4, 0.1, 0.05,
-          "a launch: torque through a slipping clutch", healthy_std=0.02),
-    State("engine_speed", "rad/s", "ω_e", "engine speed", 0.3, 5.0, 5.0,
-          "any sample of the engine speed", carried=False),
-    State("torque_bias", "Nm", "M_bias", "reported engine torque less the true one",
-          1.0, 30.0, 25.0, "an open clutch with changing engine speed", carried=False,
-          healthy_std=5.0),
-    State("wear_rate", "mm/MJ", "w", "wear per slip energy", 0.0, 0.05, 0.01,
-          "some ten megajoules of slip, and the actuator retracted before and after",
-          healthy_std=0.0),
+    State(
+        "temp_body",
+        "°C",
+        "T_b",
+        "flywheel and pressure plate",
+        0.02,
+        15.0,
+        25.0,
+        "a standstill with the actuator retracted",
+        0.15,
+    ),
+    State(
+        "temp_housing",
+        "°C",
+        "T_h",
+        "clutch housing",
+        0.02,
+        12.0,
+        25.0,
+        "a long cool-down with the actuator retracted",
+        0.15,
+    ),
+    State(
+        "temp_disc",
+        "°C",
+        "T_d",
+        "friction disc",
+        0.1,
+        15.0,
+        40.0,
+        "a slip, or the actuator retracted right after one",
+        0.3,
+    ),
+    State(
+        "zero_position",
+        "mm",
+        "x0_ref",
+        "closed slave position at T_ref; wear lowers it",
+        1e-5,
+        0.2,
+        0.12,
+        "the actuator fully retracted at a known temperature",
+        slip_noise=1e-5,
+        prior="zero_position_ref",
+    ),
+    State(
+        "friction",
+        "1",
+        "μ/μ_0",
+        "torque relative to the curve",
+        5e-4,
+        0.1,
+        0.05,
+        "a launch: torque through a slipping clutch",
+        healthy_std=0.02,
+    ),
+    State(
+        "engine_speed",
+        "rad/s",
+        "ω_e",
+        "engine speed",
+        0.3,
+        5.0,
+        5.0,
+        "any sample of the engine speed",
+        carried=False,
+    ),
+    State(
+        "torque_bias",
+        "Nm",
+        "M_bias",
+        "reported engine torque less the true one",
+        1.0,
+        30.0,
+        25.0,
+        "an open clutch with changing engine speed",
+        carried=False,
+        healthy_std=5.0,
+    ),
+    State(
+        "wear_rate",
+        "mm/MJ",
+        "w",
+        "wear per slip energy",
+        0.0,
+        0.05,
+        0.01,
+        "some ten megajoules of slip, and the actuator retracted before and after",
+        healthy_std=0.0,
+    ),
 )
 
 # Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.
@@ -69,13 +139,15 @@ PARAMETERS = (
     Parameter("conductance_body_housing", "W/K", "k_b2h", "body to housing", 0.0),
     Parameter("conductance_housing_ambient", "W/K", "k_h2amb", "housing to ambient air", 0.0),
     Parameter("conductance_disc_body", "W/K", "k_d2b", "disc to body", 1e-3),
-    Parameter("heat_fraction_body", "1", "k_P", "share of the slip power that enters the body",
-              0.0, 1.0),
+    Parameter(
+        "heat_fraction_body", "1", "k_P", "share of the slip power that enters the body", 0.0, 1.0
+    ),
     Parameter("expansion_body", "mm/K", "k_exp,1", "zero position per body temperature"),
     Parameter("expansion_disc", "mm/K", "k_exp,2", "zero position per disc over body temperature"),
     Parameter("reference_temp", "°C", "T_ref", "temperature at which the torque curve holds"),
-    Parameter("disc_body_temp_cap", "K", "ΔT_cap", "T_d − T_b beyond which the disc adds no more",
-              0.0),
+    Parameter(
+        "disc_body_temp_cap", "K", "ΔT_cap", "T_d − T_b beyond which the disc adds no more", 0.0
+    ),
     Parameter("zero_position_ref", "mm", "x0_ref", "nominal zero position at T_ref"),
     Parameter("position_origin", "mm", "x_origin", "sensor reading at x = 0"),
     Parameter("torque_cubic", "Nm/mm^3", "a", "cubic term of the torque curve", upper=0.0),
@@ -97,9 +169,14 @@ INPUTS = (
 
 # Canonical columns that a vehicle may map; `engine_acceleration` is made from the engine speed.
 COLUMNS = (
-    ("engine_speed", "rad/s"), ("input_shaft_speed", "rad/s"), ("slave_position", "mm"),
-    ("motor_position", "mm"), ("engine_torque", "Nm"), ("coolant_temp", "°C"),
-    ("ambient_temp", "°C"), ("vehicle_speed", "m/s"),
+    ("engine_speed", "rad/s"),
+    ("input_shaft_speed", "rad/s"),
+    ("slave_position", "mm"),
+    ("motor_position", "mm"),
+    ("engine_torque", "Nm"),
+    ("coolant_temp", "°C"),
+    ("ambient_temp", "°C"),
+    ("vehicle_speed", "m/s"),
 )
 
 # The zero position tells of the body's temperature by a coefficient that is itself uncertain, and
@@ -108,10 +185,17 @@ COLUMNS = (
 # heating.
 SENSORS = (
     Sensor("engine_speed", "rad/s", "ω_e", "engine speed"),
-    Sensor("zero_position", "mm", "x0", "slave position while the actuator is fully retracted",
-           column="slave_position", mode="retracted", repeats=0.08),
+    Sensor(
+        "zero_position",
+        "mm",
+        "x0",
+        "slave position while the actuator is fully retracted",
+        column="slave_position",
+        mode="retracted",
+        repeats=0.08,
+    ),
 )
-# fmt: on
+
 
 # Which equations act, set by the mode: the speed equation (not locked, no transition near),
 # sliding surfaces, surfaces pressed together.
@@ -261,31 +345,50 @@ def readings(q: Quantities) -> None:
 _ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
 _ACTUATOR = ("slave_position", "position_rate", "temp_housing", "ambient_temp", "time")
 _WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does nothing to it
-    "slip_speed", "slave_position", "temp_disc", "temp_body", "temp_housing", "coolant_temp",
-    "ambient_temp", "energy", "time",
-)  # fmt: skip
+    "slip_speed",
+    "slave_position",
+    "temp_disc",
+    "temp_body",
+    "temp_housing",
+    "coolant_temp",
+    "ambient_temp",
+    "energy",
+    "time",
+)
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
 FLAWS: Mapping[str, Flaw] = {
     "torque": Flaw("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
     "torque, added": Flaw(
-        "torque", {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)}),  # Nm
+        "torque", {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)}
+    ),  # Nm
     "engine_speed": Flaw(
-        "engine_speed", {"true_engine_torque": lambda value, g: value - 30.0 * g}),  # Nm
+        "engine_speed", {"true_engine_torque": lambda value, g: value - 30.0 * g}
+    ),  # Nm
     "disc_heat": Flaw(
-        "disc_heat", {"disc_heat": lambda value, g: value + 500.0 * g}, slow=True),  # W
+        "disc_heat", {"disc_heat": lambda value, g: value + 500.0 * g}, slow=True
+    ),  # W
     "body_heat": Flaw(
-        "body_heat", {"body_heat": lambda value, g: value + 500.0 * g}, slow=True),  # W
+        "body_heat", {"body_heat": lambda value, g: value + 500.0 * g}, slow=True
+    ),  # W
     "housing_heat": Flaw(
-        "housing_heat", {"housing_heat": lambda value, g: value + 200.0 * g}, slow=True),  # W
+        "housing_heat", {"housing_heat": lambda value, g: value + 200.0 * g}, slow=True
+    ),  # W
     "zero_position": Flaw(
-        "zero_position", {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
-        drivers=_WEARS, slow=True),
+        "zero_position",
+        {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
+        drivers=_WEARS,
+        slow=True,
+    ),
     "sensor:engine_torque": Flaw(
-        "sensor:engine_torque", {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
-        drivers=_ENGINES_MAP),
+        "sensor:engine_torque",
+        {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
+        drivers=_ENGINES_MAP,
+    ),
     "sensor:engine_torque, added": Flaw(
-        "sensor:engine_torque", {"engine_torque": lambda value, g: value - 30.0 * g},  # Nm
-        drivers=_ENGINES_MAP),
+        "sensor:engine_torque",
+        {"engine_torque": lambda value, g: value - 30.0 * g},  # Nm
+        drivers=_ENGINES_MAP,
+    ),
     "sensor:slave_position": Flaw(
         "sensor:slave_position",
         {
@@ -295,17 +398,21 @@ FLAWS: Mapping[str, Flaw] = {
         drivers=_ACTUATOR,
     ),
     "timing:engine_torque": Flaw(
-        "timing:engine_torque", late=("engine_torque", 0.02), drivers=_CLOCKS),
+        "timing:engine_torque", late=("engine_torque", 0.02), drivers=_CLOCKS
+    ),
     "timing:slave_position": Flaw(
-        "timing:slave_position", late=("slave_position", 0.02), drivers=_CLOCKS),
-}  # fmt: skip
+        "timing:slave_position", late=("slave_position", 0.02), drivers=_CLOCKS
+    ),
+}
 TOLD_APART_BY = (
-    (("zero_position", "sensor:slave_position"),
-     "a second position sensor, or the thickness of the pads measured once,"),
+    (
+        ("zero_position", "sensor:slave_position"),
+        "a second position sensor, or the thickness of the pads measured once,",
+    ),
     (("torque", "sensor:engine_torque"), "a torque sensor on the gearbox input shaft"),
     (("torque", "disc_heat"), "a temperature sensor near the disc"),
     (("disc_heat", "body_heat"), "a temperature sensor on the pressure plate"),
-)  # fmt: skip
+)
 
 # What would tell of each by itself.
 TOLD_BY = {

@@ -29,8 +29,10 @@ def unfit(effect: Effect, name: str, parameters: Mapping[str, float]) -> str | N
         return "has no number that makes it absent at 0, expected one that is no shape"
     for number in effect.gains:
         if not number.lower <= 0.0 < number.upper:
-            return (f"has {number.key} between {number.lower:g} and {number.upper:g}, expected "
-                    "0 or less and more than 0")  # fmt: skip
+            return (
+                f"has {number.key} between {number.lower:g} and {number.upper:g}, expected "
+                "0 or less and more than 0"
+            )
     inputs = [item.name for item in model.inputs]
     for signal in effect.delays:
         if signal not in inputs:

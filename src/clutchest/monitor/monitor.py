@@ -122,8 +122,9 @@ class Monitor:
     ) -> None:
         self.vehicle = load_vehicle(vehicle)
         self.database = load_database(self.vehicle)
-        self.messages = [self.database.message(name)
-                        for name in mapped_messages(self.vehicle, self.database)]  # fmt: skip
+        self.messages = [
+            self.database.message(name) for name in mapped_messages(self.vehicle, self.database)
+        ]
         bus.set_filters(filters(self.messages))  # type: ignore[arg-type]
         self._listener = Listener(bus, reopen)
         self._listener.start()
@@ -219,13 +220,17 @@ class Monitor:
         frames = self._stamps.used(received)
         self.status.frames += len(frames)
         for jump in self._stamps.jumps:
-            self._tell("warning", f"the interface's clock jumped by {jump:+.1f} s; taken out",
-                       {"jump_s": jump})  # fmt: skip
+            self._tell(
+                "warning",
+                f"the interface's clock jumped by {jump:+.1f} s; taken out",
+                {"jump_s": jump},
+            )
         self._stamps.jumps.clear()
         if (more := received.dropped - self.status.lost) > 0:
             self.status.lost = received.dropped
-            self._tell("gap", "bus", {"frames_dropped": more,
-                                      "why": "the socket's buffer was full"})  # fmt: skip
+            self._tell(
+                "gap", "bus", {"frames_dropped": more, "why": "the socket's buffer was full"}
+            )
         return frames
 
     def _take(self, frames: Frames) -> Piece | None:
@@ -250,8 +255,11 @@ class Monitor:
         piece = self._live.take(frames, now_ns)
         if self._live.late and not self._late_told:
             self._late_told = True
-            self._tell("warning", "a signal was heard for the first time so late that the estimates"
-                       " go on without it; a new start uses it")  # fmt: skip
+            self._tell(
+                "warning",
+                "a signal was heard for the first time so late that the estimates"
+                " go on without it; a new start uses it",
+            )
         return piece
 
     def _keep(self, frames: Frames) -> None:
@@ -272,8 +280,13 @@ class Monitor:
             self._drive += 1
             self._start_ns, self._mode, self._seen, self._watched = None, "", {}, 0.0
         self._heard, self._unwatched, self._arrived = [], [], {}
-        return Live(self.vehicle, self.database, rate=self.rate, state=self.state,
-                    history=lambda: Frames.concatenate(self._heard))  # fmt: skip
+        return Live(
+            self.vehicle,
+            self.database,
+            rate=self.rate,
+            state=self.state,
+            history=lambda: Frames.concatenate(self._heard),
+        )
 
     def _after(self, frames: Frames, piece: Piece | None, show: Show | None) -> None:
         """Everything that follows from new frames and from what became certain: first of all what
@@ -336,8 +349,9 @@ class Monitor:
                 self._tell("mode", mode, {"before": self._mode or None}, float(at))
                 self._mode = mode
         for engagement in track.engagements:
-            self._tell("engagement", "slip", asdict(engagement),
-                       engagement.start_s + engagement.duration_s)  # fmt: skip
+            self._tell(
+                "engagement", "slip", asdict(engagement), engagement.start_s + engagement.duration_s
+            )
         if self._session is not None:
             self._session.keep(track, self._drive, piece.begins)
 
@@ -354,8 +368,9 @@ class Monitor:
         for message in self.messages:
             if message.name not in self.vehicle.checked:
                 continue
-            rows = np.flatnonzero((frames.id & np.uint32(message.id_mask))
-                                  == (message.id & message.id_mask))  # fmt: skip
+            rows = np.flatnonzero(
+                (frames.id & np.uint32(message.id_mask)) == (message.id & message.id_mask)
+            )
             if not len(rows):
                 continue
             new = frames.take(rows)
@@ -373,8 +388,9 @@ class Monitor:
             self.status.away = trouble.what
             self._tell("warning", f"the interface failed: {trouble.what}")
 
-    def _tell(self, kind: str, name: str, data: Mapping[str, Any] | None = None,
-              at: float | None = None) -> None:  # fmt: skip
+    def _tell(
+        self, kind: str, name: str, data: Mapping[str, Any] | None = None, at: float | None = None
+    ) -> None:
         self._put(Event(self.status.now if at is None else at, kind, name, data or {}))
 
     def _put(self, event: Event) -> None:

@@ -15,8 +15,13 @@ from clutchest.monitor.monitor import Event, Status
 from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
 from clutchest.record.report import plus_minus
 
-_MODE = {"open": "bright_blue", "slipping": "bold bright_red", "locked": "green",
-         "retracted": "green", "unknown": "yellow"}  # fmt: skip
+_MODE = {
+    "open": "bright_blue",
+    "slipping": "bold bright_red",
+    "locked": "green",
+    "retracted": "green",
+    "unknown": "yellow",
+}
 _KIND = {"warning": "yellow", "gap": "yellow", "reconnect": "yellow", "fault": "bold bright_red"}
 _HOT = 20  # characters of a bar
 
@@ -67,8 +72,12 @@ def _estimates(status: Status, model: str) -> Table:
         if not np.isfinite(value):
             continue
         valid = bool(estimate.valid[-1])
-        table.add_row(quantity.words, plus_minus(quantity, value, std), _note(estimate, quantity),
-                      style="" if valid else "dim")  # fmt: skip
+        table.add_row(
+            quantity.words,
+            plus_minus(quantity, value, std),
+            _note(estimate, quantity),
+            style="" if valid else "dim",
+        )
     return table
 
 
@@ -86,8 +95,11 @@ def _note(estimate: Estimate, quantity: Quantity) -> Text:
 def _events(status: Status) -> Table:
     table = Table("s", "event", "", box=None, pad_edge=False)
     for event in list(status.events)[-6:]:
-        table.add_row(f"{event.time:.1f}", Text(event.kind, style=_KIND.get(event.kind, "")),
-                      Text(words(event)))  # fmt: skip
+        table.add_row(
+            f"{event.time:.1f}",
+            Text(event.kind, style=_KIND.get(event.kind, "")),
+            Text(words(event)),
+        )
     return table
 
 
@@ -95,8 +107,10 @@ def words(event: Event) -> str:
     """An event in a few words."""
     data = event.data
     if event.kind == "engagement":
-        return (f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ, disc "
-                f"{data['peak_temp_disc']:.0f} °C")  # fmt: skip
+        return (
+            f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ, disc "
+            f"{data['peak_temp_disc']:.0f} °C"
+        )
     if event.kind == "gap" and "over" in data:
         if not data["over"]:
             return f"{event.name}: silent since {data['since_s']:.1f} s"
@@ -113,6 +127,8 @@ def words(event: Event) -> str:
 def _foot(status: Status) -> str:
     parts = [f"{status.frames} frames", f"{status.lost} lost"]
     if len(status.latency_s) > 5:
-        parts.append(f"estimates {1e3 * float(np.median(status.latency_s)):.0f} ms after the frame "
-                     "that made them certain")  # fmt: skip
+        parts.append(
+            f"estimates {1e3 * float(np.median(status.latency_s)):.0f} ms after the frame "
+            "that made them certain"
+        )
     return " · ".join(parts)

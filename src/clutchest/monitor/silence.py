@@ -43,6 +43,9 @@ class Silence:
             edges = [self._last.get(name, float(times[0])), *times.tolist()]
             for a, b in pairwise(edges):
                 if b - a > self._gap:
-                    yield b, name, {"over": True, "since_s": a, "duration_s": b - a,
-                                    "bridged": b - a <= LOST}  # fmt: skip
+                    yield (
+                        b,
+                        name,
+                        {"over": True, "since_s": a, "duration_s": b - a, "bridged": b - a <= LOST},
+                    )
             self._last[name] = float(times[-1])

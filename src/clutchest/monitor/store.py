@@ -110,8 +110,9 @@ class Session:
 
 def _layout(columns: Mapping[str, Any]) -> np.dtype:
     kinds = {"mode": np.uint8, "drive": np.int32}
-    return np.dtype([(name, kinds.get(name, np.asarray(column).dtype))
-                     for name, column in columns.items()])  # fmt: skip
+    return np.dtype(
+        [(name, kinds.get(name, np.asarray(column).dtype)) for name, column in columns.items()]
+    )
 
 
 def _line(value: Mapping[str, Any]) -> bytes:
@@ -171,8 +172,17 @@ def _to_parquet(out: Path, rows: np.ndarray) -> None:
 def _complete(recording: Path) -> bool:
     """Write a recording anew with all that can be read of it and a proper end."""
     whole = recording.with_name(f".{recording.name}")
-    command = [sys.executable, "-m", "rerun", "rrd", "optimize", "--continue-on-error",
-               str(recording), "-o", str(whole)]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "rerun",
+        "rrd",
+        "optimize",
+        "--continue-on-error",
+        str(recording),
+        "-o",
+        str(whole),
+    ]
     try:
         result = subprocess.run(command, capture_output=True, check=False, start_new_session=True)
     except OSError:
@@ -195,8 +205,10 @@ def _locked(out: Path) -> IO[str]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         file.close()
-        raise ClutchestError(f"{out}: another session writes into this folder; expected a folder "
-                             "of its own for each (--out)") from None  # fmt: skip
+        raise ClutchestError(
+            f"{out}: another session writes into this folder; expected a folder "
+            "of its own for each (--out)"
+        ) from None
     return file
 
 

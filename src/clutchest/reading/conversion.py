@@ -25,8 +25,9 @@ class Conversion:
     content: Frames | Signals
 
     @classmethod
-    def of(cls, logs: Sequence[str], out: Path, vehicle: Vehicle | None,
-           window: Window = EVERYTHING) -> Conversion:  # fmt: skip
+    def of(
+        cls, logs: Sequence[str], out: Path, vehicle: Vehicle | None, window: Window = EVERYTHING
+    ) -> Conversion:
         """Read what lies in ``window`` of ``logs`` as what ``out`` can hold.
 
         With a ``vehicle`` CAN logs are decoded; decoded tables need none.  Raises ClutchestError
@@ -43,8 +44,10 @@ class Conversion:
                 raise ClutchestError(f"{' '.join(logs)}: nothing in the stretch asked for")
             return cls(signals)
         if any(tables):
-            raise ClutchestError(f"{paths[tables.index(True)]}: holds decoded signals, the others "
-                                 "frames; name a vehicle to decode those")  # fmt: skip
+            raise ClutchestError(
+                f"{paths[tables.index(True)]}: holds decoded signals, the others "
+                "frames; name a vehicle to decode those"
+            )
         if out.suffix.lower() == ".parquet":
             raise ClutchestError(f"{out}: holds decoded signals; name a vehicle to decode by")
         parts = [files.read_frames(path) for path in paths]

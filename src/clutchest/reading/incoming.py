@@ -50,8 +50,11 @@ class Incoming:
         self._last: dict[tuple[str, BusSignal], int] = {}  # rows of these, of each companion
         self._geared: dict[str, _Geared] = {}
         self.first = self.take(frames, int(frames.t_ns[-1]))
-        self.heard_s = {name: float(s.time[s.valid][0])
-                        for name, s in self.first.signals.items() if s.valid.any()}  # fmt: skip
+        self.heard_s = {
+            name: float(s.time[s.valid][0])
+            for name, s in self.first.signals.items()
+            if s.valid.any()
+        }
         self._decided = True
 
     @property
@@ -69,9 +72,14 @@ class Incoming:
         drive = Frames.concatenate([before, frames])
         whole = reassembled(drive, self._wanted) if self._long else drive
         decoding = Decoding(
-            whole, self.vehicle, self.database, senders=self._senders, start_ns=self.start_ns,
-            account=None, wanted=self._mapped,
-        )  # fmt: skip
+            whole,
+            self.vehicle,
+            self.database,
+            senders=self._senders,
+            start_ns=self.start_ns,
+            account=None,
+            wanted=self._mapped,
+        )
         decoding.decode()
         names = decoding.touched(0 if self._long else len(before))
         made, wheels = decoding.canonical(names)

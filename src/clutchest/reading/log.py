@@ -73,8 +73,10 @@ def read_log(
         database = load_database(vehicle, folders)
         wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     columns = dict(card(vehicle.model).columns)
-    pieces = [_table(path, columns) if is_table else _frames(path, wanted)
-              for path, is_table in zip(found, tabular, strict=True)]  # fmt: skip
+    pieces = [
+        _table(path, columns) if is_table else _frames(path, wanted)
+        for path, is_table in zip(found, tabular, strict=True)
+    ]
     drives: list[Signals] = []
     empty: list[NoMappedFrame] = []
     warnings: list[str] = []
@@ -100,8 +102,9 @@ def read_log(
     if not drives and empty:
         raise empty[0]
     if not drives:
-        raise ClutchestError(f"{' '.join(map(str, found))}: nothing in the stretch asked for; "
-                             + _spans(pieces))  # fmt: skip
+        raise ClutchestError(
+            f"{' '.join(map(str, found))}: nothing in the stretch asked for; " + _spans(pieces)
+        )
     first, *later = drives
     told = (*warnings, *first.warnings, *(str(problem) for problem in empty))
     return replace(first, later=tuple(later), warnings=told)
@@ -113,8 +116,11 @@ def _located(given: list[Path | str]) -> list[Path]:
     found = [locate(str(path), "logs") for path in given]
     once = dict.fromkeys(path.resolve() for path in found)
     if len(once) < len(found):
-        twice = next(p for i, p in enumerate(found) if p.resolve() in
-                     {other.resolve() for other in found[:i]})  # fmt: skip
+        twice = next(
+            p
+            for i, p in enumerate(found)
+            if p.resolve() in {other.resolve() for other in found[:i]}
+        )
         raise ClutchestError(f"{twice}: given twice; each log counts once")
     return found
 
@@ -124,8 +130,10 @@ def _spans(pieces: Sequence[_Piece]) -> str:
     first = min(pieces, key=lambda piece: piece.start)
     if not first.absolute:
         return f"it is {(first.end - first.start) / 1e9:.3f} s long"
-    start, end = (datetime.fromtimestamp(ns / 1e9).astimezone()
-                  for ns in (first.start, max(piece.end for piece in pieces)))  # fmt: skip
+    start, end = (
+        datetime.fromtimestamp(ns / 1e9).astimezone()
+        for ns in (first.start, max(piece.end for piece in pieces))
+    )
     return f"the log goes from {start.isoformat(' ', 'seconds')} to {end.isoformat(' ', 'seconds')}"
 
 
@@ -174,9 +182,12 @@ def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
     frames = Frames.concatenate(kept)
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
     back = np.concatenate([np.zeros(1, np.int64), *(s[s < 0] for _, s in frames.steps())])[1:]
-    warning = (f"{path.name}: the clock goes back {len(back)} time{'s' * (len(back) > 1)}, by "
-               f"{-back.min() / 1e9:g} s at most; frames are taken in order of time"
-               if len(back) else "")  # fmt: skip
+    warning = (
+        f"{path.name}: the clock goes back {len(back)} time{'s' * (len(back) > 1)}, by "
+        f"{-back.min() / 1e9:g} s at most; frames are taken in order of time"
+        if len(back)
+        else ""
+    )
     return _Piece(path, frames, frames.absolute, first, last, warning)
 
 
@@ -212,15 +223,19 @@ def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
 
 def _split(frames: Frames) -> list[Frames]:
     """The frames (sorted) cut at long silences: a clock that was set, or a parked vehicle."""
-    cuts = [first + 1 + int(row) for first, step in frames.steps()
-            for row in np.flatnonzero(step > HOLE_S * 1e9)]  # fmt: skip
+    cuts = [
+        first + 1 + int(row)
+        for first, step in frames.steps()
+        for row in np.flatnonzero(step > HOLE_S * 1e9)
+    ]
     if not cuts:
         return [frames]
     parts = [frames.take(slice(a, b)) for a, b in pairwise([0, *cuts, len(frames)])]
     # What the file as a whole lost is told once, with the longest part: that one is a drive.
     longest = max(parts, key=len)
-    return [part if part is longest else replace(part, rejected=(), passed_over=())
-            for part in parts]  # fmt: skip
+    return [
+        part if part is longest else replace(part, rejected=(), passed_over=()) for part in parts
+    ]
 
 
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:

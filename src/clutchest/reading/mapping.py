@@ -52,8 +52,9 @@ def signals_of(
     found = Decoding(whole, vehicle, database, sources).signals()
     if not with_traffic:
         return found
-    traffic = {message.name: _sharing(traffic_of(whole, message, vehicle), found)
-               for message in wanted}  # fmt: skip
+    traffic = {
+        message.name: _sharing(traffic_of(whole, message, vehicle), found) for message in wanted
+    }
     return replace(found, traffic=traffic)
 
 
@@ -161,15 +162,19 @@ class Decoding:
     def touched(self, first: int) -> list[str]:
         """The canonical signals of which a frame from row ``first`` on carries a part."""
         new = {name for name, rows in self.rows.items() if len(rows) and rows[-1] >= first}
-        return [name for name, signal in self.vehicle.signals.items()
-                if any(bus.message in new for bus in parts(signal))]  # fmt: skip
+        return [
+            name
+            for name, signal in self.vehicle.signals.items()
+            if any(bus.message in new for bus in parts(signal))
+        ]
 
     def _forget(self, done: str) -> None:
         """Let go of what no signal behind the one that is ``done`` is made of."""
         names = list(self.vehicle.signals)
         later = names[names.index(done) + 1 :]
-        needed = {(bus.message, bus.signal) for name in later
-                  for bus in parts(self.vehicle.signals[name])}  # fmt: skip
+        needed = {
+            (bus.message, bus.signal) for name in later for bus in parts(self.vehicle.signals[name])
+        }
         self.columns = {key: column for key, column in self.columns.items() if key in needed}
         self.samples = {key: found for key, found in self.samples.items() if key[0] in later}
         held = [column.rows for column in self.columns.values()]
@@ -194,8 +199,9 @@ class Decoding:
         message, rows = self.database.message(name), self.rows.pop(name)
         if not len(rows) and self.account is None:
             return
-        columns = {signal: self._column(rows, message, signal)
-                   for signal in sorted(self.wanted[name])}  # fmt: skip
+        columns = {
+            signal: self._column(rows, message, signal) for signal in sorted(self.wanted[name])
+        }
         broken = None
         if message.name in self.vehicle.checked and len(rows):
             verdict = check(self.frames, rows, message)
@@ -282,9 +288,14 @@ class Decoding:
         return self._judged(signal, bus, samples, message.signal(bus.signal))
 
     def _chosen(
-        self, signal: SignalMap, bus: BusSignal, message: Message,
-        sender: NDArray[np.uint16], column: Column, keep: NDArray[np.bool_],
-    ) -> int | None:  # fmt: skip
+        self,
+        signal: SignalMap,
+        bus: BusSignal,
+        message: Message,
+        sender: NDArray[np.uint16],
+        column: Column,
+        keep: NDArray[np.bool_],
+    ) -> int | None:
         """The sender that says most to begin with; None if none says anything."""
         chosen, heard = saying_most(self.frames, column.rows, sender, keep & (column.why == VALID))
         if chosen is None:

@@ -66,14 +66,18 @@ def _beyond_bus(signal: Signal, how: SignalMap, database: Database) -> list[str]
     layout = database.message(how.bus.message).signal(how.bus.signal)
     if layout.minimum is None or layout.maximum is None or layout.minimum >= layout.maximum:
         return []
-    low, high = (units.convert(float(end), how.bus.unit, signal.unit)
-                 for end in (layout.minimum, layout.maximum))  # fmt: skip
+    low, high = (
+        units.convert(float(end), how.bus.unit, signal.unit)
+        for end in (layout.minimum, layout.maximum)
+    )
     margin = _MARGIN * (high - low)
     value = signal.value[signal.valid]
     beyond = np.count_nonzero((value < low - margin) | (value > high + margin))
     if beyond <= _OFTEN * len(value):
         return []
     other = f"; is it in {how.bus.unit}?" if how.bus.unit != signal.unit else ""
-    return [f"{signal.name}: {beyond} of {len(value)} samples lie outside of what "
-            f"{how.bus.message}.{how.bus.signal} can carry, {low:.4g} to {high:.4g} {signal.unit}; "
-            f"expected the column in {signal.unit}{other}"]  # fmt: skip
+    return [
+        f"{signal.name}: {beyond} of {len(value)} samples lie outside of what "
+        f"{how.bus.message}.{how.bus.signal} can carry, {low:.4g} to {high:.4g} {signal.unit}; "
+        f"expected the column in {signal.unit}{other}"
+    ]

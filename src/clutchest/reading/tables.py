@@ -106,8 +106,10 @@ def _backward(path: Path, time: Floats, timed: NDArray[np.bool_]) -> list[str]:
     if not len(back):
         return []
     times = f"{len(back)} time{'s' * (len(back) > 1)}"
-    return [f"{path.name}: row {rows[back[0] + 1] + 2}: the time goes back ({times}, by "
-            f"{-step.min():g} s at most); rows are taken in order of time"]  # fmt: skip
+    return [
+        f"{path.name}: row {rows[back[0] + 1] + 2}: the time goes back ({times}, by "
+        f"{-step.min():g} s at most); rows are taken in order of time"
+    ]
 
 
 def _load(path: Path) -> pd.DataFrame:

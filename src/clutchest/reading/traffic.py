@@ -46,9 +46,15 @@ class ArrivingTraffic:
         both = own if before is None else Frames.concatenate([before, own])
         if len(own):
             self._last[message.name] = own.take(np.array([-1]))
-        parts = [_traffic(both.take(slice(max(first - 1, 0), first + _PORTION)), message,
-                          self.vehicle, start_ns).take(slice(int(first > 0), None))
-                 for first in range(0, max(len(both), 1), _PORTION)]  # fmt: skip
+        parts = [
+            _traffic(
+                both.take(slice(max(first - 1, 0), first + _PORTION)),
+                message,
+                self.vehicle,
+                start_ns,
+            ).take(slice(int(first > 0), None))
+            for first in range(0, max(len(both), 1), _PORTION)
+        ]
         whole = Traffic.joined(parts)
         return whole.take(slice(known, None))
 

@@ -47,8 +47,10 @@ class Window:
         low, high = np.iinfo(np.int64).min, np.iinfo(np.int64).max
         for moment in (self.start, self.stop):
             if isinstance(moment, datetime) and not absolute:
-                raise ClutchestError(f"{sources}: its clock only counts from its own start; give "
-                                     "seconds from there, not a date")  # fmt: skip
+                raise ClutchestError(
+                    f"{sources}: its clock only counts from its own start; give "
+                    "seconds from there, not a date"
+                )
         start = low if self.start is None else _ns(self.start, first_ns)
         stop = high if self.stop is None else _ns(self.stop, first_ns)
         return start, stop
@@ -94,8 +96,10 @@ def _moment(text: str | None) -> Moment | None:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
-        raise ClutchestError(f"'{text}' is no time; expected seconds from the log's start (12.5) "
-                             "or a date (2024-01-18T10:30:00+01:00)") from None  # fmt: skip
+        raise ClutchestError(
+            f"'{text}' is no time; expected seconds from the log's start (12.5) "
+            "or a date (2024-01-18T10:30:00+01:00)"
+        ) from None
     return moment.astimezone()
 
 

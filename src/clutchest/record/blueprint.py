@@ -142,8 +142,9 @@ def live_blueprint(known: ModelCard, timeline: str) -> rrb.Blueprint:
             time_ranges=_last_minutes(timeline),
         )
 
-    lanes = rrb.StateTimelineView(name="mode", origin="/", contents=["/mode"],
-                                  time_view=rrb.TimeAxis(link="LinkToGlobal"))  # fmt: skip
+    lanes = rrb.StateTimelineView(
+        name="mode", origin="/", contents=["/mode"], time_view=rrb.TimeAxis(link="LinkToGlobal")
+    )
     start = rrb.Vertical(
         lanes,
         view("temperatures [°C] ± 1σ", [f"state/{name}" for name in temperatures]),
@@ -152,8 +153,9 @@ def live_blueprint(known: ModelCard, timeline: str) -> rrb.Blueprint:
         row_shares=[1.0, 3.0, 2.0, 1.5],
         name="overview",
     )
-    states = rrb.Vertical(*(view(name.replace("_", " "), [f"state/{name}"]) for name in others),
-                          name="all states")  # fmt: skip
+    states = rrb.Vertical(
+        *(view(name.replace("_", " "), [f"state/{name}"]) for name in others), name="all states"
+    )
     signals = rrb.Vertical(
         *(view(name.replace("_", " "), [f"can/{name}"]) for name, _ in known.columns[:8]),
         name="signals",

@@ -36,14 +36,20 @@ def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = Fals
     counts = {s: sum(m.status == s for m in diagnosis.monitors) for s in STYLES}
     if not diagnosis.faults:
         console.print("[green]No fault found.[/]")
-    console.print(f"{counts['passed']} monitors passed, {counts['failed']} failed, "
-                  f"{counts['not run']} could not run.")  # fmt: skip
+    console.print(
+        f"{counts['passed']} monitors passed, {counts['failed']} failed, "
+        f"{counts['not run']} could not run."
+    )
     shown = [m for m in diagnosis.monitors if explain or m.status != "passed"]
     if shown:
         table = Table("monitor", "status", "why", title_justify="left")
         for monitor in sorted(shown, key=lambda m: list(STYLES).index(m.status)):
-            table.add_row(escape(monitor.name), monitor.status, escape(monitor.why),
-                          style=STYLES[monitor.status])  # fmt: skip
+            table.add_row(
+                escape(monitor.name),
+                monitor.status,
+                escape(monitor.why),
+                style=STYLES[monitor.status],
+            )
         console.print(table)
     if explain and diagnosis.isolability:
         print_isolability(diagnosis.isolability, console)
@@ -59,18 +65,27 @@ def details(fault: Fault) -> str:
     """Since when, and its code."""
     began = "there from the start" if fault.began_s <= 0.0 else f"began at {fault.began_s:.1f} s"
     over = "" if fault.ended_s is None else f", over at {fault.ended_s:.1f} s"
-    return (f"{began}{over}; SPN {fault.spn}, FMI {fault.fmi}, status {fault.status_byte:#04x}, "
-            f"confidence {fault.confidence:.4f}")  # fmt: skip
+    return (
+        f"{began}{over}; SPN {fault.spn}, FMI {fault.fmi}, status {fault.status_byte:#04x}, "
+        f"confidence {fault.confidence:.4f}"
+    )
 
 
 def print_isolability(isolability: Isolability, console: Console) -> None:
     """Print which faults this drive could show, from which size on, and tell apart."""
     numbers = [str(i + 1) for i in range(len(isolability.faults))]
     table = Table(
-        "", "fault", "shows from", "d′ of", "none", *numbers,
+        "",
+        "fault",
+        "shows from",
+        "d′ of",
+        "none",
+        *numbers,
         title="what this drive can tell: distance of a fault from each other one, d′",
-        title_justify="left", caption="4 and more: surely told apart", caption_justify="left",
-    )  # fmt: skip
+        title_justify="left",
+        caption="4 and more: surely told apart",
+        caption_justify="left",
+    )
     for i, fault in enumerate(isolability.faults):
         from_size = isolability.detectable[i]
         unit = "" if isolability.units[i] == "1" else f" {isolability.units[i]}"
@@ -78,9 +93,12 @@ def print_isolability(isolability: Isolability, console: Console) -> None:
         row = [row[-1], *row[:-1]]
         row[1 + i] = "–"
         table.add_row(
-            numbers[i], escape(fault), "never" if from_size is None else f"{from_size:.2g}{unit}",
-            f"{isolability.sizes[i]:.2g}{unit}", *row,
-        )  # fmt: skip
+            numbers[i],
+            escape(fault),
+            "never" if from_size is None else f"{from_size:.2g}{unit}",
+            f"{isolability.sizes[i]:.2g}{unit}",
+            *row,
+        )
     console.print(table)
     for fault, shown in isolability.structure.items():
         console.print(escape(f"{fault} shows in: {', '.join(shown) or 'nothing'}"), style="dim")

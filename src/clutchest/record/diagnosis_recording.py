@@ -46,9 +46,16 @@ def send_log(stream: rr.RecordingStream, diagnosis: Diagnosis, starts: Sequence[
 def freeze_frame(fault: Fault) -> str:
     """State, inputs and ranked causes at the moment of detection, as Markdown."""
     frame = fault.freeze_frame
-    lines = [f"## {headline(fault)}", "", details(fault), "",
-             f"At {frame['time']:.1f} s, mode **{frame['mode']}**:", "",
-             "| state | value ± 1σ |", "|---|---|"]  # fmt: skip
+    lines = [
+        f"## {headline(fault)}",
+        "",
+        details(fault),
+        "",
+        f"At {frame['time']:.1f} s, mode **{frame['mode']}**:",
+        "",
+        "| state | value ± 1σ |",
+        "|---|---|",
+    ]
     for name, state in frame["states"].items():
         told = f"{state['value']:.4g} ± {state['std']:.2g}" if state["valid"] else "not known"
         lines.append(f"| {Quantity(name, '1').words} | {told} |")
@@ -57,6 +64,8 @@ def freeze_frame(fault: Fault) -> str:
         lines.append(f"| {name} | {'–' if value is None else f'{value:.6g}'} |")
     if fault.causes:
         lines += ["", "| cause | size ± 1σ | explains less by, −2 ln p |", "|---|---|---|"]
-        lines += [f"| {c.fault} | {c.size:+.3g} ± {c.std:.2g} {c.unit} | {c.behind:.1f} |"
-                  for c in fault.causes]  # fmt: skip
+        lines += [
+            f"| {c.fault} | {c.size:+.3g} ± {c.std:.2g} {c.unit} | {c.behind:.1f} |"
+            for c in fault.causes
+        ]
     return "\n".join(lines) + "\n"

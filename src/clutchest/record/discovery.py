@@ -58,8 +58,10 @@ def may_hold(out: Path, vehicle: Vehicle) -> None:
     """Raises ClutchestError where ``out`` holds a patch that the vehicle needs: another one must
     not take its place."""
     if (out / FILE).resolve() in {path.resolve() for path in vehicle.effects_files}:
-        raise ClutchestError(f"{out / FILE}: is needed by {vehicle.path.name}, expected another "
-                             "folder for the results")  # fmt: skip
+        raise ClutchestError(
+            f"{out / FILE}: is needed by {vehicle.path.name}, expected another "
+            "folder for the results"
+        )
 
 
 def title(discovery: Discovery) -> str:
@@ -156,8 +158,9 @@ def next_commands(discovery: Discovery) -> list[str]:
         f" --effect {name}:" + ",".join(f"{key}={value:.4g}" for key, value in numbers.items())
         for name, numbers in _added(discovery).items()
     )
-    return [f"clutchest simulate --vehicle {vehicle} --scenario {scenario} --seed 1{hidden} "
-            "-o next.log"]  # fmt: skip
+    return [
+        f"clutchest simulate --vehicle {vehicle} --scenario {scenario} --seed 1{hidden} -o next.log"
+    ]
 
 
 def report(discovery: Discovery, picture: str | None = None) -> str:
@@ -186,8 +189,9 @@ def report(discovery: Discovery, picture: str | None = None) -> str:
     made = discovery.provenance
     if logs := made.get("logs"):
         held_out = f", measured on {made['held_out']}," if made["held_out"] else ""
-        parts.append(f"From {logs}{_lost(discovery.counts)}{held_out} "
-                     f"by clutchest {made['clutchest']}.")  # fmt: skip
+        parts.append(
+            f"From {logs}{_lost(discovery.counts)}{held_out} by clutchest {made['clutchest']}."
+        )
     return "\n\n".join(parts) + "\n"
 
 
@@ -212,8 +216,11 @@ def _added(discovery: Discovery) -> dict[str, Mapping[str, float]]:
     """The effects that act in the extended vehicle and not so in the given one, with their
     numbers."""
     before, after = discovery.vehicle.effects, discovery.extended.effects
-    return {name: numbers for name, numbers in after.items()
-            if before.get(name) != numbers and any(numbers.values())}  # fmt: skip
+    return {
+        name: numbers
+        for name, numbers in after.items()
+        if before.get(name) != numbers and any(numbers.values())
+    }
 
 
 def _extension(discovery: Discovery) -> str:
@@ -233,8 +240,13 @@ def _levels(discovery: Discovery) -> str:
         (x.sensor, x.mode, f"{x.level:.3f}", f"{x.lag:+.3f}", str(x.count))
         for x in discovery.misfit.levels
     ]
-    head = ("sensor", "mode", "mean square (1 if right)", "from one to the next (0 if right)",
-            "readings")  # fmt: skip
+    head = (
+        "sensor",
+        "mode",
+        "mean square (1 if right)",
+        "from one to the next (0 if right)",
+        "readings",
+    )
     return table(head, rows)
 
 

@@ -56,8 +56,10 @@ def _send_torque(
 ) -> list[Panel]:
     # Wide, so that it shows on both sides of what was measured where it follows it.
     names = [
-        ("measured", _MEASURED, 1.0), ("simulated", _SIMULATED, 1.5), ("extended", _EXTENDED, 4.0)
-    ]  # fmt: skip
+        ("measured", _MEASURED, 1.0),
+        ("simulated", _SIMULATED, 1.5),
+        ("extended", _EXTENDED, 4.0),
+    ]
     if not discovery.named:
         names.pop()
     shown, values = [], []
@@ -73,8 +75,9 @@ def _send_torque(
     if not shown:
         return []
     every = np.concatenate(values)
-    return [panel("clutch torque while slipping, simulated open loop [Nm]", "Nm", shown,
-                  every, every)]  # fmt: skip
+    return [
+        panel("clutch torque while slipping, simulated open loop [Nm]", "Nm", shown, every, every)
+    ]
 
 
 def _send_residuals(

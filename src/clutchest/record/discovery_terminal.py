@@ -32,8 +32,14 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
         heading = (
             "candidates, not to be told apart" if discovery.verdict == "ambiguous" else "causes"
         )
-        table = Table(Column("effect", no_wrap=True), "fitted ± 1σ", "gain in\n−2 ln p",
-                      "chance by\nnoise alone", title=heading, title_justify="left")  # fmt: skip
+        table = Table(
+            Column("effect", no_wrap=True),
+            "fitted ± 1σ",
+            "gain in\n−2 ln p",
+            "chance by\nnoise alone",
+            title=heading,
+            title_justify="left",
+        )
         for row in causes_rows(discovery):
             table.add_row(*map(escape, row))
         console.print(table)
@@ -55,10 +61,18 @@ def print_identifiable(tells: Sequence[Identifiable], console: Console) -> None:
     """Print what a log can tell of every cause."""
     whole = partial(Column, no_wrap=True)  # on 80 columns, units give way
     table = Table(
-        whole("effect"), whole("shows\nfrom"), whole("plausible\nup to"), "",
-        whole("nearest rival"), whole("apart\nby d′"), title="what this log can tell",
-        title_justify="left", box=None, padding=(0, 1, 0, 0), pad_edge=False,
-    )  # fmt: skip
+        whole("effect"),
+        whole("shows\nfrom"),
+        whole("plausible\nup to"),
+        "",
+        whole("nearest rival"),
+        whole("apart\nby d′"),
+        title="what this log can tell",
+        title_justify="left",
+        box=None,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
     for i in tells:
         table.add_row(
             i.effect,

@@ -66,13 +66,25 @@ class LiveRecording:
             self._start_viewer(sinks[1].uri, serve[1])
 
     def _start_viewer(self, uri: str, port: int) -> None:
-        command = [sys.executable, "-m", "rerun", "--serve-web", "--bind", HERE,
-                   "--web-viewer-port", str(port), uri]  # fmt: skip
+        command = [
+            sys.executable,
+            "-m",
+            "rerun",
+            "--serve-web",
+            "--bind",
+            HERE,
+            "--web-viewer-port",
+            str(port),
+            uri,
+        ]
         try:
             self._viewer = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL, start_new_session=True,
-            )  # fmt: skip
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
         except OSError as problem:
             self.note = f"no viewer could be started ({problem}); the recording is written"
             return
@@ -136,8 +148,9 @@ class LiveRecording:
             if kind == "state":
                 own = COLOURS[list(self._states).index(name) % len(COLOURS)]
                 colour = np.where(columns[3], own, INVALID).astype(np.uint32)
-                rows = rr.Measurements.columns(values=columns[1], variances=columns[2],
-                                               colors=colour)  # fmt: skip
+                rows = rr.Measurements.columns(
+                    values=columns[1], variances=columns[2], colors=colour
+                )
             elif kind == "mode":
                 rows = rr.StateChange.columns(state=columns[1].tolist())
             else:
@@ -171,11 +184,13 @@ class LiveRecording:
             look = rr.SeriesLines(
                 names=["measured − predicted", "+3σ", "−3σ"],
                 colors=np.array([COLOURS[1], BOUND, BOUND], np.uint32),
-                widths=[1.2, 1.0, 1.0], aggregation_policy="MinMax",
-            )  # fmt: skip
+                widths=[1.2, 1.0, 1.0],
+                aggregation_policy="MinMax",
+            )
         elif kind == "can":
-            look = rr.SeriesLines(names=self._signals[name].words, widths=1.5,
-                                  aggregation_policy="MinMax")  # fmt: skip
+            look = rr.SeriesLines(
+                names=self._signals[name].words, widths=1.5, aggregation_policy="MinMax"
+            )
         else:
             return
         self._stream.log(entity, look, static=True)
@@ -184,8 +199,9 @@ class LiveRecording:
         self._stream.log(
             entity,
             rr.StateConfiguration(
-                values=list(colours), colors=np.array(list(colours.values()), np.uint32),
+                values=list(colours),
+                colors=np.array(list(colours.values()), np.uint32),
                 visible=[True] * len(colours),
             ),
             static=True,
-        )  # fmt: skip
+        )

@@ -108,8 +108,11 @@ def _draw_bins(discovery: Discovery, axes: Axes) -> None:
         bins.mean[shown],
         xerr=(0.5 * np.diff(edges))[shown],
         yerr=2 * bins.error[shown],
-        fmt="o", ms=4, lw=1.2, color="C3",
-    )  # fmt: skip
+        fmt="o",
+        ms=4,
+        lw=1.2,
+        color="C3",
+    )
     sensor = Quantity(bins.sensor, "1").words
     axes.set_title(f"misfit of {sensor}, {bins.mode}", loc="left", fontsize=9)
     axes.set_xlabel(quantity.label)

@@ -325,8 +325,11 @@ def _send_faults(
     """A lane per monitor, the log of faults, and their freeze frames."""
     shown = []
     for name, drives in lanes_of(diagnosis).items():
-        changes = [(start + time, word) for start, drive in zip(starts, drives, strict=True)
-                   for time, word in drive]  # fmt: skip
+        changes = [
+            (start + time, word)
+            for start, drive in zip(starts, drives, strict=True)
+            for time, word in drive
+        ]
         send_lane(stream, entity(name), changes, FAULT_COLOURS)
         shown.append(entity(name))
     send_log(stream, diagnosis, starts)

@@ -25,9 +25,15 @@ def print_run(run: Run, console: Console) -> None:
     if len(run.tracks) > 1:
         title += f", {len(run.tracks)} drives"
     table = Table(
-        "quantity", "value ± 1σ", "known", "informed by, or why not",
-        title=f"{title}, at the end", title_justify="left", caption=BITS, caption_justify="left",
-    )  # fmt: skip
+        "quantity",
+        "value ± 1σ",
+        "known",
+        "informed by, or why not",
+        title=f"{title}, at the end",
+        title_justify="left",
+        caption=BITS,
+        caption_justify="left",
+    )
     for name, quantity in states_of(run).items():
         state = summary["states"][name]
         shown = plus_minus(quantity, state["value"], state["std"])

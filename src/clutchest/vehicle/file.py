@@ -117,8 +117,11 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         signals=signals,
         parameters=parameters,
         effects={name: {key: n.value for key, n in of.items()} for name, of in effects.items()},
-        effects_spread={name: spread for name, of in effects.items() if (
-            spread := {key: n.spread for key, n in of.items() if n.spread > 0.0})},
+        effects_spread={
+            name: spread
+            for name, of in effects.items()
+            if (spread := {key: n.spread for key, n in of.items() if n.spread > 0.0})
+        },
         estimation=_estimation(file, data, card.states),
         modes={key: quantity.value for key, quantity in modes.items()},
         limits=limits,
@@ -130,7 +133,7 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         codes=_codes(file, file.table(("monitors", "codes"), monitors.get("codes", {}))),
         effects_files=effects_files,
         checked=tuple(checked),
-    )  # fmt: skip
+    )
 
 
 def _codes(file: TomlFile, table: dict[str, Any]) -> dict[str, tuple[int, int | None]]:
@@ -306,9 +309,12 @@ def _parameters(
 
 
 def _effects(
-    file: TomlFile, data: Mapping[str, Any], model: str, effects_files: tuple[Path, ...],
+    file: TomlFile,
+    data: Mapping[str, Any],
+    model: str,
+    effects_files: tuple[Path, ...],
     parameters: Mapping[str, Any],
-) -> dict[str, dict[str, ParameterValue]]:  # fmt: skip
+) -> dict[str, dict[str, ParameterValue]]:
     table = file.table(("effects",), data.get("effects", {}))
     stated = file.table(("effects_spread",), data.get("effects_spread", {}))
     file.known(("effects_spread",), stated, table, "effect of [effects]")
@@ -327,8 +333,10 @@ def _effects(
             if wrong := unfit(known[name], model, values):
                 raise file.error(("effects", name), f"effect '{name}' {wrong}")
     file.known(("effects",), table, known, f"effect of '{model}'")
-    return {name: _stated(file, known[name], value, stated.get(name, {}))
-            for name, value in table.items()}  # fmt: skip
+    return {
+        name: _stated(file, known[name], value, stated.get(name, {}))
+        for name, value in table.items()
+    }
 
 
 def _stated(file: TomlFile, effect: Effect, value: Any, spread: Any) -> dict[str, ParameterValue]:
@@ -337,16 +345,20 @@ def _stated(file: TomlFile, effect: Effect, value: Any, spread: Any) -> dict[str
     entry, stated = file.table(at, value), file.table(off, spread)
     numbers = {number.key: number for number in effect.parameters}
     file.known(at, entry, numbers, f"parameter of effect '{effect.name}'")
-    found = {key: file.quantity((*at, key), given, numbers[key].unit, numbers[key].least)
-             for key, given in entry.items()}  # fmt: skip
+    found = {
+        key: file.quantity((*at, key), given, numbers[key].unit, numbers[key].least)
+        for key, given in entry.items()
+    }
     file.known(off, stated, found, f"number in [effects] of '{effect.name}'")
     for key, given in stated.items():
         std = file.quantity((*off, key), given, numbers[key].unit, 0.0).value
         found[key] = replace(found[key], spread=std)
     for key in found:
         if found[key].spread > 0.0 and numbers[key].shape:
-            raise file.error((*(off if key in stated else at), key),
-                             f"{effect.name}.{key} is a shape and takes no spread")  # fmt: skip
+            raise file.error(
+                (*(off if key in stated else at), key),
+                f"{effect.name}.{key} is a shape and takes no spread",
+            )
     return found
 
 

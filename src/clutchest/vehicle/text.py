@@ -67,9 +67,15 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
     section("limits", vehicle.limits, record)
     section("monitors", vehicle.monitors, float)
     codes = {_toml(fault): code for fault, code in vehicle.codes.items()}  # names have colons
-    section("monitors.codes", codes, lambda code: {
-        key: number for key, number in zip(("spn", "fmi"), code, strict=True) if number is not None
-    })  # fmt: skip
+    section(
+        "monitors.codes",
+        codes,
+        lambda code: {
+            key: number
+            for key, number in zip(("spn", "fmi"), code, strict=True)
+            if number is not None
+        },
+    )
     return "\n".join(lines) + "\n"
 
 

@@ -32,7 +32,8 @@ def drive(vehicle: Vehicle, duration: float, noise: float) -> Signals:
     torque = p["friction_torque"] * np.tanh(slip / p["sticking_speed"])
     torque = torque + p["inertia"] * np.gradient(slip, t)
     slip = slip + noise * vehicle.signals["slip_speed"].noise * np.random.default_rng(7).normal(
-        size=len(t))  # fmt: skip
+        size=len(t)
+    )
     return Signals(
         {
             "slip_speed": Signal.of("slip_speed", "rad/s", t + 0.002, slip),

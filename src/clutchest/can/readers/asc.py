@@ -49,19 +49,40 @@ from clutchest.can.readers.scan import (
     stamp,
     tables,
     word,
-)  # fmt: skip
+)
 from clutchest.can.readers.stream import Source
 
 _DATE = re.compile(
     r"(?:date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w+)\.?\s+(?P<day>\d+)\s+"
     r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+)(?:\.(?P<part>\d+))?\s*"
-    r"(?P<half>am|pm)?\s+(?P<year>\d{4})", re.IGNORECASE)  # fmt: skip
-_BASE = re.compile(r"base\s+(?P<base>hex|dec)\w*(?:\s+timestamps\s+(?P<stamps>\w+))?",
-                   re.IGNORECASE)  # fmt: skip
+    r"(?P<half>am|pm)?\s+(?P<year>\d{4})",
+    re.IGNORECASE,
+)
+_BASE = re.compile(
+    r"base\s+(?P<base>hex|dec)\w*(?:\s+timestamps\s+(?P<stamps>\w+))?", re.IGNORECASE
+)
 # English, and what Vector's tools write in German
-_MONTHS = {name: number for number, names in enumerate(
-    ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov",
-     "dec dez"), 1) for name in names.split()}  # fmt: skip
+_MONTHS = {
+    name: number
+    for number, names in enumerate(
+        (
+            "jan",
+            "feb",
+            "mar mär mrz",
+            "apr",
+            "may mai",
+            "jun",
+            "jul",
+            "aug",
+            "sep",
+            "oct okt",
+            "nov",
+            "dec dez",
+        ),
+        1,
+    )
+    for name in names.split()
+}
 _MOST_HEADERS = 10_000  # more of them are no headers
 _LONGEST_HEADER = 4096  # bytes
 
@@ -108,8 +129,14 @@ def _epoch_ns(date: re.Match[str]) -> int | None:
     if date["half"] and hour <= 12:
         hour = hour % 12 + 12 * (date["half"].lower() == "pm")
     try:
-        whole = datetime(int(date["year"]), month or 0, int(date["day"]), hour,
-                         int(date["minute"]), int(date["second"])).timestamp()  # fmt: skip
+        whole = datetime(
+            int(date["year"]),
+            month or 0,
+            int(date["day"]),
+            hour,
+            int(date["minute"]),
+            int(date["second"]),
+        ).timestamp()
     except (ValueError, OverflowError, OSError):
         return None
     if not 0 <= whole < LAST_S:

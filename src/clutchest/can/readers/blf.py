@@ -36,7 +36,15 @@ _METHOD = "container is compressed in an unknown way"
 
 # Types of objects
 _MESSAGE, _ERROR, _BOX, _ERROR_EXT, _MESSAGE_2, _FD, _FD_64, _FD_ERROR = (
-    1, 2, 10, 73, 86, 100, 101, 104)  # fmt: skip
+    1,
+    2,
+    10,
+    73,
+    86,
+    100,
+    101,
+    104,
+)
 _SHORTEST = 40  # bytes of an object that carries a frame
 _FRAME, _OTHER, _BAD, _WIDE = range(4)
 

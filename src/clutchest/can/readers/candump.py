@@ -40,7 +40,7 @@ from clutchest.can.readers.scan import (
     spoilt,
     stamp,
     undated,
-)  # fmt: skip
+)
 from clutchest.can.readers.stream import Source
 
 

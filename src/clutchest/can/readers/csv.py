@@ -28,7 +28,7 @@ from clutchest.can.readers.scan import (
     spoilt,
     stamp,
     undated,
-)  # fmt: skip
+)
 from clutchest.can.readers.stream import Source
 
 HEADER = b"timestamp,arbitration_id,extended,remote,error,dlc,data"

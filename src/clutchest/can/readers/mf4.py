@@ -76,8 +76,10 @@ def _blocks(source: Source) -> Generator[Frames, None, None]:
 def _as_it_is(source: Source, file: IO[bytes]) -> Iterator[Frames]:
     """What is there, with what is lost counted."""
     if not mf4_mend.described(file):
-        raise ClutchestError(f"{source.path}: the file ends early, and with its end what describes "
-                             "its frames is lost")  # fmt: skip
+        raise ClutchestError(
+            f"{source.path}: the file ends early, and with its end what describes "
+            "its frames is lost"
+        )
     whole = mf4_mend.mended(file)
     if whole is None:
         file.seek(0)
@@ -104,10 +106,13 @@ def _groups(file: Any) -> Iterator[Frames]:
         absolute = start_s > _EPOCH_S
         start_ns = round(start_s * 1e6) * 1000 if absolute else 0
         groups: list[Any] = list(mdf.groups)
-        parts = [_group(mdf, index, kind, start_ns, absolute)
-                 for index, group in enumerate(groups) if group.channel_group.cycles_nr
-                 for kind in _KINDS
-                 if any(channel.name == kind for channel in group.channels)]  # fmt: skip
+        parts = [
+            _group(mdf, index, kind, start_ns, absolute)
+            for index, group in enumerate(groups)
+            if group.channel_group.cycles_nr
+            for kind in _KINDS
+            if any(channel.name == kind for channel in group.channels)
+        ]
         if not parts:
             yield Frames.empty()
         yield from parts[0] if len(parts) == 1 else _merged(parts)
@@ -159,9 +164,16 @@ def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> It
             inner._set_temporary_master(None)  # it keeps the times of what was read before
             times = inner.get_master(index, data=records)
             inner._set_temporary_master(times)
-            samples = {name: inner.get(group=index, index=present[f"{kind}.{name}"], data=records,
-                                       samples_only=True, raw=True)[0]
-                       for name in named}  # fmt: skip
+            samples = {
+                name: inner.get(
+                    group=index,
+                    index=present[f"{kind}.{name}"],
+                    data=records,
+                    samples_only=True,
+                    raw=True,
+                )[0]
+                for name in named
+            }
             frames = _frames(kind, times, samples, start_ns, absolute)
             left -= len(times)
             yield frames
@@ -205,8 +217,12 @@ def _frames(
     flags = np.full(n, _KINDS[kind], np.uint8)
     if kind != "CAN_ErrorFrame":
         flags[extended] |= np.uint8(Flag.EXTENDED)
-    for name, flag in (("EDL", Flag.FD), ("BRS", Flag.BITRATE_SWITCH), ("ESI", Flag.ERROR_STATE),
-                       ("Dir", Flag.SENT)):  # fmt: skip
+    for name, flag in (
+        ("EDL", Flag.FD),
+        ("BRS", Flag.BITRATE_SWITCH),
+        ("ESI", Flag.ERROR_STATE),
+        ("Dir", Flag.SENT),
+    ):
         flags[column(name) != 0] |= np.uint8(flag)
     if "DataLength" in samples:
         length = column("DataLength").astype(np.int64)
@@ -223,8 +239,15 @@ def _frames(
     timed = np.isfinite(times) & (np.abs(times) < LAST_S)
     t_ns = start_ns + np.rint(np.where(timed, times, 0.0) * 1e9).astype(np.int64)
     sound &= timed
-    frames = Frames(t_ns, column("BusChannel").astype(np.uint8), ids & np.uint32(0x1FFFFFFF),
-                    flags, length.astype(np.uint8), data, absolute)  # fmt: skip
+    frames = Frames(
+        t_ns,
+        column("BusChannel").astype(np.uint8),
+        ids & np.uint32(0x1FFFFFFF),
+        flags,
+        length.astype(np.uint8),
+        data,
+        absolute,
+    )
     if sound.all():
         return frames
     lost = (("frame has no sound length or time", int(np.count_nonzero(~sound))),)

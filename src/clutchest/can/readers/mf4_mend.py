@@ -166,7 +166,8 @@ class _Mending:
         _, transposed, columns, _, packed = _ZIPPED.unpack(self.at(at + _HEAD.size, _ZIPPED.size))
         try:
             content = zlib.decompressobj().decompress(
-                self.at(start, min(packed, self.size - start)), min(whole, _PORTION))  # fmt: skip
+                self.at(start, min(packed, self.size - start)), min(whole, _PORTION)
+            )
         except zlib.error:
             return b""
         if transposed and columns and len(content) == whole:
@@ -237,9 +238,15 @@ class _Mending:
             return int(counts[0]) * max(length, 0), counts
         ids = np.array([one.record for one in channels], np.uint64)
         lengths = np.array([one.length for one in channels], np.int64)
-        pairs = np.array([(i, k) for i, one in enumerate(channels)
-                          for k, other in enumerate(channels) if other.at in one.carriers],
-                         np.int64).reshape(-1, 2)  # fmt: skip
+        pairs = np.array(
+            [
+                (i, k)
+                for i, one in enumerate(channels)
+                for k, other in enumerate(channels)
+                if other.at in one.carriers
+            ],
+            np.int64,
+        ).reshape(-1, 2)
         whole, rest = 0, b""
         for portion in self.content(parts):
             given = rest + portion
@@ -268,8 +275,14 @@ class _Mending:
             begins += left
         if len(blocks) > 1:
             n = len(blocks)
-            body = struct.pack(f"<Q{n}QB3xI{n}Q", 0, *(at for at, _ in blocks), 0, n,
-                               *(begin for _, begin in blocks))  # fmt: skip
+            body = struct.pack(
+                f"<Q{n}QB3xI{n}Q",
+                0,
+                *(at for at, _ in blocks),
+                0,
+                n,
+                *(begin for _, begin in blocks),
+            )
             blocks = [(self.add(_HEAD.pack(b"##DL", _HEAD.size + len(body), n + 1) + body), 0)]
         self.patches[place] = struct.pack("<Q", blocks[0][0] if blocks else 0)
 
@@ -315,9 +328,12 @@ def mended(file: IO[bytes]) -> Mended | None:
 
 @compiled
 def _record(
-    data: NDArray[np.uint8], i: int, id_size: int, ids: NDArray[np.uint64],
+    data: NDArray[np.uint8],
+    i: int,
+    id_size: int,
+    ids: NDArray[np.uint64],
     lengths: NDArray[np.int64],
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """The group of the record at ``i``, and its end; −1 where there is no whole one."""
     if i + id_size > len(data):
         return -1, i
@@ -341,9 +357,13 @@ def _record(
 
 @compiled
 def _records(
-    data: NDArray[np.uint8], id_size: int, ids: NDArray[np.uint64], lengths: NDArray[np.int64],
-    pairs: NDArray[np.int64], counts: NDArray[np.int64],
-) -> int:  # fmt: skip
+    data: NDArray[np.uint8],
+    id_size: int,
+    ids: NDArray[np.uint64],
+    lengths: NDArray[np.int64],
+    pairs: NDArray[np.int64],
+    counts: NDArray[np.int64],
+) -> int:
     """Counts the whole records by group; the place behind the last of them.
 
     A record is whole with its pair: what of it is of variable length, as a record of its own.

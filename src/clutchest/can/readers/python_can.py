@@ -75,8 +75,9 @@ def _columns(source: Source, is_sqlite: bool) -> Iterator[tuple[_Columns, Tally]
             if is_sqlite:
                 yield _Columns(), ((_BROKEN, 1),)
                 return
-            raise ClutchestError(f"{source.path}: the file is damaged "
-                                 f"({type(error).__name__}: {error})") from None  # fmt: skip
+            raise ClutchestError(
+                f"{source.path}: the file is damaged ({type(error).__name__}: {error})"
+            ) from None
         with reader:
             messages, reading = iter(reader), True
             while reading:
@@ -99,11 +100,19 @@ def _rest(source: Source, count: int) -> Iterator[_Columns]:
             continue
         stamp, identifier, extended, remote, error, dlc, data = values
         with suppress(TypeError, ValueError):  # not a frame
-            columns.add(Message(
-                timestamp=float(stamp), arbitration_id=identifier, is_extended_id=bool(extended),
-                is_remote_frame=bool(remote), is_error_frame=bool(error), dlc=dlc, data=data,
-                is_fd=len(data) > 8, check=True,
-            ))  # fmt: skip
+            columns.add(
+                Message(
+                    timestamp=float(stamp),
+                    arbitration_id=identifier,
+                    is_extended_id=bool(extended),
+                    is_remote_frame=bool(remote),
+                    is_error_frame=bool(error),
+                    dlc=dlc,
+                    data=data,
+                    is_fd=len(data) > 8,
+                    check=True,
+                )
+            )
         if len(columns.rows) == _BLOCK:
             yield columns
             columns = _Columns()
@@ -121,8 +130,12 @@ class _Columns:
     def add(self, message: Message) -> None:
         data = bytes(message.data)
         length = message.dlc if message.is_remote_frame else len(data)
-        if not (0 <= length <= 64 and len(data) <= 64 and 0 <= message.arbitration_id < 1 << 29
-                and abs(message.timestamp) < LAST_S):  # fmt: skip
+        if not (
+            0 <= length <= 64
+            and len(data) <= 64
+            and 0 <= message.arbitration_id < 1 << 29
+            and abs(message.timestamp) < LAST_S
+        ):
             self.unsound += 1
             return
         flags = 0
@@ -141,15 +154,27 @@ class _Columns:
         if not message.is_rx:
             flags |= Flag.SENT
         channel = message.channel if isinstance(message.channel, int) else 0
-        self.rows.append((round(message.timestamp * 1e6) * 1000, message.arbitration_id, flags,
-                          length, max(channel, 0)))  # fmt: skip
+        self.rows.append(
+            (
+                round(message.timestamp * 1e6) * 1000,
+                message.arbitration_id,
+                flags,
+                length,
+                max(channel, 0),
+            )
+        )
         self.payloads.append(data)
 
     def frames(self, rejected: Tally) -> Frames:
         width = 8 if all(len(data) <= 8 for data in self.payloads) else 64
         columns = np.array(self.rows, np.int64).reshape(-1, 5).T
         data = np.frombuffer(b"".join(data.ljust(width, b"\0") for data in self.payloads), np.uint8)
-        return Frames(np.ascontiguousarray(columns[0]), columns[4].astype(np.uint8),
-                      columns[1].astype(np.uint32), columns[2].astype(np.uint8),
-                      columns[3].astype(np.uint8), data.reshape(-1, width),
-                      rejected=rejected)  # fmt: skip
+        return Frames(
+            np.ascontiguousarray(columns[0]),
+            columns[4].astype(np.uint8),
+            columns[1].astype(np.uint32),
+            columns[2].astype(np.uint8),
+            columns[3].astype(np.uint8),
+            data.reshape(-1, width),
+            rejected=rejected,
+        )

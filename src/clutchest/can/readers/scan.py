@@ -51,8 +51,13 @@ LENGTHS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.i
 
 
 # Nothing here allocates; counting references to the arrays would take longer than reading them.
-_OPTIONS: Any = {"cache": True, "forceinline": True, "error_model": "numpy", "_nrt": False,
-                 "nogil": True}  # fmt: skip
+_OPTIONS: Any = {
+    "cache": True,
+    "forceinline": True,
+    "error_model": "numpy",
+    "_nrt": False,
+    "nogil": True,
+}
 compiled = njit(**_OPTIONS)
 
 
@@ -81,14 +86,26 @@ class Table(NamedTuple):
     @classmethod
     def of(cls, rows: int, width: int) -> Table:
         """Room for ``rows`` frames of at most ``width`` bytes."""
-        return cls(np.empty(rows, np.int64), np.empty(rows, np.uint8), np.empty(rows, np.uint32),
-                   np.empty(rows, np.uint8), np.empty(rows, np.uint8),
-                   np.zeros((rows, width), np.uint8))  # fmt: skip
+        return cls(
+            np.empty(rows, np.int64),
+            np.empty(rows, np.uint8),
+            np.empty(rows, np.uint32),
+            np.empty(rows, np.uint8),
+            np.empty(rows, np.uint8),
+            np.zeros((rows, width), np.uint8),
+        )
 
     def frames(self, n: int, rejected: tuple[tuple[str, int], ...] = ()) -> Frames:
         """The first ``n`` rows, with what was rejected."""
-        frames = Frames(self.t_ns[:n], self.channel[:n], self.id[:n], self.flags[:n],
-                        self.length[:n], self.data[:n], rejected=rejected)  # fmt: skip
+        frames = Frames(
+            self.t_ns[:n],
+            self.channel[:n],
+            self.id[:n],
+            self.flags[:n],
+            self.length[:n],
+            self.data[:n],
+            rejected=rejected,
+        )
         # The slices would hold on to the room that was not needed.
         return frames if 2 * n >= len(self.t_ns) else frames.take(np.arange(n))
 

@@ -145,8 +145,10 @@ class Source:
         """The whole file.  Raises ClutchestError if it holds more than ``limit`` bytes."""
         content = self.read(limit + 1)
         if len(content) > limit:
-            raise ClutchestError(f"{self.path}: holds more than {limit >> 20} MiB compressed; "
-                                 "this format is read whole, so unpack it first")  # fmt: skip
+            raise ClutchestError(
+                f"{self.path}: holds more than {limit >> 20} MiB compressed; "
+                "this format is read whole, so unpack it first"
+            )
         return content
 
 

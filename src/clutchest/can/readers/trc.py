@@ -43,7 +43,7 @@ from clutchest.can.readers.scan import (
     stamp,
     tables,
     word,
-)  # fmt: skip
+)
 from clutchest.can.readers.stream import Source
 from clutchest.errors import ClutchestError
 

@@ -18,18 +18,59 @@ from clutchest.can.writers.text import has, pieces
 _HEADER = struct.Struct("<4sL8B2Q2L8H8H")
 _HEADER_SIZE = 144
 _CONTAINER = 128 << 10  # bytes, before compression
-_OBJECT = [("mark", "S4"), ("header", "<u2"), ("version", "<u2"), ("size", "<u4"),
-           ("type", "<u4"), ("unit", "<u4"), ("client", "<u2"), ("object", "<u2"),
-           ("time", "<u8")]  # fmt: skip
-_MESSAGE = np.dtype([*_OBJECT, ("channel", "<u2"), ("flags", "u1"), ("code", "u1"), ("id", "<u4"),
-                     ("data", "u1", 8)])  # fmt: skip
-_FD = np.dtype([*_OBJECT, ("channel", "<u2"), ("flags", "u1"), ("code", "u1"), ("id", "<u4"),
-                ("duration", "<u4"), ("bits", "u1"), ("modes", "u1"), ("length", "u1"),
-                ("reserved", "u1", 5), ("data", "u1", 64)])  # fmt: skip
-_ERROR = np.dtype([*_OBJECT, ("channel", "<u2"), ("length", "<u2"), ("flags", "<u4"),
-                   ("ecc", "u1"), ("position", "u1"), ("code", "u1"), ("reserved", "u1"),
-                   ("duration", "<u4"), ("id", "<u4"), ("ext", "<u2"), ("reserved2", "<u2"),
-                   ("data", "u1", 8)])  # fmt: skip
+_OBJECT = [
+    ("mark", "S4"),
+    ("header", "<u2"),
+    ("version", "<u2"),
+    ("size", "<u4"),
+    ("type", "<u4"),
+    ("unit", "<u4"),
+    ("client", "<u2"),
+    ("object", "<u2"),
+    ("time", "<u8"),
+]
+_MESSAGE = np.dtype(
+    [
+        *_OBJECT,
+        ("channel", "<u2"),
+        ("flags", "u1"),
+        ("code", "u1"),
+        ("id", "<u4"),
+        ("data", "u1", 8),
+    ]
+)
+_FD = np.dtype(
+    [
+        *_OBJECT,
+        ("channel", "<u2"),
+        ("flags", "u1"),
+        ("code", "u1"),
+        ("id", "<u4"),
+        ("duration", "<u4"),
+        ("bits", "u1"),
+        ("modes", "u1"),
+        ("length", "u1"),
+        ("reserved", "u1", 5),
+        ("data", "u1", 64),
+    ]
+)
+_ERROR = np.dtype(
+    [
+        *_OBJECT,
+        ("channel", "<u2"),
+        ("length", "<u2"),
+        ("flags", "<u4"),
+        ("ecc", "u1"),
+        ("position", "u1"),
+        ("code", "u1"),
+        ("reserved", "u1"),
+        ("duration", "<u4"),
+        ("id", "<u4"),
+        ("ext", "<u2"),
+        ("reserved2", "<u2"),
+        ("data", "u1", 8),
+    ]
+)
 
 
 def write(frames: Frames, path: Path) -> None:
@@ -49,9 +90,26 @@ def write(frames: Frames, path: Path) -> None:
             size += 32 + len(content)
         total = file.tell()
         file.seek(0)
-        file.write(_HEADER.pack(b"LOGG", _HEADER_SIZE, 5, 0, 0, 0, 2, 6, 8, 1, total, size,
-                                len(frames), 0, *_systemtime(start_ms),
-                                *_systemtime(last_ms)))  # fmt: skip
+        file.write(
+            _HEADER.pack(
+                b"LOGG",
+                _HEADER_SIZE,
+                5,
+                0,
+                0,
+                0,
+                2,
+                6,
+                8,
+                1,
+                total,
+                size,
+                len(frames),
+                0,
+                *_systemtime(start_ms),
+                *_systemtime(last_ms),
+            )
+        )
 
 
 def _systemtime(ms: int) -> tuple[int, ...]:

@@ -39,8 +39,15 @@ def write(frames: Frames) -> Iterator[bytes]:
 def _plain(frames: Frames, places: int, digits: int) -> Iterator[bytes]:
     """Lines of data frames, one at a time."""
     unit = 10 ** (9 - places)
-    rows = zip(frames.t_ns.tolist(), frames.channel.tolist(), frames.id.tolist(),
-               frames.flags.tolist(), frames.length.tolist(), frames.data, strict=True)  # fmt: skip
+    rows = zip(
+        frames.t_ns.tolist(),
+        frames.channel.tolist(),
+        frames.id.tolist(),
+        frames.flags.tolist(),
+        frames.length.tolist(),
+        frames.data,
+        strict=True,
+    )
     for t, channel, can_id, flags, length, data in rows:
         stamp = f"({t // 10**9:0{digits}d}.{t % 10**9 // unit:0{places}d})"
         name = f"{can_id:0{8 if flags else 3}X}"

@@ -22,8 +22,10 @@ def write(frames: Frames, path: Path) -> None:
         for kind, flag in _KINDS.items():
             rows = (frames.flags & (Flag.REMOTE | Flag.ERROR)) == flag
             if rows.any():
-                mdf.append(_group(frames.take(rows).sorted(), kind, start_s),
-                           comment="written by clutchest")  # fmt: skip
+                mdf.append(
+                    _group(frames.take(rows).sorted(), kind, start_s),
+                    comment="written by clutchest",
+                )
         mdf.save(path, overwrite=True, compression=2)
 
 
@@ -33,13 +35,21 @@ def _group(frames: Frames, kind: str, start_s: int) -> Signal:
 
     width = frames.data.shape[1]
     columns: dict[str, np.ndarray] = {
-        "BusChannel": frames.channel, "ID": frames.id, "IDE": flag(Flag.EXTENDED),
-        "DLC": _DLC[frames.length], "DataLength": frames.length, "DataBytes": frames.data,
-        "Dir": flag(Flag.SENT), "EDL": flag(Flag.FD), "BRS": flag(Flag.BITRATE_SWITCH),
+        "BusChannel": frames.channel,
+        "ID": frames.id,
+        "IDE": flag(Flag.EXTENDED),
+        "DLC": _DLC[frames.length],
+        "DataLength": frames.length,
+        "DataBytes": frames.data,
+        "Dir": flag(Flag.SENT),
+        "EDL": flag(Flag.FD),
+        "BRS": flag(Flag.BITRATE_SWITCH),
         "ESI": flag(Flag.ERROR_STATE),
-    }  # fmt: skip
-    layout = [(f"{kind}.{name}", column.dtype, (width,) if column.ndim == 2 else ())
-              for name, column in columns.items()]  # fmt: skip
+    }
+    layout = [
+        (f"{kind}.{name}", column.dtype, (width,) if column.ndim == 2 else ())
+        for name, column in columns.items()
+    ]
     samples = np.zeros(len(frames), layout)
     for name, column in columns.items():
         samples[f"{kind}.{name}"] = column

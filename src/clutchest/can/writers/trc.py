@@ -13,9 +13,13 @@ from clutchest.can.writers.text import Lines, decimals, has, written
 _DAY_0_S = 25569 * 86400  # from 30 December 1899 to 1 January 1970
 # type → flags of its frames
 _TYPES = {
-    "DT": Flag(0), "RR": Flag.REMOTE, "FD": Flag.FD, "FB": Flag.FD | Flag.BITRATE_SWITCH,
-    "FE": Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE, "BI": Flag.FD | Flag.ERROR_STATE,
-}  # fmt: skip
+    "DT": Flag(0),
+    "RR": Flag.REMOTE,
+    "FD": Flag.FD,
+    "FB": Flag.FD | Flag.BITRATE_SWITCH,
+    "FE": Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE,
+    "BI": Flag.FD | Flag.ERROR_STATE,
+}
 _KIND = Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.REMOTE
 
 

@@ -38,8 +38,9 @@ class Implausible(StreamTest):
         """See :meth:`StreamTest.of`."""
         return [
             cls(name, per_1000h, vehicle.signals[name].noise)
-            for name in vehicle.signals if name in POSSIBLE
-        ]  # fmt: skip
+            for name in vehicle.signals
+            if name in POSSIBLE
+        ]
 
     def take(self, batch: Batch) -> None:
         """See :meth:`StreamTest.take`."""

@@ -10,9 +10,18 @@ from clutchest.reading.wanted import parts
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
-AT_REST = ("engine_speed", "input_shaft_speed", "vehicle_speed", "motor_position", "motor_speed",
-           "slip_speed", "wheel_speed_left", "wheel_speed_right",
-           "armature_current", "armature_voltage")  # fmt: skip
+AT_REST = (
+    "engine_speed",
+    "input_shaft_speed",
+    "vehicle_speed",
+    "motor_position",
+    "motor_speed",
+    "slip_speed",
+    "wheel_speed_left",
+    "wheel_speed_right",
+    "armature_current",
+    "armature_voltage",
+)
 SLOW = 30.0  # s; what may be bridged for longer may as well stand still
 
 
@@ -28,9 +37,10 @@ def lively(vehicle: Vehicle) -> tuple[str, ...]:
     """
     inputs = {i.name: i.gap for i in card(vehicle.model).inputs}
     return tuple(
-        name for name in vehicle.signals
+        name
+        for name in vehicle.signals
         if not name.endswith("_temp") and inputs.get(name, 0.0) < SLOW
-    )  # fmt: skip
+    )
 
 
 def moving(name: str, value: Floats) -> NDArray[np.bool_]:

@@ -121,8 +121,10 @@ class Noise(StreamTest):
     def why(self) -> str:
         """See :meth:`StreamTest.why`."""
         if self.guessed:
-            return (f"its noise, {self.std:.3g}, is a guess of the vehicle file's: "
-                    "`clutchest identify noise` measures it")  # fmt: skip
+            return (
+                f"its noise, {self.std:.3g}, is a guess of the vehicle file's: "
+                "`clutchest identify noise` measures it"
+            )
         if not self.blocks:
             return "too few samples without motion"
         return f"twice a noise of {self.std:.3g}, over {self.blocks} stretches of {BLOCK} samples"

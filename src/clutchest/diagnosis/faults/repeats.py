@@ -58,8 +58,10 @@ class Repeats:
 
     def words(self) -> str:
         """What is known of healthy runs."""
-        return (f"more than {self.bound:.3g} equal samples on end, from {int(self.tail[COUNT])} "
-                f"runs of {tail_mean(self.tail):.2g} on average")  # fmt: skip
+        return (
+            f"more than {self.bound:.3g} equal samples on end, from {int(self.tail[COUNT])} "
+            f"runs of {tail_mean(self.tail):.2g} on average"
+        )
 
 
 class RepeatTest(StreamTest):
@@ -70,9 +72,12 @@ class RepeatTest(StreamTest):
         self.repeats = Repeats()
 
     def judge(
-        self, time: Floats, same: NDArray[np.bool_], judged: NDArray[np.bool_],
+        self,
+        time: Floats,
+        same: NDArray[np.bool_],
+        judged: NDArray[np.bool_],
         what: Callable[[float, float], str],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take what is new as :meth:`Repeats.take` does; ``what`` is wrong from … to, in words."""
         for begun, detected, ended in self.repeats.take(time, same, judged, self.per_1000h):
             if ended < np.inf:

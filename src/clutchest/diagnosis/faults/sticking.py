@@ -46,9 +46,11 @@ class Sticking(StreamTest):
             return
         pairs = []  # (begin, end, moved by the motor, by the piston)
         for t, s, m in zip(
-            slave.time.tolist(), slave.value.tolist(),
-            np.interp(slave.time, motor.time, motor.value).tolist(), strict=True,
-        ):  # fmt: skip
+            slave.time.tolist(),
+            slave.value.tolist(),
+            np.interp(slave.time, motor.time, motor.value).tolist(),
+            strict=True,
+        ):
             before = self.last
             if before is None or t - before[0] > LONGEST or min(m, before[2]) < AWAY:
                 self.last = t, s, m
@@ -69,9 +71,15 @@ class Sticking(StreamTest):
             if path[k] > self._bound() and not self.failing:
                 first = begin[begun[k]] if begun[k] >= 0 else self.begun
                 rows = slice(max(int(begun[k]), 0), k + 1)
-                self.fail(Alarm(float(first), float(end[k]), what=f"the motor moved "
-                                f"{np.abs(asked[rows]).sum():.2g} mm, the piston "
-                                f"{np.abs(moved[rows]).sum():.2g} mm"))  # fmt: skip
+                self.fail(
+                    Alarm(
+                        float(first),
+                        float(end[k]),
+                        what=f"the motor moved "
+                        f"{np.abs(asked[rows]).sum():.2g} mm, the piston "
+                        f"{np.abs(moved[rows]).sum():.2g} mm",
+                    )
+                )
             elif path[k] <= 0.0:
                 self.heal(float(end[k]))
         if begun[-1] >= 0:

@@ -51,9 +51,12 @@ class WrongFrames(StreamTest):
         self.period = self.enabled / max(self.state[FRAMES] + len(rows), 1.0)
         changes = np.zeros((len(rows), 2))
         n = _bernoulli(time, wrong, self.state, self._bound(), changes)
-        self.change(changes[:n], lambda begun, now: (
-            f"{int(np.sum(wrong[(time >= begun) & (time <= now)]))} wrong frames"
-        ))  # fmt: skip
+        self.change(
+            changes[:n],
+            lambda begun, now: (
+                f"{int(np.sum(wrong[(time >= begun) & (time <= now)]))} wrong frames"
+            ),
+        )
 
     def _bound(self) -> float:
         return log(max(3.6e6 / max(self.period, 1e-6) / self.per_1000h, 2.0))

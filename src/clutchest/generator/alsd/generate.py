@@ -20,17 +20,34 @@ from clutchest.signals import Floats, Truth
 EVERY = 5  # rows of the record per row of the truth: 200 Hz
 
 # Largest magnitude per name of an effect's parameter: beyond it a run is nonsense.
-LARGEST: Values = {"change": 4.0, "slope": 5.0, "resistance": 5.0, "growth": 0.05, "rate": 1.0,
-                   "offset": 30.0, "speed": 100.0, "coefficient": 1e4}  # fmt: skip
+LARGEST: Values = {
+    "change": 4.0,
+    "slope": 5.0,
+    "resistance": 5.0,
+    "growth": 0.05,
+    "rate": 1.0,
+    "offset": 30.0,
+    "speed": 100.0,
+    "coefficient": 1e4,
+}
 
 
 def generate(
-    parameters: Values, spreads: Values, scenario: str, seed: int, channels: Sequence[Channel], *,
-    nominal: bool = False, duration: float | None = None,
-    effects: Mapping[str, Values] | None = None, outliers: float = 0.0,
-    truck_seed: int | None = None, deviations: Values | None = None,
-    disturbances: Disturbances | None = None, outsider: Outsider | None = None,
-) -> Sampled:  # fmt: skip
+    parameters: Values,
+    spreads: Values,
+    scenario: str,
+    seed: int,
+    channels: Sequence[Channel],
+    *,
+    nominal: bool = False,
+    duration: float | None = None,
+    effects: Mapping[str, Values] | None = None,
+    outliers: float = 0.0,
+    truck_seed: int | None = None,
+    deviations: Values | None = None,
+    disturbances: Disturbances | None = None,
+    outsider: Outsider | None = None,
+) -> Sampled:
     """Run ``scenario`` with a differential drawn around ``parameters`` with standard deviations
     ``spreads``; undrawn if ``nominal``.
 
@@ -43,21 +60,26 @@ def generate(
     seeds = {"seed": seed, "truck_seed": truck_seed}
     plan, duration = asked(scenario, SCENARIOS, duration, seeds, parameters, RANGES)
     if outsider or (disturbances and disturbances != Disturbances()):
-        raise ClutchestError("nothing but effects can be wrong with a differential here: "
-                             "disturbances and outsiders are the truck's")  # fmt: skip
+        raise ClutchestError(
+            "nothing but effects can be wrong with a differential here: "
+            "disturbances and outsiders are the truck's"
+        )
     wheels = any(channel.name == "wheel_speed_left" for channel in channels)
     if channels and wheels != (scenario in ON_THE_ROAD):
         where, has = ("a car", "maps no") if scenario in ON_THE_ROAD else ("the rig", "maps a")
-        raise ClutchestError(f"scenario '{scenario}' is for {where}: this vehicle {has} "
-                             "wheel_speed_left")  # fmt: skip
+        raise ClutchestError(
+            f"scenario '{scenario}' is for {where}: this vehicle {has} wheel_speed_left"
+        )
     active = complete(effects or {}, EFFECTS, LARGEST)
     drawn = draw(parameters, {} if nominal else spreads, truck_seed)
     record = numbers(drawn, active, parameters["friction_coefficient"], deviations or {})
     course = plan.course(stream(seed, "course"), duration)
     columns = run(course, record)
     if not all(np.isfinite(column).all() for column in columns.values()):
-        raise ClutchestError(f"scenario '{scenario}', seed {seed}: these parameters and effects "
-                             "let the simulation diverge")  # fmt: skip
+        raise ClutchestError(
+            f"scenario '{scenario}', seed {seed}: these parameters and effects "
+            "let the simulation diverge"
+        )
     quantities = _quantities(columns, course, active)
     sampled = sample(channels, quantities, seed, duration, outliers)
     return Sampled(sampled, _truth(columns), drawn, seed, scenario)
@@ -95,8 +117,19 @@ def run(course: NDArray, record: NDArray) -> dict[str, Floats]:
 def _truth(columns: Mapping[str, Floats]) -> Truth:
     from clutchest.generator.alsd.plant import MODES
 
-    names = ("current", "motor_speed", "motor_angle", "pack_force", "wind_up", "free_play",
-             "friction", "temp_pack", "temp_armature", "clutch_torque", "slip_speed")  # fmt: skip
+    names = (
+        "current",
+        "motor_speed",
+        "motor_angle",
+        "pack_force",
+        "wind_up",
+        "free_play",
+        "friction",
+        "temp_pack",
+        "temp_armature",
+        "clutch_torque",
+        "slip_speed",
+    )
     rows = slice(None, None, EVERY)
     kept = {name: np.ascontiguousarray(columns[name][rows]) for name in names}
     kept["mode"] = np.array(MODES)[columns["mode"][rows].astype(int)]

@@ -29,24 +29,59 @@ Record = Any  # a row of a structured array, its columns as attributes
 #   bench     0 complete, 1 pack removed, 2 ball-ramp output fixed, 3 motor alone, 4 rotor held
 #   drive     0 slip controller (``driven`` rad/s), 1 servo torque (Nm), 2 wheels (left − right)/2
 #   oil °C
-COURSE = np.dtype([(name, np.float64) for name in
-                   ("asked", "driven", "oil", "mean_wheel")] + [(name, np.int64) for name in
-                   ("actuator", "bench", "drive")])  # fmt: skip
+COURSE = np.dtype(
+    [(name, np.float64) for name in ("asked", "driven", "oil", "mean_wheel")]
+    + [(name, np.int64) for name in ("actuator", "bench", "drive")]
+)
 CURRENT, VOLTAGE, ANGLE = range(3)
 COMPLETE, NO_PACK, OUTPUT_FIXED, MOTOR_ALONE, ROTOR_HELD = range(5)
 SLIP, TORQUE, WHEELS = range(3)
 
 # What changes during a run.
-NAMES = ("current", "motor_speed", "motor_angle", "bearing", "ramp_bristle", "plate", "wind_up",
-         "drive_speed", "drive_angle", "temp_pack", "temp_armature", "energy", "free_play",
-         "current_integral", "servo_integral", "voltage", "servo_torque")  # fmt: skip
+NAMES = (
+    "current",
+    "motor_speed",
+    "motor_angle",
+    "bearing",
+    "ramp_bristle",
+    "plate",
+    "wind_up",
+    "drive_speed",
+    "drive_angle",
+    "temp_pack",
+    "temp_armature",
+    "energy",
+    "free_play",
+    "current_integral",
+    "servo_integral",
+    "voltage",
+    "servo_torque",
+)
 STATE = np.dtype([(name, np.float64) for name in NAMES])
 
 # What is recorded.
-RECORD = ("current", "motor_speed", "motor_angle", "pack_force", "free_play", "friction",
-          "temp_pack", "temp_armature", "clutch_torque", "slip_speed", "voltage", "motor_torque",
-          "servo_torque", "drive_angle", "oil", "energy", "mode", "wind_up", "plate",
-          "asked")  # fmt: skip
+RECORD = (
+    "current",
+    "motor_speed",
+    "motor_angle",
+    "pack_force",
+    "free_play",
+    "friction",
+    "temp_pack",
+    "temp_armature",
+    "clutch_torque",
+    "slip_speed",
+    "voltage",
+    "motor_torque",
+    "servo_torque",
+    "drive_angle",
+    "oil",
+    "energy",
+    "mode",
+    "wind_up",
+    "plate",
+    "asked",
+)
 
 _ANGLE_GAIN, _ANGLE_RATE = 2.0, 0.05  # A/rad and A s/rad: the rig's position loop, I6
 _FLOOR = 1e-5  # Nm
@@ -205,9 +240,9 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def slide(y: Record, slip: float, h: float, oil: float, stiffness: float, p: Record) -> tuple[
-    float, float
-]:  # fmt: skip
+def slide(
+    y: Record, slip: float, h: float, oil: float, stiffness: float, p: Record
+) -> tuple[float, float]:
     """Clutch torque and friction potential, Nm, after slipping for h s."""
     force, _ = pack(y.plate - y.free_play, p)
     mu = friction_coefficient(slip, oil, p)

@@ -108,8 +108,12 @@ def _car(rng: Random, time: Floats, c: NDArray) -> None:
     while t < time[-1]:
         lasts = rng.uniform(1.2, 4.0)
         slip = rng.choice((-1.0, 1.0)) * rng.uniform(0.5, 6.0)
-        slips += [(t, 0.0), (t + 0.5, slip), (t + lasts, slip * rng.uniform(0.3, 1.0)),
-                  (t + lasts + 0.4, 0.0)]  # fmt: skip
+        slips += [
+            (t, 0.0),
+            (t + 0.5, slip),
+            (t + lasts, slip * rng.uniform(0.3, 1.0)),
+            (t + lasts + 0.4, 0.0),
+        ]
         speeds.append((t + lasts, rng.uniform(15.0, 90.0)))
         begins = t + rng.uniform(0.1, 0.6)
         pulses.append((begins, max(t + lasts - 0.1, begins + 0.5), rng.uniform(2.0, 11.0)))
@@ -182,20 +186,23 @@ def _torsion(rng: Random, time: Floats, c: NDArray) -> None:
     c["driven"] = 250.0 * np.sin(2 * pi * 0.5 * np.maximum(time - 1.0, 0.0))
 
 
-SCENARIOS: Mapping[str, Scenario] = MappingProxyType({
-    s.name: s for s in (
-        Scenario("rig-steps", "current steps at 25 rpm (A1)", 60.0, _rig_steps),
-        Scenario("rig-slow", "12 A at 0.5 rpm (A4)", 18.0, _rig_slow),
-        Scenario("rig-ramps", "current ramps (A5)", 62.0, _rig_ramps),
-        Scenario("car", "corners and split friction on the road", 120.0, _car),
-        Scenario("I1", "resistance over temperature", 600.0, _resistance),
-        Scenario("I2", "inductance", 6.0, _inductance),
-        Scenario("I3", "voltage constant", 32.0, _voltage_constant),
-        Scenario("I4", "torque constant over temperature", 600.0, _torque_constant),
-        Scenario("I5", "inertia and friction of the motor", 32.0, _inertia),
-        Scenario("I6", "ball-ramp friction, preload", 36.0, _ball_ramp),
-        Scenario("I7", "stiffness, free play, backlash", 22.0, _stiffness),
-        Scenario("I8", "torsional stiffness", 9.0, _torsion),
-    )
-})  # fmt: skip
+SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
+    {
+        s.name: s
+        for s in (
+            Scenario("rig-steps", "current steps at 25 rpm (A1)", 60.0, _rig_steps),
+            Scenario("rig-slow", "12 A at 0.5 rpm (A4)", 18.0, _rig_slow),
+            Scenario("rig-ramps", "current ramps (A5)", 62.0, _rig_ramps),
+            Scenario("car", "corners and split friction on the road", 120.0, _car),
+            Scenario("I1", "resistance over temperature", 600.0, _resistance),
+            Scenario("I2", "inductance", 6.0, _inductance),
+            Scenario("I3", "voltage constant", 32.0, _voltage_constant),
+            Scenario("I4", "torque constant over temperature", 600.0, _torque_constant),
+            Scenario("I5", "inertia and friction of the motor", 32.0, _inertia),
+            Scenario("I6", "ball-ramp friction, preload", 36.0, _ball_ramp),
+            Scenario("I7", "stiffness, free play, backlash", 22.0, _stiffness),
+            Scenario("I8", "torsional stiffness", 9.0, _torsion),
+        )
+    }
+)
 ON_THE_ROAD = frozenset({"car"})  # all others are for the rig

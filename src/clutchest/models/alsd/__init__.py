@@ -21,29 +21,125 @@ from clutchest.models.flaws import Flaw
 from clutchest.models.model import Model
 from clutchest.models.symbols import Input, Sensor, State
 
-# fmt: off
 STATES = (
-    State("current", "A", "i_a", "armature current", 1.0, 2.0, 1.0,
-          "any sample of the armature current", carried=False, stiff=True),
-    State("motor_speed", "rad/s", "ω_m1", "actuator motor's speed", 100.0, 5.0, 20.0,
-          "any two samples of the motor angle", carried=False, stiff=True),
-    State("motor_angle", "rad", "α_m1", "actuator motor's angle, 0 at home", 0.03, 0.5, 0.05,
-          "any sample of the motor angle", carried=False),
-    State("ball_ramp_bristle", "rad", "z_br", "bristle of the ball ramp's friction", 0.01, 1e-3,
-          0.02, "a motor that turns under load", carried=False, stiff=True),
-    State("pack_force", "N", "F_c", "axial force of the clutch pack", 300.0, 10.0, 1000.0,
-          "an engagement", carried=False, stiff=True),
-    State("wind_up", "rad", "z", "differential's play and clutch bristle", 1e-4, 4e-3, 2e-3,
-          "an engagement with slip", carried=False),
-    State("free_play", "m", "x_fp", "free play of the pack; wear widens it", 4e-7, 5e-5, 5e-6,
-          "an engagement", slip_noise=1e-10, healthy_std=1e-5, prior="free_play"),
-    State("friction", "1", "μ/μ_0", "friction relative to its nominal coefficient", 5e-4, 0.15,
-          0.05, "an engagement with slip", healthy_std=0.03, factor=True,
-          prior="friction_coefficient"),
-    State("temp_pack", "°C", "ϑ_p", "clutch pack", 0.02, 10.0, 10.0,
-          "the oil temperature, while the clutch rests", 0.15),
-    State("temp_armature", "°C", "ϑ_a", "armature of the actuator's motor", 0.05, 10.0, 10.0,
-          "current at a held motor", 0.15),
+    State(
+        "current",
+        "A",
+        "i_a",
+        "armature current",
+        1.0,
+        2.0,
+        1.0,
+        "any sample of the armature current",
+        carried=False,
+        stiff=True,
+    ),
+    State(
+        "motor_speed",
+        "rad/s",
+        "ω_m1",
+        "actuator motor's speed",
+        100.0,
+        5.0,
+        20.0,
+        "any two samples of the motor angle",
+        carried=False,
+        stiff=True,
+    ),
+    State(
+        "motor_angle",
+        "rad",
+        "α_m1",
+        "actuator motor's angle, 0 at home",
+        0.03,
+        0.5,
+        0.05,
+        "any sample of the motor angle",
+        carried=False,
+    ),
+    State(
+        "ball_ramp_bristle",
+        "rad",
+        "z_br",
+        "bristle of the ball ramp's friction",
+        0.01,
+        1e-3,
+        0.02,
+        "a motor that turns under load",
+        carried=False,
+        stiff=True,
+    ),
+    State(
+        "pack_force",
+        "N",
+        "F_c",
+        "axial force of the clutch pack",
+        300.0,
+        10.0,
+        1000.0,
+        "an engagement",
+        carried=False,
+        stiff=True,
+    ),
+    State(
+        "wind_up",
+        "rad",
+        "z",
+        "differential's play and clutch bristle",
+        1e-4,
+        4e-3,
+        2e-3,
+        "an engagement with slip",
+        carried=False,
+    ),
+    State(
+        "free_play",
+        "m",
+        "x_fp",
+        "free play of the pack; wear widens it",
+        4e-7,
+        5e-5,
+        5e-6,
+        "an engagement",
+        slip_noise=1e-10,
+        healthy_std=1e-5,
+        prior="free_play",
+    ),
+    State(
+        "friction",
+        "1",
+        "μ/μ_0",
+        "friction relative to its nominal coefficient",
+        5e-4,
+        0.15,
+        0.05,
+        "an engagement with slip",
+        healthy_std=0.03,
+        factor=True,
+        prior="friction_coefficient",
+    ),
+    State(
+        "temp_pack",
+        "°C",
+        "ϑ_p",
+        "clutch pack",
+        0.02,
+        10.0,
+        10.0,
+        "the oil temperature, while the clutch rests",
+        0.15,
+    ),
+    State(
+        "temp_armature",
+        "°C",
+        "ϑ_a",
+        "armature of the actuator's motor",
+        0.05,
+        10.0,
+        10.0,
+        "current at a held motor",
+        0.15,
+    ),
 )
 
 # Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.
@@ -63,31 +159,50 @@ _WHEELS = (
 )
 
 COLUMNS = (
-    ("armature_voltage", "V"), ("armature_current", "A"), ("motor_angle", "rad"),
-    ("slip_speed", "rad/s"), ("oil_temp", "°C"), ("armature_temp", "°C"), ("clutch_torque", "Nm"),
-    ("motor_torque", "Nm"), ("drive_torque", "Nm"), ("shaft_torque", "Nm"), ("drive_angle", "rad"),
-    ("wheel_speed_left", "rad/s"), ("wheel_speed_right", "rad/s"),
+    ("armature_voltage", "V"),
+    ("armature_current", "A"),
+    ("motor_angle", "rad"),
+    ("slip_speed", "rad/s"),
+    ("oil_temp", "°C"),
+    ("armature_temp", "°C"),
+    ("clutch_torque", "Nm"),
+    ("motor_torque", "Nm"),
+    ("drive_torque", "Nm"),
+    ("shaft_torque", "Nm"),
+    ("drive_angle", "rad"),
+    ("wheel_speed_left", "rad/s"),
+    ("wheel_speed_right", "rad/s"),
 )
 
 SENSORS = (
     Sensor("armature_current", "A", "i_a", "armature current"),
     Sensor("motor_angle", "rad", "α_m1", "actuator motor's angle"),
     Sensor("armature_temp", "°C", "ϑ_a", "armature temperature"),
-    Sensor("clutch_torque", "Nm", "T_c", "torque at the grounded output shaft",
-           mode="slipping"),
-    Sensor("shaft_torque", "Nm", "T_c", "left half-shaft less right",
-           mode="slipping"),
+    Sensor("clutch_torque", "Nm", "T_c", "torque at the grounded output shaft", mode="slipping"),
+    Sensor("shaft_torque", "Nm", "T_c", "left half-shaft less right", mode="slipping"),
 )
-# fmt: on
+
 
 # Bristles, servo and controllers stand in the full model alone.
 _ELSEWHERE = {
-    "motor_bristle_stiffness", "motor_bristle_damping", "ball_ramp_exponent",
-    "limiter_stiffness", "supply_voltage", "clutch_static_ratio",
-    "clutch_stribeck_speed", "final_drive_ratio", "structure_inertia", "case_inertia",
-    "structure_stiffness", "driveline_friction", "current_proportional", "current_integral",
-    "servo_proportional", "servo_integral", "servo_torque_limit",
-}  # fmt: skip
+    "motor_bristle_stiffness",
+    "motor_bristle_damping",
+    "ball_ramp_exponent",
+    "limiter_stiffness",
+    "supply_voltage",
+    "clutch_static_ratio",
+    "clutch_stribeck_speed",
+    "final_drive_ratio",
+    "structure_inertia",
+    "case_inertia",
+    "structure_stiffness",
+    "driveline_friction",
+    "current_proportional",
+    "current_integral",
+    "servo_proportional",
+    "servo_integral",
+    "servo_torque_limit",
+}
 
 ALSD = Model(
     name="alsd",
@@ -138,16 +253,19 @@ FLAWS: Mapping[str, Flaw] = {
     "current": Flaw("current", {"motor_voltage": lambda value, g: value - 0.2 * g}),  # V
     "motor": Flaw("motor", {"motor_friction_torque": lambda value, g: value + 0.005 * g}),  # Nm
     "axial_force": Flaw(
-        "axial_force", {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)}),
+        "axial_force", {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)}
+    ),
     "pack_heat": Flaw("pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}),  # W
     "sensor:motor_angle": Flaw(
-        "sensor:motor_angle", {"motor_angle_reading": lambda value, g: value + 0.1 * g}),  # rad
+        "sensor:motor_angle", {"motor_angle_reading": lambda value, g: value + 0.1 * g}
+    ),  # rad
     "sensor:armature_current": Flaw(
         "sensor:armature_current",
-        {"armature_current_reading": lambda value, g: value * (1 + 0.05 * g)}),
+        {"armature_current_reading": lambda value, g: value * (1 + 0.05 * g)},
+    ),
     "timing:armature_voltage": Flaw("timing:armature_voltage", late=("armature_voltage", 0.005)),
     "timing:slip_speed": Flaw("timing:slip_speed", late=("slip_speed", 0.005)),
-}  # fmt: skip
+}
 TOLD_APART_BY = (
     (("torque", "axial_force"), "a force sensor in the clutch pack"),
     (("motor", "axial_force"), "a torque sensor on the actuator's motor"),

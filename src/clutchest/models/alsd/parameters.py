@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from clutchest.models.symbols import Parameter
 
-# fmt: off
 PARAMETERS = (
     Parameter("armature_resistance", "Ω", "R_a", "armature resistance at its reference", 1e-3),
     Parameter("armature_inductance", "H", "L_a", "armature inductance at its reference", 1e-6),
@@ -66,4 +65,3 @@ PARAMETERS = (
     Parameter("servo_integral", "Nm/rad", "K_I2", "slip speed controller", 0.0),
     Parameter("servo_torque_limit", "Nm", "T_m2,max", "largest servo torque", 0.0),
 )
-# fmt: on

@@ -56,6 +56,11 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
 
 
 def _defined_in(module: ModuleType) -> list[Effect]:
-    return [value() for value in vars(module).values()
-            if inspect.isclass(value) and issubclass(value, Effect) and value is not Effect
-            and value.__module__ == module.__name__]  # fmt: skip
+    return [
+        value()
+        for value in vars(module).values()
+        if inspect.isclass(value)
+        and issubclass(value, Effect)
+        and value is not Effect
+        and value.__module__ == module.__name__
+    ]

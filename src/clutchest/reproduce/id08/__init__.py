@@ -14,9 +14,11 @@ from clutchest.reproduce.id08 import deviations, ramps, steps
 from clutchest.reproduce.id08.rig import Rig
 from clutchest.vehicle import load_vehicle
 
-TITLE = ("V. Ivanović, J. Deur, Z. Herold, M. Hancock, F. Assadian: Modeling and Experimental "
-         "Validation of Active Limited Slip Differential Clutch Dynamics, "
-         "IMECE2008-67411")  # fmt: skip
+TITLE = (
+    "V. Ivanović, J. Deur, Z. Herold, M. Hancock, F. Assadian: Modeling and Experimental "
+    "Validation of Active Limited Slip Differential Clutch Dynamics, "
+    "IMECE2008-67411"
+)
 CLAIMS: tuple[Claim[Rig], ...] = (*steps.CLAIMS, *ramps.CLAIMS, *deviations.CLAIMS)
 
 

@@ -82,32 +82,60 @@ def home(o: Columns, off: float) -> float:
 
 DEVIATIONS = (
     Deviation(
-        "onset too sharp", 12.0, "clutch_torque", (ON, ON + 0.2), extensions.PACK_BEDDING,
-        lambda rig, model, off: sharpness(model) < sharpness(rig) - 1e-3, {"soft": 1.2e-5},
+        "onset too sharp",
+        12.0,
+        "clutch_torque",
+        (ON, ON + 0.2),
+        extensions.PACK_BEDDING,
+        lambda rig, model, off: sharpness(model) < sharpness(rig) - 1e-3,
+        {"soft": 1.2e-5},
     ),
     Deviation(
-        "damping too large", 12.0, "clutch_torque", (ON, 1.4), extensions.BALL_RAMP_DITHER,
-        lambda rig, model, off: swing(model, off) < swing(rig, off), {"dither": 0.5},
+        "damping too large",
+        12.0,
+        "clutch_torque",
+        (ON, 1.4),
+        extensions.BALL_RAMP_DITHER,
+        lambda rig, model, off: swing(model, off) < swing(rig, off),
+        {"dither": 0.5},
     ),
     Deviation(
-        "12 A steady state off", 12.0, "clutch_torque", (1.2, 1.4), extensions.BALL_RAMP_LOAD,
+        "12 A steady state off",
+        12.0,
+        "clutch_torque",
+        (1.2, 1.4),
+        extensions.BALL_RAMP_LOAD,
         lambda rig, model, off: abs(settled(model, off) / settled(rig, off) - 1) > 0.02,
         {"easing": 1.5},
     ),
     Deviation(
-        "delay off at 2.5 A", 2.5, "motor_angle", (ON, ON + 0.25), extensions.MOTOR_FRICTION,
+        "delay off at 2.5 A",
+        2.5,
+        "motor_angle",
+        (ON, ON + 0.25),
+        extensions.MOTOR_FRICTION,
         lambda rig, model, off: abs(onset(model) - onset(rig)) > 5e-3,
         effects={"motor_friction": {"change": 0.3}},
     ),
     Deviation(
-        "motor return slow at 7 A", 7.0, "motor_angle", None, extensions.FILM_RELEASE,
-        lambda rig, model, off: home(model, off) > home(rig, off) + 1e-3, {"loose": 0.85},
+        "motor return slow at 7 A",
+        7.0,
+        "motor_angle",
+        None,
+        extensions.FILM_RELEASE,
+        lambda rig, model, off: home(model, off) > home(rig, off) + 1e-3,
+        {"loose": 0.85},
     ),
     Deviation(
-        "motor return slow at 2.5 A", 2.5, "motor_angle", None, extensions.FILM_RELEASE,
-        lambda rig, model, off: home(model, off) > home(rig, off) + 1e-3, {"loose": 0.85},
+        "motor return slow at 2.5 A",
+        2.5,
+        "motor_angle",
+        None,
+        extensions.FILM_RELEASE,
+        lambda rig, model, off: home(model, off) > home(rig, off) + 1e-3,
+        {"loose": 0.85},
     ),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
@@ -162,9 +190,11 @@ def explain(rig: Rig, deviation: Deviation) -> Explained:
 
     base, (number,) = modelled(0.0), extension.gains
     best = minimize_scalar(
-        lambda size: error(modelled(size)), bounds=(number.lower, number.upper), method="bounded",
+        lambda size: error(modelled(size)),
+        bounds=(number.lower, number.upper),
+        method="bounded",
         options={"xatol": 1e-3 * (number.upper - number.lower), "maxiter": 40},
-    )  # fmt: skip
+    )
     extended = modelled(best.x)
     seen = deviation.seen(real, base, off)
     return Explained(
@@ -186,9 +216,12 @@ def a9(rig: Rig) -> Verdict:
 
 CLAIMS = (
     Claim(
-        "A9", "what the paper admits", "Fig. 11",
+        "A9",
+        "what the paper admits",
+        "Fig. 11",
         "simulated onset too sharp, damping too large, 12 A steady state off, delay off at 2.5 A, "
         "motor return slow at low and middle current",
-        a9, {"no deviation in the rig": Rig.undeviating},
+        a9,
+        {"no deviation in the rig": Rig.undeviating},
     ),
-)  # fmt: skip
+)

@@ -107,24 +107,44 @@ def a8(rig: Rig) -> Verdict:
 
 CLAIMS = (
     Claim(
-        "A5", "current ramps of 1 to 20 A/s, up and down", "Fig. 13",
-        "hysteresis loops within 20 A and 1600°", a5,
+        "A5",
+        "current ramps of 1 to 20 A/s, up and down",
+        "Fig. 13",
+        "hysteresis loops within 20 A and 1600°",
+        a5,
         {"no ball-ramp friction": no_ball_ramp_friction},
     ),
     Claim(
-        "A6", "a current ramp with the pack", "Fig. 10",
-        "free-play section, then compression with a loop that widens; within 0.8 Nm and 1600°", a6,
+        "A6",
+        "a current ramp with the pack",
+        "Fig. 10",
+        "free-play section, then compression with a loop that widens; within 0.8 Nm and 1600°",
+        a6,
         {"no free play": no_free_play, "no ball-ramp friction": no_ball_ramp_friction},
     ),
     Claim(
-        "A7", "pack removed, motor angle ramped", "Fig. 9",
-        "a loop shifted up by the pre-tensioned spring; within 0.08 Nm and 2000°", a7,
-        {"no pre-tension": partial(Rig.lacking, spring_preload=0.0),
-         "no friction": partial(Rig.lacking, ball_ramp_friction=0.0, motor_coulomb_torque=1e-5,
-                                motor_static_torque=1e-5, motor_viscous=0.0)},
+        "A7",
+        "pack removed, motor angle ramped",
+        "Fig. 9",
+        "a loop shifted up by the pre-tensioned spring; within 0.08 Nm and 2000°",
+        a7,
+        {
+            "no pre-tension": partial(Rig.lacking, spring_preload=0.0),
+            "no friction": partial(
+                Rig.lacking,
+                ball_ramp_friction=0.0,
+                motor_coulomb_torque=1e-5,
+                motor_static_torque=1e-5,
+                motor_viscous=0.0,
+            ),
+        },
     ),
     Claim(
-        "A8", "the reset spring", "Fig. 5b", "nonlinear; within 3 mm and 2500 N", a8,
+        "A8",
+        "the reset spring",
+        "Fig. 5b",
+        "nonlinear; within 3 mm and 2500 N",
+        a8,
         {"no cone": partial(Rig.lacking, spring_cone_height=0.0)},
     ),
-)  # fmt: skip
+)

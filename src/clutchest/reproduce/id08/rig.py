@@ -18,8 +18,17 @@ from clutchest.vehicle import Vehicle
 PERIOD, STEPS = 1e-3, 20  # s between rows, steps in between
 OIL = 25.0  # °C
 RPM = np.pi / 30.0
-WATCHED = ("current", "armature_voltage", "motor_torque", "motor_speed", "motor_angle",
-           "plate_position", "pack_force", "spring_force", "clutch_torque")  # fmt: skip
+WATCHED = (
+    "current",
+    "armature_voltage",
+    "motor_torque",
+    "motor_speed",
+    "motor_angle",
+    "plate_position",
+    "pack_force",
+    "spring_force",
+    "clutch_torque",
+)
 Columns = Mapping[str, Floats]
 
 
@@ -53,9 +62,15 @@ class Rig:
         return {key: p.value for key, p in self.vehicle.parameters.items()} | dict(self.changed)
 
     def step(
-        self, amps: float, rpm: float, on: float, off: float, end: float,
-        extension: Effect | None = None, size: float = 0.0,
-    ) -> Columns:  # fmt: skip
+        self,
+        amps: float,
+        rpm: float,
+        on: float,
+        off: float,
+        end: float,
+        extension: Effect | None = None,
+        size: float = 0.0,
+    ) -> Columns:
         """Request ``amps`` from ``on`` to ``off`` s, all until ``end``, at a slip of ``rpm``."""
         time = times(end)
         request = np.where((time >= on) & (time < off), amps, 0.0)
@@ -74,16 +89,24 @@ class Rig:
         return self._run(time, request, 0.0, True)
 
     def _run(
-        self, time: Floats, request: Floats, rpm: float, bare: bool = False,
-        extension: Effect | None = None, size: float = 0.0,
-    ) -> Columns:  # fmt: skip
+        self,
+        time: Floats,
+        request: Floats,
+        rpm: float,
+        bare: bool = False,
+        extension: Effect | None = None,
+        size: float = 0.0,
+    ) -> Columns:
         model, parameters = _compiled(bare), self.parameters
         slip = rpm * RPM
         start = full.rest(model.model, parameters["free_play"], OIL)
         start["drive_speed"] = slip * parameters["final_drive_ratio"]
         asked = "angle_request" if bare else "current_request"
-        inputs = {asked: request, "slip_request": np.full(len(time), slip),
-                  "oil_temp": np.full(len(time), OIL)}  # fmt: skip
+        inputs = {
+            asked: request,
+            "slip_request": np.full(len(time), slip),
+            "oil_temp": np.full(len(time), OIL),
+        }
         effects = {extension.name: {extension.gains[0].key: size}} if extension else None
         found = model.run(parameters, start, inputs, PERIOD, STEPS, effects)
         return {"time": time, "request": request, **found}

@@ -91,8 +91,10 @@ def a1(rig: Rig) -> Verdict:
         torque, angle = response.torque, response.columns["motor_angle"]
         home = abs(angle[-1]) < HOME and abs(torque[-1]) < ONSET
         good &= low < torque.min() and 0.25 * high < torque.max() < high and home
-        words.append(f"{amps:g} A: peak {torque.max():.0f}, settled {response.settled:.0f} Nm, "
-                     f"motor back at {angle[-1]:.2f} rad")  # fmt: skip
+        words.append(
+            f"{amps:g} A: peak {torque.max():.0f}, settled {response.settled:.0f} Nm, "
+            f"motor back at {angle[-1]:.2f} rad"
+        )
     good &= 2000.0 < found[12.0].settled < 2600.0
     numbers = {f"settled_{amps:g}A_Nm": r.settled for amps, r in found.items()}
     return Verdict("; ".join(words), bool(good), numbers, found)
@@ -152,25 +154,37 @@ no_limit = partial(Rig.lacking, supply_voltage=1000.0, back_emf_constant=1e-6)
 
 CLAIMS = (
     Claim(
-        "A1", "current steps of 12, 7 and 2.5 A at 25 rpm, engaged and released", "Fig. 11",
+        "A1",
+        "current steps of 12, 7 and 2.5 A at 25 rpm, engaged and released",
+        "Fig. 11",
         "torque within −500…3000, −500…2500, −200…1200 Nm; at most about 2500 Nm held; on release "
         "the spring opens the clutch and brings the motor home",
-        a1, {"no reset spring": no_reset_spring},
+        a1,
+        {"no reset spring": no_reset_spring},
     ),
     Claim(
-        "A2", "the same steps", "Fig. 11",
+        "A2",
+        "the same steps",
+        "Fig. 11",
         "a pure delay before any torque, shorter for larger requests, not in proportion: 12 V and "
         "back-EMF limit the current",
-        a2, {"no free play": no_free_play, "no voltage limit": no_limit},
+        a2,
+        {"no free play": no_free_play, "no voltage limit": no_limit},
     ),
     Claim(
-        "A3", "the same steps", "Fig. 11",
+        "A3",
+        "the same steps",
+        "Fig. 11",
         "a relatively large overshoot, then well-damped settling by ball-ramp friction",
-        a3, {"no ball-ramp friction": no_ball_ramp_friction},
+        a3,
+        {"no ball-ramp friction": no_ball_ramp_friction},
     ),
     Claim(
-        "A4", "12 A at 0.5 rpm", "Fig. 12",
+        "A4",
+        "12 A at 0.5 rpm",
+        "Fig. 12",
         "torque significantly slower, about a second; the actuator's transient is the same",
-        a4, {"no compliance": no_compliance},
+        a4,
+        {"no compliance": no_compliance},
     ),
-)  # fmt: skip
+)

@@ -27,13 +27,22 @@ from clutchest.reproduce.me12 import (
 from clutchest.reproduce.me12.data import Setup
 from clutchest.vehicle import load_vehicle
 
-TITLE = ("A. Myklebust, L. Eriksson: Torque Model with Fast and Slow Temperature Dynamics of a "
-         "Slipping Dry Clutch, IEEE VPPC 2012")  # fmt: skip
+TITLE = (
+    "A. Myklebust, L. Eriksson: Torque Model with Fast and Slow Temperature Dynamics of a "
+    "Slipping Dry Clutch, IEEE VPPC 2012"
+)
 VEHICLE = "truck"
 CLAIMS: tuple[Claim[Setup], ...] = (
-    *curve.CLAIMS, *slip.CLAIMS, *expansion.CLAIMS, *heat.CLAIMS, *pulses.CLAIMS, *launch.CLAIMS,
-    *delay.CLAIMS, *limits.CLAIMS, *split.CLAIMS,
-)  # fmt: skip
+    *curve.CLAIMS,
+    *slip.CLAIMS,
+    *expansion.CLAIMS,
+    *heat.CLAIMS,
+    *pulses.CLAIMS,
+    *launch.CLAIMS,
+    *delay.CLAIMS,
+    *limits.CLAIMS,
+    *split.CLAIMS,
+)
 MARGINS = "margins.json"  # written by benchmarks/margins.py
 
 
@@ -51,10 +60,14 @@ def reproduce(progress: Progress) -> Reproduction:
     for k, claim in enumerate(CLAIMS):
         progress(f"{claim.name}: {claim.what}", k / len(CLAIMS))
         rows.append(judged(claim, with_all, known.get(claim.name, {})))
-    notes = () if known else (
-        "how far imperfections may grow is not known for these numbers: "
-        "python benchmarks/margins.py tells",
-    )  # fmt: skip
+    notes = (
+        ()
+        if known
+        else (
+            "how far imperfections may grow is not known for these numbers: "
+            "python benchmarks/margins.py tells",
+        )
+    )
     from clutchest.reproduce.me12.figures import draw
 
     data = {row.claim.name: row.verdict.data for row in rows}

@@ -102,10 +102,14 @@ def explained(setup: Setup) -> Verdict:
         f"left over up to 200 °C: {body:.0f} Nm with the body alone, {below:.0f} Nm with the disc; "
         f"above {above:.0f} Nm, without the cap {uncapped:.0f} Nm",
         body > EXPLAINED > below and above > 2.0 * below and above < 0.8 * uncapped,
-        {"body_Nm": body, "body_and_disc_Nm": below, "above_200_Nm": above,
-         "above_200_uncapped_Nm": uncapped},
+        {
+            "body_Nm": body,
+            "body_and_disc_Nm": below,
+            "above_200_Nm": above,
+            "above_200_uncapped_Nm": uncapped,
+        },
         ramps,
-    )  # fmt: skip
+    )
 
 
 CLAIMS = (

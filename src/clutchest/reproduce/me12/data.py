@@ -18,12 +18,21 @@ HOT, HOTTEST = 200.0, 250.0  # °C of the disc, where the paper's model deterior
 
 # The true truck is off the vehicle file in the sense in which the paper's was off its model, which
 # "still simulates a slightly low clutch torque": more torque, more expansion, less capacity.
-SENSE: Mapping[str, float] = MappingProxyType({
-    "torque_cubic": 1.0, "torque_quadratic": 1.0, "expansion_body": 1.0, "expansion_disc": 1.0,
-    "heat_capacity_body": -1.0, "heat_capacity_housing": -1.0, "heat_capacity_disc": -1.0,
-    "conductance_engine_body": -1.0, "conductance_body_housing": -1.0,
-    "conductance_housing_ambient": -1.0, "conductance_disc_body": -1.0,
-})  # fmt: skip
+SENSE: Mapping[str, float] = MappingProxyType(
+    {
+        "torque_cubic": 1.0,
+        "torque_quadratic": 1.0,
+        "expansion_body": 1.0,
+        "expansion_disc": 1.0,
+        "heat_capacity_body": -1.0,
+        "heat_capacity_housing": -1.0,
+        "heat_capacity_disc": -1.0,
+        "conductance_engine_body": -1.0,
+        "conductance_body_housing": -1.0,
+        "conductance_housing_ambient": -1.0,
+        "conductance_disc_body": -1.0,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +51,23 @@ class Imperfections:
         return {name: (getattr(self, name), *WHAT[name]) for name in WHAT}
 
 
-WHAT: Mapping[str, tuple[str, str]] = MappingProxyType({
-    "torque_delay": ("s", "reported engine torque is late"),
-    "torque_error": ("Nm", "standard deviation of the error of the reported torque"),
-    "torque_error_ar": ("1", "AR(1) coefficient of that error, per 10 ms"),
-    "parameter_error": ("1", "relative error of every parameter of heat, expansion and curve, all "
-                        "in the sense that makes the model's torque low"),
-    "hot_gain": ("1", "share of the torque gained from 250 °C of the disc on, none up to 200 °C"),
-    "cold_loss": ("1", "share of the torque lost at 0 °C of the body, none from 60 °C on"),
-})  # fmt: skip
+WHAT: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "torque_delay": ("s", "reported engine torque is late"),
+        "torque_error": ("Nm", "standard deviation of the error of the reported torque"),
+        "torque_error_ar": ("1", "AR(1) coefficient of that error, per 10 ms"),
+        "parameter_error": (
+            "1",
+            "relative error of every parameter of heat, expansion and curve, all "
+            "in the sense that makes the model's torque low",
+        ),
+        "hot_gain": (
+            "1",
+            "share of the torque gained from 250 °C of the disc on, none up to 200 °C",
+        ),
+        "cold_loss": ("1", "share of the torque lost at 0 °C of the body, none from 60 °C on"),
+    }
+)
 NONE = Imperfections(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -136,13 +153,17 @@ def _drive(
     wrong: Imperfections,
     effects: Mapping[str, Mapping[str, float]],
 ) -> Signals:
-    off = {key: truck.parameters[key].value * (1 + sense * wrong.parameter_error)
-           for key, sense in SENSE.items()}  # fmt: skip
-    reported = replace(truck.signals["engine_torque"], noise=wrong.torque_error,
-                       noise_ar=wrong.torque_error_ar)  # fmt: skip
+    off = {
+        key: truck.parameters[key].value * (1 + sense * wrong.parameter_error)
+        for key, sense in SENSE.items()
+    }
+    reported = replace(
+        truck.signals["engine_torque"], noise=wrong.torque_error, noise_ar=wrong.torque_error_ar
+    )
     true = replace(changed(truck, **off), signals={**truck.signals, "engine_torque": reported})
     acting = {**effects, "torque_delay": {"delay": wrong.torque_delay}}
     strange = wrong.cold_loss or wrong.hot_gain
     outsider = Temperatures(wrong.cold_loss, wrong.hot_gain) if strange else None
-    return simulate(true, scenario, seed, acting, nominal=True, duration=duration,
-                    outsider=outsider)  # fmt: skip
+    return simulate(
+        true, scenario, seed, acting, nominal=True, duration=duration, outsider=outsider
+    )

@@ -91,12 +91,23 @@ def zero_position(setup: Setup) -> Verdict:
         f"{rise:.2f} mm for {energy / 1e6:.2f} MJ; {low:.2f}–{high:.2f} mm; the model is "
         f"{1e3 * left:.0f} µm off; it decays with {fast:.0f} and {slow:.0f} s, the second of them "
         f"worth {gained:.0f} of χ²",
-        0.27 <= rise * 1.5e6 / energy <= 0.33 and low > 38.3 and high < 39.3 and left < ALIKE
+        0.27 <= rise * 1.5e6 / energy <= 0.33
+        and low > 38.3
+        and high < 39.3
+        and left < ALIKE
         and gained > CERTAIN,
-        {"rise_mm": rise, "energy_J": energy, "lowest_mm": low, "highest_mm": high,
-         "model_off_mm": left, "fast_s": fast, "slow_s": slow, "second_worth": gained},
+        {
+            "rise_mm": rise,
+            "energy_J": energy,
+            "lowest_mm": low,
+            "highest_mm": high,
+            "model_off_mm": left,
+            "fast_s": fast,
+            "slow_s": slow,
+            "second_worth": gained,
+        },
         heated,
-    )  # fmt: skip
+    )
 
 
 CLAIMS = (

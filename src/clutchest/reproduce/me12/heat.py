@@ -41,8 +41,13 @@ def heating(model: Model, vehicle: Vehicle, span: float, rows: int) -> tuple[Flo
     time = np.linspace(0.0, span, rows)
     way = solve_ivp(
         lambda t, x: np.array(rate(x, u, np.zeros(len(model.regime)), p, [])).ravel(),
-        (0.0, span), start, t_eval=time, method="LSODA", rtol=1e-8, atol=1e-8,
-    )  # fmt: skip
+        (0.0, span),
+        start,
+        t_eval=time,
+        method="LSODA",
+        rtol=1e-8,
+        atol=1e-8,
+    )
     return time, way.y.T
 
 

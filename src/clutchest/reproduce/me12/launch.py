@@ -37,9 +37,12 @@ class Launches:
         rows = np.flatnonzero(compared.slipping & (run.quantity("slip_speed")[0] > 0.0))
         runs = np.split(rows, np.flatnonzero(np.diff(run.time[rows]) > APART) + 1)
         modest = tuple(
-            r for r in runs if len(r) and run.time[r[-1]] - run.time[r[0]] > LEAST
+            r
+            for r in runs
+            if len(r)
+            and run.time[r[-1]] - run.time[r[0]] > LEAST
             and MODEST[0] < np.trapezoid(power[r], run.time[r]) < MODEST[1]
-        )  # fmt: skip
+        )
         return cls(compared, compared.reference(**STATIC)[1], modest)
 
     def errors(self, torque: Floats) -> Floats:
@@ -63,11 +66,15 @@ def validation(setup: Setup) -> Verdict:
         f"launches; static {static.max():.0f} Nm (median {np.median(static):.0f} Nm), worse in "
         f"{np.sum(static > own)}",
         bool(own.max() < LARGEST and np.all(static > own)),
-        {"largest_Nm": float(own.max()), "static_largest_Nm": float(static.max()),
-         "launches": len(own), "median_Nm": float(np.median(own)),
-         "static_median_Nm": float(np.median(static))},
+        {
+            "largest_Nm": float(own.max()),
+            "static_largest_Nm": float(static.max()),
+            "launches": len(own),
+            "median_Nm": float(np.median(own)),
+            "static_median_Nm": float(np.median(static)),
+        },
         drives[0],
-    )  # fmt: skip
+    )
 
 
 CLAIMS = (

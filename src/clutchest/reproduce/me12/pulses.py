@@ -100,10 +100,14 @@ def validation(setup: Setup) -> Verdict:
         passed &= max(rms(own), rms(modelled)) < BETTER * rms(static)
         passed &= temps.min() > 40.0 and temps.max() < 225.0
         for key, value in (
-            ("largest_Nm", largest), ("above_100_share", 1 - below), ("rms_Nm", rms(own)),
-            ("rms_modelled_Nm", rms(modelled)), ("decay_modelled", -fall),
-            ("decay_own", -steady), ("temp_max", float(temps.max())),
-        ):  # fmt: skip
+            ("largest_Nm", largest),
+            ("above_100_share", 1 - below),
+            ("rms_Nm", rms(own)),
+            ("rms_modelled_Nm", rms(modelled)),
+            ("decay_modelled", -fall),
+            ("decay_own", -steady),
+            ("temp_max", float(temps.max())),
+        ):
             worst[key] = max(worst.get(key, -np.inf), value)
         worst["rms_static_Nm"] = min(worst.get("rms_static_Nm", np.inf), rms(static))
     return Verdict(

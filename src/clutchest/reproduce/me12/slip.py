@@ -39,8 +39,10 @@ class Steps:
         rows = np.flatnonzero(steady)
         steps = np.split(rows, np.flatnonzero(np.diff(run.time[rows]) > 0.15) + 1)
         steps = [step for step in steps if len(step) >= 3]
-        means = [[values[step].mean() for step in steps]
-                 for values in (slip, compared.measured, run.torque)]  # fmt: skip
+        means = [
+            [values[step].mean() for step in steps]
+            for values in (slip, compared.measured, run.torque)
+        ]
         return cls(compared, *(np.array(m) for m in means))
 
     def slope(self) -> tuple[float, float]:

@@ -29,14 +29,18 @@ def _fitted(setup: Setup, k_p: float) -> tuple[float, tuple[float, float]]:
     posterior = most_probable(problem)
     _, (measured, modelled) = along(posterior, 0, ("measured_torque", "clutch_torque"))
     found = [posterior.of(key) for key in HALVED]
-    numbers = [vehicle.parameters[k].value if f is None else f[0]
-               for k, f in zip(HALVED, found, strict=True)]  # fmt: skip
+    numbers = [
+        vehicle.parameters[k].value if f is None else f[0]
+        for k, f in zip(HALVED, found, strict=True)
+    ]
     return rms(modelled - measured), (numbers[0], numbers[1])
 
 
 def _loose(vehicle: Vehicle) -> Vehicle:
-    wide = {key: replace(vehicle.parameters[key], spread=WIDE * vehicle.parameters[key].value)
-            for key in HALVED}  # fmt: skip
+    wide = {
+        key: replace(vehicle.parameters[key], spread=WIDE * vehicle.parameters[key].value)
+        for key in HALVED
+    }
     return replace(vehicle, parameters={**vehicle.parameters, **wide})
 
 
@@ -50,9 +54,13 @@ def insensitive(setup: Setup) -> Verdict:
         f"torque error {half:.1f} Nm with k_P = {SPLIT:g}, {none:.1f} Nm with 0; C_d and k_d2b are "
         f"{ratios[0]:.2f} and {ratios[1]:.2f} times as large with 0",
         half < WORSE * none and all(1.8 <= ratio <= 2.2 for ratio in ratios),
-        {"error_half_Nm": half, "error_none_Nm": none, "capacity_ratio": ratios[0],
-         "conductance_ratio": ratios[1]},
-    )  # fmt: skip
+        {
+            "error_half_Nm": half,
+            "error_none_Nm": none,
+            "capacity_ratio": ratios[0],
+            "conductance_ratio": ratios[1],
+        },
+    )
 
 
 CLAIMS = (

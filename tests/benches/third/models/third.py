@@ -39,8 +39,18 @@ def plate(q: Quantities) -> None:
 
 
 def for_signals(names):
-    return Model("third", STATES, PARAMETERS, INPUTS, (), SENSORS, ("clutch_torque", "power"),
-                 (plate,), anchor="slip_speed", hottest="temp")  # fmt: skip
+    return Model(
+        "third",
+        STATES,
+        PARAMETERS,
+        INPUTS,
+        (),
+        SENSORS,
+        ("clutch_torque", "power"),
+        (plate,),
+        anchor="slip_speed",
+        hottest="temp",
+    )
 
 
 def resting(parameters, inputs):
