@@ -12,8 +12,8 @@ import numpy as np
 
 from clutchest.estimate import whole_log
 from clutchest.estimate.ekf import OnlineFilter
+from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.replay import replay
-from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import build
 from clutchest.models import model_for
 from clutchest.reproduce.id08.rig import Rig

@@ -23,7 +23,7 @@ import numpy as np
 
 import clutchest
 from clutchest.estimate.ekf import OnlineFilter
-from clutchest.estimate.start import fresh
+from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.timeline import build
 from clutchest.estimate.whole_log import compile_model, delays, run
 from clutchest.models import model_for

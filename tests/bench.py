@@ -15,7 +15,7 @@ from benches import Plausible, Setup
 from benches.differential import DIFFERENTIAL
 from benches.third import THIRD
 from benches.truck import TRUCK
-from clutchest.estimate import start, timeline, whole_log
+from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, Filtered
 from clutchest.models import model_for
@@ -66,7 +66,7 @@ class Bench:
 
     def belief(self, compiled: Compiled, line: Timeline) -> Belief:
         """The prior at the first event, warm enough to excite every effect."""
-        belief = start.fresh(self.vehicle, compiled, line)
+        belief = initial_state.fresh(self.vehicle, compiled, line)
         for state, value in self.plausible.warm.items():
             belief.x[compiled.model.state(state)] = value
         return belief

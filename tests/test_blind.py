@@ -245,7 +245,7 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
     from blind.oracle import Oracle
 
     from clutchest.discovery.search import Search
-    from clutchest.identify.problem import Problem
+    from clutchest.inference.unknowns import Problem
     from clutchest.models.effects import library
 
     gains = (
@@ -279,9 +279,9 @@ def test_the_oracle_takes_nothing_slow_for_noise(short, noise):
     from blind.oracle import Oracle
 
     oracle = Oracle(Drive(3, noise))
-    assert oracle.colour is not None
-    assert np.abs(oracle.colour.weights[:, -1].sum(axis=1)).max() < 0.3
-    assert oracle.colour.level[:, -1].max() < 1.2
+    assert oracle.noise_model is not None
+    assert np.abs(oracle.noise_model.weights[:, -1].sum(axis=1)).max() < 0.3
+    assert oracle.noise_model.level[:, -1].max() < 1.2
 
 
 @pytest.mark.slow

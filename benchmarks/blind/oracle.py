@@ -22,10 +22,10 @@ from scipy.optimize import lsq_linear
 from blind.drives import Drive
 from blind.outsiders import Outsider
 from clutchest.errors import ClutchestError
-from clutchest.identify.colour import Colour
-from clutchest.identify.input_noise import Walk
-from clutchest.identify.linearised import LinearDrive
-from clutchest.identify.problem import Problem, Shapes
+from clutchest.inference.input_noise_covariance import InputNoiseCovariance
+from clutchest.inference.linearisation import LinearisedDrive
+from clutchest.inference.noise_model import NoiseModel
+from clutchest.inference.unknowns import Problem, Shapes
 from clutchest.models.effects import Effect, library
 from clutchest.signals import Floats, Signals
 from clutchest.simulated import Effects
@@ -78,11 +78,11 @@ class Oracle:
         self.effects = library(drive.vehicle.model)
         noisy = self._problem(drive.signals(scenario=scenario))
         self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
-        self.centre, self.colour = np.zeros(len(self.thetas)), None
+        self.centre, self.noise_model = np.zeros(len(self.thetas)), None
         self.exact = self._problem(self._exact())
         near = self._cooled(self.exact, self.centre)
         for _ in range(2):  # a drive begins where its own noisy readings say: fitted anew
-            self.colour = self._colour_of(noisy, self._fit(noisy, near).theta)
+            self.noise_model = self._colour_of(noisy, self._fit(noisy, near).theta)
         self.centre = self._fit(self.exact, near).theta  # from here on the truck's own numbers
         settled = self._fit(self.exact, self.centre)
         self.clean = self._look(self.exact, settled.theta, NOMINAL)
@@ -144,20 +144,22 @@ class Oracle:
         active = None if causes is None else np.append(self.nuisances, self._columns(causes))
         [rows], [drive] = problem.linearise(theta, shapes, active), problem.drives
         white = np.column_stack([rows.r, rows.psi])
-        if self.colour is not None:
-            both = np.column_stack([drive.walks, white])
-            both = self.colour.whiten(drive.stretches, both)[_telling(drive)]
-            walks, white = np.split(both, [drive.walks.shape[1]], axis=1)
-            Walk.of(walks).whiten_in_place(white)
+        if self.noise_model is not None:
+            both = np.column_stack([drive.input_noise_directions, white])
+            both = self.noise_model.whiten(drive.stretches, both)[_telling(drive)]
+            input_noise_directions, white = np.split(
+                both, [drive.input_noise_directions.shape[1]], axis=1
+            )
+            InputNoiseCovariance.of(input_noise_directions).whiten_in_place(white)
         white /= np.sqrt(heat)
         pull = np.zeros(len(theta))
         pull[self.nuisances] = (theta - self.centre)[self.nuisances]
         return Look(theta, white[:, 0], white[:, 1:], pull)
 
-    def _colour_of(self, problem: Problem, theta: Floats) -> Colour:
+    def _colour_of(self, problem: Problem, theta: Floats) -> NoiseModel:
         """That of the noise: of what no nuisance explains of a drive without a cause."""
         [drive], [rows] = problem.drives, problem.linearise(theta, NOMINAL)
-        return Colour.fit([drive.stretches], [np.clip(rows.r, -FAR, FAR)])
+        return NoiseModel.fit([drive.stretches], [np.clip(rows.r, -FAR, FAR)])
 
     # --- distances ---------------------------------------------------------------------------
 
@@ -339,7 +341,7 @@ class Oracle:
         return np.array(owners, np.int64)
 
 
-def _telling(drive: LinearDrive) -> NDArray[np.bool_]:
+def _telling(drive: LinearisedDrive) -> NDArray[np.bool_]:
     """Which readings tell of the clutch, shape (K,): all but speeds while it is locked, and those
     just after, when the straight lines between samples have yet to catch up with the kink."""
     free = drive.compiled.model.regime.index("free_running")

@@ -14,8 +14,8 @@ from statistic import interval, line, shown
 
 import clutchest
 from clutchest.estimate.drawn import draw
+from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.modes import MODE_NAMES, Mode, runs
-from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Belief, Compiled, compile_model, run
 from clutchest.models import card, model_for

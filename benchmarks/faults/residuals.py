@@ -18,7 +18,7 @@ from clutchest.diagnosis.faults import ModelFault
 from clutchest.diagnosis.sequential import debounced, peaks
 from clutchest.diagnosis.thresholds import (
     WINDOW,
-    Colour,
+    NoiseModel,
     cusum_path,
     from_path,
     glr_path,
@@ -66,7 +66,7 @@ def measured(records: Sequence[dict[str, np.ndarray]], k: int) -> dict[str, floa
 
 
 @dataclass(frozen=True)
-class Setting:
+class DriveSetup:
     """What the tests of one fault have in common: blocks ``per_hour``, false alarms ``per_block``,
     the information ``seen`` in each block, and the smallest ``size`` that matters, in units."""
 
@@ -79,7 +79,7 @@ class Setting:
     @classmethod
     def of(
         cls, records: Sequence[dict[str, np.ndarray]], fault: ModelFault, k: int, unit: float
-    ) -> Setting:
+    ) -> DriveSetup:
         """Of the ``k``-th fault in the records of whole drives."""
         per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
         seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
@@ -103,7 +103,7 @@ def rates(
 ) -> dict[str, Any]:
     """Thresholds as a monitor finds them, and how often a healthy truck exceeds them in so many
     drawn hours."""
-    rng, of = np.random.default_rng(seed), Setting.of(records, fault, k, unit)
+    rng, of = np.random.default_rng(seed), DriveSetup.of(records, fault, k, unit)
     tests: dict[str, Path_] = {
         "glr": lambda s, i: glr_path(s, i, of.low, 1.0, of.one_sided)[0],
         "cusum": lambda s, i: cusum_path(s, i, of.size, of.one_sided)[0],
@@ -114,7 +114,7 @@ def rates(
     enabled = float(np.mean(information > 1e-6))
     found: dict[str, Any] = {"drawn_hours": hours, "enabled_share": enabled}
     for name, test in tests.items():
-        h = threshold(test, of.seen, Colour(), of.per_block)
+        h = threshold(test, of.seen, NoiseModel(), of.per_block)
         count = len(peaks(test(score, information), h, WINDOW))
         expected = of.per_block * blocks
         found[name] = {
@@ -153,7 +153,7 @@ def delays(
     The oracle is Page's test with the true size and sign, its threshold found on draws of its own
     with whole drives' information, so that it alarms as seldom as the monitors do.
     """
-    rng, of = np.random.default_rng(seed), Setting.of(records, fault, k, unit)
+    rng, of = np.random.default_rng(seed), DriveSetup.of(records, fault, k, unit)
     rows, glr_at, plain_at = [], found["glr"]["threshold"], found["plain"]["threshold"]
     for fraction in FRACTIONS:
         b = min(fraction * of.size, 1.0)
@@ -161,7 +161,10 @@ def delays(
         healthy = np.sqrt(long) * rng.standard_normal(len(long))
         oracle = from_path(cusum_path(healthy, long, b, True)[0], of.per_block)
         known = threshold(
-            lambda s, i, b=b: cusum_path(s, i, b, of.one_sided)[0], of.seen, Colour(), of.per_block
+            lambda s, i, b=b: cusum_path(s, i, b, of.one_sided)[0],
+            of.seen,
+            NoiseModel(),
+            of.per_block,
         )
         taken: dict[str, list[float]] = {"glr": [], "cusum": [], "plain": [], "oracle": []}
         horizon = 4000

@@ -122,7 +122,7 @@ def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
 def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
     """The peer reads and decodes as above, then filters event by event with filterpy."""
     from clutchest.estimate.ekf import OnlineFilter
-    from clutchest.estimate.start import fresh
+    from clutchest.estimate.initial_state import fresh
     from clutchest.estimate.timeline import build
     from clutchest.estimate.whole_log import compile_model, delays
     from clutchest.models import model_for

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from clutchest.diagnosis.diagnose import diagnose
     from clutchest.diagnosis.result import Diagnosis
-    from clutchest.discovery.find import discover
+    from clutchest.discovery.discover import discover
     from clutchest.discovery.result import Discovery
     from clutchest.errors import ClutchestError
     from clutchest.estimate.replay import replay
@@ -43,7 +43,7 @@ _HOMES = {
     "Track": "clutchest.estimate.run",
     "Vehicle": "clutchest.vehicle",
     "diagnose": "clutchest.diagnosis.diagnose",
-    "discover": "clutchest.discovery.find",
+    "discover": "clutchest.discovery.discover",
     "load_vehicle": "clutchest.vehicle",
     "read_log": "clutchest.reading",
     "replay": "clutchest.estimate.replay",

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 from clutchest.errors import ClutchestError, nearest
 
 Floats = NDArray[np.float64]
@@ -75,15 +75,15 @@ class Signal:
         keep = self.valid
         return self if keep.all() else self.take(keep)
 
-    def stowed(self) -> Signal:
+    def mapped_to_disk(self) -> Signal:
         """The same signal, a long one in files."""
-        if self.time.nbytes < spilled.LEAST:
+        if self.time.nbytes < memory_mapped.LEAST:
             return self
         return replace(
             self,
-            time=spilled.stowed(self.time),
-            value=spilled.stowed(self.value),
-            why=spilled.stowed(self.why),
+            time=memory_mapped.mapped_to_disk(self.time),
+            value=memory_mapped.mapped_to_disk(self.value),
+            why=memory_mapped.mapped_to_disk(self.why),
         )
 
     def take(self, rows: Rows) -> Signal:

@@ -56,7 +56,7 @@ def search(monkeypatch):
 
     made = Search()
     # by sys.modules: the attribute of that name may be the function
-    monkeypatch.setattr(import_module("clutchest.discovery.find"), "discover", made)
+    monkeypatch.setattr(import_module("clutchest.discovery.discover"), "discover", made)
     return made
 
 

@@ -5,14 +5,14 @@ import pytest
 
 from clutchest.diagnosis.blocks import Blocks, pieces
 from clutchest.diagnosis.predicted import nuisances, predicted, since
-from clutchest.identify.problem import Theta
+from clutchest.inference.unknowns import Unknown
 
 THETAS = (
-    Theta("parameter", "heat_capacity_body", 1.0),
-    Theta("parameter", "kiss_point", 1.0),
-    Theta("start", "friction", 0.02, drive=0),
-    Theta("friction_level", "change", 0.5, gain=True),
-    Theta("torque_gain", "change", 0.3, gain=True),
+    Unknown("parameter", "heat_capacity_body", 1.0),
+    Unknown("parameter", "kiss_point", 1.0),
+    Unknown("start", "friction", 0.02, drive=0),
+    Unknown("friction_level", "change", 0.5, gain=True),
+    Unknown("torque_gain", "change", 0.3, gain=True),
 )
 FAULTS = (3, 4)
 
@@ -73,7 +73,7 @@ def test_healthy_residuals_are_white_and_of_variance_one():
 
 
 def test_a_healthy_clutch_may_wear():
-    thetas = (*THETAS, Theta("wear", "rate", 0.5, gain=True, healthy=0.1))
+    thetas = (*THETAS, Unknown("wear", "rate", 0.5, gain=True, healthy=0.1))
     blocks = Blocks(thetas, np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros((0, 7, 7)))
     free, variance, walk = nuisances(blocks)
     assert free.tolist() == [0, 1, 2, 5]

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from clutchest.diagnosis import sequential, thresholds
-from clutchest.diagnosis.thresholds import Colour, cusum_path, drawn, glr_path, threshold
+from clutchest.diagnosis.thresholds import Autoregression, cusum_path, drawn, glr_path, threshold
 
 
 def average_run_length(delta, bound, cells=400):
@@ -26,13 +26,13 @@ def average_run_length(delta, bound, cells=400):
 def test_a_cusum_alarms_as_seldom_as_asked_for(delta):
     rate = 4e-4
     h = threshold(
-        lambda s, i: cusum_path(s, i, 1.0, True)[0], np.full(100, delta**2), Colour(), rate
+        lambda s, i: cusum_path(s, i, 1.0, True)[0], np.full(100, delta**2), Autoregression(), rate
     )
     assert 1 / rate == pytest.approx(average_run_length(delta, h), rel=0.25)
 
 
-@pytest.mark.parametrize("colour", [Colour(), Colour(1.1, 0.3)])
-def test_a_rate_holds_on_draws_that_made_no_threshold(colour):
+@pytest.mark.parametrize("noise_model", [Autoregression(), Autoregression(1.1, 0.3)])
+def test_a_rate_holds_on_draws_that_made_no_threshold(noise_model):
     rng = np.random.default_rng(7)
     information = rng.exponential(0.5, 300)
     rate = 2e-5
@@ -40,9 +40,9 @@ def test_a_rate_holds_on_draws_that_made_no_threshold(colour):
     def test(score, told):
         return glr_path(score, told, 0.1, 3.0)[0]
 
-    h = threshold(test, information, colour, rate)
+    h = threshold(test, information, noise_model, rate)
     blocks = 2_000_000
-    path = test(*drawn(information, colour, blocks, np.random.default_rng(11)))
+    path = test(*drawn(information, noise_model, blocks, np.random.default_rng(11)))
     count = len(sequential.peaks(path, h, thresholds.WINDOW))
     assert 0.5 < count / (rate * blocks) < 2.0  # 40 expected
 
@@ -52,11 +52,11 @@ def test_colour_is_measured_and_a_fault_does_not_count():
     z = rng.standard_normal(4000)
     for k in range(1, len(z)):
         z[k] = 0.4 * z[k - 1] + np.sqrt(1 - 0.16) * z[k]
-    found = Colour.of(1.3 * z)
+    found = Autoregression.of(1.3 * z)
     assert found.level == pytest.approx(1.3, abs=0.07)
     assert found.memory == pytest.approx(0.4, abs=0.06)
     z[2000:2200] += 8.0
-    assert Colour.of(1.3 * z).level == pytest.approx(found.level, abs=0.1)
+    assert Autoregression.of(1.3 * z).level == pytest.approx(found.level, abs=0.1)
 
 
 def brute_glr(score, information, low, high, k):

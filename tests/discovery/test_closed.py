@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import clutchest
-from clutchest.discovery.drivers import at_rest, drivers
-from clutchest.discovery.find import discover
-from clutchest.identify.problem import Problem
+from clutchest.discovery.covariates import at_rest, drivers
+from clutchest.discovery.discover import discover
+from clutchest.inference.unknowns import Problem
 
 TRUCK = clutchest.load_vehicle("truck")
 

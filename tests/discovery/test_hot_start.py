@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import clutchest
-from clutchest.discovery.find import discover
+from clutchest.discovery.discover import discover
 from clutchest.discovery.search import ODD, WARM, Search
-from clutchest.identify.problem import Problem
+from clutchest.inference.unknowns import Problem
 from clutchest.models.effects import library
 
 TRUCK = clutchest.load_vehicle("truck")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from clutchest.discovery import patch
-from clutchest.discovery.leftover import Curve
+from clutchest.discovery.residual_curves import Curve
 from clutchest.models.dry_clutch import DRY_CLUTCH
 from clutchest.models.effects import Effect, effects_of_file
 from clutchest.vehicle import load_vehicle
@@ -32,7 +32,7 @@ def written(folder: Path, curve: Curve) -> Effect:
     ("position", "value"), [(37.0, 0.0), (41.0, 0.75), (45.0, -0.5), (52.0, 2.0)]
 )
 def test_a_reading_is_corrected_by_what_goes_with_the_reading_itself(tmp_path, position, value):
-    curve = replace(FOUND, flaw="sensor:slave_position", equation="sensor:slave_position")
+    curve = replace(FOUND, error_term="sensor:slave_position", equation="sensor:slave_position")
     model = DRY_CLUTCH.with_effects((written(tmp_path, curve),))
     values = {name: 1.0 for group in argument_names(model) for name in group}
     values |= {"slave_position": position, "patch.size": 0.5}
@@ -70,7 +70,7 @@ def test_a_peak_is_kept(tmp_path):
 def test_what_the_equations_cannot_see_has_no_text():
     assert patch.written(replace(FOUND, driver="position_rate"), DRY_CLUTCH) is None
     # the clutch's torque is known only after the report that its error would change
-    late = replace(FOUND, flaw="sensor:engine_torque", driver="clutch_torque")
+    late = replace(FOUND, error_term="sensor:engine_torque", driver="clutch_torque")
     assert patch.written(late, DRY_CLUTCH) is None
 
 
@@ -95,7 +95,10 @@ def test_what_a_curve_may_be_off_by_goes_with_it(tmp_path):
     assert made.effects == {"patch": {"size": 1.0, "bend_1": 0.0, "bend_2": 0.0}}
     assert made.spread == {"patch": {"bend_1": 1.0, "bend_2": 1.0}}
     clock = replace(
-        FOUND, flaw="timing:engine_torque", equation="timing:engine_torque", driver="engine_speed"
+        FOUND,
+        error_term="timing:engine_torque",
+        equation="timing:engine_torque",
+        driver="engine_speed",
     )
     late = patch.written(clock, DRY_CLUTCH, ["patch", "patch_bend_1"])
     assert late is not None

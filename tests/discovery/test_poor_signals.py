@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import clutchest
-from clutchest.discovery.find import discover
+from clutchest.discovery.discover import discover
 from clutchest.record.discovery import title
 
 TRUCK = clutchest.load_vehicle("truck")

@@ -10,11 +10,11 @@ import pytest
 from scipy.stats import binomtest, chi2
 
 import clutchest
-from clutchest.discovery import find
+from clutchest.discovery import discover as discovering
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
-from clutchest.discovery.shapes import refine
+from clutchest.discovery.shape_profile import refine
 from clutchest.discovery.verdict import Judged
-from clutchest.identify.problem import Problem
+from clutchest.inference.unknowns import Problem
 from clutchest.models.effects import library
 from clutchest.signals import Floats
 
@@ -220,12 +220,12 @@ def test_two_numbers_of_one_effect_act_together_and_a_sensor_may_do_for_one_of_t
         assert abs(value - {"amount": 1.2, "rate": 0.2}[c.gain.key]) < 3.0 * std
     for order in (sets, sets[::-1]):  # whichever is the likelier
         judged = Judged(order[0], order[1:], [], 0.0, refine(search), [], False, [])
-        causes = find._Finding._causes(None, search, judged)  # type: ignore[arg-type]
+        causes = discovering._Finding._causes(None, search, judged)  # type: ignore[arg-type]
         assert {c.effect for c in causes} == {"wear", "position_offset"}
         told = {(c.effect, key): f for c in causes for key, f in c.parameters.items()}
-        words = find._sentence("ambiguous", judged, told, None, True)
+        words = discovering._sentence("ambiguous", judged, told, None, True)
         assert words.startswith("The model lacks one of: wear (") and words.count("amount = ") == 1
-        first = find._sizes(order[0], told)
+        first = discovering._sizes(order[0], told)
         assert {(name, key) for name, numbers in first.items() for key in numbers} == {
             (c.name, c.gain.key) for c in order[0].chosen
         }

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from clutchest.compute.forward import forward
 from clutchest.estimate.drawn import draw
+from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
-from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import build
 from clutchest.estimate.whole_log import compile_model, run
 from clutchest.models import model_for

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.estimate import start, timeline, whole_log
+from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, Filtered
 from clutchest.models import model_for
@@ -32,7 +32,7 @@ def whole(compiled: Compiled, filtered: Filtered) -> None:
 def made(signals: Signals) -> tuple[Compiled, Timeline, Belief]:
     compiled = whole_log.compile_model(TRUCK, model_for(TRUCK.model, set(signals)))
     line = timeline.build(signals, TRUCK, compiled.model, 10.0, {})
-    return compiled, line, start.fresh(TRUCK, compiled, line)
+    return compiled, line, initial_state.fresh(TRUCK, compiled, line)
 
 
 @pytest.mark.slow

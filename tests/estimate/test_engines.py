@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench import BENCHES, Bench
-from clutchest.estimate import start, timeline, whole_log
+from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.modes import Mode
 from clutchest.estimate.whole_log import Compiled
@@ -25,7 +25,7 @@ def compare(compiled: Compiled, bench: Bench, signals: Signals) -> None:
     """|Δx_i| ≤ 1e-9 max(|x_i|, σ_i), |ΔP_ij| ≤ 1e-9 σ_i σ_j at every event."""
     line = timeline.build(signals, bench.vehicle, compiled.model, 10.0, {})
     line = replace(line, emit=np.arange(len(line.t)))
-    belief = start.fresh(bench.vehicle, compiled, line)
+    belief = initial_state.fresh(bench.vehicle, compiled, line)
     ours = whole_log.run(compiled, line, belief, with_signature=False)
     xs, Ps, total = OnlineFilter(compiled, belief, line).run()
     std = np.sqrt(np.einsum("kii->ki", Ps))
@@ -43,7 +43,7 @@ def test_engines_agree_on_what_parameters_may_do(bench: BenchOf) -> None:
     assert np.count_nonzero(compiled.spread) > 10
     line = timeline.build(noisy(made), vehicle, compiled.model, 10.0, {})
     line = replace(line, emit=np.arange(len(line.t)))
-    belief = start.fresh(vehicle, compiled, line)
+    belief = initial_state.fresh(vehicle, compiled, line)
     ours = whole_log.run(compiled, line, belief, consider=True)
     xs, Ps, total = OnlineFilter(compiled, belief, line, consider=True).run()
     n = len(belief.x)

@@ -15,8 +15,8 @@ from scipy.stats import chi2
 import clutchest
 from clutchest.compute import build
 from clutchest.estimate import drawn, smooth, timeline, whole_log
+from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.smooth import Smoothed, smoothed
-from clutchest.estimate.start import fresh
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models import model_for

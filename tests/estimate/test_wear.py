@@ -10,7 +10,7 @@ import pytest
 
 import clutchest
 from clutchest.errors import ClutchestError
-from clutchest.estimate.start import carried_on, fresh
+from clutchest.estimate.initial_state import carried_on, fresh
 from clutchest.estimate.timeline import build
 from clutchest.estimate.wear import remaining_energy
 from clutchest.estimate.whole_log import compile_model

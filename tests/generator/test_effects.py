@@ -171,7 +171,7 @@ def test_hysteresis_is_a_play(bench):
 
 
 def test_every_effect_has_been_looked_at():
-    elsewhere = {
+    multistart = {
         "heat_split",
         "wear",
         "position_offset",
@@ -182,8 +182,8 @@ def test_every_effect_has_been_looked_at():
         "position_delay",
         "position_hysteresis",
     }
-    assert set(ON_THE_BENCH) | elsewhere == set(EFFECTS)
-    assert not set(ON_THE_BENCH) & elsewhere
+    assert set(ON_THE_BENCH) | multistart == set(EFFECTS)
+    assert not set(ON_THE_BENCH) & multistart
 
 
 def test_effects_at_gain_zero_are_absent():

@@ -76,14 +76,14 @@ def test_truth_follows_the_disturbances_and_the_effects(truck):
     plain = simulate(truck, "launches", 3, duration=60.0, nominal=True)
     around = surroundings(3, 60.0, Disturbances.of(WANDERING))
     truth, late = drive.truth, 60.0 - drive.truth.time[-1]
-    walks = [
+    input_noise_directions = [
         np.interp(truth.time + late, around.time, column)
         for column in (around.friction, around.torque_bias)
     ]
     c = truth.columns
     assert np.ptp(c["friction"]) > 0.01 and np.ptp(c["torque_bias"]) > 2
-    np.testing.assert_allclose(c["friction"], 0.8 * walks[0], atol=2e-4)
-    np.testing.assert_allclose(c["torque_bias"], 40.0 + walks[1], atol=0.2)
+    np.testing.assert_allclose(c["friction"], 0.8 * input_noise_directions[0], atol=2e-4)
+    np.testing.assert_allclose(c["torque_bias"], 40.0 + input_noise_directions[1], atol=0.2)
     np.testing.assert_allclose(
         c["zero_position"], 38.4 - 0.1 - 0.5e-6 * c["slip_energy"], atol=1e-9
     )

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from clutchest.identify.likelihood import widened
-from clutchest.identify.maximum import Look
-from clutchest.identify.problem import Problem
+from clutchest.inference.map_fit import Look
+from clutchest.inference.unknowns import Problem
 
 BLOCKS, LENGTH = 200, 25
 

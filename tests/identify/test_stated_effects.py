@@ -12,8 +12,8 @@ import pytest
 import clutchest
 from clutchest.diagnosis.predicted import nuisances
 from clutchest.estimate.whole_log import compile_model
-from clutchest.identify.maximum import Fitter
-from clutchest.identify.problem import Problem
+from clutchest.inference.map_fit import Fitter
+from clutchest.inference.unknowns import Problem
 from clutchest.models import model_for
 from clutchest.models.effects import library
 from clutchest.signals import Signal, Signals

@@ -15,7 +15,7 @@ from bench import BENCHES, Bench
 from clutchest.compute.step import heun
 from clutchest.estimate import whole_log
 from clutchest.estimate.timeline import Timeline
-from clutchest.models import _MODELS, effects, flaws_of
+from clutchest.models import _MODELS, effects, error_terms_of
 from clutchest.models.effects import Effect, Number, library
 from clutchest.models.model import Model
 from equations import argument_names, draw, vector
@@ -77,7 +77,7 @@ def test_an_effect_says_what_it_is(model: str, name: str, bench: BenchOf) -> Non
     assert all(f"``{number.key}``" in equation for number in effect.parameters)
     columns = set(bench(model).plausible.inputs) | {s.name for s in bench(model).model.sensors}
     kind, _, column = effect.equation.partition(":")
-    equations = {flaw.equation for flaw in flaws_of(model).values()}
+    equations = {error_term.equation for error_term in error_terms_of(model).values()}
     assert effect.equation in equations or (kind in ("sensor", "timing") and column in columns)
     assert effect.gains
     for number in effect.parameters:

@@ -12,9 +12,9 @@ import pytest
 
 from clutchest.can import files
 from clutchest.can.files import write_frames
+from clutchest.can.frame_filter import Sieve
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.readers import stream
-from clutchest.can.sieve import Sieve
 from clutchest.cli import app
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log

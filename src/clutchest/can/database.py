@@ -123,7 +123,7 @@ def load(paths: Sequence[Path]) -> Database:
 
 
 def _load_one(path: Path, warnings: list[str]) -> list[Message]:
-    from clutchest.can.known_layouts import recalled, remember
+    from clutchest.can.layout_cache import recalled, remember
 
     try:
         content = path.read_bytes()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 
 
 class Flag(IntFlag):
@@ -85,7 +85,7 @@ class Frames:
 
     def steps(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
         """From each frame to the next, ns, a portion at a time, each with its first row."""
-        for rows in spilled.portions(len(self) - 1):
+        for rows in memory_mapped.portions(len(self) - 1):
             yield rows.start, np.diff(self.t_ns[rows.start : rows.stop + 1])
 
     def sorted(self) -> Frames:
@@ -118,7 +118,7 @@ class Frames:
         }
         for name in list(given):
             columns = given.pop(name)
-            whole[name] = columns[0] if len(columns) == 1 else spilled.concatenated(columns)
+            whole[name] = columns[0] if len(columns) == 1 else memory_mapped.concatenated(columns)
         return cls(**whole)
 
 

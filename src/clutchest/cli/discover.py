@@ -52,15 +52,15 @@ def discover(
         show("loading", None)
         from rich.console import Console
 
-        from clutchest.discovery.find import discover as search
-        from clutchest.discovery.suspicions import suspicions
+        from clutchest.discovery.discover import discover as search
+        from clutchest.discovery.user_effects import user_effects
         from clutchest.reading import read_log
         from clutchest.record.discovery import may_hold, write_discovery
         from clutchest.record.discovery_terminal import print_discovery, print_identifiable
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)
-        suspicions(effects or (), car)  # a slip of the pen shows now, not when the logs are read
+        user_effects(effects or (), car)  # a slip of the pen shows now, not when the logs are read
         may_hold(out, car)
         apart(logs, holdout or ())
         show("reading", None)

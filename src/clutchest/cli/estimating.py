@@ -28,8 +28,8 @@ def estimated(
     Raises ClutchestError that names the file in which something is wrong.
     """
     from clutchest.errors import ClutchestError
+    from clutchest.estimate.initial_state import StateError
     from clutchest.estimate.replay import replay
-    from clutchest.estimate.start import StateError
     from clutchest.reading import read_log
     from clutchest.reading.window import Window
     from clutchest.record.files import read_state

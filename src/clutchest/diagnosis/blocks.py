@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.colour import Colour
-from clutchest.identify.linearised import LinearDrive
-from clutchest.identify.maximum import Fitter
-from clutchest.identify.problem import Problem, Rows, Theta
+from clutchest.inference.linearisation import LinearisedDrive
+from clutchest.inference.map_fit import Fitter
+from clutchest.inference.noise_model import NoiseModel
+from clutchest.inference.unknowns import Problem, Rows, Unknown
 from clutchest.models.effects import Effect
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
@@ -38,7 +38,7 @@ class Blocks:
     in its unit.
     """
 
-    thetas: tuple[Theta, ...]
+    thetas: tuple[Unknown, ...]
     begin: Floats
     end: Floats
     count: NDArray[np.int64]
@@ -90,13 +90,13 @@ def blocks_of(
     return _blocks(drive, thetas, rows)
 
 
-def _blocks(drive: LinearDrive, thetas: tuple[Theta, ...], rows: Rows) -> Blocks:
+def _blocks(drive: LinearisedDrive, thetas: tuple[Unknown, ...], rows: Rows) -> Blocks:
     which = pieces(drive.t)
     stretches = drive.stretches
     rest, level = _local(rows, which)
-    colour = Colour.fit([stretches], [rest * level])
-    near = np.abs(colour.whiten(stretches, rest)) < FAR
-    white = colour.whiten(stretches, rows.table) * near[:, None]
+    noise_model = NoiseModel.fit([stretches], [rest * level])
+    near = np.abs(noise_model.whiten(stretches, rest)) < FAR
+    white = noise_model.whiten(stretches, rows.table) * near[:, None]
     order = np.argsort(which, kind="stable")
     edges = np.searchsorted(which[order], np.arange(which.max() + 2))
     gram, begin, end = [], [], []

@@ -21,7 +21,7 @@ from scipy.stats import chi2, norm
 from clutchest.diagnosis.blocks import Blocks
 from clutchest.diagnosis.faults import ModelFault
 from clutchest.diagnosis.predicted import Predicted, predicted, since
-from clutchest.diagnosis.thresholds import Colour, glr_path, threshold
+from clutchest.diagnosis.thresholds import Autoregression, glr_path, threshold
 from clutchest.signals import Floats
 
 SHORTEST = 0.25  # h; a shorter drive counts as this long
@@ -72,7 +72,7 @@ class Watched:
     residuals: Predicted
     columns: tuple[int, ...]
     faults: tuple[Judged, ...]
-    colour: Colour
+    noise_model: Autoregression
     hours: float
     misfit: Floats
     misfit_at: float
@@ -91,13 +91,13 @@ def watch(
     columns = tuple(blocks.index(f.make().name, f.key) for f in faults)
     if not len(blocks):
         nothing = predicted(blocks, columns)
-        return Watched(blocks, nothing, columns, (), Colour(), hours, np.zeros(0), np.inf)
+        return Watched(blocks, nothing, columns, (), Autoregression(), hours, np.zeros(0), np.inf)
     residuals = predicted(blocks, columns)
     whole = since(blocks, columns, residuals.before, 0, len(blocks))
     told = residuals.information
     seen = told.max(axis=1) > 0.0
     best = np.argmax(told / np.maximum(told.max(axis=0), 1e-12), axis=1)
-    colour = Colour.of(residuals.z[np.arange(len(blocks)), best][seen])
+    noise_model = Autoregression.of(residuals.z[np.arange(len(blocks)), best][seen])
     hours = max(hours, SHORTEST)
     chance = per_1000h / 2.0 * hours / 1000.0
     found = [
@@ -108,14 +108,14 @@ def watch(
             whole.score[:, i],
             whole.information[:, i, i],
             blocks.thetas[columns[i]].unit,
-            colour,
+            noise_model,
             chance,
         )
         for i, fault in enumerate(faults)
     ]
     misfit_at = log(len(blocks) / (2.0 * chance))
-    misfit = -chi2.logsf(residuals.surprise / colour.level**2, residuals.count) / misfit_at
-    return Watched(blocks, residuals, columns, tuple(found), colour, hours, misfit, misfit_at)
+    misfit = -chi2.logsf(residuals.surprise / noise_model.level**2, residuals.count) / misfit_at
+    return Watched(blocks, residuals, columns, tuple(found), noise_model, hours, misfit, misfit_at)
 
 
 def _judged(
@@ -125,21 +125,21 @@ def _judged(
     score: Floats,
     whole: Floats,
     unit: float,
-    colour: Colour,
+    noise_model: Autoregression,
     chance: float,
 ) -> Judged:
     number = fault.number
     low, one_sided = LEAST * fault.size / unit, number.one_sided
     begins_at = (
         threshold(
-            lambda s, i: glr_path(s, i, low, 1.0, one_sided)[0], told, colour, chance / len(z)
+            lambda s, i: glr_path(s, i, low, 1.0, one_sided)[0], told, noise_model, chance / len(z)
         )
         if told.max() > 0.0
         else np.inf
     )
     begins, onset = glr_path(z * np.sqrt(told), told, low, 1.0, one_sided)
     was_at = log(1.0 / chance)
-    ratio = _mixture(score / colour.level, whole, one_sided)
+    ratio = _mixture(score / noise_model.level, whole, one_sided)
     # a fault of size b shows in half of such drives where b² · information reaches this
     needed = float(np.sqrt(2.0 * min(begins_at, was_at + log(2.0))))
     d_prime = float(np.sqrt(max(whole[-1], 0.0)))

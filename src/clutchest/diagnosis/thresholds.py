@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from clutchest.diagnosis.sequential import cusum, glr, peaks
-from clutchest.identify.colour import median_std
+from clutchest.inference.noise_model import median_std
 from clutchest.signals import Floats
 
 DRAWN = 800_000  # blocks
@@ -29,7 +29,7 @@ SHRUNK = 300  # blocks that stand for "white and of variance 1", as the equation
 
 
 @dataclass(frozen=True, slots=True)
-class Colour:
+class Autoregression:
     """How residuals depart from white ones of variance 1: ``level`` their standard deviation (at
     least 1), ``memory`` the correlation of one with the next (at least 0)."""
 
@@ -37,7 +37,7 @@ class Colour:
     memory: float = 0.0
 
     @classmethod
-    def of(cls, z: Floats) -> Colour:
+    def of(cls, z: Floats) -> Autoregression:
         """From residuals (n) by their median size and by how often neighbours agree in sign: what
         few faulty ones among them do does not count."""
         if len(z) < FEW:
@@ -79,7 +79,7 @@ def cusum_path(
 
 
 def drawn(
-    information: Floats, colour: Colour, blocks: int, rng: np.random.Generator
+    information: Floats, noise_model: Autoregression, blocks: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Scores and information (blocks) of a healthy vehicle: stretches of what was measured, and
     normal residuals of this colour."""
@@ -88,9 +88,9 @@ def drawn(
     rows = (firsts[:, None] + np.arange(length)).reshape(-1)[:blocks] % len(information)
     told = information[rows]
     z = rng.standard_normal(blocks)
-    if colour.memory > 0.0:
-        _remember(z, colour.memory)
-    return colour.level * z * np.sqrt(told), told
+    if noise_model.memory > 0.0:
+        _remember(z, noise_model.memory)
+    return noise_model.level * z * np.sqrt(told), told
 
 
 @njit(cache=True)
@@ -101,11 +101,11 @@ def _remember(z, memory):  # type: ignore[no-untyped-def]
 
 
 def threshold(
-    test: Test, information: Floats, colour: Colour, per_block: float, seed: int = 1
+    test: Test, information: Floats, noise_model: Autoregression, per_block: float, seed: int = 1
 ) -> float:
     """What ``test`` exceeds ``per_block`` times a block in a healthy vehicle."""
     rng = np.random.default_rng(seed)
-    path = test(*drawn(information, colour, DRAWN, rng))
+    path = test(*drawn(information, noise_model, DRAWN, rng))
     return from_path(path, per_block)
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
-from clutchest.discovery.probes import PREFIX
-from clutchest.identify.problem import Problem
+from clutchest.discovery.error_term_effects import PREFIX
+from clutchest.inference.unknowns import Problem
 from clutchest.models.effects import Effect, Number
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from clutchest.discovery import patch
-from clutchest.discovery.leftover import Curve
+from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Found
 from clutchest.discovery.search import Hypothesis, Search
-from clutchest.identify.problem import Problem
+from clutchest.inference.unknowns import Problem
 from clutchest.models.effects import effects_of_file, library
 from clutchest.vehicle import Vehicle
 

@@ -8,15 +8,15 @@ import numpy as np
 
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.result import Identifiable
-from clutchest.discovery.score import Board
-from clutchest.identify.problem import Problem
+from clutchest.inference.score_test import ScoreTest
+from clutchest.inference.unknowns import Problem
 from clutchest.models import card, model_for
 from clutchest.models.effects import Effect
 from clutchest.signals import Floats
 
 
 def identifiability(
-    causes: Sequence[Candidate], units: Floats, scores: Board, level: float
+    causes: Sequence[Candidate], units: Floats, scores: ScoreTest, level: float
 ) -> tuple[Identifiable, ...]:
     """For each effect: the size found in half of such logs at the family-wise ``level``, and the
     effect that could best pass for it."""
@@ -68,7 +68,7 @@ def untried(problem: Problem, effects: Sequence[Effect]) -> list[str]:
     return words
 
 
-def distance(scores: Board, i: int, size: float, k: int) -> float:
+def distance(scores: ScoreTest, i: int, size: float, k: int) -> float:
     """How far cause ``i`` of ``size`` lies from the best that cause ``k`` can do for it within its
     plausible sizes, in standard deviations."""
     J = scores.information

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.discovery.drivers import drivers
+from clutchest.discovery.covariates import drivers
 from clutchest.discovery.result import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
 from clutchest.estimate.modes import MODE_NAMES
-from clutchest.identify.maximum import Fitter, Look
-from clutchest.identify.problem import Problem
+from clutchest.inference.map_fit import Fitter, Look
+from clutchest.inference.unknowns import Problem
 
 BINS = 8
 FEWEST = 40  # readings in a mode that are worth a picture

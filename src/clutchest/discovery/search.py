@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from clutchest.discovery.candidates import Candidate, candidates, settings
-from clutchest.discovery.score import ABSENT, Board, board, cleared
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.homeward import homeward
-from clutchest.identify.maximum import SAME, Fitter, Look
-from clutchest.identify.problem import Problem
+from clutchest.inference.continuation import continue_towards_prior
+from clutchest.inference.map_fit import SAME, Fitter, Look
+from clutchest.inference.score_test import ABSENT, ScoreTest, cleared, score_test
+from clutchest.inference.unknowns import Problem
 from clutchest.signals import Floats
 
 LEVEL = 0.0085  # family-wise chance of a false finding; the rest to 1 % is for what has no name
@@ -69,7 +69,7 @@ class Search:
     fitter: Fitter
     all: tuple[Candidate, ...]
     null: Hypothesis
-    first: Board
+    first: ScoreTest
     best: Hypothesis
     running: NDArray[np.int64]
     rivals: list[Hypothesis] = field(default_factory=list)
@@ -114,16 +114,16 @@ class Search:
             del shaped  # before the next one is made
         return found
 
-    def scores(self, base: Hypothesis, wanted: Sequence[Candidate], seed: int) -> Board:
+    def scores(self, base: Hypothesis, wanted: Sequence[Candidate], seed: int) -> ScoreTest:
         """Scores of ``wanted`` beside the causes in ``base``."""
         look = self.fitter.arrive(base.look.theta, base.look.shapes)
         return self.scored(replace(base, look=look), wanted, self.columns(look, wanted), seed)
 
     def scored(
         self, base: Hypothesis, wanted: Sequence[Candidate], columns: Floats, seed: int
-    ) -> Board:
+    ) -> ScoreTest:
         """The same where derivatives ``columns`` (K, C) of the innovations are known."""
-        return board(
+        return score_test(
             base.look,
             self.free(base.chosen),
             self.fitter.prior,
@@ -143,7 +143,7 @@ class Search:
         bent = begin.theta.copy()
         bent[[i for i in self.problem.gains if i not in kept]] = 0.0
         best = self.fitter.improve(self.fitter.arrive(bent, shapes, free), free)
-        return Hypothesis(chosen, homeward(self.fitter, best, free))
+        return Hypothesis(chosen, continue_towards_prior(self.fitter, best, free))
 
     def released(self, h: Hypothesis) -> Hypothesis:
         """A hypothesis with a look that is not bare, and sizes that need not be plausible: that

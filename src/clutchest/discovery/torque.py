@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.identify.linearised import LinearDrive
-from clutchest.identify.maximum import Look
-from clutchest.identify.problem import Problem
-from clutchest.identify.sliding import while_sliding
+from clutchest.inference.linearisation import LinearisedDrive
+from clutchest.inference.map_fit import Look
+from clutchest.inference.unknowns import Problem
+from clutchest.inference.while_sliding import while_sliding
 from clutchest.signals import Floats
 
 NAMES = ("measured_torque", "clutch_torque")
@@ -27,7 +27,7 @@ def torques(problem: Problem, look: Look) -> list[Torques]:
     return [_of_drive(problem, look, drive) for drive in problem.drives]
 
 
-def _of_drive(problem: Problem, look: Look, own: LinearDrive) -> Torques:
+def _of_drive(problem: Problem, look: Look, own: LinearisedDrive) -> Torques:
     p, g, _ = problem.numbers(look.theta, look.shapes)
     nominal = problem.compiled.p  # what was measured does not change with what is believed
     off = np.zeros_like(g)

@@ -6,14 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp
 
-from clutchest.discovery.beyond import cause_beyond, model_beyond
-from clutchest.discovery.gain import on_another
-from clutchest.discovery.leftover import Curve, curves
+from clutchest.discovery.alternative_modes import (
+    cause_in_alternative_mode,
+    model_in_alternative_mode,
+)
+from clutchest.discovery.holdout_gain import on_another
+from clutchest.discovery.residual_curves import Curve, curves
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import MOST, Hypothesis, Search
-from clutchest.discovery.shapes import Spread, refine
+from clutchest.discovery.shape_profile import Spread, refine
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.problem import Problem
+from clutchest.inference.unknowns import Problem
 
 # Family-wise chance that noise is taken for a cause without a name; several times as much in truth,
 # as curves follow small errors of integration and of time stamps too (of 93 drives in which nothing
@@ -62,15 +65,15 @@ class Judged:
 def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> Judged:
     """Search, and say what stands; ``other``: drives that may take doubtful causes back."""
     errors = _left_over(search, search.null)
-    if _significant(errors) and model_beyond(search):
+    if _significant(errors) and model_in_alternative_mode(search):
         errors = _left_over(search, search.null)
     search.run(progress)
     for _ in range(MOST):  # a place that was left must not be come back to for ever
-        if not cause_beyond(search):
+        if not cause_in_alternative_mode(search):
             break
         search.run(progress)
         errors = _left_over(search, search.null)
-    dropped = weeded(search, other) if other else []
+    dropped = backward_eliminated(search, other) if other else []
     spreads, tied, left = refine(search), search.tied(), errors
     lost = [h for h in search.rivals if h not in tied]
     limit = search.best.cost
@@ -86,7 +89,7 @@ def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> J
     return Judged(search.best, tied, lost, limit, spreads, errors, unnamed, dropped)
 
 
-def weeded(search: Search, other: HeldOut) -> list[str]:
+def backward_eliminated(search: Search, other: HeldOut) -> list[str]:
     """Take back causes that might be noise beside others, and that the drives held out do not
     bear out: names."""
     dropped, borne_out = list[str](), set[int]()
@@ -109,7 +112,7 @@ def weeded(search: Search, other: HeldOut) -> list[str]:
     return dropped
 
 
-def gainsaid(search: Search, judged: Judged, gained: Gain) -> bool:
+def rejected_by_holdout(search: Search, judged: Judged, gained: Gain) -> bool:
     """Whether a finding might be noise and is none when what other drives ``gained`` counts as
     well."""
     more = 2.0 * gained.total

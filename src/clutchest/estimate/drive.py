@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.estimate.clocks import Clocks
-from clutchest.estimate.habits import Habit
+from clutchest.estimate.delay_equalisation import Clocks
+from clutchest.estimate.drive_setup import DriveSetup, held_on
+from clutchest.estimate.initial_state import History, carried_on, fresh, leave
 from clutchest.estimate.modes import Mode
 from clutchest.estimate.run import Engagement, Track
+from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.estimate.samples import APART, Told, slope_count
-from clutchest.estimate.setting import Setting, held_on
-from clutchest.estimate.start import History, carried_on, fresh, leave
 from clutchest.estimate.timeline import (
     Assembled,
     Stretch,
@@ -81,7 +81,7 @@ class Drive:
         self.vehicle, self.start_ns, self.state = vehicle, start_ns, state
         model = model_for(vehicle.model, set(names))
         self.compiled: Compiled = compile_model(vehicle, model, progress=progress)
-        self.setting = Setting(vehicle, self.compiled.model, rate, delays(vehicle))
+        self.setting = DriveSetup(vehicle, self.compiled.model, rate, delays(vehicle))
         self.thresholds = self.setting.thresholds
         self.clocks = Clocks(vehicle)
         self.samples: dict[str, Signal] = {}
@@ -89,7 +89,7 @@ class Drive:
         self.lags: dict[str, int] = {}  # how many samples beyond must come
         self.times: dict[str, Floats] = {}  # when they came
         self.worth = -np.inf  # s; before, nothing new is certain
-        self.habits: dict[str, Habit] = {}
+        self.timings: dict[str, SampleTiming] = {}
         self.belief: Belief | None = None
         self.gained = np.zeros((2, len(self.compiled.model.states)))
         self.told: Floats | float = 0.0  # what measurements told up to the last row
@@ -115,7 +115,7 @@ class Drive:
             if name in self.samples:
                 self.samples[name] = self.samples[name].then(valid)
             elif begins and len(valid):
-                self.samples[name], self.habits[name] = valid, Habit.of(valid)
+                self.samples[name], self.timings[name] = valid, SampleTiming.of(valid)
             self.unseen.setdefault(name, []).append(signal)
         if not last and not self._may_tell(settled):
             return None
@@ -128,7 +128,7 @@ class Drive:
         if self.belief is None:
             self.begin = max(0.0, min(float(s.time[0]) for s in present.values()))
         since = max(self.begin, self.done - self.back)
-        found = assemble(self.setting, present, self.habits, Stretch(since, end, self.averaged))
+        found = assemble(self.setting, present, self.timings, Stretch(since, end, self.averaged))
         before = self._certain(found, known, last)
         line = _cut(found.line, self.done, before)
         if line is None:
@@ -157,7 +157,7 @@ class Drive:
             + self.thresholds.ahead
             + max(
                 (
-                    lag * self.habits[name].period + self.setting.late(name)
+                    lag * self.timings[name].period + self.setting.late(name)
                     for name, lag in self.lags.items()
                 ),
                 default=0.0,
@@ -172,11 +172,11 @@ class Drive:
         model, present = self.setting.model, {}
         late = {name: self.setting.late(name) for name in self.samples}
         known = min(settled.values()) - max(late.values())
-        sources = {of: slope_count(self.habits[of].period) for of in model.slopes.values()}
+        sources = {of: slope_count(self.timings[of].period) for of in model.slopes.values()}
         needed = self.setting.needed(self.samples)
         self.lags, self.times = {}, {}
         for name, signal in self.samples.items():
-            present[name], _ = self.setting.cleaned(name, signal, self.habits[name])
+            present[name], _ = self.setting.cleaned(name, signal, self.timings[name])
             if name not in needed:
                 continue
             upto, time = settled[name] - late[name], present[name].time
@@ -208,7 +208,7 @@ class Drive:
         closed = {}
         for i, told in found.averages.items():
             name = self.setting.model.sensors[i].column or self.setting.model.sensors[i].name
-            apart = APART * max(self.habits[name].period, 1e-3)
+            apart = APART * max(self.timings[name].period, 1e-3)
             closed[i] = (told.full & (told.last <= judged)) | (judged - told.last > apart)
             before = min(before, *told.first[~closed[i]], before)
         before = max(before, self.done)
@@ -282,7 +282,7 @@ class Drive:
     def _forget(self) -> None:
         since = self.done - self.back
         longest = max(
-            (slope_count(self.habits[of].period) for of in self.setting.model.slopes.values()),
+            (slope_count(self.timings[of].period) for of in self.setting.model.slopes.values()),
             default=1,
         )
         for name, signal in self.samples.items():
@@ -306,7 +306,7 @@ class Drive:
         return before.after(self.span_s, self.history.engagements - before.engagements, energy)
 
     def final(self) -> dict[str, Any] | None:
-        """As :func:`clutchest.estimate.start.leave` has it."""
+        """As :func:`clutchest.estimate.initial_state.leave` has it."""
         if self.belief is None or self.last is None:
             return None
         return leave(self.vehicle, self.compiled, self.last, self.belief, self.start_ns, self.past)

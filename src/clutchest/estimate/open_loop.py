@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.clocks import evenly_late
-from clutchest.estimate.start import fresh
+from clutchest.estimate.delay_equalisation import evenly_late
+from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.timeline import build
 from clutchest.estimate.whole_log import Compiled, compile_model, delays, run
 from clutchest.models.model import Model

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from clutchest import __version__, spilled
+from clutchest import __version__, memory_mapped
 from clutchest.errors import ClutchestError
-from clutchest.estimate.clocks import evenly_late
+from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.drive import Drive, begun
+from clutchest.estimate.drive_setup import Unusable, warnings_of
+from clutchest.estimate.initial_state import History, leave
 from clutchest.estimate.run import Run, Track
-from clutchest.estimate.setting import Unusable, warnings_of
 from clutchest.estimate.smooth import smoothed
-from clutchest.estimate.start import History, leave
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
@@ -133,7 +133,7 @@ def _in_stretches(
         done = stop
         if len(recent) == TOGETHER:
             tracks, recent = [*tracks, joined(recent)], []
-        spilled.let_go()
+        memory_mapped.release_memory()
     if progress:
         progress("filtering", 1.0)
     left = drive.final()

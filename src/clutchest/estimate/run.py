@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 from clutchest.estimate.observability import Information
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
@@ -44,14 +44,16 @@ class Innovations:
     def of(self, name: str) -> tuple[Floats, Floats, Floats]:
         """(time, innovation, std) of one sensor."""
         which, n = self.names.index(name), 0
-        pieces = [(rows, self.sensor[rows] == which) for rows in spilled.portions(len(self.time))]
+        pieces = [
+            (rows, self.sensor[rows] == which) for rows in memory_mapped.portions(len(self.time))
+        ]
         count = sum(int(np.count_nonzero(own)) for _, own in pieces)
-        time, innovation, std = (spilled.empty((count,), np.float64) for _ in range(3))
+        time, innovation, std = (memory_mapped.empty((count,), np.float64) for _ in range(3))
         for rows, own in pieces:
             place = slice(n, n := n + int(np.count_nonzero(own)))
             time[place] = self.time[rows][own]
             innovation[place], std[place] = self.innovation[rows][own], self.std[rows][own]
-            spilled.let_go()
+            memory_mapped.release_memory()
         return time, innovation, std
 
 

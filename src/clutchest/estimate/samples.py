@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.estimate.habits import Habit
+from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.signals import Floats, Signal
 
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
@@ -52,7 +52,7 @@ def slope(
     noise: float,
     window: float = SLOPE_WINDOW,
     *,
-    habit: Habit | None = None,
+    timing: SampleTiming | None = None,
     gap: float = inf,
 ) -> tuple[Signal, float]:
     """Slope of a signal by straight lines through ``window`` s, and its standard deviation.
@@ -61,7 +61,7 @@ def slope(
     more than ``gap`` s.  ``habit`` is the signal's own unless given.
     """
     time, value = signal.time, signal.value
-    period = (habit or Habit.of(signal)).period
+    period = (timing or SampleTiming.of(signal)).period
     count = slope_count(period, window)
     slopes = np.zeros(len(time))
     edges = [0, *(np.flatnonzero(time[1:] - time[:-1] > gap) + 1).tolist(), len(time)]
@@ -109,7 +109,7 @@ class Told:
 
 
 def told(
-    signal: Signal, noise: float, ar: float, repeats: float, habit: Habit | None = None
+    signal: Signal, noise: float, ar: float, repeats: float, timing: SampleTiming | None = None
 ) -> Told:
     """Readings with errors that are white.
 
@@ -119,7 +119,7 @@ def told(
     time = signal.time
     if not len(time):
         return Told(time, time, time, time, time, np.zeros(0, bool))
-    period = max((habit or Habit.of(signal)).period, 1e-3)
+    period = max((timing or SampleTiming.of(signal)).period, 1e-3)
     coloured = (1 + ar) / (1 - ar)
     most = round(2.0 * repeats / period) | 1  # odd: the middle one is where the average holds
     if most == 1:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from clutchest import spilled
+from clutchest import memory_mapped
+from clutchest.estimate.initial_state import History
 from clutchest.estimate.modes import MODE_NAMES
 from clutchest.estimate.observability import (
     NOTHING,
@@ -20,7 +21,6 @@ from clutchest.estimate.observability import (
     not_observable_now,
 )
 from clutchest.estimate.run import Track
-from clutchest.estimate.start import History
 from clutchest.estimate.wear import wear_trend
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.symbols import State
@@ -175,7 +175,7 @@ def _sensors(tracks: Sequence[Track]) -> dict[str, dict[str, Any]]:
                 continue
             _, innovation, std = track.innovations.of(name)
             count += len(innovation)
-            for rows in spilled.portions(len(innovation)):
+            for rows in memory_mapped.portions(len(innovation)):
                 misfit = innovation[rows]
                 squares += float(np.sum(misfit**2))
                 judged += float(np.sum((misfit / std[rows]) ** 2))

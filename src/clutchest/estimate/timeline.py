@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.estimate.habits import Habit
+from clutchest.estimate.drive_setup import DriveSetup, usable, warnings_of
 from clutchest.estimate.modes import FREE, Mode, Regimes, Thresholds, classify
+from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.estimate.samples import Told, blind, slope, told, white_density
-from clutchest.estimate.setting import Setting, usable, warnings_of
 from clutchest.models.model import Model
 from clutchest.signals import LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -56,11 +56,11 @@ def build(
     ``delays`` s by signal come on top of the vehicle file's.  Raises ClutchestError when a signal
     that the model cannot do without has no valid sample.
     """
-    setting = Setting(vehicle, model, rate, delays)
-    present, habits = usable(signals, setting)
+    setting = DriveSetup(vehicle, model, rate, delays)
+    present, timings = usable(signals, setting)
     first = max(0.0, min(s.time[0] for s in present.values()))
     end = max(signals.end, present[model.anchor].time[-1])
-    line = assemble(setting, present, habits, Stretch(first, end)).line
+    line = assemble(setting, present, timings, Stretch(first, end)).line
     return replace(line, warnings=warnings_of(signals, setting))
 
 
@@ -87,7 +87,10 @@ class Assembled:
 
 
 def assemble(
-    setting: Setting, present: Mapping[str, Signal], habits: Mapping[str, Habit], stretch: Stretch
+    setting: DriveSetup,
+    present: Mapping[str, Signal],
+    timings: Mapping[str, SampleTiming],
+    stretch: Stretch,
 ) -> Assembled:
     """The timeline of a stretch.
 
@@ -100,7 +103,7 @@ def assemble(
     noises = {}
     for name, source in model.slopes.items():
         present[name], noises[name] = slope(
-            present[source], setting.noise(source), habit=habits[source], gap=thresholds.gap
+            present[source], setting.noise(source), timing=timings[source], gap=thresholds.gap
         )
     fast = [name for name in setting.fast(present) if name in present]
 
@@ -128,7 +131,7 @@ def assemble(
         if i in stretch.averaged:
             reading = _after(reading, stretch.averaged[i])
         found = told(
-            reading, setting.noise(name), setting.colour(name), sensor.repeats, habits[name]
+            reading, setting.noise(name), setting.noise_ar(name), sensor.repeats, timings[name]
         )
         if sensor.repeats:
             averages[i] = found
@@ -145,7 +148,7 @@ def assemble(
     sliding, flags = regime.sliding[of], _over_intervals(acting, of, model.regime)
     table, process, longest = setting.tables
     place = 2 ** np.arange(len(model.regime))[::-1]
-    u, noise, variance = _inputs(t, setting, present, habits, noises)
+    u, noise, variance = _inputs(t, setting, present, timings, noises)
     for name, source in model.slopes.items():  # a slope that no sample bears out is none
         u[blind(t, present[source], LOST), model.input(name)] = 0.0
     emit, on_grid = _outputs(t, sliding, grid)
@@ -227,9 +230,9 @@ def _after(signal: Signal, time: float) -> Signal:
 
 def _inputs(
     t: Floats,
-    setting: Setting,
+    setting: DriveSetup,
     present: Mapping[str, Signal],
-    habits: Mapping[str, Habit],
+    timings: Mapping[str, SampleTiming],
     noises: Mapping[str, float],
 ) -> tuple[Floats, Floats, Floats]:
     """Inputs (K, nu) between their own stamps, with noise density and variance (nu).
@@ -249,8 +252,8 @@ def _inputs(
         u[:, j] = signal.at(t, LOST if item.name in fast else 0.0)
         variance[j] = sigma**2
         if item.name not in model.slopes:  # a slope's noise cancels when it is summed up
-            period = habits[item.name].period
-            noise[j] = white_density(sigma, setting.colour(item.name), period)
+            period = timings[item.name].period
+            noise[j] = white_density(sigma, setting.noise_ar(item.name), period)
     return u, noise, variance
 
 

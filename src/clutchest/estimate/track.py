@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 from clutchest.estimate.modes import MODE_NAMES, Mode, runs
 from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Track
@@ -121,13 +121,13 @@ def joined(tracks: Sequence[Track]) -> Track:
     def estimate(parts: Sequence[Estimate]) -> Estimate:
         return Estimate(
             *(
-                spilled.concatenated([getattr(part, f.name) for part in parts])
+                memory_mapped.concatenated([getattr(part, f.name) for part in parts])
                 for f in fields(Estimate)
             )
         )
 
     def column(of: Callable[[Track], NDArray]) -> NDArray:
-        return spilled.concatenated([of(track) for track in tracks])
+        return memory_mapped.concatenated([of(track) for track in tracks])
 
     return Track(
         time=column(lambda t: t.time),

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from clutchest.estimate.drive_setup import process_noise
+from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import covariance
-from clutchest.estimate.setting import process_noise
-from clutchest.estimate.start import History
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle

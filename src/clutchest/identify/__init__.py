@@ -87,7 +87,7 @@ PROCEDURES = {
         Procedure(
             "all",
             "every parameter that has a spread, from all of a log",
-            "clutchest.identify.joint",
+            "clutchest.identify.all_parameters",
         ),
     )
 }

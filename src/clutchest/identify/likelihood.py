@@ -1,7 +1,7 @@
 """Parameters of the equations from logs: the most probable values, given the vehicle file's.
 
 The joint likelihood is that of the filter's innovations, see
-:class:`~clutchest.identify.maximum.Fitter`; every number that has a spread and every drive's first
+:class:`~clutchest.inference.map_fit.Fitter`; every number that has a spread and every drive's first
 states are estimated along, within their priors.  So the standard deviation of what a procedure is
 after contains what is not known of everything else.
 """
@@ -19,9 +19,9 @@ from scipy.optimize import least_squares
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import Progress
-from clutchest.identify.maximum import Fitter, Look
-from clutchest.identify.problem import Problem
-from clutchest.identify.sliding import while_sliding
+from clutchest.inference.map_fit import Fitter, Look
+from clutchest.inference.unknowns import Problem
+from clutchest.inference.while_sliding import while_sliding
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains
 from clutchest.signals import Floats, Signals
@@ -94,7 +94,7 @@ def _restrict(problem: Problem, sensor: int) -> None:
         keep = drive.sensor == sensor
         drive.rows, drive.t, drive.sensor = drive.rows[keep], drive.t[keep], drive.sensor[keep]
         drive.row, drive.mode, drive.std = drive.row[keep], drive.mode[keep], drive.std[keep]
-        drive.walks = drive.walks[keep]
+        drive.input_noise_directions = drive.input_noise_directions[keep]
 
 
 def most_probable(problem: Problem, progress: Progress | None = None) -> Posterior:

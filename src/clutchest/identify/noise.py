@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from clutchest.identify import Progress
+from clutchest.identify.delay_identification import delays
 from clutchest.identify.fit import Fit, Fitted
-from clutchest.identify.lateness import delays
 from clutchest.identify.sensor_noise import (
     BELOW_STEP,
     WINDOW,

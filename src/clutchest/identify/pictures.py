@@ -24,7 +24,7 @@ def draw_noise(found: Mapping[str, SensorNoise], units: Mapping[str, str], folde
     figure = Figure(figsize=(10, 2.2 * len(found)), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(len(found), 2, squeeze=False, width_ratios=(2, 1))
-    for (name, sensor), (detail, colour) in zip(found.items(), axes, strict=True):
+    for (name, sensor), (detail, noise_model) in zip(found.items(), axes, strict=True):
         quietest = int(np.argmin(np.nan_to_num(np.nanstd(sensor.windows, axis=1), nan=np.inf)))
         window = sensor.windows[quietest]
         detail.plot(window, ".-", lw=0.6, ms=3, label="readings")
@@ -35,11 +35,11 @@ def draw_noise(found: Mapping[str, SensorNoise], units: Mapping[str, str], folde
             fontsize=9,
         )
         detail.set_ylabel(units[name])
-        colour.stem(
+        noise_model.stem(
             range(LAGS + 1), autocorrelation(sensor.residuals), basefmt=" ", label="left over"
         )
-        colour.plot(fitted_autocorrelation(sensor), "C1", lw=1.2, label="fitted")
-        colour.set_ylim(-0.3, 1.05)
+        noise_model.plot(fitted_autocorrelation(sensor), "C1", lw=1.2, label="fitted")
+        noise_model.set_ylim(-0.3, 1.05)
     axes[0, 0].legend(fontsize=7)
     axes[0, 1].legend(fontsize=7)
     axes[0, 1].set_title("autocorrelation", loc="left", fontsize=9)

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.identify import window_likelihood
-from clutchest.identify.colour import median_std
 from clutchest.identify.window_likelihood import factor, toeplitz_row, whiten
+from clutchest.inference.noise_model import median_std
 from clutchest.signals import Floats, Signal
 
 WINDOW = 128  # samples
@@ -178,11 +178,15 @@ def estimate(windows: Windows, step: float) -> SensorNoise | None:
     quiet = usable & whole.quiet(theta)
     calm = usable & windows.between(quiet) & ~whole.moving(theta)
     if calm.sum() >= CLUSTERED:  # where little else moves, little else can be mistaken for noise
-        walks = likelihood.walks[likelihood.walks <= _quietest(theta, 2 * QUIET)]
-        likelihood = _Likelihood(_thinned(values[calm]), step, walks, likelihood.rough)
+        input_noise_directions = likelihood.input_noise_directions[
+            likelihood.input_noise_directions <= _quietest(theta, 2 * QUIET)
+        ]
+        likelihood = _Likelihood(
+            _thinned(values[calm]), step, input_noise_directions, likelihood.rough
+        )
     elif usable.any():
         rows = _thinned(values[usable])
-        likelihood = _Likelihood(rows, step, likelihood.walks, likelihood.rough)
+        likelihood = _Likelihood(rows, step, likelihood.input_noise_directions, likelihood.rough)
     theta = _maximise(likelihood)
     return SensorNoise(
         noise=float(np.exp(theta[0])),
@@ -225,7 +229,11 @@ class _Likelihood:
     """Restricted likelihood of windows, for (log noise, artanh AR coefficient)."""
 
     def __init__(
-        self, windows: Floats, step: float, walks: Floats | None = None, rough: float = 0.0
+        self,
+        windows: Floats,
+        step: float,
+        input_noise_directions: Floats | None = None,
+        rough: float = 0.0,
     ) -> None:
         self.windows, self.step = windows, step
         self.holes = np.isnan(windows)
@@ -234,12 +242,18 @@ class _Likelihood:
         self.second = np.ascontiguousarray(np.diff(filled, 2, axis=1).T)
         self.rough = rough or _scatter(np.diff(windows, 2, axis=1))
         self.guess = self.noise_for(0.0)
-        self.walks = self.guess / WANDER * _WALKS if walks is None else walks
-        self.weights = np.full(len(self.walks), 1 / len(self.walks))
+        self.input_noise_directions = (
+            self.guess / WANDER * _WALKS
+            if input_noise_directions is None
+            else input_noise_directions
+        )
+        self.weights = np.full(
+            len(self.input_noise_directions), 1 / len(self.input_noise_directions)
+        )
 
     def over(self, windows: Floats) -> _Likelihood:
         """The same distribution of walks over other ``windows`` (W, WINDOW)."""
-        other = _Likelihood(windows, self.step, self.walks, self.rough)
+        other = _Likelihood(windows, self.step, self.input_noise_directions, self.rough)
         other.weights = self.weights
         return other
 
@@ -261,7 +275,9 @@ class _Likelihood:
         top = table.min(axis=1, keepdims=True)
         ratio = np.exp(-(table - top) / 2)
         if refit:
-            self.weights = np.full(len(self.walks), 1 / len(self.walks))
+            self.weights = np.full(
+                len(self.input_noise_directions), 1 / len(self.input_noise_directions)
+            )
             for _ in range(60):  # expectation maximisation, each time afresh
                 shares = ratio * self.weights
                 self.weights = np.mean(shares / shares.sum(axis=1, keepdims=True), axis=0)
@@ -270,7 +286,9 @@ class _Likelihood:
     def table(self, theta: Floats) -> Floats:
         """−2 log likelihood (W, walks) of every window under every strength of the walk."""
         row = toeplitz_row(self.autocovariance(theta))
-        table: Floats = window_likelihood.table(row, self.walks, self.second, self.holes)
+        table: Floats = window_likelihood.table(
+            row, self.input_noise_directions, self.second, self.holes
+        )
         return table
 
     def autocovariance(self, theta: Floats) -> Floats:
@@ -322,13 +340,13 @@ class _Likelihood:
 
     def quiet(self, theta: Floats) -> NDArray[np.bool_]:
         """Windows (W,) in which the quantity itself moves less than the noise."""
-        calm = self.walks <= _quietest(theta, QUIET)
+        calm = self.input_noise_directions <= _quietest(theta, QUIET)
         return self.shares(theta)[:, calm].sum(axis=1) > 0.5
 
     def moving(self, theta: Floats) -> NDArray[np.bool_]:
         """Windows (W,) in which the quantity moves, beyond what noise could feign."""
         table = self.table(theta)
-        calm = self.walks <= _quietest(theta, QUIET)
+        calm = self.input_noise_directions <= _quietest(theta, QUIET)
         return table[:, calm].min(axis=1) - table.min(axis=1) > MOVING
 
     def apart(self, theta: Floats) -> NDArray[np.bool_]:
@@ -338,7 +356,7 @@ class _Likelihood:
         found = np.zeros(self.windows.shape, bool)
         differences = np.diff(np.eye(WINDOW), 2, axis=0)
         for j in np.unique(likeliest):
-            half = whiten(factor(row, self.walks[j]), differences)
+            half = whiten(factor(row, self.input_noise_directions[j]), differences)
             precision = half.T @ half
             for w in np.flatnonzero(likeliest == j):
                 holes = self.holes[w]
@@ -359,7 +377,7 @@ class _Likelihood:
         left = np.empty(self.windows.shape)
         for j in np.unique(likeliest):
             rows = np.flatnonzero(likeliest == j)
-            lower = factor(row, self.walks[j])
+            lower = factor(row, self.input_noise_directions[j])
             white = whiten(lower, np.diff(own, 2, axis=0))
             left[rows] = whiten(lower, self.second[:, rows]).T @ white
         left[self.holes.any(axis=1)] = np.nan

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from clutchest.identify.fit import Validation
 from clutchest.identify.likelihood import Posterior, along, hold, problem_of
-from clutchest.identify.maximum import Fitter, Look
-from clutchest.identify.problem import Problem
+from clutchest.inference.map_fit import Fitter, Look
+from clutchest.inference.unknowns import Problem
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle

@@ -91,7 +91,9 @@ def _of_holes(half: Floats, white: Floats, holes: NDArray[np.bool_]) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def table(row: Floats, walks: Floats, second: Floats, holes: NDArray[np.bool_]) -> Floats:
+def table(
+    row: Floats, input_noise_directions: Floats, second: Floats, holes: NDArray[np.bool_]
+) -> Floats:
     """−2 log likelihood (W, walks) of windows, a constant left out.
 
     ``row`` as of :func:`toeplitz_row`; ``walks`` strengths, standard deviation of the slope's
@@ -99,11 +101,11 @@ def table(row: Floats, walks: Floats, second: Floats, holes: NDArray[np.bool_]) 
     ones; ``holes`` (W, n) True where a sample is missing.
     """
     count = second.shape[1]
-    result = np.empty((count, len(walks)))
+    result = np.empty((count, len(input_noise_directions)))
     any_hole = np.array([holes[w].any() for w in range(count)])
     differences = _differences(holes.shape[1])
-    for d in range(len(walks)):
-        lower = factor(row, walks[d])
+    for d in range(len(input_noise_directions)):
+        lower = factor(row, input_noise_directions[d])
         white = whiten(lower, second)
         constant = 2.0 * np.log(np.diag(lower)).sum()
         half = whiten(lower, differences) if any_hole.any() else differences

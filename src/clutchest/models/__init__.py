@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.models.flaws import Flaw
+from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.symbols import Input, Parameter, Sensor, State
 
 if TYPE_CHECKING:
@@ -68,13 +68,13 @@ def resting(
     return _module(name).resting(parameters, inputs)
 
 
-def flaws_of(name: str) -> Mapping[str, Flaw]:
+def error_terms_of(name: str) -> Mapping[str, ErrorTerm]:
     """Name → a way in which an equation of the model may be wrong that no effect knows."""
-    flaws: Mapping[str, Flaw] = _module(name).FLAWS
-    return flaws
+    error_terms: Mapping[str, ErrorTerm] = _module(name).ERROR_TERMS
+    return error_terms
 
 
-def drivers_of(name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
+def covariates_of(name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
     """Quantities that an error may go with, and rates of inputs: name → input."""
     module = _module(name)
     return module.DRIVERS, module.RATES

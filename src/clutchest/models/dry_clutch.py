@@ -22,7 +22,7 @@ from collections.abc import Container, Mapping
 
 import casadi as ca
 
-from clutchest.models.flaws import Flaw
+from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.model import Model, Quantities
 from clutchest.models.symbols import Input, Parameter, Sensor, State
 
@@ -356,40 +356,40 @@ _WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does
     "time",
 )
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
-FLAWS: Mapping[str, Flaw] = {
-    "torque": Flaw("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
-    "torque, added": Flaw(
+ERROR_TERMS: Mapping[str, ErrorTerm] = {
+    "torque": ErrorTerm("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
+    "torque, added": ErrorTerm(
         "torque", {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)}
     ),  # Nm
-    "engine_speed": Flaw(
+    "engine_speed": ErrorTerm(
         "engine_speed", {"true_engine_torque": lambda value, g: value - 30.0 * g}
     ),  # Nm
-    "disc_heat": Flaw(
+    "disc_heat": ErrorTerm(
         "disc_heat", {"disc_heat": lambda value, g: value + 500.0 * g}, slow=True
     ),  # W
-    "body_heat": Flaw(
+    "body_heat": ErrorTerm(
         "body_heat", {"body_heat": lambda value, g: value + 500.0 * g}, slow=True
     ),  # W
-    "housing_heat": Flaw(
+    "housing_heat": ErrorTerm(
         "housing_heat", {"housing_heat": lambda value, g: value + 200.0 * g}, slow=True
     ),  # W
-    "zero_position": Flaw(
+    "zero_position": ErrorTerm(
         "zero_position",
         {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
         drivers=_WEARS,
         slow=True,
     ),
-    "sensor:engine_torque": Flaw(
+    "sensor:engine_torque": ErrorTerm(
         "sensor:engine_torque",
         {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
         drivers=_ENGINES_MAP,
     ),
-    "sensor:engine_torque, added": Flaw(
+    "sensor:engine_torque, added": ErrorTerm(
         "sensor:engine_torque",
         {"engine_torque": lambda value, g: value - 30.0 * g},  # Nm
         drivers=_ENGINES_MAP,
     ),
-    "sensor:slave_position": Flaw(
+    "sensor:slave_position": ErrorTerm(
         "sensor:slave_position",
         {
             "slave_position": lambda value, g: value - 0.1 * g,  # mm
@@ -397,10 +397,10 @@ FLAWS: Mapping[str, Flaw] = {
         },
         drivers=_ACTUATOR,
     ),
-    "timing:engine_torque": Flaw(
+    "timing:engine_torque": ErrorTerm(
         "timing:engine_torque", late=("engine_torque", 0.02), drivers=_CLOCKS
     ),
-    "timing:slave_position": Flaw(
+    "timing:slave_position": ErrorTerm(
         "timing:slave_position", late=("slave_position", 0.02), drivers=_CLOCKS
     ),
 }

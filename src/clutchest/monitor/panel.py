@@ -88,8 +88,8 @@ def _note(estimate: Estimate, quantity: Quantity) -> Text:
     if quantity.unit != "°C":
         return Text("")
     full = int(np.clip(estimate.value[-1] / 300.0 * _HOT, 0, _HOT))
-    colour = "green" if full < 8 else "yellow" if full < 14 else "bright_red"
-    return Text("█" * full + "·" * (_HOT - full), style=colour)
+    noise_model = "green" if full < 8 else "yellow" if full < 14 else "bright_red"
+    return Text("█" * full + "·" * (_HOT - full), style=noise_model)
 
 
 def _events(status: Status) -> Table:

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from clutchest.can import files
-from clutchest.can.copies import without_copies
 from clutchest.can.database import Database, Message, load
+from clutchest.can.deduplication import without_copies
+from clutchest.can.frame_filter import Sieve
 from clutchest.can.frames import Frames
-from clutchest.can.sieve import Sieve
 from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.mapping import NoMappedFrame, signals_of

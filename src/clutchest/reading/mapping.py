@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import spilled, units
+from clutchest import memory_mapped, units
 from clutchest.can.database import Database, Message, SignalLayout
 from clutchest.can.decode import Column, decode, rows_of
 from clutchest.can.encode import check
@@ -132,7 +132,7 @@ class Decoding:
             rows = rows_of(self.frames, self.database.message(name))
             if self.account is not None:
                 self.account.messages[name] = {"frames": len(rows), "decoded": 0}
-            self.rows[name] = spilled.stowed(rows)
+            self.rows[name] = memory_mapped.mapped_to_disk(rows)
             mapped[rows] = True
         return mapped
 
@@ -153,7 +153,7 @@ class Decoding:
                 (made if known else geared)[name] = found
             if self.account is not None:
                 self._forget(name)
-                spilled.let_go()
+                memory_mapped.release_memory()
         unneeded = list(self.rows) if self.account is not None else []
         for message in unneeded:
             self._decode(message)
@@ -220,14 +220,16 @@ class Decoding:
     def _column(self, rows: NDArray[np.intp], message: Message, signal: str) -> Column:
         """One signal, decoded a portion at a time; without ``raw``, since it has been judged."""
         pieces: list[tuple[NDArray, ...]] = []
-        for part in spilled.portions(max(len(rows), 1)):
-            some = rows if len(rows) <= spilled.PORTION else rows[part]
+        for part in memory_mapped.portions(max(len(rows), 1)):
+            some = rows if len(rows) <= memory_mapped.PORTION else rows[part]
             found = decode(self.frames, some, message, [signal])[signal]
             pieces.append((found.rows, found.value, found.why))
             if some is rows:
                 return replace(found, raw=_NO_RAW)
-            pieces[-1] = tuple(map(spilled.stowed, pieces[-1]))
-        here, value, why = (spilled.concatenated(column) for column in zip(*pieces, strict=True))
+            pieces[-1] = tuple(map(memory_mapped.mapped_to_disk, pieces[-1]))
+        here, value, why = (
+            memory_mapped.concatenated(column) for column in zip(*pieces, strict=True)
+        )
         return Column(rows if len(here) == len(rows) else here, value, _NO_RAW, why)
 
     def _made_of(self, message: str) -> list[str]:
@@ -357,7 +359,7 @@ class Decoding:
             index = np.where(inside, gear, 1).astype(np.intp) - 1
             value = value * np.array(ratios)[index]
             why = np.where(inside, why, np.uint8(Why.NOT_AVAILABLE))
-        return Signal.of(signal.name, unit, time, value, why).stowed()
+        return Signal.of(signal.name, unit, time, value, why).mapped_to_disk()
 
     def _time(self, rows: NDArray[np.intp]) -> Floats:
         """The times of ``rows``; signals of one message share theirs."""
@@ -366,7 +368,7 @@ class Decoding:
                 return time
         start = self.frames.t_ns[0] if self.start_ns is None else self.start_ns
         time = (self.frames.t_ns[rows] - start) / 1e9
-        time = spilled.stowed(time)
+        time = memory_mapped.mapped_to_disk(time)
         self.times.append((rows, time))
         return time
 
@@ -395,13 +397,13 @@ class Decoding:
                     f"({signal.friction.message}.{signal.friction.signal}); "
                     "taken as 0"
                 )
-        torque = spilled.empty((len(samples.rows),), np.float64)
-        for part in spilled.portions(len(samples.rows)):
+        torque = memory_mapped.empty((len(samples.rows),), np.float64)
+        for part in memory_mapped.portions(len(samples.rows)):
             percent = units.convert(samples.value[part], signal.bus.unit, "%")
             for sign, share, unit in shares:
                 percent = percent + sign * units.convert(share[part], unit, "%")
             torque[part] = percent * (signal.reference or 0.0) / 100
-            spilled.let_go()
+            memory_mapped.release_memory()
         return torque
 
     def _through_gear(self, name: str, wheel: Signal, engine: Signal | None) -> Signal:
@@ -411,4 +413,4 @@ class Decoding:
             self.warnings.append(
                 f"{name}: engine and wheels are never locked in a gear; taken as first gear"
             )
-        return shaft.stowed()
+        return shaft.mapped_to_disk()

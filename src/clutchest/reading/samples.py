@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 from clutchest.signals import Floats, Why
 
 VALID = np.uint8(Why.VALID)
@@ -26,9 +26,12 @@ class Samples:
         valid = self.why == VALID
         known, value = self.rows, self.value
         if not valid.all():
-            known, value = spilled.stowed(known[valid]), spilled.stowed(value[valid])
-        held = spilled.empty((len(rows),), np.float64)
-        for part in spilled.portions(len(rows)):
+            known, value = (
+                memory_mapped.mapped_to_disk(known[valid]),
+                memory_mapped.mapped_to_disk(value[valid]),
+            )
+        held = memory_mapped.empty((len(rows),), np.float64)
+        for part in memory_mapped.portions(len(rows)):
             latest = np.searchsorted(known, rows[part], side="right") - 1
             held[part] = value[np.maximum(latest, 0)]
         return held

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 from clutchest.can.database import Message
 from clutchest.can.frames import Frames
 from clutchest.signals import HEAD
@@ -15,7 +15,7 @@ def senders_of(frames: Frames, rows: NDArray[np.intp], message: Message) -> NDAr
     """Channel and, with J1939, source address of each of ``rows`` (n,) of one message."""
     senders = np.empty(len(rows), np.uint16)
     address = np.uint32(0xFF if message.is_j1939 else 0)
-    for part in spilled.portions(len(rows)):
+    for part in memory_mapped.portions(len(rows)):
         channel = frames.channel[rows[part]].astype(np.uint16)
         own = (frames.id[rows[part]] & address).astype(np.uint16)
         senders[part] = channel << np.uint16(8) | own
@@ -31,7 +31,7 @@ def saying_most(
     """The sender that says most in the first ``HEAD`` s, None if none says anything; and all that
     say something.  ``rows``, ``senders`` and whether each is ``speaking``: shape (n,)."""
     heard = np.zeros(1 << 16, bool)
-    for part in spilled.portions(len(senders)):
+    for part in memory_mapped.portions(len(senders)):
         heard[senders[part][speaking[part]]] = True
     if not heard.any():
         return None, []

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of
 
@@ -117,7 +117,7 @@ def _estimates(run: Run) -> Iterator[dict[str, Any]]:
         for rows in _portions(len(track.time)):
             part = {name: column[rows] for name, column in columns.items()}
             yield {**part, "mode": _named(part["mode"], track.mode_names)}
-            spilled.let_go()
+            memory_mapped.release_memory()
 
 
 def _innovations(run: Run) -> Iterator[dict[str, Any]]:
@@ -131,7 +131,7 @@ def _innovations(run: Run) -> Iterator[dict[str, Any]]:
                 "innovation": events.innovation[rows],
                 "std": events.std[rows],
             }
-            spilled.let_go()
+            memory_mapped.release_memory()
 
 
 def _portions(n: int) -> Iterator[slice]:

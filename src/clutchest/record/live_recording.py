@@ -147,9 +147,9 @@ class LiveRecording:
             self._style(kind, name, entity)
             if kind == "state":
                 own = COLOURS[list(self._states).index(name) % len(COLOURS)]
-                colour = np.where(columns[3], own, INVALID).astype(np.uint32)
+                noise_model = np.where(columns[3], own, INVALID).astype(np.uint32)
                 rows = rr.Measurements.columns(
-                    values=columns[1], variances=columns[2], colors=colour
+                    values=columns[1], variances=columns[2], colors=noise_model
                 )
             elif kind == "mode":
                 rows = rr.StateChange.columns(state=columns[1].tolist())

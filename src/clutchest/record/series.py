@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from clutchest import spilled
+from clutchest import memory_mapped
 from clutchest.record.blueprint import COLOURS
 from clutchest.signals import Floats
 
@@ -25,11 +25,11 @@ def outline(values: Floats, most: int) -> NDArray[np.intp]:
         return np.arange(n)
     edges = np.linspace(0, n, pairs + 1).astype(np.intp)
     widest = int(np.max(np.diff(edges)))
-    together = max(spilled.PORTION // widest, 1)
+    together = max(memory_mapped.PORTION // widest, 1)
     found = []
     for first in range(0, pairs, together):
         found.append(_extremes(values, edges[first : first + together + 1], widest))
-        spilled.let_go()
+        memory_mapped.release_memory()
     return np.concatenate(found)
 
 

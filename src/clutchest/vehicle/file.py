@@ -326,11 +326,13 @@ def _effects(
     for path in effects_files:
         known |= effects_of_file(path)
     if own := [name for name in table if name in known and name not in library(model)]:
-        from clutchest.models.unfit import unfit  # casadi is loaded where it is needed
+        from clutchest.models.validate_effect import (
+            why_invalid,  # casadi is loaded where it is needed
+        )
 
         values = {key: quantity.value for key, quantity in parameters.items()}
         for name in own:
-            if wrong := unfit(known[name], model, values):
+            if wrong := why_invalid(known[name], model, values):
                 raise file.error(("effects", name), f"effect '{name}' {wrong}")
     file.known(("effects",), table, known, f"effect of '{model}'")
     return {

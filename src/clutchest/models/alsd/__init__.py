@@ -17,7 +17,7 @@ from collections.abc import Container, Mapping
 from clutchest.models.alsd import driveline
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.reduced import PIECES, slip_measured
-from clutchest.models.flaws import Flaw
+from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.model import Model
 from clutchest.models.symbols import Input, Sensor, State
 
@@ -248,23 +248,27 @@ def resting(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dic
 
 
 # Where the equations may be wrong in a way that no effect knows.
-FLAWS: Mapping[str, Flaw] = {
-    "torque": Flaw("torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}),
-    "current": Flaw("current", {"motor_voltage": lambda value, g: value - 0.2 * g}),  # V
-    "motor": Flaw("motor", {"motor_friction_torque": lambda value, g: value + 0.005 * g}),  # Nm
-    "axial_force": Flaw(
+ERROR_TERMS: Mapping[str, ErrorTerm] = {
+    "torque": ErrorTerm("torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}),
+    "current": ErrorTerm("current", {"motor_voltage": lambda value, g: value - 0.2 * g}),  # V
+    "motor": ErrorTerm(
+        "motor", {"motor_friction_torque": lambda value, g: value + 0.005 * g}
+    ),  # Nm
+    "axial_force": ErrorTerm(
         "axial_force", {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)}
     ),
-    "pack_heat": Flaw("pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}),  # W
-    "sensor:motor_angle": Flaw(
+    "pack_heat": ErrorTerm("pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}),  # W
+    "sensor:motor_angle": ErrorTerm(
         "sensor:motor_angle", {"motor_angle_reading": lambda value, g: value + 0.1 * g}
     ),  # rad
-    "sensor:armature_current": Flaw(
+    "sensor:armature_current": ErrorTerm(
         "sensor:armature_current",
         {"armature_current_reading": lambda value, g: value * (1 + 0.05 * g)},
     ),
-    "timing:armature_voltage": Flaw("timing:armature_voltage", late=("armature_voltage", 0.005)),
-    "timing:slip_speed": Flaw("timing:slip_speed", late=("slip_speed", 0.005)),
+    "timing:armature_voltage": ErrorTerm(
+        "timing:armature_voltage", late=("armature_voltage", 0.005)
+    ),
+    "timing:slip_speed": ErrorTerm("timing:slip_speed", late=("slip_speed", 0.005)),
 }
 TOLD_APART_BY = (
     (("torque", "axial_force"), "a force sensor in the clutch pack"),

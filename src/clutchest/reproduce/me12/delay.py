@@ -50,7 +50,7 @@ def _falls(time: Floats, torque: Floats) -> Floats:
 
 def found(setup: Setup) -> Verdict:
     """D9: the measured torque drops later, and discovery names the delay of the right size."""
-    from clutchest.discovery.find import discover
+    from clutchest.discovery.discover import discover
 
     ends = Ends.of(setup)
     later = float(np.median(ends.later))

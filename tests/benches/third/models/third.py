@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from clutchest.models.flaws import Flaw
+from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.model import Model, Quantities
 from clutchest.models.symbols import Input, Parameter, Sensor, State
 
@@ -57,9 +57,9 @@ def resting(parameters, inputs):
     return {"temp": inputs["air_temp"]}
 
 
-FLAWS = {
-    "torque": Flaw("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
-    "timing:drive_torque": Flaw("timing:drive_torque", late=("drive_torque", 0.01)),
+ERROR_TERMS = {
+    "torque": ErrorTerm("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
+    "timing:drive_torque": ErrorTerm("timing:drive_torque", late=("drive_torque", 0.01)),
 }
 TOLD_APART_BY = ()
 DRIVERS = ()

@@ -1,0 +1,88 @@
+"""What an error may go with, at every event of a drive: inputs, states and the highest that they
+have been, rates, time and energy."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from clutchest.inference.denoising import calm, pace
+from clutchest.inference.linearisation import LinearisedDrive
+from clutchest.models import covariates_of, peaks_of
+from clutchest.signals import Floats
+
+KNOTS = 5  # of a curve over a driver
+TIME_KNOTS = 8, 36
+AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
+STILL = 1e-9  # of its own size; a driver that moves less is none
+
+
+def drivers(drive: LinearisedDrive) -> dict[str, Floats]:
+    """Name → value at every event (K) of the drive as it was last linearised."""
+    model, line = drive.compiled.model, drive.line
+    quantities, rates = covariates_of(model.name)
+    found = {
+        item.name: drive.expected[:, j]
+        for j, item in enumerate(model.inputs)
+        if item.name not in model.slopes
+    }
+    found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
+    e = model.expressions()
+    quantities = tuple(name for name in quantities if name in e.quantities.names())
+    wanted = [getattr(e.quantities, name) for name in quantities]
+    power = e.outputs[model.outputs.index("power")]
+    values = e.along(
+        ca.vertcat(*wanted, power),
+        drive.states,
+        drive.expected,
+        line.W[line.row],
+        drive.compiled.p,
+        drive.compiled.g,
+    )
+    found |= dict(zip(quantities, values, strict=False))
+    spans = np.diff(line.t, prepend=line.t[0])
+    # what goes with the noise of a driver is no error
+    found = {name: calm(line.t, value, drive.acts) for name, value in found.items()}
+    found |= {
+        name: pace(line.t, drive.expected[:, model.input(of)], drive.acts)
+        for name, of in rates.items()
+        if of in found
+    }
+    found |= {name: np.maximum.accumulate(found[of]) for name, of in peaks_of(model.name).items()}
+    found["energy"] = np.cumsum(values[-1] * spans)
+    found["time"] = line.t
+    return found
+
+
+def at_rest(drive: LinearisedDrive) -> set[str]:
+    """The inputs that move no further than their noise, and their rates: what goes with them goes
+    with noise."""
+    model = drive.compiled.model
+    still = np.ptp(drive.expected, axis=0) <= AT_REST * np.sqrt(drive.line.variance)
+    found = {item.name for item, rests in zip(model.inputs, still, strict=True) if rests}
+    _, rates = covariates_of(model.name)
+    return found | {name for name, of in rates.items() if of in found}
+
+
+def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
+    """Where curves over this driver may bend: at its quantiles, counted with weights ``where``
+    (K), time also more finely; nowhere for a driver that does not move there."""
+    inside = value[where > 0.0]
+    if not len(inside) or not np.isfinite(inside).all():
+        return ()
+    low, high = np.quantile(inside, [0.002, 0.998])
+    if high - low <= STILL * max(abs(low), abs(high), 1e-9):
+        return ()
+    if name == "time":
+        return tuple(np.linspace(low, high, count) for count in TIME_KNOTS)
+    inner = np.quantile(inside, np.linspace(0.0, 1.0, KNOTS)[1:-1])
+    even = np.linspace(low, high, KNOTS)[1:-1]
+    found = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))
+    apart = np.min(np.diff(found)) > STILL * (high - low)
+    return (found if apart else np.linspace(low, high, KNOTS),)
+
+
+def hats(value: Floats, at: Floats) -> Floats:
+    """Piecewise straight curves (K, len(at)), each 1 at its knot and 0 at all others."""
+    inside = np.clip(value, at[0], at[-1])
+    return np.column_stack([np.interp(inside, at, row) for row in np.eye(len(at))])

@@ -1,0 +1,92 @@
+"""The manoeuvre that would tell rivals apart, found by simulating each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from clutchest.discovery.candidates import Candidate, settings
+from clutchest.discovery.identifiable import distance
+from clutchest.discovery.result import Experiment
+from clutchest.errors import ClutchestError
+from clutchest.estimate.whole_log import Progress
+from clutchest.inference.map_fit import Fitter
+from clutchest.inference.score_test import ScoreTest, score_test
+from clutchest.inference.unknowns import Problem
+from clutchest.models import told_apart_by
+from clutchest.signals import Signals
+from clutchest.vehicle import Vehicle
+
+APART = 4.0  # standard deviations at which two causes are told apart
+SEED = 1  # of the simulated manoeuvres
+
+Sized = tuple[Candidate, float]  # and its size, in its unit
+
+
+def propose(
+    rivals: Sequence[Sized],
+    beside: Sequence[Sized],
+    vehicle: Vehicle,
+    scenarios: Sequence[str],
+    simulated: Callable[[str, dict[str, dict[str, float]]], Signals],
+    problem_of: Callable[[Signals], Problem],
+    progress: Progress | None = None,
+) -> Experiment:
+    """The manoeuvre in which the closest two of ``rivals`` lie furthest apart, each judged by one
+    simulated drive with the first rival in it, and the causes ``beside`` it that are certain."""
+    names = " or ".join(c.name for c, _ in rivals)
+    best, scenario, tried, why = 0.0, None, False, ""
+    hidden: dict[str, dict[str, float]] = {}
+    for c, size in (rivals[0], *beside):  # two numbers of one effect may be among them
+        hidden.setdefault(c.name, {}).update({c.gain.key: size * c.gain.upper, **dict(c.shapes)})
+    for k, name in enumerate(scenarios):
+        if progress:
+            progress(f"trying what '{name}' would tell", k / len(scenarios))
+        try:
+            least = _least_distance(rivals, beside, problem_of(simulated(name, hidden)))
+        except ClutchestError as error:  # a cause of the user's own, or too large for a manoeuvre
+            why = str(error)
+            continue
+        tried = True
+        if least > best:
+            best, scenario = least, name
+    if scenario is not None and best >= APART:
+        return Experiment(
+            f"drive '{scenario}': there {names} lie {best:.0f} standard deviations apart", scenario
+        )
+    sensor = told_apart_by(vehicle.model, [c.effect.equation for c, _ in rivals])
+    if not tried:
+        return Experiment(
+            f"no manoeuvre could be tried out ({why}); {sensor} would tell {names} apart", None
+        )
+    return Experiment(f"no manoeuvre tells {names} apart on these signals: {sensor} would", None)
+
+
+def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: Problem) -> float:
+    """Between the closest two, by first order at the numbers that the drive was simulated with."""
+    fitter = Fitter(problem)
+    theta = np.zeros(len(problem.thetas))
+    for c, size in (rivals[0], *beside):
+        theta[problem.index(c.name, c.gain.key)] = size
+    shapes = settings(tuple(c for c, _ in (*rivals, *beside)))
+    gains = [problem.index(c.name, c.gain.key) for c, _ in rivals]
+    certain = [problem.index(c.name, c.gain.key) for c, _ in beside]
+    free = np.concatenate([problem.nuisances, certain]).astype(int)
+    fitter.come(theta, shapes)
+    look = fitter.lesson(theta, shapes, np.union1d(free, gains))
+    scores: ScoreTest = score_test(
+        look,
+        free,
+        fitter.prior,
+        look.psi[:, gains],
+        [c.gain.one_sided for c, _ in rivals],
+        SEED,
+        draws=1,
+    )
+    return min(
+        distance(scores, i, rivals[i][1], k)
+        for i in range(len(rivals))
+        for k in range(len(rivals))
+        if i != k
+    )

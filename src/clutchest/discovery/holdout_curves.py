@@ -1,0 +1,126 @@
+"""Curves carried over to the drives held out: what an error goes with, it goes with there too.
+
+In one drive much goes alike: bodies warm as time passes, and speeds fall as the plate comes back.
+On another road it goes otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.discovery.covariates import drivers, hats
+from clutchest.discovery.error_term_effects import PREFIX
+from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction, between, carried, fitted
+from clutchest.discovery.residual_curves import Curve
+from clutchest.discovery.result import Gain
+from clutchest.discovery.search import Search
+from clutchest.inference.map_fit import Fitter
+from clutchest.inference.unknowns import Problem
+from clutchest.signals import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Transfer:
+    """``curves`` (n) as they were found, foretelling the readings (K) of another problem,
+    everything else fitted anew, with each curve to first order.
+
+    ``span`` (K, q): what lies outside of it is noise of the inputs and the same for all.
+    """
+
+    curves: tuple[Curve, ...]
+    span: Floats
+    before: HeldOutPrediction
+    after: tuple[HeldOutPrediction, ...]
+
+    @classmethod
+    def of(cls, search: Search, curves: Sequence[Curve], other: Problem) -> Transfer:
+        """Curves of a search on the drives of another problem."""
+        fitter, free = Fitter(other), other.nuisances
+        look = fitter.taught(fitted(fitter, carried(search, search.null.look, other)))
+        fitter.focus([look.psi])
+        look = fitter.improve(fitter.again(look), free)
+        fitter.come(look.theta, look.shapes)
+        place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(other.thetas)}
+        values = [drivers(drive) for drive in other.drives]
+        changes = np.zeros((len(look.r), len(curves)))
+        for change, curve in zip(changes.T, curves, strict=True):
+            count = len(curve.at)
+            bases = [hats(value[curve.driver], curve.at) for value in values]
+            thetas = np.full(count, place[curve.error_term])
+            acts = fitter.modulated(look, thetas, bases, np.arange(count))
+            change[:] = acts @ curve.coefficients
+        fitter.focus([look.psi, changes])
+        assert fitter.span is not None
+        own, among = look.psi[:, free], HeldOutPrediction.of(other, fitter, look)
+        curvature = own.T @ own + np.eye(len(free))
+
+        def refitted(r: Floats) -> HeldOutPrediction:
+            step = np.linalg.solve(curvature, own.T @ r + look.theta[free])
+            white = r - own @ step
+            shrunk = float(np.sqrt(np.sum(white**2) / np.sum(look.r**2)))
+            cost = float(np.sum((look.theta[free] - step) ** 2))
+            return replace(among, white=white, own=among.own * shrunk, cost=cost)
+
+        after = tuple(refitted(look.r + change).without_torque for change in changes.T)
+        return cls(tuple(curves), fitter.span, refitted(look.r), after)
+
+    def ranked(self) -> list[Curve]:
+        """The likeliest first, by both problems."""
+        gained = np.sum(self._gained(), axis=1)
+        return [self.curves[i] for i in np.argsort(-self._evidence(gained), kind="stable")]
+
+    def patch(self, usable: Sequence[bool]) -> tuple[Curve | None, Gain | None]:
+        """Of the ``usable`` curves (n) the one that both problems speak for, and what it gains.
+
+        Which curve it is, is decided for the one half of the drives by the log and the other half:
+        a gain is no gain on data that were used to find it.
+        """
+        gained = self._gained()
+        chosen = self._chosen(np.sum(gained, axis=1), usable)
+        if chosen is None:
+            return None, None
+        halves = [self._chosen(2.0 * gained[:, 1 - k], usable) for k in (0, 1)]
+        judged = [
+            (self.before if i is None else self.after[i]).only(partial(_in_half, k))
+            for k, i in enumerate(halves)
+        ]
+        after = HeldOutPrediction.joined(judged)
+        return self.curves[chosen], between(self.before, after, self.span)
+
+    def _chosen(self, gained: Floats, usable: Sequence[bool]) -> int | None:
+        """Index of the likeliest that pays if it has to, gaining so much each (n)."""
+        # at some time of another drive, nothing need go wrong
+        pays = [
+            yes and (curve.driver != "time" or gain > 0.0)
+            for yes, curve, gain in zip(usable, self.curves, gained, strict=True)
+        ]
+        likely = np.where(pays, self._evidence(gained), -np.inf)
+        return int(np.argmax(likely)) if any(pays) else None
+
+    def _evidence(self, gained: Floats) -> Floats:
+        """2 ln of the Bayes factor (n) on both problems, when curves gain so much (n) on the other;
+        a curve over time is not refuted where its time was another drive's."""
+        over_time = np.array([curve.driver == "time" for curve in self.curves])
+        counts = np.where(over_time, np.maximum(gained, 0.0), gained)
+        return np.array([curve.evidence for curve in self.curves]) + 2.0 * counts
+
+    def _gained(self) -> Floats:
+        """ln(probability) that each curve gains in each half of the drives (n, 2)."""
+        second = _in_half(1, self.before.at).astype(np.int64)
+        old = (self.span @ (self.span.T @ self.before.white)) ** 2
+        found = np.zeros((len(self.curves), 2))
+        for i, after in enumerate(self.after):
+            new = (self.span @ (self.span.T @ after.white)) ** 2
+            sums = np.bincount(second, old - new, minlength=2)
+            found[i] = (sums + (self.before.cost - after.cost) / 2.0) / 2.0
+        return found
+
+
+def _in_half(k: int, t: Floats) -> NDArray[np.bool_]:
+    """Which times s are in the first or the second half: blocks of drives in turns."""
+    return t // BLOCK % 2 == k

@@ -1,0 +1,196 @@
+"""What an extension gains on data that were not used to find it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.discovery.result import Gain
+from clutchest.discovery.search import BEYOND, Hypothesis, Search
+from clutchest.discovery.torque import torques
+from clutchest.inference.map_fit import NO_SHAPES, Fitter, Look
+from clutchest.inference.unknowns import Problem, Shapes
+from clutchest.signals import Floats
+
+BLOCK = 20.0  # s; what lies closer together is not independent
+RESAMPLED = 1000
+PARTS = 4  # of a log, foretold in turns
+
+
+def on_another(
+    search: Search, best: Hypothesis, other: Problem, than: Hypothesis | None = None
+) -> Gain:
+    """Of a hypothesis fitted to one problem, on the drives of another; more ``than`` by one with
+    fewer causes, the model as it is unless given.
+
+    Gains and shapes are those found.  Everything else that is not known is fitted anew, with and
+    without the causes, and costs what its prior makes it cost: the vehicle file says nothing of it,
+    and a number far off what is stated would be the same finding by another name.
+    """
+    fitter, than = Fitter(other), than or search.null
+    with_, without = (carried(search, h.look, other) for h in (best, than))
+    shapes, fewer = best.look.shapes, than.look.shapes
+    after = fitter.taught(fitted(fitter, with_, shapes))  # noise as what was found leaves it
+    fitter.focus([after.psi])
+    known, gains = fitter.prior > 0.0, fitter.prior == 0.0
+    begun = after.theta * known + without * gains
+    before = min(fitted(fitter, without, fewer), fitted(fitter, begun, fewer), key=_cost)
+    again = before.theta * known + with_ * gains
+    after = min(fitted(fitter, after.theta, shapes), fitted(fitter, again, shapes), key=_cost)
+    assert fitter.span is not None
+    return between(
+        HeldOutPrediction.of(other, fitter, before),
+        HeldOutPrediction.of(other, fitter, after),
+        fitter.span,
+    )
+
+
+def fitted(fitter: Fitter, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
+    """The most probable nuisances, from ``theta`` on, which may be far off; gains as there."""
+    free = fitter.problem.nuisances
+    return fitter.improve(fitter.cooled(fitter.arrive(theta, shapes), free), free)
+
+
+def _cost(look: Look) -> float:
+    return look.cost
+
+
+def carried(search: Search, look: Look, other: Problem) -> Floats:
+    """θ of another problem, with what a look at the first one says of the vehicle."""
+    theta = np.zeros(len(other.thetas))
+    theta[: other.shared] = look.theta[: search.problem.shared]
+    if late := len(search.problem.timing):
+        theta[-late:] = look.theta[-late:]
+    return theta
+
+
+def in_turns(search: Search, best: Hypothesis) -> Gain:
+    """Of a hypothesis on the log in which it was found, where there is no other: each part of the
+    log in turn is foretold by numbers of the vehicle fitted to the rest, what the drive started
+    from anew.  Which causes they are numbers of was decided on all of it."""
+    problem, fitter = search.problem, search.fitter.roomier(BEYOND)  # sizes are as released
+    times = _one_after_another(problem, [d.t for d in problem.drives])
+    edges = np.quantile(times, np.linspace(0.0, 1.0, PARTS + 1))[1:-1]
+    part = np.searchsorted(edges, times)
+    found: list[HeldOutPrediction] = []
+    for hypothesis in (search.null, best):
+        look = fitter.arrive(hypothesis.look.theta, hypothesis.look.shapes)
+        parts: list[HeldOutPrediction] = []
+        for k in range(PARTS):
+            rest = fitter.without(part == k)
+            rest.focus([rest.again(look).psi])
+            fit = rest.improve(rest.again(look), search.free(hypothesis.chosen)).theta
+            held_out_prediction = fitter.most_probable(_starts(problem), fit, look.shapes)
+            parts.append(
+                HeldOutPrediction.of(problem, fitter, held_out_prediction).only(
+                    partial(_lies, edges, k)
+                )
+            )
+        found.append(HeldOutPrediction.joined(parts))
+    assert fitter.span is not None
+    return replace(between(found[0], found[1], fitter.span), other_logs=False)
+
+
+def _lies(edges: Floats, k: int, t: Floats) -> NDArray[np.bool_]:
+    """Which times lie in the ``k``-th of the spans between ``edges`` s."""
+    return np.searchsorted(edges, t) == k
+
+
+def _starts(problem: Problem) -> NDArray[np.int64]:
+    """Indices of what drives start from."""
+    return np.array([k for k, t in enumerate(problem.thetas) if t.drive >= 0], np.int64)
+
+
+def _one_after_another(problem: Problem, times: Sequence[Floats]) -> Floats:
+    """Times of all drives on one axis, s, drive after drive."""
+    begins = np.cumsum([0.0, *(d.line.t[-1] + BLOCK for d in problem.drives)])
+    return np.concatenate([t + begin for t, begin in zip(times, begins, strict=False)])
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOutPrediction:
+    """What was foretold of readings (K) ``at`` times s: the ``white`` innovations and those over
+    their ``own`` standard deviations; how far the ``torque`` was missed, Nm, at ``torque_at`` s;
+    what the numbers behind it ``cost`` in −2 ln(their prior).
+    """
+
+    at: Floats
+    white: Floats
+    own: Floats
+    torque_at: Floats
+    torque: Floats
+    cost: float
+
+    @classmethod
+    def of(cls, problem: Problem, fitter: Fitter, look: Look) -> HeldOutPrediction:
+        """At one look."""
+        simulated = torques(problem, look)
+        return cls(
+            _one_after_another(problem, [d.t for d in problem.drives]),
+            look.r,
+            np.concatenate([rows.r for rows in look.raw]),
+            _one_after_another(problem, [t for t, _, _ in simulated]),
+            np.concatenate([measured - made for _, measured, made in simulated]),
+            float(np.sum(fitter.prior * look.theta**2)),
+        )
+
+    @property
+    def without_torque(self) -> HeldOutPrediction:
+        """The same where it is not known what torque the equations would make."""
+        return replace(self, torque_at=np.zeros(0), torque=np.zeros(0))
+
+    def only(self, when: Callable[[Floats], NDArray[np.bool_]]) -> HeldOutPrediction:
+        """The same at times s ``when`` it counts; nothing elsewhere."""
+        mine, its = when(self.at), when(self.torque_at)
+        return HeldOutPrediction(
+            self.at,
+            self.white * mine,
+            self.own * mine,
+            self.torque_at,
+            self.torque * its,
+            self.cost,
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[HeldOutPrediction]) -> HeldOutPrediction:
+        """Parts put together; the vehicle is one, and its numbers cost once."""
+        white, own, torque = (
+            np.sum([getattr(one, name) for one in parts], axis=0)
+            for name in ("white", "own", "torque")
+        )
+        cost = float(np.mean([one.cost for one in parts]))
+        return cls(parts[0].at, white, own, parts[0].torque_at, torque, cost)
+
+
+def between(before: HeldOutPrediction, after: HeldOutPrediction, span: Floats) -> Gain:
+    """What lies outside of the ``span`` (K, q) is noise of the inputs and the same for both."""
+    inside = [span @ (span.T @ one.white) for one in (before, after)]
+    noise = (after.white - inside[1]) ** 2
+    old, new = inside[0] ** 2 + noise, inside[1] ** 2 + noise
+    gained = (before.cost - after.cost) / 2.0 + _interval((old - new) / 2.0, before.at)
+    return Gain(
+        rmse_before=_root_mean_square(before.own) or 0.0,
+        rmse_after=_root_mean_square(after.own) or 0.0,
+        nll_before=float(old.sum() + before.cost) / 2.0,
+        nll_after=float(new.sum() + after.cost) / 2.0,
+        simulation_rmse_before=_root_mean_square(before.torque),
+        simulation_rmse_after=_root_mean_square(after.torque),
+        ci95=(float(gained[0]), float(gained[1])),
+    )
+
+
+def _interval(gained: Floats, at: Floats) -> Floats:
+    """Of the sum of what is ``gained`` (K) ``at`` times s, 95 %, by drawing blocks again."""
+    _, of = np.unique(np.floor(at / BLOCK), return_inverse=True)
+    sums = np.bincount(of, gained)
+    rng = np.random.default_rng(0)
+    drawn = sums[rng.integers(len(sums), size=(RESAMPLED, len(sums)))].sum(axis=1)
+    return np.quantile(drawn, [0.025, 0.975])
+
+
+def _root_mean_square(values: Floats) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else None

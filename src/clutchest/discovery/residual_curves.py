@@ -1,0 +1,229 @@
+"""What no named cause explains: an error of one equation as a free curve over one quantity.
+
+Each curve is judged by its Bayes factor: its coefficients have a prior of one size for all, which
+may be any of SCALES, and equations are equally likely to be wrong, whatever number of curves each
+has.  How large a factor noise gives is drawn, not looked up.  Over time, a curve stands for process
+noise in the equation.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import softmax
+
+from clutchest.discovery.covariates import TIME_KNOTS, at_rest, drivers, hats, knots
+from clutchest.discovery.error_term_effects import PREFIX
+from clutchest.inference.map_fit import Fitter, Look
+from clutchest.inference.score_test import among, cleared, redrawn
+from clutchest.inference.unknowns import Problem
+from clutchest.models import error_terms_of
+from clutchest.models.error_terms import ErrorTerm
+from clutchest.signals import Floats
+
+DRAWS = 1000
+SCALES = np.array(
+    [0.1, 0.3, 1.0, 3.0, 10.0]
+)  # standard deviations of coefficients, in units of an error
+FAINT = 3e-7  # of a curve, squared: so little left over is no more than its inputs' noise
+BLOCK_TIME = 2.0  # s
+ENTRIES = 1e7  # of derivatives, held at a time
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """An error of ``equation``, in the way of ``flaw``, as a curve over ``driver``.
+
+    ``at`` its knots (c), ``coefficients`` (c) the expected ones (units of the probe); ``off``
+    (c, c) in each row what they may be off by, a standard deviation one way; ``worth`` what they
+    bring in −2 ln(probability) under a prior of one unit, less what noise alone gives.
+    ``evidence`` 2 ln of the Bayes factor against no such error, ``p_value`` the chance that noise
+    gives as much to any curve.
+    """
+
+    error_term: str
+    equation: str
+    driver: str
+    at: Floats
+    coefficients: Floats
+    off: Floats
+    worth: float
+    evidence: float
+    p_value: float
+
+
+def curves(
+    problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], seed: int
+) -> list[Curve]:
+    """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
+    place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(problem.thetas)}
+    # without a signal, some equations are others
+    error_terms = {
+        k: v for k, v in error_terms_of(problem.compiled.model.name).items() if k in place
+    }
+    values = [drivers(drive) for drive in problem.drives]
+    tables = [
+        (name, driver, at)
+        for driver, at in _bent(problem, values)
+        for name, error_term in error_terms.items()
+        if _may_go_with(error_term, driver, at)
+    ]
+    choices = Counter(error_terms[name].equation for name, _, _ in tables)
+    found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
+    for left, some in _left_over(problem, fitter, look, values, tables, place):
+        whole = [left[:, columns].T @ left[:, columns] for _, columns in some]
+        c = cleared(look, free, fitter.prior, left)
+        rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
+        null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
+        null += redrawn(look.r, c.pure, DRAWS, rng)
+        for ((name, driver, at), columns), gram in zip(some, whole, strict=True):
+            pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
+            score, equation = c.score[columns], error_terms[name].equation
+            covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
+            rank = float(np.trace(covariance @ information))
+            if rank < 0.1:
+                continue
+            rare, faint = 2.0 * np.log(choices[equation]), FAINT * gram
+            most = np.maximum(most, evidence(null[:, columns], information, faint) - rare)
+            best, unrest = covariance @ score, 1.0
+            if evidence(score, information, faint) > 0.0:
+                unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
+            told = score / unrest, information / unrest, faint / unrest
+            found.append(
+                Curve(
+                    name,
+                    equation,
+                    driver,
+                    at,
+                    *expected(*told),
+                    float(score @ best) / unrest - 2.0 * rank,
+                    float(evidence(*told)) - rare,
+                    1.0,
+                )
+            )
+        del left, c, pure  # before the next ones are made
+    # a Bayes factor of B is given to noise once in B times at most
+    least = np.sort(np.exp(-most / 2.0))
+    named = [
+        replace(curve, p_value=float(among(least, np.exp(-curve.evidence / 2.0))))
+        for curve in found
+    ]
+    return sorted(named, key=lambda curve: -curve.evidence)
+
+
+def evidence(score: Floats, information: Floats, faint: Floats) -> Floats:
+    """2 ln of the Bayes factor of coefficients of any of SCALES against none; ``score`` (…, c) and
+    its ``information`` (c, c), which says nothing in directions in which it is less than ``faint``
+    (c, c): what is left of a curve that is nearly a known one is noise of the inputs."""
+    each = _of_scales(score, information, faint)[0]
+    top = each.max(axis=-1, keepdims=True)
+    mean = np.log(np.mean(np.exp((each - top) / 2.0), axis=-1))
+    return np.asarray(top[..., 0] + 2.0 * mean)
+
+
+def expected(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (c) in the mean over SCALES, each as likely as its ``evidence`` says; in rows
+    (c, c) the principal directions in which they may be off, by a standard deviation each, of
+    those that the data tell of: the others are known ones'."""
+    each, means, covariances = _of_scales(score, information, faint)
+    weight = softmax(each / 2.0)
+    mean = np.asarray(weight @ means)
+    apart = (means - mean) * np.sqrt(weight)[:, None]
+    variance, directions = np.linalg.eigh(np.tensordot(weight, covariances, 1) + apart.T @ apart)
+    return mean, np.sqrt(np.maximum(variance, 0.0))[:, None] * directions.T
+
+
+def _of_scales(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats, Floats]:
+    """2 ln of the Bayes factor (…, s) of each scale, its most probable coefficients (…, s, c), and
+    their covariance (s, c, c)."""
+    strength, directions = np.linalg.eigh(information)
+    told = strength > np.sum(directions * (faint @ directions), axis=0)
+    variance = SCALES[:, None] ** 2
+    shrunk = 1.0 + variance * np.where(told, strength, 0.0)
+    along = np.where(told, score @ directions, 0.0)
+    each = along**2 @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
+    known = variance / shrunk
+    covariances = (directions * np.where(told, known, 0.0)[:, None, :]) @ directions.T
+    return each, (along[..., None, :] * known) @ directions.T, covariances
+
+
+def _unrest(
+    pure: Floats, rest: Floats, blocks: NDArray[np.int64], covariance: Floats, rank: float
+) -> float:
+    """How much more the scores of ``pure`` (K, c) scatter from block to block than noise at its
+    mean level makes them: where inputs move fast, their noise and timing weigh more."""
+    each = np.zeros((int(blocks.max()) + 1, pure.shape[1]))
+    np.add.at(each, blocks, pure * rest[:, None])
+    return max(1.0, float(np.trace(covariance @ (each.T @ each))) / rank)
+
+
+Table = tuple[str, str, Floats]  # flaw, driver, knots
+
+
+def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tuple[str, Floats]]:
+    """What errors may go with in every drive, and where curves over it bend."""
+    acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
+    acts = acts if acts.any() else np.ones(len(acts))
+    still = set.intersection(*(at_rest(drive) for drive in problem.drives))
+    return [
+        (name, at)
+        for name in values[0]
+        if name not in still and all(name in v for v in values)
+        for at in knots(name, np.concatenate([v[name] for v in values]), acts)
+    ]
+
+
+def _may_go_with(error_term: ErrorTerm, driver: str, at: Floats) -> bool:
+    """Whether a curve over ``driver`` with these knots is looked for."""
+    quick = len(at) == max(TIME_KNOTS)
+    return (not error_term.drivers or driver in error_term.drivers) and not (
+        error_term.slow and quick
+    )
+
+
+def _left_over(
+    problem: Problem,
+    fitter: Fitter,
+    look: Look,
+    values: Sequence[Mapping[str, Floats]],
+    tables: Sequence[Table],
+    place: Mapping[str, int],
+) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:
+    """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
+    of each curve; some drivers at a time, as many as memory likes.  ``place`` of each flaw in θ."""
+    readings = sum(len(drive.rows) for drive in problem.drives)
+    for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
+        begins: dict[tuple[str, int], int] = {}
+        bases: list[list[Floats]] = [[] for _ in values]
+        for _, driver, at in some:
+            if (driver, len(at)) not in begins:
+                begins[driver, len(at)] = sum(basis.shape[1] for basis in bases[0])
+                for basis, v in zip(bases, values, strict=True):
+                    basis.append(hats(v[driver], at))
+        columns = np.concatenate([begins[d, len(at)] + np.arange(len(at)) for _, d, at in some])
+        thetas = np.concatenate([np.full(len(at), place[name]) for name, _, at in some])
+        ends = np.cumsum([len(at) for _, _, at in some])
+        left = fitter.modulated(look, thetas, [np.column_stack(b) for b in bases], columns)
+        yield (
+            left,
+            [
+                (table, np.arange(end - len(table[2]), end))
+                for table, end in zip(some, ends, strict=True)
+            ],
+        )
+
+
+def _portions(tables: Sequence[Table], held: int) -> Iterator[list[Table]]:
+    """As many curves at a time as have no more than ``held`` columns, one at least."""
+    some: list[Table] = []
+    for table in tables:
+        if some and sum(len(at) for _, _, at in some) + len(table[2]) > held:
+            yield some
+            some = []
+        some.append(table)
+    if some:
+        yield some

@@ -1,0 +1,43 @@
+"""A user's own suspicions: effects from files of theirs, checked before anything is read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from clutchest.errors import ClutchestError
+from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.models.validate_effect import why_invalid
+from clutchest.vehicle import Vehicle
+
+
+def user_effects(files: Sequence[Path], vehicle: Vehicle) -> list[Effect]:
+    """Every effect of these ``files`` that the vehicle has not in its model already.
+
+    Raises ClutchestError, with the file's name, for one that cannot be looked for.
+    """
+    values = {key: quantity.value for key, quantity in vehicle.parameters.items()}
+    found: dict[str, Effect] = {}
+    for path in dict.fromkeys(path.resolve() for path in files):
+        for name, effect in effects_of_file(path).items():
+            if name in vehicle.effects:
+                continue
+            wrong = why_invalid(effect, vehicle.model, values)
+            if wrong or (wrong := _unsought(effect, vehicle.model, found)):
+                raise ClutchestError(f"{path}: effect '{name}' {wrong}")
+            found[name] = effect
+    return list(found.values())
+
+
+def _unsought(effect: Effect, model: str, found: dict[str, Effect]) -> str | None:
+    """Why an effect that may stand in the model cannot be looked for."""
+    if effect.lateness:
+        return (
+            "is late by more at one time than at another: nothing to look for, but to be "
+            "stated in the vehicle file"
+        )
+    taken = [("the library", library(model)), ("another file", found)]
+    for where, names in taken:
+        if effect.name in names:
+            return f"has the name of one in {where}, expected another"
+    return None

@@ -1,0 +1,302 @@
+"""Where the filter starts: from nothing, from the last drive, or after weeks of standing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from clutchest.errors import ClutchestError
+from clutchest.estimate.drive_setup import process_noise
+from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.whole_log import Belief, Compiled, run
+from clutchest.models import resting
+from clutchest.models.model import Model
+from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
+
+COOLING = 3600.0  # s, time constant at which the coolant of a parked engine follows the air
+LONGEST_SOAK = 48 * 3600.0  # s, after which every temperature has long settled
+PARKED_STEP = 5.0  # s, a quarter of the disc's time constant
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """What the drives so far add up to: how hard this clutch is used.
+
+    ``slip_energy_J`` belongs to the same drives as the rest; a state file may know of more.
+    """
+
+    driven_s: float = 0.0
+    engagements: int = 0
+    slip_energy_J: float = 0.0
+
+    @classmethod
+    def of(cls, state: Mapping[str, Any] | None) -> History:
+        """That of what :func:`leave` wrote; empty where it is silent or nothing is carried over.
+        Raises StateError where it is damaged."""
+        history, wanted = (state or {}).get("history", {}), {field.name for field in fields(cls)}
+        if not (
+            isinstance(history, Mapping)
+            and set(history) <= wanted
+            and all(_finite(number) and number >= 0 for number in history.values())
+        ):
+            raise _damaged("history", f"numbers of {', '.join(sorted(wanted))}")
+        return cls(**history)
+
+    def after(self, driven_s: float, engagements: int, slip_energy_J: float) -> History:
+        """With one more drive."""
+        return History(
+            self.driven_s + driven_s,
+            self.engagements + engagements,
+            self.slip_energy_J + slip_energy_J,
+        )
+
+
+def prior_std(vehicle: Vehicle, model: Model) -> Floats:
+    """Standard deviation of every state before any data, shape (n,)."""
+    stds = []
+    for state in model.states:
+        setting = vehicle.estimation.get(state.name)
+        std = setting.initial_std if setting else state.initial_std
+        nominal = vehicle.parameters.get(state.prior)
+        if setting is None and nominal is not None and nominal.spread > 0:
+            # the spread of a state's nominal value is the state's prior
+            std = nominal.spread / (abs(nominal.value) if state.unit == "1" else 1.0)
+        stds.append(std)
+    return np.array(stds)
+
+
+def nominal(compiled: Compiled, timeline: Timeline) -> Floats:
+    """The state (n) at the first event of a clutch at rest, as warm as coolant and air make it,
+    before any effect."""
+    model = compiled.model
+    inputs = {i.name: timeline.u[0, j] for j, i in enumerate(model.inputs)}
+    parameters = {q.key: compiled.p[j] for j, q in enumerate(model.parameters)}
+    values = resting(model.name, parameters, inputs)
+    readings = np.flatnonzero(timeline.sensor == model.sensor(model.anchor))
+    if len(readings):
+        values[model.anchor] = timeline.z[readings[0]]
+    return np.array([values.get(state.name, 0.0) for state in model.states])
+
+
+def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
+    """The prior at the first event."""
+    x = nominal(compiled, timeline)
+    xi, Si = np.zeros(len(x)), np.zeros((len(x), len(compiled.thetas)))
+    compiled.functions.initial(x, compiled.p, compiled.g, xi, Si)
+    return Belief.of(xi, np.diag(prior_std(vehicle, compiled.model) ** 2), Si)
+
+
+class StateError(ClutchestError):
+    """A carried-over state that is none, or another vehicle's; who read the file names it."""
+
+
+def carried_on(
+    vehicle: Vehicle,
+    compiled: Compiled,
+    timeline: Timeline,
+    state: Mapping[str, Any],
+    start_ns: int | None,
+) -> tuple[Belief, str | None]:
+    """The belief at the first event after what the last drive left, and a warning or None.
+
+    ``state`` is what :func:`leave` wrote.  Over a known time of standing, temperatures relax with
+    the model; over an unknown one, and where a stiff model would have to be run through it, they
+    start afresh.  Raises StateError if it is another vehicle's or model's, or damaged.
+    """
+    belief, model = fresh(vehicle, compiled, timeline), compiled.model
+    _check(vehicle, compiled, state)
+    before = _recalled(compiled, state, belief)
+    known = np.array([s.name in state["states"] for s in model.states])
+    kept = known & np.array([s.carried for s in model.states])
+    warning = None
+    first_ns = None if start_ns is None else start_ns + round(timeline.t[0] * 1e9)
+    if first_ns is None or state.get("time_ns") is None:
+        kept &= np.array([s.parked_noise == 0.0 for s in model.states])
+        warning = "no absolute time: temperatures do not carry over from the last drive"
+    elif first_ns < state["time_ns"]:
+        raise StateError(
+            "the log begins before the state that was carried over ends; give the "
+            "drives in order of time"
+        )
+    elif any(s.stiff for s in model.states):  # days of standing, in steps of a millisecond
+        kept &= np.array([s.parked_noise == 0.0 for s in model.states])
+    else:
+        before = _parked(
+            vehicle, compiled, timeline, before, state, (first_ns - state["time_ns"]) * 1e-9
+        )
+    belief.x[kept], belief.S[kept], belief.cE[kept] = (
+        before.x[kept],
+        before.S[kept],
+        before.cE[kept],
+    )
+    both = np.ix_(kept, kept)
+    belief.P[both] = before.P[both]
+    belief.E, belief.sE = before.E, before.sE
+    return belief, warning
+
+
+def leave(
+    vehicle: Vehicle,
+    compiled: Compiled,
+    timeline: Timeline,
+    belief: Belief,
+    start_ns: int | None,
+    history: History,
+) -> dict[str, Any]:
+    """What the next drive needs, ready for JSON."""
+    inputs = [i.name for i in compiled.model.inputs]
+    return {
+        "vehicle": vehicle.name,
+        "model": compiled.model.name,
+        "states": [state.name for state in compiled.model.states],
+        "time_ns": None if start_ns is None else start_ns + round(timeline.t[-1] * 1e9),
+        "x": belief.x.tolist(),
+        "P": belief.P.tolist(),
+        "thetas": [list(theta) for theta in compiled.thetas],
+        "signature": belief.S.tolist(),
+        "inputs": dict(zip(inputs, timeline.u[-1].tolist(), strict=True)),
+        "slip_energy": belief.E.tolist(),
+        "slip_energy_covariance": belief.cE.tolist(),
+        "slip_energy_signature": belief.sE.tolist(),
+        "history": asdict(history),
+    }
+
+
+def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> None:
+    wanted = {
+        "model",
+        "states",
+        "x",
+        "P",
+        "signature",
+        "thetas",
+        "inputs",
+        "slip_energy",
+        "slip_energy_covariance",
+        "slip_energy_signature",
+    }
+    if lacking := wanted - set(state):
+        raise StateError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
+    if state["model"] != compiled.model.name:
+        raise StateError(
+            f"the carried-over state is of model '{state['model']}', not '{compiled.model.name}'"
+        )
+    if state.get("vehicle", vehicle.name) != vehicle.name:
+        raise StateError(
+            f"the carried-over state is of vehicle '{state['vehicle']}', not '{vehicle.name}'"
+        )
+    found = state["states"]
+    if not (isinstance(found, list) and all(isinstance(name, str) for name in found)):
+        raise StateError("the carried-over state is damaged: 'states' must be a list of names")
+    names = {s.name for s in compiled.model.states}
+    if not names & set(found):
+        raise StateError(f"the carried-over state has none of the states {', '.join(names)}")
+    _check_numbers(state, len(found))
+
+
+def _check_numbers(state: Mapping[str, Any], n: int) -> None:
+    """Shapes and finite numbers: the compiled kernel trusts them blindly."""
+    thetas = state["thetas"]
+    if not (
+        isinstance(thetas, list)
+        and all(
+            isinstance(pair, list | tuple)
+            and len(pair) == 2
+            and all(isinstance(p, str) for p in pair)
+            for pair in thetas
+        )
+    ):
+        raise _damaged("thetas", "a list of pairs of names")
+    shapes = {
+        "x": (n,),
+        "P": (n, n),
+        "signature": (n, len(thetas)),
+        "slip_energy": (2,),
+        "slip_energy_covariance": (n,),
+        "slip_energy_signature": (len(thetas),),
+    }
+    for key, shape in shapes.items():
+        try:
+            numbers = np.array(state[key], np.float64)
+        except (TypeError, ValueError):
+            numbers = np.zeros(0)
+        if numbers.shape != shape or not np.all(np.isfinite(numbers)):
+            raise _damaged(key, f"{' × '.join(map(str, shape))} finite numbers")
+    if np.any(np.diag(np.array(state["P"], np.float64)) < 0):
+        raise _damaged("P", "a covariance: no variance below zero")
+    inputs = state["inputs"]
+    if not (isinstance(inputs, Mapping) and all(map(_finite, inputs.values()))):
+        raise _damaged("inputs", "names with finite numbers")
+    time = state.get("time_ns")
+    if time is not None and (isinstance(time, bool) or not isinstance(time, int)):
+        raise _damaged("time_ns", "a whole number of ns or null")
+
+
+def _damaged(key: str, expected: str) -> StateError:
+    return StateError(f"the carried-over state is damaged: '{key}' must be {expected}")
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, int | float) and isfinite(value)
+
+
+def _recalled(compiled: Compiled, state: Mapping[str, Any], fresh: Belief) -> Belief:
+    """What the state says of the states and thetas that the model has now; else as ``fresh``.
+
+    Matched by name: a vehicle file may have gained or lost an effect since.
+    """
+    names, thetas = list(state["states"]), [tuple(theta) for theta in state["thetas"]]
+    here = [i for i, s in enumerate(compiled.model.states) if s.name in names]
+    there = [names.index(compiled.model.states[i].name) for i in here]
+    k_here = [k for k, theta in enumerate(compiled.thetas) if theta in thetas]
+    k_there = [thetas.index(compiled.thetas[k]) for k in k_here]
+    belief = fresh.copy()
+    signature = np.array(state["signature"]).reshape(len(names), len(thetas))
+    belief.x[here] = np.array(state["x"])[there]
+    belief.P[np.ix_(here, here)] = np.array(state["P"])[np.ix_(there, there)]
+    belief.S[here] = 0.0
+    belief.S[np.ix_(here, k_here)] = signature[np.ix_(there, k_there)]
+    belief.E = np.array(state["slip_energy"], np.float64)
+    belief.cE[here] = np.array(state["slip_energy_covariance"])[there]
+    belief.sE[k_here] = np.array(state["slip_energy_signature"])[k_there]
+    return belief
+
+
+def _parked(
+    vehicle: Vehicle,
+    compiled: Compiled,
+    timeline: Timeline,
+    belief: Belief,
+    state: Mapping[str, Any],
+    span: float,
+) -> Belief:
+    """The belief after standing for ``span`` s, the engine's coolant going to its new start."""
+    model = compiled.model
+    span = min(span, LONGEST_SOAK)
+    if span <= 0.0:
+        return belief
+    t = np.concatenate([[0.0], np.geomspace(min(1.0, span / 2), span, 200)])
+    towards = 1.0 - np.exp(-t / COOLING)
+    u = np.empty((len(t), len(model.inputs)))
+    for j, item in enumerate(model.inputs):
+        a, b = state["inputs"].get(item.name, timeline.u[0, j]), timeline.u[0, j]
+        u[:, j] = a + (b - a) * towards
+    nothing, rows = np.zeros(len(t)), len(timeline.longest)
+    quiet = replace(
+        timeline,
+        t=t,
+        sensor=np.full(len(t), -1, np.int8),
+        z=nothing,
+        R=nothing,
+        u=u,
+        row=np.zeros(len(t), np.int64),
+        Q=np.tile(process_noise(vehicle, model, True), (rows, 1)),
+        longest=np.full(rows, PARKED_STEP),
+        emit=np.full(len(t), -1, np.int64),
+    )
+    return run(compiled, quiet, belief).final

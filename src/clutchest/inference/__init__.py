@@ -1,0 +1,1 @@
+"""What data say of unknown numbers: linearisation, noise, most probable values, score tests."""

@@ -1,0 +1,116 @@
+"""What noise of the inputs does to states that no reading corrects.
+
+The clutch is heated by the torque at a measured position and the slip of a measured speed, and
+their noise is summed up in its temperatures: a walk that parameters and causes would otherwise
+have to explain, since a fit takes everything for exact that it does not estimate.  So readings are
+known to scatter along certain directions, each that of the noise in one part of the drive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from clutchest.compute.lower import NOISE
+from clutchest.estimate.initial_state import prior_std
+from clutchest.models.model import Model
+from clutchest.signals import Floats
+from clutchest.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from clutchest.inference.linearisation import LinearisedDrive
+
+PARTS = 64  # of a drive, with as much noise in each
+NOTHING = 1e-20  # of a square: rounding
+SOME = 16384  # readings that are whitened at a time
+LEAST = 0.3  # standard deviations of all readings together; noise that shows less is left out
+
+
+def taken_in(model: Model) -> list[str]:
+    """Names of the inputs that states without readings of their own take in."""
+    e = model.expressions()
+    depends = ca.which_depends(_rates(model, e.rate), e.u, 1, False)
+    return [item.name for item, does in zip(model.inputs, depends, strict=True) if does]
+
+
+def _rates(model: Model, rate: ca.SX) -> ca.SX:
+    return rate[[i for i, state in enumerate(model.states) if state.name not in model.renewed]]
+
+
+def input_noise_directions(drive: LinearisedDrive, vehicle: Vehicle) -> Floats:
+    """What the noise does to the readings that count, in their standard deviations and seen from
+    the states of the drive's last run: columns (K, c), each to be taken a number of times that is
+    normal, of variance 1."""
+    compiled, line = drive.compiled, drive.line
+    at = compiled.p, compiled.g, drive.nominal
+    span = np.diff(line.t, prepend=line.t[0])
+    rates = _taken_in(drive, vehicle)
+    found = [np.zeros((len(drive.rows), 0))]
+    for k, (owner, name) in enumerate(compiled.thetas):
+        if owner != NOISE:
+            continue
+        j = compiled.model.input(name)
+        grown = np.cumsum(line.noise[j] * rates[j] ** 2 * span)  # variance of the walk
+        if not 0.0 < grown[-1] < np.inf:
+            continue
+        part = np.minimum(PARTS * grown / grown[-1], PARTS - 1).astype(int)
+        # larger where noise does more: then all noise of a part does what one such number does
+        own = np.bincount(part, rates[j] ** 2 * span, minlength=PARTS)
+        basis = np.zeros((len(span), PARTS))
+        basis[np.arange(len(span)), part] = rates[j]
+        basis *= np.sqrt(line.noise[j] / np.where(own > 0.0, own, np.inf))
+        seen = drive.modulated(*at, {}, np.full(PARTS, k), basis, np.arange(PARTS))
+        found.append(_main(seen / drive.std[:, None]))
+    return _main(np.column_stack(found))
+
+
+def _main(seen: Floats) -> Floats:
+    """Columns (K, c) turned into fewer, without directions that hardly show."""
+    strength, turned = np.linalg.eigh(seen.T @ seen)
+    return seen @ turned[:, strength > LEAST**2]
+
+
+@dataclass(frozen=True, slots=True)
+class InputNoiseCovariance:
+    """Of white readings (K), as columns (K, c): ``along`` orthonormal directions (K, c), how
+    ``strong`` (c) each is, and what it is made of, ``turned`` (c, c)."""
+
+    along: Floats
+    strong: Floats
+    turned: Floats
+
+    @classmethod
+    def of(cls, columns: Floats) -> InputNoiseCovariance:
+        """Of the columns (K, c) themselves."""
+        squares, turned = np.linalg.eigh(columns.T @ columns)
+        strong = np.sqrt(np.maximum(squares, NOTHING))
+        return cls(columns @ (turned / strong), strong, turned)
+
+    def whiten_in_place(self, table: Floats) -> None:
+        """Take from white readings (K, k) what makes them scatter more along the walk."""
+        more = 1.0 - 1.0 / np.sqrt(1.0 + self.strong**2)
+        share = more[:, None] * (self.along.T @ table)
+        for begin in range(0, len(table), SOME):  # memory for some, not for all
+            rows = slice(begin, begin + SOME)
+            table[rows] -= self.along[rows] @ share
+
+    def probable(self, white: Floats) -> Floats:
+        """How often (c) each column is most probably in ``white`` readings (K)."""
+        share = self.strong / (1.0 + self.strong**2)
+        return self.turned @ (share * (self.along.T @ white))
+
+
+def _taken_in(drive: LinearisedDrive, vehicle: Vehicle) -> Floats:
+    """Derivatives (nu, K) of the rates of states that no reading corrects by every input; of their
+    sum, each in its prior's standard deviations."""
+    compiled, line = drive.compiled, drive.line
+    model = compiled.model
+    e = model.expressions()
+    std = prior_std(vehicle, model)
+    units = [1.0 / s if s > 0.0 else 0.0 for s in std]
+    weights = _rates(model, ca.SX(units)).T
+    summed = weights @ ca.jacobian(_rates(model, e.rate), e.u)
+    return e.along(summed.T, drive.states, line.u, line.W[line.row], compiled.p, compiled.g)

@@ -1,0 +1,160 @@
+"""The colour and level of innovations: what is left of noise when all that is known is taken out.
+
+Innovations of one sensor in one regime are taken for an autoregressive process; dividing that out
+makes them white, and their derivatives comparable with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from clutchest.signals import Floats
+
+ORDER = 12  # longest memory tried, samples
+FEWEST = 60  # readings from which a colour is made; below, white with the sensor's own level
+TAIL = 5.0  # standard deviations
+HOLE = 3.0  # sample periods; a longer hole begins a new stretch
+
+
+@dataclass(frozen=True, slots=True)
+class Stretches:
+    """How the readings of a drive hang together: ``group`` (K) sensor and regime as one number,
+    ``place`` (K) the number of readings before it in its stretch without holes."""
+
+    group: NDArray[np.int64]
+    place: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, t: Floats, sensor: NDArray, row: NDArray) -> Stretches:
+        """From readings sorted by sensor, then time."""
+        group = sensor.astype(np.int64) * 64 + row
+        place = np.zeros(len(t), np.int64)
+        if len(t) < 2:
+            return cls(group, place)
+        step = np.diff(t)
+        together = np.diff(group) == 0
+        for which in np.unique(group):
+            inside = together & (group[1:] == which)
+            if inside.any():
+                together &= ~inside | (step <= HOLE * np.median(step[inside]))
+        _count(together, place)
+        return cls(group, place)
+
+
+@njit(cache=True)
+def _count(together: NDArray, place: NDArray) -> None:
+    for k in range(len(together)):
+        place[k + 1] = place[k] + 1 if together[k] else 0
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseModel:
+    """Autoregressive noise of every group.
+
+    ``groups`` (G) as :class:`Stretches` numbers them; ``weights`` (G, ORDER + 1, ORDER): the best
+    prediction from the last q readings, q = 0…ORDER; ``level`` (G, ORDER + 1) its standard
+    deviation.
+    """
+
+    groups: NDArray[np.int64]
+    weights: Floats
+    level: Floats
+
+    @classmethod
+    def white(cls, stretches: Sequence[Stretches]) -> NoiseModel:
+        """White noise of unit variance: innovations as they come."""
+        groups = np.unique(np.concatenate([s.group for s in stretches]))
+        shape = len(groups), ORDER + 1
+        return cls(groups, np.zeros((*shape, ORDER)), np.ones(shape))
+
+    @classmethod
+    def fit(cls, stretches: Sequence[Stretches], residuals: Sequence[Floats]) -> NoiseModel:
+        """From what is left of innovations (K) of each drive, by Levinson's recursion on their
+        autocovariances; as much memory as Akaike's criterion allows."""
+        groups = np.unique(np.concatenate([s.group for s in stretches]))
+        weights = np.zeros((len(groups), ORDER + 1, ORDER))
+        level = np.ones((len(groups), ORDER + 1))
+        for i, which in enumerate(groups):
+            covariance, count = np.zeros(ORDER + 1), 0
+            for s, e in zip(stretches, residuals, strict=True):
+                covariance += _autocovariance(
+                    s.group == which, s.place, _tamed(e, s.group == which)
+                )
+                count += int(np.sum(s.group == which))
+            order = ORDER if count >= FEWEST else 0
+            weights[i], level[i] = _levinson(covariance / max(count, 1), order, count)
+        return cls(groups, weights, level)
+
+    def whiten(self, s: Stretches, values: Floats) -> Floats:
+        """``values`` (K, …) less what the readings before them predict, over its deviation."""
+        out = values.copy()
+        self.whiten_in_place(s, out)
+        return out
+
+    def whiten_in_place(self, s: Stretches, values: Floats) -> None:
+        """The same where ``values``, C-ordered, are no longer needed."""
+        of = np.searchsorted(self.groups, s.group)
+        table = values.reshape(len(values), prod(values.shape[1:]))
+        _whiten(table, of, s.place, self.weights, self.level)
+
+
+def median_std(errors: Floats) -> float:
+    """Standard deviation of normal ``errors`` (n) by their median size, to which a few that lie far
+    off do nothing."""
+    return 1.4826 * float(np.median(np.abs(errors)))
+
+
+def _tamed(e: Floats, inside: NDArray[np.bool_]) -> Floats:
+    """``e`` with what lies far off, by the median's measure, brought near: an outlier is no
+    colour."""
+    scale = median_std(e[inside]) if inside.any() else 0.0
+    return np.clip(e, -TAIL * scale, TAIL * scale) if scale > 0.0 else e
+
+
+def _autocovariance(inside: NDArray[np.bool_], place: NDArray, e: Floats) -> Floats:
+    """Σ e_k e_{k−lag} within stretches, lags 0…ORDER."""
+    found = np.zeros(ORDER + 1)
+    for lag in range(ORDER + 1):
+        rows = np.flatnonzero(inside & (place >= lag))
+        found[lag] = e[rows] @ e[rows - lag]
+    return found
+
+
+def _levinson(covariance: Floats, longest: int, count: int) -> tuple[Floats, Floats]:
+    """Predictions of every order up to the best, and their standard deviations."""
+    weights, variance = np.zeros((ORDER + 1, ORDER)), np.zeros(ORDER + 1)
+    variance[:] = max(covariance[0], 1e-12)
+    if covariance[0] <= 0.0:
+        return weights, np.ones(ORDER + 1)
+    a = np.zeros(0)
+    for q in range(1, longest + 1):
+        reflection = (covariance[q] - a @ covariance[q - 1 : 0 : -1]) / variance[q - 1]
+        reflection = float(np.clip(reflection, -0.999, 0.999))
+        a = np.append(a - reflection * a[::-1], reflection)
+        weights[q, :q] = a
+        variance[q] = variance[q - 1] * (1.0 - reflection**2)
+    criterion = count * np.log(variance[: longest + 1]) + 2.0 * np.arange(longest + 1)
+    best = int(np.argmin(criterion))
+    weights[best:], variance[best:] = weights[best], variance[best]
+    return weights, np.sqrt(variance)
+
+
+@njit(cache=True)
+def _whiten(values: Floats, of: NDArray, place: NDArray, weights: Floats, level: Floats) -> None:
+    order = weights.shape[2]
+    for k in range(len(values) - 1, -1, -1):  # those before stand as they were
+        q = min(place[k], order)
+        scale = 1.0 / level[of[k], q]
+        for i in range(q):
+            w = weights[of[k], q, i]
+            if w != 0.0:
+                for c in range(values.shape[1]):
+                    values[k, c] -= w * values[k - 1 - i, c]
+        for c in range(values.shape[1]):
+            values[k, c] *= scale

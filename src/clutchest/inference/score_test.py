@@ -1,0 +1,151 @@
+"""Scores: how strongly each cause pulls at the data once everything known has had its share.
+
+Around the most probable nuisances all is linear: the innovations r answer to θ by ψ.  A cause's
+score is what is left of ψᵀr after nuisances, at the price of their priors, have explained what
+they can (Rao's efficient score); its information is what is left of ψᵀψ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from clutchest.inference.map_fit import Look
+from clutchest.signals import Floats
+
+DRAWS = 2000  # of the null
+BLOCK, BLOCKS = 512, 16  # readings drawn at a time at most, and times at least
+SOME = 16384  # readings, of which nuisances are taken out at a time
+ABSENT = 1e-6  # information below which a cause leaves no trace (in squared standard deviations)
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreTest:
+    """Scores of C causes at one look.
+
+    ``score`` (C) and ``information`` (C, C), nuisances taken out; ``one_sided`` (C); ``null``
+    (DRAWS, C) scores of data in which no cause acts: innovations drawn from those at hand, through
+    the same ψ, and nuisances from their priors.
+    """
+
+    score: Floats
+    information: Floats
+    one_sided: NDArray[np.bool_]
+    null: Floats
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviation of each score (C), inf where a cause leaves no trace."""
+        diagonal = np.diag(self.information)
+        return np.where(diagonal > ABSENT, np.sqrt(np.maximum(diagonal, ABSENT)), np.inf)
+
+    @property
+    def z(self) -> Floats:
+        """Scores in standard deviations (C)."""
+        return self.score / self.std
+
+    def p_alone(self, z: Floats) -> Floats:
+        """Chance of such a ``z`` (…, C) by noise, each cause by itself."""
+        return np.where(self.one_sided, norm.sf(z), 2.0 * norm.sf(np.abs(z)))
+
+    @property
+    def least(self) -> Floats:
+        """The smallest p-value of each null draw, sorted (DRAWS)."""
+        return np.sort(self.p_alone(self.null / self.std).min(axis=1))
+
+    def p_among_all(self, p: Floats | float) -> Floats:
+        """Chance that noise gives a p-value as small as ``p`` to any cause."""
+        return among(self.least, p)
+
+    def threshold(self, level: float) -> Floats:
+        """The z (C) at which a cause is found at the family-wise ``level``."""
+        least = self.least
+        p = least[max(int(level * len(least)) - 1, 0)]
+        return np.where(self.one_sided, norm.isf(p), norm.isf(p / 2.0))
+
+
+def score_test(
+    look: Look,
+    nuisances: NDArray[np.int64],
+    prior: Floats,
+    columns: Floats,
+    one_sided: Sequence[bool],
+    seed: int,
+    draws: int = DRAWS,
+) -> ScoreTest:
+    """Scores at ``look`` of causes whose derivatives are ``columns`` (K, C).
+
+    ``nuisances`` indices of all that is free to explain the data, ``prior`` (m) their precision.
+    """
+    c = cleared(look, nuisances, prior, columns.copy())
+    rng = np.random.default_rng(seed)
+    null = redrawn(look.r, c.pure, draws, rng)
+    null += rng.standard_normal((draws, len(c.away))) @ c.away
+    return ScoreTest(c.score, c.information, np.array(one_sided), null)
+
+
+@dataclass(frozen=True, slots=True)
+class Cleared:
+    """Columns (K, C) with what n nuisances can explain of them taken out.
+
+    ``weight`` (n, C) by how much each nuisance stands in for a column, ``pure`` (K, C) what none
+    takes up, ``score`` (C) and its ``information`` (C, C); ``away`` (q, C): how scores answer to
+    the nuisances that have a prior.
+    """
+
+    weight: Floats
+    pure: Floats
+    score: Floats
+    information: Floats
+    away: Floats
+
+
+def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Floats) -> Cleared:
+    """``columns`` (K, C), which are used up, at ``look`` beside ``nuisances`` (n) of precision
+    ``prior`` (m)."""
+    psi, known = look.psi, prior[nuisances]  # all of ψ: to pick columns would copy them
+    inner, shared = (psi.T @ psi)[np.ix_(nuisances, nuisances)], (psi.T @ columns)[nuisances]
+    weight = np.asarray(np.linalg.solve(inner + np.diag(known + 1e-9), shared), np.float64)
+    of_all = np.zeros((psi.shape[1], columns.shape[1]))
+    of_all[nuisances] = weight
+    for begin in range(0, len(columns), SOME):
+        columns[begin : begin + SOME] -= psi[begin : begin + SOME] @ of_all
+    pure = columns
+    # sums of squares, not differences: nuisances may take up all but a billionth of a column
+    priced = known[:, None] * weight
+    information = pure.T @ pure + weight.T @ priced
+    score = priced.T @ look.theta[nuisances] - pure.T @ look.r
+    return Cleared(weight, pure, score, information, priced[known > 0.0])
+
+
+def redrawn(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
+    """Scores (draws, C) of ``pure`` (K, C) on innovations drawn from ``r`` (K)."""
+    null = np.zeros((draws, pure.shape[1]))
+    if not len(r):
+        return null
+    block = max(min(BLOCK, len(r) // BLOCKS), 1)
+    # runs of a shuffled copy, which cost no more than reading them; no two blocks of a draw, and
+    # no two draws of a block, begin at the same place but by chance
+    shuffled = rng.permutation(r.astype(np.float32))
+    runs = sliding_window_view(np.append(shuffled, shuffled[: block - 1]), block)
+    for begin in range(0, len(pure), block):
+        piece = pure[begin : begin + block].astype(np.float32)
+        null += runs[rng.integers(len(r), size=draws), : len(piece)] @ piece
+    return null
+
+
+def among(least: Floats, p: Floats | float) -> Floats:
+    """Chance of a p-value as small as ``p`` anywhere; ``least``: that of each null draw, sorted.
+
+    Counted among the draws; where they are too few, carried on in proportion to p from the
+    smallest share that they still tell.
+    """
+    count = np.searchsorted(least, p, side="right")
+    known = max(round(0.01 * len(least)), 1)  # draws below which counting is too coarse
+    carried = np.asarray(p) * known / len(least) / max(least[known - 1], 1e-300)
+    return np.where(count >= known, count / len(least), np.minimum(carried, 1.0))

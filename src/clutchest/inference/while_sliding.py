@@ -1,0 +1,37 @@
+"""What the equations make of a drive while the surfaces slide, at even steps in time: events come
+closer together where more happens, and would count it more often."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from clutchest.inference.linearisation import LinearisedDrive
+from clutchest.signals import Floats
+
+PERIOD = 0.05  # s
+
+
+def while_sliding(
+    drive: LinearisedDrive, names: Sequence[str], *numbers: tuple[Floats, Floats]
+) -> tuple[Floats, list[Floats]]:
+    """Times (k) in s, and quantities (len(names), k) of the equations for each pair of parameters
+    and numbers of effects, at the states where the drive was last linearised and at measured
+    inputs.  Nothing where the equations do not have these quantities."""
+    line, e = drive.line, drive.compiled.model.expressions()
+    slides = drive.acts & line.W[line.row].all(axis=1)
+    time = np.arange(line.t[0], line.t[-1], PERIOD)
+    ends = np.searchsorted(line.t, time)  # the event that ends the interval around
+    inside = slides[ends] & slides[np.maximum(ends - 1, 0)]
+    time, ends = time[inside], ends[inside]
+    if not len(time) or not set(names) <= set(e.quantities.names()):
+        return np.zeros(0), [np.zeros((len(names), 0)) for _ in numbers]
+    wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
+    states, inputs = (
+        np.column_stack([np.interp(time, line.t, column) for column in table.T])
+        for table in (drive.states, line.u)
+    )
+    flags = line.W[line.row[ends]]
+    return time, [e.along(wanted, states, inputs, flags, p, g) for p, g in numbers]

@@ -1,0 +1,27 @@
+"""Ways in which equations may be wrong that no effect knows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+Change = Callable[[Any, Any], Any]  # (value, error in units) → changed value
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorTerm:
+    """An error of ``equation``, of any size at any time.
+
+    ``changes``: quantity → what one unit of error does to it; or ``late``: a signal and by how many
+    s one unit delays it.  ``drivers``: what the error may go with, anything unless given: a
+    sensor's error goes with what its reading is made from.  ``slow``: what it does adds up over
+    minutes, so that quick changes of it are not seen.
+    """
+
+    equation: str
+    changes: Mapping[str, Change] = field(default_factory=lambda: MappingProxyType({}))
+    late: tuple[str, float] | None = None
+    drivers: tuple[str, ...] = ()
+    slow: bool = False

@@ -1,0 +1,102 @@
+"""Curves judged by drives that were not used to find them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from clutchest.discovery.holdout_curves import Transfer
+from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction
+from clutchest.discovery.residual_curves import Curve
+from clutchest.signals import Floats
+
+AT = np.arange(0.0, 40.0 * BLOCK, 1.0)
+SECOND = AT // BLOCK % 2 == 1
+NONE = np.zeros(len(AT))
+
+
+def curve(driver: str, evidence: float) -> Curve:
+    return Curve(
+        "torque",
+        "torque",
+        driver,
+        np.zeros(2),
+        np.zeros(2),
+        np.zeros((0, 2)),
+        evidence,
+        evidence,
+        1e-9,
+    )
+
+
+def held_out_prediction(white: Floats) -> HeldOutPrediction:
+    return HeldOutPrediction(AT, white, white, AT, NONE, 0.0)
+
+
+def transfer(misfit: Floats, *left: tuple[Curve, Floats]) -> Transfer:
+    """Drives with a ``misfit`` of which each curve leaves what stands beside it."""
+    columns = np.column_stack([misfit, *(rest for _, rest in left)])
+    span = np.linalg.svd(columns, full_matrices=False)[0]
+    curves = tuple(curve for curve, _ in left)
+    return Transfer(
+        curves,
+        span,
+        held_out_prediction(misfit),
+        tuple(held_out_prediction(rest) for _, rest in left),
+    )
+
+
+@pytest.fixture
+def misfit() -> Floats:
+    return 0.3 * np.random.default_rng(1).standard_normal(len(AT))
+
+
+def test_what_goes_with_it_on_another_road_comes_first(misfit: Floats) -> None:
+    carried = transfer(
+        misfit, (curve("temp_disc", 100.0), 0.9 * misfit), (curve("temp_body", 95.0), 0.1 * misfit)
+    )
+    assert [c.driver for c in carried.ranked()] == ["temp_body", "temp_disc"]
+    chosen, gain = carried.patch([True, True])
+    assert chosen is carried.curves[1]
+    assert gain is not None
+    assert gain.total == pytest.approx((1 - 0.1**2) * np.sum(misfit**2) / 2.0)
+
+
+def test_the_log_counts_as_much(misfit: Floats) -> None:
+    carried = transfer(
+        misfit, (curve("temp_disc", 300.0), 0.9 * misfit), (curve("temp_body", 95.0), 0.1 * misfit)
+    )
+    assert [c.driver for c in carried.ranked()] == ["temp_disc", "temp_body"]
+
+
+def test_time_is_not_refuted_by_another_drive_and_patches_only_where_it_pays(
+    misfit: Floats,
+) -> None:
+    worse = transfer(
+        misfit, (curve("time", 100.0), 2.0 * misfit), (curve("temp_body", 95.0), 1.1 * misfit)
+    )
+    assert worse.ranked()[0].driver == "time"
+    assert worse.patch([True, True])[0] is worse.curves[1]
+    assert worse.patch([True, False]) == (None, None)
+    better = transfer(misfit, (curve("time", 100.0), 0.5 * misfit))
+    assert better.patch([True])[0] is better.curves[0]
+
+
+def test_a_gain_is_not_measured_where_the_curve_was_chosen() -> None:
+    """Each of two curves does well in one half and harm in the other, as luck has it: each half
+    is judged by the curve that the other half speaks for."""
+    misfit = 0.3 * np.random.default_rng(2).standard_normal(len(AT))
+    lucky_first, lucky_second = np.where(SECOND, 1.5, 0.5), np.where(SECOND, 0.5, 1.5)
+    carried = transfer(
+        misfit,
+        (curve("temp_disc", 0.0), lucky_first * misfit),
+        (curve("temp_body", 0.0), lucky_second * misfit),
+    )
+    gain = carried.patch([True, True])[1]
+    assert gain is not None
+    assert gain.total == pytest.approx((1 - 1.5**2) * np.sum(misfit**2) / 2.0)
+
+
+def test_nothing_that_the_equations_can_follow_is_no_patch(misfit: Floats) -> None:
+    carried = transfer(misfit, (curve("position_rate", 100.0), 0.1 * misfit))
+    assert carried.patch([False]) == (None, None)

@@ -1,0 +1,77 @@
+"""A user's own effects are refused in one line where they cannot be looked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import clutchest
+from clutchest.discovery.user_effects import user_effects
+from clutchest.errors import ClutchestError
+
+TRUCK = clutchest.load_vehicle("truck")
+OWN = """
+from clutchest.models.effects import Effect, Lateness, Number
+from clutchest.models.symbols import State
+
+class Own(Effect):
+    name, model, equation = "own", "dry_clutch", "torque"
+    parameters = (Number("size", "1", -0.5, 0.5),)
+
+    def terms(self, g):
+        return {"sliding_torque": lambda torque, q: torque * (1 + g.size * q.temp_disc / 100)}
+"""
+
+DELAYED = "\n    delays = {{'{}': 'size'}}"
+TURNING = "\n    lateness = {'engine_torque': Lateness('time', (0.0, 9.0), (0.0, 0.1))}"
+
+
+def written(folder: Path, old: str = "", new: str = "", name: str = "own.py") -> Path:
+    assert old in OWN
+    path = folder / name
+    path.write_text(OWN.replace(old, new) if old else OWN, encoding="utf-8")
+    return path
+
+
+def test_what_can_be_looked_for_is_taken_once(tmp_path):
+    path = written(tmp_path)
+    (own,) = user_effects([path, tmp_path / "." / "own.py"], TRUCK)
+    assert own.name == "own"
+
+
+def test_what_the_vehicle_has_already_is_left_out(tmp_path):
+    path = written(tmp_path)
+    has = replace(TRUCK, effects={"own": {"size": 0.1}}, effects_files=(path,))
+    assert user_effects([path], has) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("q.temp_disc", "q.temp_dsc", "asks for 'temp_dsc', which is not there; did you mean"),
+        ("q.temp_disc", "q.temp_body_rate", "asks for 'temp_body_rate' before the equations make"),
+        ("g.size", "g.sise", "asks for 'sise', which is not there; did you mean 'size'"),
+        ('"sliding_torque"', '"sliding_torqe"', "changes 'sliding_torqe', which the equations hav"),
+        ("g.size", "None", "cannot be written out: TypeError"),
+        ('"dry_clutch"', '"alsd"', "is of the model 'alsd', expected 'dry_clutch'"),
+        ('"own", "dry', '"wear", "dry', "'wear' has the name of one in the library"),
+        ("-0.5, 0.5", "-0.5, 0.0", "has size between -0.5 and 0, expected"),
+        ("-0.5, 0.5", "0.1, 0.5", "has size between 0.1 and 0.5, expected"),
+        ("0.5),)", "0.5, shape=True),)", "has no number that makes it absent at 0"),
+        ("0.5),)", f"0.5),){DELAYED.format('engine_torqe')}", "delays 'engine_torqe', which is no"),
+        ("0.5),)", f"0.5),){DELAYED.format('engine_torque')}{TURNING}", "is late by more at one"),
+    ],
+)
+def test_what_cannot_be_looked_for_is_said(tmp_path, old, new, words):
+    path = written(tmp_path, old, new)
+    with pytest.raises(ClutchestError) as error:
+        user_effects([path], TRUCK)
+    assert str(error.value).startswith(f"{path}: effect '") and words in str(error.value)
+
+
+def test_two_files_may_not_use_one_name(tmp_path):
+    paths = [written(tmp_path), written(tmp_path, name="again.py")]
+    with pytest.raises(ClutchestError, match=r"again\.py: effect 'own' has the name of one in ano"):
+        user_effects(paths, TRUCK)

@@ -1,0 +1,52 @@
+"""Inputs between their samples: integrals of what bends, against the exact ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from clutchest.inference.input_interpolation import InterpolatedInput, apart
+from clutchest.signals import Floats
+
+PERIOD, NOISE = 0.01, 0.02  # s, mm: those of a piston's position
+
+
+def release_memory(t: Floats) -> Floats:
+    """A pedal let go at 0.5 s: half a cosine of 7 mm in 120 ms."""
+    return 3.5 * (1.0 - np.cos(np.pi * np.clip((t - 0.5) / 0.12, 0.0, 1.0)))
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.003, 0.005, 0.008])
+def test_the_integral_is_that_of_the_curve(phase):
+    """Whatever the phase of events between the samples, most of what lines lose until the turn is
+    known."""
+    own, t = np.arange(0.0, 1.0, PERIOD), np.arange(0.3, 0.56, PERIOD) + phase
+    fine = np.linspace(t[0], t[-1], 200_001)
+    exact = np.trapezoid(release_memory(fine), fine)
+    lines = np.interp(t, own, release_memory(own))
+    lost = np.trapezoid(lines, t) - exact
+    left = lost - np.trapezoid(
+        InterpolatedInput.of(own, release_memory(own), NOISE).off(t, apart(t)), t
+    )
+    assert lost > 1e-4
+    assert abs(left) < 0.2 * lost
+
+
+def test_noise_does_not_bend():
+    """White noise bends no course, but for one sample in ten thousand."""
+    rng, own = np.random.default_rng(0), np.arange(0.0, 200.0, PERIOD)
+    course = InterpolatedInput.of(own, NOISE * rng.standard_normal(len(own)), NOISE)
+    assert np.mean(course.bends != 0.0) < 3e-4
+
+
+def test_a_parabola_is_met_everywhere():
+    own = np.arange(0.0, 1.0, PERIOD)
+    course = InterpolatedInput.of(own, 500.0 * own**2, 1e-6)
+    t = np.arange(0.1, 0.9, 0.0037)
+    np.testing.assert_allclose(course.at(t, np.zeros(len(t))), 500.0 * t**2, rtol=1e-9)
+
+
+def test_nothing_bends_across_a_hole():
+    own = np.array([0.0, 0.01, 0.02, 0.03, 0.5, 0.51, 0.52, 0.53, 0.54])
+    value = np.where(own < 0.1, 0.0, 5.0)
+    assert not InterpolatedInput.of(own, value, NOISE).bends[2:6].any()
