@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchest.cli.terminal import Progress, meanwhile
+from clutchest.cli.terminal import meanwhile
+from clutchest.progress import Progress
 
 if TYPE_CHECKING:
     from clutchest.estimate.run import Run

@@ -15,12 +15,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.whole_log import Progress
 from clutchest.inference.linearisation import LinearisedDrive
 from clutchest.inference.map_fit import Fitter
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.unknowns import Problem, Rows, Unknown
 from clutchest.models.effects import Effect
+from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 

@@ -23,8 +23,8 @@ from clutchest.diagnosis.refined import refined
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.diagnosis.streams import false_alarms
 from clutchest.estimate.run import Run
-from clutchest.estimate.whole_log import Progress
 from clutchest.models import model_for
+from clutchest.progress import Progress
 
 WORN = ("wear", "position_offset")  # the same to every signal
 

@@ -13,8 +13,8 @@ from clutchest.diagnosis.faults import Alarm, model_faults
 from clutchest.diagnosis.streams import Streams, false_alarms, part
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, Track
-from clutchest.estimate.whole_log import Progress
 from clutchest.models.effects import Effect, library
+from clutchest.progress import Progress
 from clutchest.signals import Signals
 
 NEEDED = ("slave_position", "input_shaft_speed", "engine_torque", "engine_speed")

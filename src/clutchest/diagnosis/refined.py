@@ -18,8 +18,8 @@ from clutchest.diagnosis.blocks import Blocks, blocks_of
 from clutchest.diagnosis.equations import Watched
 from clutchest.diagnosis.isolation import TIED, Explanation, Hypothesis, hypotheses
 from clutchest.diagnosis.predicted import predicted, since
-from clutchest.estimate.whole_log import Progress
 from clutchest.models.effects import Effect
+from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 

@@ -37,10 +37,10 @@ from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.verdict import HeldOut, Judged, judge, rejected_by_holdout
 from clutchest.errors import ClutchestError
-from clutchest.estimate.whole_log import Progress
 from clutchest.inference.unknowns import Problem
 from clutchest.models import model_for, only_for, peaks_of
 from clutchest.models.effects import Effect, library
+from clutchest.progress import Progress
 from clutchest.signals import Counts, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 

@@ -10,11 +10,11 @@ from clutchest.discovery.candidates import Candidate, settings
 from clutchest.discovery.identifiable import distance
 from clutchest.discovery.result import Experiment
 from clutchest.errors import ClutchestError
-from clutchest.estimate.whole_log import Progress
 from clutchest.inference.map_fit import Fitter
 from clutchest.inference.score_test import ScoreTest, score_test
 from clutchest.inference.unknowns import Problem
 from clutchest.models import told_apart_by
+from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 

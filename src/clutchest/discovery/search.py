@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from clutchest.discovery.candidates import Candidate, candidates, settings
-from clutchest.estimate.whole_log import Progress
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.map_fit import SAME, Fitter, Look
 from clutchest.inference.score_test import ABSENT, ScoreTest, cleared, score_test
 from clutchest.inference.unknowns import Problem
+from clutchest.progress import Progress
 from clutchest.signals import Floats
 
 LEVEL = 0.0085  # family-wise chance of a false finding; the rest to 1 % is for what has no name

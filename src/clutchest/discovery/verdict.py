@@ -15,8 +15,8 @@ from clutchest.discovery.residual_curves import Curve, curves
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import MOST, Hypothesis, Search
 from clutchest.discovery.shape_profile import Spread, refine
-from clutchest.estimate.whole_log import Progress
 from clutchest.inference.unknowns import Problem
+from clutchest.progress import Progress
 
 # Family-wise chance that noise is taken for a cause without a name; several times as much in truth,
 # as curves follow small errors of integration and of time stamps too (of 93 drives in which nothing

@@ -31,12 +31,12 @@ from clutchest.estimate.whole_log import (
     Belief,
     Compiled,
     Filtered,
-    Progress,
     compile_model,
     delays,
     run,
 )
 from clutchest.models import model_for
+from clutchest.progress import Progress
 from clutchest.signals import LOST, Floats, Signal
 from clutchest.vehicle import Vehicle
 

@@ -13,8 +13,9 @@ from typing import Any
 from clutchest.can.database import Database
 from clutchest.can.frames import Frames
 from clutchest.estimate.drive import Drive, Piece
-from clutchest.estimate.whole_log import Progress, compile_model
+from clutchest.estimate.whole_log import compile_model
 from clutchest.models import model_for
+from clutchest.progress import Progress
 from clutchest.reading.incoming import Decoded, Incoming
 from clutchest.signals import HEAD, Signal
 from clutchest.vehicle import Vehicle

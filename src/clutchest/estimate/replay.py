@@ -24,8 +24,9 @@ from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
-from clutchest.estimate.whole_log import Progress, compile_model, delays, run
+from clutchest.estimate.whole_log import compile_model, delays, run
 from clutchest.models import model_for
+from clutchest.progress import Progress
 from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 

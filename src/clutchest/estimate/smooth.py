@@ -30,7 +30,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled, Filtered, Progress
+from clutchest.estimate.whole_log import Belief, Compiled, Filtered
+from clutchest.progress import Progress
 from clutchest.signals import Floats
 
 WINDOW = 8192  # events that are in memory at once

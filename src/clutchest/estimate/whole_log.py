@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import ModuleType
 
@@ -14,13 +14,12 @@ from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.effects import Effect, effects_of_file, library
 from clutchest.models.model import Model
+from clutchest.progress import Progress
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
 CHUNK = 200_000  # events between two reports of progress
 ROBUST_LIMIT = 5.0  # standard deviations; beyond, an innovation counts for less
-
-Progress = Callable[[str, float | None], None]
 
 
 @dataclass(frozen=True, slots=True)

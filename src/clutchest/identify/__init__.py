@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models import only_for
+from clutchest.progress import Progress
 
 if TYPE_CHECKING:
     from clutchest.identify.fit import Fit
     from clutchest.signals import Signals
     from clutchest.vehicle import Vehicle
-
-Progress = Callable[[str, float | None], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from clutchest.estimate.whole_log import Progress
 from clutchest.identify.fit import Fit
 from clutchest.identify.likelihood import Posterior
 from clutchest.identify.parameter_pictures import draw_torque, draw_zero_position
 from clutchest.identify.parameters import identify_parameters
+from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 

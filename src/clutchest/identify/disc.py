@@ -6,10 +6,10 @@ left.  What tells is how the torque at one position drifts within seconds.
 
 from __future__ import annotations
 
-from clutchest.estimate.whole_log import Progress
 from clutchest.identify.fit import Fit
 from clutchest.identify.parameter_pictures import draw_torque
 from clutchest.identify.parameters import identify_parameters
+from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 

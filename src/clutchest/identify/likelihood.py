@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.whole_log import Progress
 from clutchest.inference.map_fit import Fitter, Look
 from clutchest.inference.unknowns import Problem
 from clutchest.inference.while_sliding import while_sliding
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains
+from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.identify import Progress
 from clutchest.identify.delay_identification import delays
 from clutchest.identify.fit import Fit, Fitted
 from clutchest.identify.sensor_noise import (
@@ -21,6 +20,7 @@ from clutchest.identify.sensor_noise import (
     windows_of,
 )
 from clutchest.models import card
+from clutchest.progress import Progress
 from clutchest.signals import Signal, Signals
 from clutchest.vehicle import SignalMap, Vehicle
 

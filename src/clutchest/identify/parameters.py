@@ -11,10 +11,10 @@ import numpy as np
 
 from clutchest.compute.lower import START
 from clutchest.errors import ClutchestError
-from clutchest.estimate.whole_log import Progress
 from clutchest.identify.fit import Fit, Fitted
 from clutchest.identify.likelihood import Posterior, hold, most_probable, problem_of
 from clutchest.identify.validation import validate
+from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from clutchest.compute.lower import NOISE, START
 from clutchest.estimate.initial_state import prior_std
-from clutchest.estimate.whole_log import Progress, compile_model, present_effects
+from clutchest.estimate.whole_log import compile_model, present_effects
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import LinearisedDrive
 from clutchest.models import model_for
 from clutchest.models.effects import Effect
 from clutchest.models.model import Model
+from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 

@@ -21,11 +21,11 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.drive import Piece
 from clutchest.estimate.live import Live, ready
 from clutchest.estimate.replay import provenance
-from clutchest.estimate.whole_log import Progress
 from clutchest.monitor.listener import Listener, Trouble
 from clutchest.monitor.silence import Silence
 from clutchest.monitor.stamps import Stamps
 from clutchest.monitor.store import Session
+from clutchest.progress import Progress
 from clutchest.reading.log import HOLE_S, load_database
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Signal

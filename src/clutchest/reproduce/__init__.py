@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from clutchest.errors import ClutchestError, nearest
 
 if TYPE_CHECKING:
-    from clutchest.reproduce.claim import Progress, Reproduction
+    from clutchest.progress import Progress
+    from clutchest.reproduce.claim import Reproduction
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ from typing import Any, Generic, TypeVar
 from clutchest import __version__
 from clutchest.vehicle import Vehicle
 
-Progress = Callable[[str, float | None], None]
 S = TypeVar("S")
 
 

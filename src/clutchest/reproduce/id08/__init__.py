@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from clutchest.reproduce.claim import Claim, Progress, Reproduction, Row, judged
+from clutchest.progress import Progress
+from clutchest.reproduce.claim import Claim, Reproduction, Row, judged
 from clutchest.reproduce.id08 import deviations, ramps, steps
 from clutchest.reproduce.id08.rig import Rig
 from clutchest.vehicle import load_vehicle

@@ -12,7 +12,8 @@ from dataclasses import asdict
 from functools import partial
 from importlib.resources import files
 
-from clutchest.reproduce.claim import Claim, Margin, Progress, Reproduction, Row, judged
+from clutchest.progress import Progress
+from clutchest.reproduce.claim import Claim, Margin, Reproduction, Row, judged
 from clutchest.reproduce.me12 import (
     curve,
     delay,
