@@ -247,14 +247,13 @@ class Signals(Mapping[str, Signal]):
         return (replace(self, later=()), *self.later)
 
     @property
-    def told(self) -> frozenset[str]:
+    def available(self) -> frozenset[str]:
         """Names of the signals with a valid sample in this drive."""
         return frozenset(name for name, signal in self.signals.items() if signal.valid.any())
 
-    def says_as(self, other: Signals) -> bool:
-        """Whether this drive has the samples of the ``other``, as far as both tell of a signal, by
-        whatever clock."""
-        both = self.told & other.told
+    def has_samples_of(self, other: Signals) -> bool:
+        """Whether the signals available in both drives have the same values, at whatever times."""
+        both = self.available & other.available
         return bool(both) and all(
             np.array_equal(self[name].value, other[name].value, equal_nan=True) for name in both
         )

@@ -63,7 +63,7 @@ def test_a_filter_holds_them_as_uncertain() -> None:
     signals = simulate(TRUCK, "city", 5, duration=200.0)
     exact = replace(TRUCK, effects={"torque_gain": {"change": 0.03}})
     vehicle = stated("torque_gain", "change", 0.03, 0.05)
-    compiled = compile_model(vehicle, model_for("dry_clutch", signals.told))
+    compiled = compile_model(vehicle, model_for("dry_clutch", signals.available))
     assert compiled.spread[compiled.thetas.index(("torque_gain", "change"))] == 0.05
     sure, unsure = (clutchest.replay(signals, v).to_pandas() for v in (exact, vehicle))
     assert unsure["friction_std"].iloc[-1] > 1.2 * sure["friction_std"].iloc[-1]

@@ -200,8 +200,8 @@ def test_shuffle_of_the_driveline_does_not_hide_the_gear() -> None:
 
 def test_never_locked_is_said() -> None:
     time = np.arange(0.0, 5.0, 0.01)
-    assert not engaged_gear(time, np.zeros(500), np.full(500, 90.0), GEARS).told
-    assert not engaged_gear(time[:0], time[:0], time[:0], GEARS).told
+    assert not engaged_gear(time, np.zeros(500), np.full(500, 90.0), GEARS).ever_locked
+    assert not engaged_gear(time[:0], time[:0], time[:0], GEARS).ever_locked
 
 
 def test_a_gear_counts_from_shortly_before_it_is_locked() -> None:

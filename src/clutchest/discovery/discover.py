@@ -283,12 +283,12 @@ class _Finding:
 def _alike(signals: Signals, other: Sequence[Signals], model: str) -> tuple[Signals, ...]:
     """The drives held out with the signals of the log, no others.  Raises ClutchestError where one
     is a drive of the log, or lacks such a signal that its equations would be others."""
-    used = frozenset.intersection(*(drive.told for drive in signals.drives))
+    used = frozenset.intersection(*(drive.available for drive in signals.drives))
     for drive in other:
         name = _names([drive]) or "a drive held out"
-        if any(drive.says_as(own) for own in signals.drives):
+        if any(drive.has_samples_of(own) for own in signals.drives):
             raise ClutchestError(f"{name}: has the readings of the log, expected another drive")
-        left = used & drive.told
+        left = used & drive.available
         if model_for(model, left) is not model_for(model, used):
             raise ClutchestError(
                 f"{name}: no valid sample of {', '.join(sorted(used - left))}, "

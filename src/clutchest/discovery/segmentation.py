@@ -31,7 +31,7 @@ def segmented(signals: Signals, vehicle: Vehicle) -> Signals:
 
 
 def _pieces(drive: Signals, vehicle: Vehicle) -> list[Signals]:
-    model = model_for(vehicle.model, drive.told)
+    model = model_for(vehicle.model, drive.available)
     setting = DriveSetup(vehicle, model, 1.0, delays(vehicle))
     present, _ = usable(drive, setting)
     holes = _holes(present, setting)

@@ -153,7 +153,7 @@ def _whole(
     progress: Progress | None,
 ) -> tuple[Track, Part, Mapping[str, Any]]:
     """One drive at once, since a smoother goes back over all of it."""
-    usable = signals.told
+    usable = signals.available
     compiled = compile_model(vehicle, model_for(vehicle.model, usable), progress=progress)
     even = evenly_late(signals, vehicle)
     timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))

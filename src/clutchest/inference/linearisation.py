@@ -358,7 +358,7 @@ def _late_by(varies: Lateness, signals: Signals, t: Floats) -> Floats:
     """A delay at events at ``t`` (K), s; the most where nothing is known of what it goes with."""
     if varies.goes_with == TIME:
         return np.interp(t, varies.at, varies.seconds)
-    if varies.goes_with not in signals.told:
+    if varies.goes_with not in signals.available:
         return np.full(len(t), varies.most)
     known = signals[varies.goes_with].only_valid()
     late = np.interp(known.at(t), varies.at, varies.seconds)

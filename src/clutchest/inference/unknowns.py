@@ -96,7 +96,7 @@ class Problem:
         progress: Progress | None = None,
     ) -> None:
         drives = signals.drives
-        self.usable = frozenset.intersection(*(drive.told for drive in drives))
+        self.usable = frozenset.intersection(*(drive.available for drive in drives))
         model = model_for(vehicle.model, self.usable)
         # readings count in full: Gauss–Newton steps take care of what a first order lacks
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))

@@ -1,4 +1,4 @@
-"""Which gear is engaged, told from engine and wheel speed alone."""
+"""Which gear is engaged, inferred from engine and wheel speed alone."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _WHEEL_TURNS = 1.0  # rad/s
 
 @dataclass(frozen=True, slots=True)
 class Engaged:
-    """Index into the gears for each sample (n,): ``gear``, and ``held``, which knows the past only;
-    ``told`` is whether any was ever locked."""
+    """Index into the gears for each sample (n,): ``gear``, and ``held``, from past samples only;
+    ``ever_locked``: whether the clutch was locked in any gear at any time."""
 
     gear: NDArray[np.intp]
     held: NDArray[np.intp]
-    told: bool
+    ever_locked: bool
 
 
 def engaged_gear(
@@ -37,8 +37,8 @@ def engaged_gear(
     ``wheel`` and ``engine`` rad/s at ``time`` s; NaN where unknown.  Where engine over wheel, both
     averaged over ``WINDOW``, stays within ``TOLERANCE`` of one ratio for ``HOLD``, the clutch is
     locked in that gear.  That gear counts from ``AHEAD`` before, so that a launch slips in the gear
-    in which it ends, and until another one counts or the wheels stand: who starts again does so in
-    first gear.  ``before`` is the gear held at the beginning.
+    in which it ends, and until another one counts or the wheels stand; the next launch is in first
+    gear.  ``before`` is the gear held at the beginning.
     """
     n = len(time)
     nothing = np.zeros(n, np.intp)
@@ -88,5 +88,6 @@ def through_gear(
     known = None if engine is None else engine.only_valid()
     if known is None or not len(known):
         return replace(wheel, value=wheel.value * gears[0]), False
-    found = engaged_gear(wheel.time, wheel.value, known.at(wheel.time), gears)
-    return replace(wheel, value=wheel.value * np.array(gears)[found.gear]), found.told
+    engaged = engaged_gear(wheel.time, wheel.value, known.at(wheel.time), gears)
+    speed = wheel.value * np.array(gears)[engaged.gear]
+    return replace(wheel, value=speed), engaged.ever_locked
