@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from clutchest.discovery.candidates import Candidate, settings
-from clutchest.discovery.identifiable import distance
 from clutchest.discovery.result import Experiment
 from clutchest.errors import ClutchestError
 from clutchest.inference.map_fit import Fitter
-from clutchest.inference.score_test import ScoreTest, score_test
+from clutchest.inference.score_test import ScoreTest, d_prime, score_test
 from clutchest.inference.unknowns import Problem
 from clutchest.models import told_apart_by
 from clutchest.progress import Progress
@@ -85,7 +84,7 @@ def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: P
         draws=1,
     )
     return min(
-        distance(scores, i, rivals[i][1], k)
+        d_prime(scores.information, scores.one_sided, i, rivals[i][1], k)
         for i in range(len(rivals))
         for k in range(len(rivals))
         if i != k

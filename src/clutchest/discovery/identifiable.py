@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.result import Identifiable
-from clutchest.inference.score_test import ScoreTest
+from clutchest.inference.score_test import ScoreTest, d_prime
 from clutchest.inference.unknowns import Problem
 from clutchest.models import card, model_for
 from clutchest.models.effects import Effect
@@ -29,7 +29,7 @@ def identifiability(
         i = min(own, key=lambda k: sizes[k])
         rivals = (
             [
-                (distance(scores, i, sizes[i], k), causes[k].name)
+                (d_prime(scores.information, scores.one_sided, i, sizes[i], k), causes[k].name)
                 for k in range(len(causes))
                 if causes[k].name != name
             ]
@@ -66,14 +66,3 @@ def untried(problem: Problem, effects: Sequence[Effect]) -> list[str]:
     if left:
         words.append(f"not looked for with these signals: {', '.join(e.name for e in left)}")
     return words
-
-
-def distance(scores: ScoreTest, i: int, size: float, k: int) -> float:
-    """How far cause ``i`` of ``size`` lies from the best that cause ``k`` can do for it within its
-    plausible sizes, in standard deviations."""
-    J = scores.information
-    rival = 0.0
-    if J[k, k] > 0.0:
-        rival = float(np.clip(size * J[i, k] / J[k, k], 0.0 if scores.one_sided[k] else -1.0, 1.0))
-    squared = size**2 * J[i, i] - 2.0 * size * rival * J[i, k] + rival**2 * J[k, k]
-    return float(np.sqrt(max(squared, 0.0)))

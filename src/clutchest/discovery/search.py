@@ -12,7 +12,13 @@ from scipy.stats import norm
 from clutchest.discovery.candidates import Candidate, candidates, settings
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.map_fit import SAME, Fitter, Look
-from clutchest.inference.score_test import ABSENT, ScoreTest, cleared, score_test
+from clutchest.inference.score_test import (
+    ABSENT,
+    NOT_EXCLUDED,
+    ScoreTest,
+    cleared,
+    score_test,
+)
 from clutchest.inference.unknowns import Problem
 from clutchest.progress import Progress
 from clutchest.signals import Floats
@@ -22,7 +28,6 @@ LEADERS, PARENTS = 8, 3  # fitted in full: causes alone, and causes to which ano
 MOST = 3  # causes acting together
 CLOSE = 10.0  # of −2 ln(probability): by how much a cause may lag by first order to be fitted
 STRONG = 2.0 * CLOSE  # of a score, squared: from here on, the first order is not exact
-TIED = 1.645**2  # the same: nearer to the best, a rival is not excluded at 95 %, one-sided
 INEXACT = 2e-4  # of what causes explain: what equations that are 1 % off leave of it, no cause
 BEYOND = 1.25  # of its largest plausible size: how far a gain may go that is there
 ODD, WARM = 3.0, 3.0  # standard deviations of where a clutch at rest starts: further off, the log
@@ -290,7 +295,9 @@ class Search:
     def tied(self) -> list[Hypothesis]:
         """Rivals of the same size that the data do not exclude."""
         return [
-            h for h in self.rivals if h.cost - self.best.cost < TIED and h.names != self.best.names
+            h
+            for h in self.rivals
+            if h.cost - self.best.cost < NOT_EXCLUDED and h.names != self.best.names
         ]
 
 
