@@ -12,8 +12,8 @@ import clutchest
 from clutchest.can.decode import decode, rows_of
 from clutchest.can.encode import encode
 from clutchest.can.files import read_frames
+from clutchest.can.formats import candump
 from clutchest.can.frames import Frames
-from clutchest.can.writers import candump
 from clutchest.reading import load_database
 from clutchest.simulated import write_simulation
 

@@ -8,15 +8,14 @@ import pytest
 
 import can
 from clutchest.can.files import read_frames
+from clutchest.can.formats import candump
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import candump
-from clutchest.can.readers.stream import Source
-from clutchest.can.writers import candump as writer
+from clutchest.can.log_source import LogSource
 from samples import random_frames
 
 
 def read(content: bytes) -> Frames:
-    return Frames.concatenate(list(candump.read(Source(Path("a.log"), BytesIO(content)))))
+    return Frames.concatenate(list(candump.read(LogSource(Path("a.log"), BytesIO(content)))))
 
 
 def rows(frames: Frames) -> list[tuple]:
@@ -143,7 +142,7 @@ def test_agrees_with_python_can(tmp_path):
     """Both read what the other wrote."""
     frames = random_frames(500, seed=1, fd=True)
     path = tmp_path / "ours.log"
-    path.write_bytes(b"".join(writer.write(frames)))
+    path.write_bytes(b"".join(candump.write(frames)))
     back_path = tmp_path / "back.log"
     with can.CanutilsLogReader(path) as reader, can.CanutilsLogWriter(back_path) as back:
         messages = list(reader)
@@ -163,7 +162,7 @@ def test_agrees_with_python_can(tmp_path):
 def test_nanoseconds_are_kept():
     frames = random_frames(20, seed=2)
     frames.t_ns[:] += np.arange(20) * 37
-    assert rows(read(b"".join(writer.write(frames)))) == rows(frames)
+    assert rows(read(b"".join(candump.write(frames)))) == rows(frames)
 
 
 @pytest.mark.parametrize("unit", [1, 1000])
@@ -178,6 +177,6 @@ def test_a_few_frames_are_written_as_many_are(unit):
         rng.integers(0, 9, n).astype(np.uint8),
         rng.integers(0, 256, (n, 8)).astype(np.uint8),
     )
-    together = b"".join(writer.write(frames))
-    each = [b"".join(writer.write(frames.take(slice(k, k + 20)))) for k in range(0, n, 20)]
+    together = b"".join(candump.write(frames))
+    each = [b"".join(candump.write(frames.take(slice(k, k + 20)))) for k in range(0, n, 20)]
     assert b"".join(each) == together

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from clutchest.can.readers import stream
+from clutchest.can import log_source
 from fuzz.__main__ import fuzz
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="no alarm to end a hang")
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="no alarm
 
 @pytest.fixture(autouse=True)
 def blocks_as_before(monkeypatch):
-    monkeypatch.setattr(stream, "BLOCK", stream.BLOCK)  # the fuzzer makes them small
+    monkeypatch.setattr(log_source, "BLOCK", log_source.BLOCK)  # the fuzzer makes them small
 
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".trc", ".csv"])

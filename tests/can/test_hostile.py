@@ -12,8 +12,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from clutchest.can import log_source
 from clutchest.can.files import read_frames, write_frames
-from clutchest.can.readers import stream
 from clutchest.errors import ClutchestError
 from logger_mf4 import logged
 from samples import random_frames
@@ -51,7 +51,7 @@ def compiled(tmp_path_factory):
 
 @pytest.mark.parametrize("filling", [b"\0", b" ", b"\n"], ids=["zeros", "blanks", "newlines"])
 def test_a_gzip_that_unpacks_to_much_more(filling, tmp_path, monkeypatch):
-    monkeypatch.setattr(stream, "HOPELESS", 30)
+    monkeypatch.setattr(log_source, "HOPELESS", 30)
     path = tmp_path / "a.log.gz"
     path.write_bytes(deflated(GOOD, filling * MIB, 60, wbits=31))
     assert path.stat().st_size < MIB // 8
@@ -71,7 +71,7 @@ def test_a_gzip_of_nothing_readable_is_refused_at_once(tmp_path):
 
 
 def test_a_whole_read_format_in_a_gzip_has_a_limit(tmp_path, monkeypatch):
-    from clutchest.can.readers import mf4
+    from clutchest.can.formats import mf4
 
     monkeypatch.setattr(mf4, "_LARGEST_ZIPPED", 10 * MIB)
     path = tmp_path / "a.mf4.gz"
@@ -94,7 +94,7 @@ def test_lines_go_on_across_blocks(tmp_path, monkeypatch):
     frames = random_frames(500, seed=2)
     write_frames(frames, tmp_path / "a.log")
     for block in (60, 61, 64, 97, 1000):
-        monkeypatch.setattr(stream, "BLOCK", block)
+        monkeypatch.setattr(log_source, "BLOCK", block)
         given = read_frames(tmp_path / "a.log")
         np.testing.assert_array_equal(given.t_ns, frames.t_ns)
         np.testing.assert_array_equal(given.data, frames.data)

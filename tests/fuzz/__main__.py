@@ -23,10 +23,10 @@ from types import FrameType
 
 import numpy as np
 
+from clutchest.can import log_source
 from clutchest.can.files import blocks_of, read_frames
 from clutchest.can.frames import Frames
-from clutchest.can.readers import stream
-from clutchest.can.readers.stream import Source
+from clutchest.can.log_source import LogSource
 from clutchest.errors import ClutchestError
 from fuzz.mutate import mutated, packed, zipped
 
@@ -64,7 +64,7 @@ def judged(path: Path, content: bytes) -> str:
             path.write_bytes(content)
             frames = read_frames(path)
         else:
-            frames = Frames.concatenate(list(blocks_of(Source(path, BytesIO(content)))))
+            frames = Frames.concatenate(list(blocks_of(LogSource(path, BytesIO(content)))))
     except ClutchestError as problem:
         assert str(path) in str(problem), "the error does not name the file"
         assert "\n" not in str(problem), "the error has several lines"
@@ -97,7 +97,7 @@ def fuzz(
     many ``seconds`` of an input, or ``mebibytes`` of the process.
     """
     end = perf_counter() + 60.0 * minutes
-    stream.BLOCK = 1 << 14  # so that files have several, and little memory to clear
+    log_source.BLOCK = 1 << 14  # so that files have several, and little memory to clear
     seeds = {
         path.name: path.read_bytes()
         for path in sorted(SEEDS.iterdir())

@@ -12,7 +12,7 @@ import pytest
 
 import can
 import clutchest
-from clutchest.can.bus import SocketSource, filters, open_bus, source_of
+from clutchest.can.bus import SocketReader, filters, open_bus, reader_of
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.player import play
 from clutchest.reading.log import load_database
@@ -157,9 +157,9 @@ def test_the_interface_goes_and_comes_back(tmp_path, drive, truck):
 
 
 def test_what_a_full_buffer_drops_is_counted():
-    source = source_of(open_bus("socketcan", BUS))
-    assert isinstance(source, SocketSource)
-    source.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 20_000)
+    reader = reader_of(open_bus("socketcan", BUS))
+    assert isinstance(reader, SocketReader)
+    reader.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 20_000)
     sender = open_bus("socketcan", BUS)
 
     def send(number):
@@ -170,28 +170,28 @@ def test_what_a_full_buffer_drops_is_counted():
     for k in range(500):
         send(k)
     got = 0
-    while (received := source.read(0.2)) is not None:
+    while (received := reader.read(0.2)) is not None:
         got += len(received.frames)
     send(500)
-    received = source.read(1.0)
+    received = reader.read(1.0)
     assert received is not None
     assert 0 < got < 500
     assert got + received.dropped == 500
     sender.shutdown()
-    source.bus.shutdown()
+    reader.bus.shutdown()
 
 
 def test_stamps_are_those_of_the_kernel():
-    source, sender = source_of(open_bus("socketcan", BUS)), open_bus("socketcan", BUS)
+    reader, sender = reader_of(open_bus("socketcan", BUS)), open_bus("socketcan", BUS)
     before = time.time_ns()
     sender.send(can.Message(arbitration_id=0x123, is_extended_id=False))
     after = time.time_ns()
     time.sleep(0.3)
-    received = source.read(1.0)
+    received = reader.read(1.0)
     assert received is not None
     assert before - 10_000_000 <= received.frames.t_ns[0] <= after + 100_000_000
     sender.shutdown()
-    source.bus.shutdown()
+    reader.bus.shutdown()
 
 
 def test_only_what_is_mapped_comes_in(truck):
@@ -203,8 +203,8 @@ def test_only_what_is_mapped_comes_in(truck):
         sender.send(can.Message(arbitration_id=rule["can_id"] | 0x42, is_extended_id=True))
         sender.send(can.Message(arbitration_id=rule["can_id"] & 0x7FF, is_extended_id=False))
     sender.send(can.Message(arbitration_id=0x18FEF6FF, is_extended_id=True))
-    source, ids = source_of(bus), []
-    while (received := source.read(0.2)) is not None:
+    reader, ids = reader_of(bus), []
+    while (received := reader.read(0.2)) is not None:
         ids += received.frames.id.tolist()
     assert sorted(ids) == sorted(rule["can_id"] | 0x42 for rule in wanted)
     sender.shutdown()

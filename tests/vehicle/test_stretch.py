@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchest.can import files
+from clutchest.can import files, log_source
 from clutchest.can.files import write_frames
-from clutchest.can.frame_filter import Sieve
+from clutchest.can.frame_filter import FrameFilter
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import stream
 from clutchest.cli import app
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
@@ -60,7 +59,7 @@ def test_the_size_of_the_blocks_does_not_matter(block, busy, truck, monkeypatch)
         for kind in ("error", "remote")
     ]
     assert lost == [100, 200]
-    monkeypatch.setattr(stream, "BLOCK", block)
+    monkeypatch.setattr(log_source, "BLOCK", block)
     blocks = read_log(busy, truck)
     assert_same_signals(blocks, whole)
     total = [sum(drive.counts.frames for drive in s.drives) for s in (blocks, whole)]
@@ -70,8 +69,8 @@ def test_the_size_of_the_blocks_does_not_matter(block, busy, truck, monkeypatch)
 
 
 def test_little_is_kept_of_what_is_not_wanted(busy, bus):
-    sieve = Sieve([bus.message("EEC1")], 3600 * 10**9)
-    kept = Frames.concatenate([sieve.sift(block) for block in files.read_blocks(busy)])
+    needed = FrameFilter([bus.message("EEC1")], 3600 * 10**9)
+    kept = Frames.concatenate([needed.kept(block) for block in files.read_blocks(busy)])
     assert 2000 < len(kept) < 2000 + 0x300 + 40
     assert len(kept) + sum(n for _, n in kept.passed_over) == 12_000
     whole = files.read_frames(busy)

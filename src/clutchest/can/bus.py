@@ -92,7 +92,7 @@ class Received:
     dropped: int = 0
 
 
-class Source:
+class BusReader:
     """Reads a python-can bus, of whatever interface."""
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -110,7 +110,7 @@ class Source:
         return Received(frames_of(found), time.monotonic_ns())
 
 
-class SocketSource(Source):
+class SocketReader(BusReader):
     """Reads SocketCAN's own socket: kernel stamps to the nanosecond, and the drops counted."""
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -121,7 +121,7 @@ class SocketSource(Source):
         self._room = socket.CMSG_SPACE(16) + socket.CMSG_SPACE(4)
 
     def read(self, timeout: float) -> Received | None:
-        """As :meth:`Source.read`."""
+        """As :meth:`BusReader.read`."""
         import select
 
         if not select.select([self.socket], [], [], timeout)[0]:
@@ -148,10 +148,10 @@ class SocketSource(Source):
         return Received(_kernel_frames(payloads, stamps, sent), time.monotonic_ns(), self.dropped)
 
 
-def source_of(bus: can.BusABC) -> Source:
+def reader_of(bus: can.BusABC) -> BusReader:
     """The best way to read this bus."""
     is_socketcan = type(bus).__name__ == "SocketcanBus" and os.name == "posix"
-    return SocketSource(bus) if is_socketcan and _sockets(bus) else Source(bus)
+    return SocketReader(bus) if is_socketcan and _sockets(bus) else BusReader(bus)
 
 
 def _kernel_frames(payloads: Sequence[bytes], stamps: list[int], sent: list[bool]) -> Frames:

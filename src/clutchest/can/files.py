@@ -1,43 +1,26 @@
 """Log files: any format in, columns out, and back.
 
-A log is known by its content, so a wrong suffix does no harm: Vector blf and asc, PEAK trc,
-candump in both layouts, MDF4 bus logging, csv and sqlite of python-can; each also gzipped.
+A log is known by its content, so a wrong suffix does no harm.  Which formats there are stands in
+:mod:`clutchest.can.formats`; each may be gzipped.
 """
 
 from __future__ import annotations
 
 import gzip
-import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
-import numpy as np
-
-from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import stream
-from clutchest.can.readers.stream import Source
+from clutchest.can import log_source
+from clutchest.can.formats import log_formats
+from clutchest.can.frames import Frames
+from clutchest.can.log_format import LogFormat
+from clutchest.can.log_source import LogSource
 from clutchest.errors import ClutchestError, nearest
-
-_EXPECTED = "candump (.log), .asc, .blf, .trc, .csv or .db of python-can or .mf4, each also .gz"
-_TEXT = (".log", ".asc", ".trc", ".csv")
-_WRITABLE = (*_TEXT, ".blf", ".mf4", ".db")
-
-# First line that matches says what a text log is.
-_SIGNS = {
-    "candump": re.compile(rb"^[ \t]*\(\d+\.\d+\)[ \t]+\S+[ \t]", re.MULTILINE),
-    "csv": re.compile(rb"^timestamp,arbitration_id,extended,remote,error,dlc,data", re.MULTILINE),
-    "trc": re.compile(rb"^;(\$FILEVERSION|[ \t]*PCAN|##|[ \t]*Message Number|---\+)", re.MULTILINE),
-    "asc": re.compile(
-        rb"^(date[ \t]|base[ \t]+(hex|dec)|begin triggerblock)", re.MULTILINE | re.IGNORECASE
-    ),
-}
-
-Reader = Callable[[Source], Iterator[Frames]]
 
 
 def read_blocks(path: Path) -> Iterator[Frames]:
@@ -47,31 +30,31 @@ def read_blocks(path: Path) -> Iterator[Frames]:
     blocks agree on ``absolute``.  Raises ClutchestError for a file that does not exist, is empty,
     or holds no frame at all.
     """
-    with stream.opened(Path(path)) as source:
+    with log_source.opened(Path(path)) as source:
         yield from blocks_of(source)
 
 
-def blocks_of(source: Source) -> Iterator[Frames]:
+def blocks_of(source: LogSource) -> Iterator[Frames]:
     """As :func:`read_blocks`, of a log that is already open."""
     if not source.head.strip():
-        raise ClutchestError(f"{source.path}: the file is empty; expected a CAN log: {_EXPECTED}")
+        raise ClutchestError(f"{source.path}: the file is empty; expected a CAN log: {_expected()}")
     rejected: Counter[str] = Counter()
     empty = 0  # blocks in a row
-    found, absolute = False, True
-    for frames in _reader(source)(source):
+    any_frame, absolute = False, True
+    for frames in format_of(source).read(source):
         rejected.update(dict(frames.rejected))
         empty = 0 if len(frames) else empty + 1
-        found, absolute = found or not empty, frames.absolute
+        any_frame, absolute = any_frame or not empty, frames.absolute
         yield frames
-        if empty == stream.HOPELESS:
+        if empty == log_source.HOPELESS:
             source.rejected["nothing readable for long, the rest left unread"] += 1
             break
     if source.cut:
-        source.rejected[stream.GZIP_CUT] += 1
-    if not found:
+        source.rejected[log_source.GZIP_CUT] += 1
+    if not any_frame:
         rejected.update(source.rejected)
-        told = [f"{count} × {reason}" for reason, count in rejected.items()]
-        why = ": " + ", ".join(told) if told else ""
+        reasons = [f"{count} × {reason}" for reason, count in rejected.items()]
+        why = ": " + ", ".join(reasons) if reasons else ""
         raise ClutchestError(f"{source.path}: no CAN frame could be read{why}")
     if source.rejected:
         yield Frames.empty(absolute=absolute, rejected=tuple(source.rejected.items()))
@@ -92,27 +75,29 @@ def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
     path = Path(path)
     zipped = path.suffix.lower() == ".gz"
     suffix = Path(path.stem).suffix.lower() if zipped else path.suffix.lower()
-    if suffix not in _WRITABLE:
-        given = suffix + ".gz" if zipped else suffix
-        valid = tuple(known + ".gz" for known in _WRITABLE) if zipped else _WRITABLE
+    known = {entry.suffix: entry for entry in log_formats() if entry.writable}
+    if suffix not in known:
+        end = ".gz" if zipped else ""
         raise ClutchestError(
-            f"{path}: no log format has the suffix '{given}'" + nearest(given, valid)
+            f"{path}: no log format has the suffix '{suffix + end}'"
+            + nearest(suffix + end, [valid + end for valid in known])
         )
+    entry = known[suffix]
     try:
-        if suffix in _TEXT:
+        if entry.lines:
             with _file(path, zipped) as file:
-                file.writelines(_text(frames, suffix))
-        elif not zipped:
-            _binary(frames, suffix, path)
-        else:
+                file.writelines(entry.lines(frames))
+        elif entry.save and not zipped:
+            entry.save(frames, path)
+        elif entry.save:
             with TemporaryDirectory(dir=path.parent, prefix=".clutchest-") as folder:
                 plain = Path(folder) / path.stem
-                _binary(frames, suffix, plain)
+                entry.save(frames, plain)
                 with plain.open("rb") as whole, _file(path, zipped) as file:
                     copyfileobj(whole, file)
     except OSError as error:
         raise ClutchestError(f"{path}: cannot be written ({error.strerror or error})") from None
-    return _losses(frames, suffix)
+    return entry.lost(frames)
 
 
 @contextmanager
@@ -125,67 +110,28 @@ def _file(path: Path, zipped: bool) -> Iterator[BinaryIO | gzip.GzipFile]:
             yield file
 
 
-def _binary(frames: Frames, suffix: str, path: Path) -> None:
-    if suffix == ".blf":
-        from clutchest.can.writers import blf
+def format_of(source: LogSource) -> LogFormat:
+    """The format of an open log: by its content, else by its suffix.
 
-        blf.write(frames, path)
-    elif suffix == ".mf4":
-        from clutchest.can.writers import mf4
-
-        mf4.write(frames, path)
-    else:
-        from clutchest.can.writers import sqlite
-
-        sqlite.write(frames, path)
-
-
-def _text(frames: Frames, suffix: str) -> Iterator[bytes]:
-    from clutchest.can.writers import asc, candump, csv, trc
-
-    writers = {".log": candump.write, ".asc": asc.write, ".trc": trc.write, ".csv": csv.write}
-    return writers[suffix](frames)
-
-
-def _losses(frames: Frames, suffix: str) -> tuple[str, ...]:
-    """What a format has no place for."""
-    losses = []
-    if suffix == ".trc" and (errors := np.count_nonzero(frames.flags & Flag.ERROR)):
-        losses.append(f".trc cannot hold {errors} error frames")
-    if suffix in (".csv", ".db"):
-        if len(np.unique(frames.channel)) > 1:
-            losses.append(f"{suffix} cannot tell the channels apart")
-        if np.any(frames.flags & (Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.SENT)):
-            losses.append(f"{suffix} cannot hold direction, bit rate switch and error state")
-    if suffix == ".db":
-        if np.any(frames.t_ns % 1000):
-            losses.append(".db holds times to 1 µs")
-        if np.any((frames.length <= 8) & ((frames.flags & Flag.FD) != 0)):
-            losses.append(".db cannot tell FD frames of 8 bytes or less from others")
-    return tuple(losses)
-
-
-def _reader(source: Source) -> Reader:
-    """What reads this content; the libraries load only for the format that needs them."""
-    from clutchest.can.readers import asc, blf, candump, csv, trc
-
+    Raises ClutchestError where neither is known.
+    """
     head = source.head
-    if head[:4] == b"LOGG":
-        return blf.read
-    if head[:8] in (b"MDF     ", b"UnFinMF "):
-        from clutchest.can.readers import mf4
-
-        return mf4.read
-    found = {name: match.start() for name, sign in _SIGNS.items() if (match := sign.search(head))}
-    if found:
-        texts = {"candump": candump.read, "csv": csv.read, "trc": trc.read, "asc": asc.read}
-        return texts[min(found, key=lambda key: found[key])]
-    from clutchest.can.readers import python_can
-
-    if head[:15] == b"SQLite format 3" or python_can.knows(source.path):
-        return python_can.read
+    places = [(at, entry) for entry in log_formats() if (at := entry.sniff(head)) is not None]
+    if places:
+        return min(places, key=lambda place: place[0])[1]
+    suffix = source.path.suffix.lower()
+    own = [entry for entry in log_formats() if entry.suffix == suffix]
+    for entry in own or log_formats():
+        if entry.by_suffix(suffix):
+            return entry
     first = head.lstrip()[:60].splitlines()[0].decode("utf-8", "replace")
     raise ClutchestError(
         f"{source.path}: not a CAN log that is known; it begins with {first!r}; "
-        f"expected {_EXPECTED}"
+        f"expected {_expected()}"
     )
+
+
+def _expected() -> str:
+    """The formats in words."""
+    *titles, last = [entry.title for entry in log_formats() if entry.writable]
+    return f"{', '.join(titles)} or {last}, each also .gz"

@@ -1,8 +1,8 @@
-"""From a log, block by block, the frames that are needed, and an account of those that are not.
+"""From a log, block by block, the frames that are needed, and the number of all others by reason.
 
-So a log may be larger than memory: what is kept are the frames of the wanted messages.  Beside them
-a few others stay, by which the whole is known: the first and the last of each block, both sides of
-each jump of the clock, and one of each id near the beginning.
+So a log may be larger than memory: the frames of the mapped messages are kept, and a few others
+that describe the whole: the first and the last of each block, both sides of each jump of the
+clock, and one of each id near the beginning.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from clutchest.can import transport
 from clutchest.can.database import Message
 from clutchest.can.frames import Flag, Frames
 
-_KNOWN_BY = 4  # blocks in which one frame of each id is kept
+_ID_BLOCKS = 4  # blocks in which one frame of each id is kept
 _KIND = np.uint8(Flag.EXTENDED | Flag.REMOTE | Flag.ERROR)
 
 
 @dataclass
-class Sieve:
-    """What ``messages`` need; clock jumps beyond ``hole_ns`` are kept too."""
+class FrameFilter:
+    """Keeps the frames of ``messages``, and both sides of clock jumps beyond ``gap_ns``."""
 
     messages: Iterable[Message]
-    hole_ns: int
+    gap_ns: int
     _blocks: int = 0
     _seen: set[int] = field(default_factory=set)
 
-    def sift(self, frames: Frames) -> Frames:
+    def kept(self, frames: Frames) -> Frames:
         """The rows to keep; ``passed_over`` counts the others."""
         if not len(frames):
             return frames
@@ -42,10 +42,10 @@ class Sieve:
         if any(transport.may_carry(message) for message in self.messages):
             keep |= transport.belongs(frames)
         if not keep.all():
-            keep[self._marks(frames, kind)] = True
-        left, odd = frames.flags[~keep], Flag.ERROR | Flag.REMOTE
+            keep[self._landmarks(frames, kind)] = True
+        left, special = frames.flags[~keep], Flag.ERROR | Flag.REMOTE
         error = int(np.count_nonzero(left & Flag.ERROR))
-        remote = int(np.count_nonzero((left & odd) == Flag.REMOTE))
+        remote = int(np.count_nonzero((left & special) == Flag.REMOTE))
         counts = {
             "error frame": error,
             "remote frame": remote,
@@ -54,16 +54,16 @@ class Sieve:
         passed_over = tuple((reason, n) for reason, n in counts.items() if n)
         return replace(frames.take(keep) if len(left) else frames, passed_over=passed_over)
 
-    def _marks(self, frames: Frames, kind: NDArray[np.uint8]) -> NDArray[np.intp]:
+    def _landmarks(self, frames: Frames, kind: NDArray[np.uint8]) -> NDArray[np.intp]:
         t = frames.t_ns
-        jumps = np.flatnonzero(np.abs(np.diff(t)) > self.hole_ns)
+        jumps = np.flatnonzero(np.abs(np.diff(t)) > self.gap_ns)
         ends = np.array([0, len(t) - 1, t.argmin(), t.argmax()])
-        marks: list[NDArray[np.intp]] = [ends, jumps, jumps + 1]
-        if self._blocks < _KNOWN_BY:
+        landmarks: list[NDArray[np.intp]] = [ends, jumps, jumps + 1]
+        if self._blocks < _ID_BLOCKS:
             self._blocks += 1
             extended = (kind & np.uint8(Flag.EXTENDED)).astype(np.int64)
             ids, first = np.unique(frames.id | extended << 32, return_index=True)
             new = [can_id not in self._seen for can_id in ids.tolist()]
             self._seen.update(ids.tolist())
-            marks.append(first[new])
-        return np.concatenate(marks)
+            landmarks.append(first[new])
+        return np.concatenate(landmarks)

@@ -26,6 +26,11 @@ class Flag(IntFlag):
     SENT = 64  # transmitted by the logger itself
 
 
+# Payload bytes by length code (DLC), of CAN FD beyond 8, and the code by payload bytes.
+LENGTHS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.int64)
+LENGTH_CODE = np.zeros(65, np.uint8)
+LENGTH_CODE[LENGTHS] = np.arange(16)
+
 Tally = tuple[tuple[str, int], ...]  # (reason, number)
 
 

@@ -13,7 +13,7 @@ from clutchest.can.frames import Flag, Frames
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class IdStatistics:
     """One id on one channel.
 
     ``pgn`` is that of an extended id read as J1939, None for 11 bits; ``message`` the DBC's name
@@ -34,8 +34,8 @@ class Row:
     lengths: tuple[int, ...]
 
 
-def survey(frames: Frames, databases: Sequence[Database] = ()) -> list[Row]:
-    """One :class:`Row` per channel and id of the data frames, by channel, kind and id."""
+def survey(frames: Frames, databases: Sequence[Database] = ()) -> list[IdStatistics]:
+    """One :class:`IdStatistics` per channel and id of the data frames, by channel, kind and id."""
     data = np.flatnonzero((frames.flags & (Flag.REMOTE | Flag.ERROR)) == 0)
     extended = (frames.flags[data] & Flag.EXTENDED).astype(np.uint64)
     key = (
@@ -50,7 +50,7 @@ def survey(frames: Frames, databases: Sequence[Database] = ()) -> list[Row]:
     return [_row(frames, group, databases) for group in groups]
 
 
-def _row(frames: Frames, group: np.ndarray, databases: Sequence[Database]) -> Row:
+def _row(frames: Frames, group: np.ndarray, databases: Sequence[Database]) -> IdStatistics:
     first = group[0]
     can_id, extended = int(frames.id[first]), bool(frames.flags[first] & Flag.EXTENDED)
     known = (database.find(can_id, extended) for database in databases)
@@ -62,7 +62,7 @@ def _row(frames: Frames, group: np.ndarray, databases: Sequence[Database]) -> Ro
         period, gap = float(np.median(steps)), float(steps.max())
         rate = (len(group) - 1) / (float(t[-1] - t[0]) * 1e-9) if t[-1] > t[0] else None
     lengths = tuple(int(length) for length in np.unique(frames.length[group]))
-    return Row(
+    return IdStatistics(
         int(frames.channel[first]),
         can_id,
         extended,

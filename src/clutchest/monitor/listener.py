@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from clutchest.can.bus import Received, Source, message_of, source_of
+from clutchest.can.bus import BusReader, Received, message_of, reader_of
 from clutchest.can.frames import Frames
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Listener(threading.Thread):
     def __init__(self, bus: can.BusABC, reopen: Callable[[], can.BusABC] | None) -> None:
         super().__init__(daemon=True, name="listener")
         self.heard: queue.SimpleQueue[Received | Trouble] = queue.SimpleQueue()
-        self._source: Source = source_of(bus)
+        self._reader: BusReader = reader_of(bus)
         self._reopen = reopen
         self._done = threading.Event()
         self._away = False
@@ -49,7 +49,7 @@ class Listener(threading.Thread):
 
         while not self._done.is_set():
             try:
-                received = self._source.read(WAIT)
+                received = self._reader.read(WAIT)
             except (can.CanError, OSError, ValueError) as problem:
                 self._trouble(problem)
                 continue
@@ -65,13 +65,13 @@ class Listener(threading.Thread):
 
         with suppress(can.CanError, OSError, ValueError):
             for row in range(len(frames)):
-                self._source.bus.send(message_of(frames, row), timeout=0.0)
+                self._reader.bus.send(message_of(frames, row), timeout=0.0)
 
     def stop(self) -> None:
         """Stop, and close the bus."""
         self._done.set()
         self.join(timeout=5 * WAIT)
-        self._source.bus.shutdown()
+        self._reader.bus.shutdown()
 
     def _trouble(self, problem: Exception) -> None:
         if not self._away:
@@ -88,5 +88,5 @@ class Listener(threading.Thread):
             bus = self._reopen()
         except (ClutchestError, can.CanError, OSError):
             return
-        self._source.bus.shutdown()
-        self._source = source_of(bus)
+        self._reader.bus.shutdown()
+        self._reader = reader_of(bus)

@@ -17,8 +17,8 @@ from typing import IO, Any
 
 import numpy as np
 
+from clutchest.can.formats import candump
 from clutchest.can.frames import Frames
-from clutchest.can.writers import candump
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track, columns_of
 from clutchest.record.files import json_text, plain

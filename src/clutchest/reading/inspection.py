@@ -16,7 +16,7 @@ from clutchest.can import files
 from clutchest.can.database import Database, Message, SignalLayout, load
 from clutchest.can.decode import decode, rows_of
 from clutchest.can.frames import Frames
-from clutchest.can.survey import Row, survey
+from clutchest.can.survey import IdStatistics, survey
 from clutchest.errors import ClutchestError
 from clutchest.models import card
 from clutchest.reading.window import EVERYTHING, Window
@@ -103,7 +103,7 @@ class Inspection:
     frames: int
     duration_s: float
     rejected: Mapping[str, int]
-    rows: tuple[Row, ...]
+    rows: tuple[IdStatistics, ...]
     candidates: Mapping[str, tuple[Candidate, ...]]
     wheels: tuple[str, ...]  # message.signal
     torque_parts: Mapping[str, BusSignal]
@@ -252,7 +252,7 @@ def _apart(parts: Sequence[Frames]) -> list[Frames]:
 
 def _search(
     frames: Frames,
-    rows: Sequence[Row],
+    rows: Sequence[IdStatistics],
     databases: Sequence[Database],
 ) -> tuple[dict[str, tuple[Candidate, ...]], tuple[str, ...], dict[str, BusSignal]]:
     """Candidates by canonical name, wheel speeds, and the J1939 companions of percent torque."""
@@ -303,8 +303,8 @@ def _fits(layout: SignalLayout, unit: str) -> bool:
 
 def _candidate(
     frames: Frames,
-    row: Row,
-    twins: Sequence[Row],
+    row: IdStatistics,
+    twins: Sequence[IdStatistics],
     message: Message,
     layout: SignalLayout,
     canonical: str,

@@ -13,7 +13,7 @@ import numpy as np
 from clutchest.can import files
 from clutchest.can.database import Database, Message, load
 from clutchest.can.deduplication import without_copies
-from clutchest.can.frame_filter import Sieve
+from clutchest.can.frame_filter import FrameFilter
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.models import card
@@ -177,8 +177,8 @@ def _table(path: Path, columns: dict[str, str]) -> _Piece:
 
 def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
     """What is wanted of a log, which itself may be larger than memory."""
-    sieve = Sieve(wanted, int(HOLE_S * 1e9))
-    kept = _in_pieces(sieve.sift(block) for block in files.read_blocks(path))
+    needed = FrameFilter(wanted, int(HOLE_S * 1e9))
+    kept = _in_pieces(needed.kept(block) for block in files.read_blocks(path))
     frames = Frames.concatenate(kept)
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
     back = np.concatenate([np.zeros(1, np.int64), *(s[s < 0] for _, s in frames.steps())])[1:]

@@ -77,7 +77,7 @@ class Gunzip:
         return b"".join(parts)
 
 
-class Source:
+class LogSource:
     """One log file, read from its start to its end.
 
     ``head`` the first bytes; ``position`` how many inflated bytes have been read; ``rejected`` what
@@ -153,11 +153,11 @@ class Source:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Source]:
+def opened(path: Path) -> Iterator[LogSource]:
     """The log at ``path``.  Raises ClutchestError if it cannot be read or is empty gzip data."""
     try:
         with path.open("rb") as file:
-            yield Source(path, file)
+            yield LogSource(path, file)
     except OSError as error:
         if error.filename is not None and Path(error.filename) != path:
             raise

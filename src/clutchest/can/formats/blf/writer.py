@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.can.frames import Flag, Frames
-from clutchest.can.writers.asc import LENGTH_CODE
-from clutchest.can.writers.text import has, pieces
+from clutchest.can.frames import LENGTH_CODE, Flag, Frames
+from clutchest.can.text_lines import has, pieces
 
 _HEADER = struct.Struct("<4sL8B2Q2L8H8H")
 _HEADER_SIZE = 144

@@ -5,20 +5,23 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
+from datetime import UTC, datetime
 from io import BytesIO, StringIO
+from pathlib import Path
 from traceback import walk_tb
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
-from asammdf import MDF
-from asammdf.blocks.mdf_v4 import MDF4
 from numpy.typing import NDArray
 
-from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import LAST_S, mf4_mend
-from clutchest.can.readers.scan import LENGTHS
-from clutchest.can.readers.stream import Source, quiet
+from clutchest.can.frames import LENGTHS, Flag, Frames
+from clutchest.can.log_format import LogFormat, begins_with
+from clutchest.can.log_source import LogSource, quiet
+from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError
+
+if TYPE_CHECKING:
+    from asammdf import MDF, Signal
 
 _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _TOGETHER = 1 << 21  # bytes of a group's records
@@ -38,9 +41,10 @@ _CHANNELS = (
     "ESI",
 )
 _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFrame": Flag.ERROR}
+_DLC = np.array([*range(9), *np.repeat(range(9, 16), (4, 4, 4, 4, 8, 16, 16))], np.uint8)
 
 
-def read(source: Source) -> Iterator[Frames]:
+def read(source: LogSource) -> Iterator[Frames]:
     """All CAN frames of an MDF4 file, by time.
 
     One that ends early is mended as far as it goes.
@@ -55,7 +59,7 @@ def read(source: Source) -> Iterator[Frames]:
         blocks.close()
 
 
-def _next(source: Source, blocks: Iterator[Frames]) -> Frames | None:
+def _next(source: LogSource, blocks: Iterator[Frames]) -> Frames | None:
     try:
         with quiet("asammdf"), redirect_stdout(StringIO()):  # it prints what it stumbles over
             return next(blocks, None)
@@ -65,7 +69,7 @@ def _next(source: Source, blocks: Iterator[Frames]) -> Frames | None:
         raise ClutchestError(f"{source.path}: {_damaged(error)}") from None
 
 
-def _blocks(source: Source) -> Generator[Frames, None, None]:
+def _blocks(source: LogSource) -> Generator[Frames, None, None]:
     if source.zipped:
         yield from _as_it_is(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
     else:
@@ -73,14 +77,16 @@ def _blocks(source: Source) -> Generator[Frames, None, None]:
             yield from _as_it_is(source, file)
 
 
-def _as_it_is(source: Source, file: IO[bytes]) -> Iterator[Frames]:
+def _as_it_is(source: LogSource, file: IO[bytes]) -> Iterator[Frames]:
     """What is there, with what is lost counted."""
-    if not mf4_mend.described(file):
+    from clutchest.can.recovery import mf4 as recovery
+
+    if not recovery.described(file):
         raise ClutchestError(
             f"{source.path}: the file ends early, and with its end what describes "
             "its frames is lost"
         )
-    whole = mf4_mend.mended(file)
+    whole = recovery.mended(file)
     if whole is None:
         file.seek(0)
         # asammdf completes an unfinished file in a copy if it is given a path; a path maps the file
@@ -107,7 +113,7 @@ def _groups(file: Any) -> Iterator[Frames]:
         start_ns = round(start_s * 1e6) * 1000 if absolute else 0
         groups: list[Any] = list(mdf.groups)
         parts = [
-            _group(mdf, index, kind, start_ns, absolute)
+            _read_group(mdf, index, kind, start_ns, absolute)
             for index, group in enumerate(groups)
             if group.channel_group.cycles_nr
             for kind in _KINDS
@@ -134,6 +140,9 @@ def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
 
 
 def _opened(file: Any) -> MDF:
+    from asammdf import MDF
+    from asammdf.blocks.mdf_v4 import MDF4
+
     try:
         return MDF(file, **_AS_IT_LIES)
     except Exception as error:
@@ -147,7 +156,7 @@ def _opened(file: Any) -> MDF:
         raise
 
 
-def _group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Iterator[Frames]:
+def _read_group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Iterator[Frames]:
     """The frames of one kind in one group, some at a time; what is damaged behind them is counted.
 
     The road of asammdf's own bus logging: what it offers to others reads a group as a whole.
@@ -252,3 +261,60 @@ def _frames(
         return frames
     lost = (("frame has no sound length or time", int(np.count_nonzero(~sound))),)
     return replace(frames.take(sound), rejected=lost)
+
+
+def write(frames: Frames, path: Path) -> None:
+    """One group each of data, remote and error frames, as far as there are any."""
+    from asammdf import MDF
+
+    start_s = int(frames.t_ns[0] // 10**9) if len(frames) and frames.absolute else 0
+    with MDF(version="4.10") as mdf:
+        mdf.header.start_time = datetime.fromtimestamp(start_s, UTC)
+        for kind, flag in _KINDS.items():
+            rows = (frames.flags & (Flag.REMOTE | Flag.ERROR)) == flag
+            if rows.any():
+                mdf.append(
+                    _signal(frames.take(rows).sorted(), kind, start_s),
+                    comment="written by clutchest",
+                )
+        mdf.save(path, overwrite=True, compression=2)
+
+
+def _signal(frames: Frames, kind: str, start_s: int) -> Signal:
+    from asammdf import Signal, Source
+
+    def flag(bit: Flag) -> np.ndarray:
+        return ((frames.flags & bit) != 0).astype(np.uint8)
+
+    width = frames.data.shape[1]
+    columns: dict[str, np.ndarray] = {
+        "BusChannel": frames.channel,
+        "ID": frames.id,
+        "IDE": flag(Flag.EXTENDED),
+        "DLC": _DLC[frames.length],
+        "DataLength": frames.length,
+        "DataBytes": frames.data,
+        "Dir": flag(Flag.SENT),
+        "EDL": flag(Flag.FD),
+        "BRS": flag(Flag.BITRATE_SWITCH),
+        "ESI": flag(Flag.ERROR_STATE),
+    }
+    layout = [
+        (f"{kind}.{name}", column.dtype, (width,) if column.ndim == 2 else ())
+        for name, column in columns.items()
+    ]
+    samples = np.zeros(len(frames), layout)
+    for name, column in columns.items():
+        samples[f"{kind}.{name}"] = column
+    bus = Source(kind, kind, "", Source.SOURCE_BUS, Source.BUS_TYPE_CAN)
+    return Signal(samples, (frames.t_ns - start_s * 10**9) / 1e9, name=kind, source=bus)
+
+
+FORMAT = LogFormat(
+    title=".mf4",
+    about="ASAM MDF 4 with bus logging, CAN and CAN FD",
+    suffix=".mf4",
+    sniff=begins_with(b"MDF     ", b"UnFinMF "),
+    read=read,
+    save=write,
+)

@@ -18,8 +18,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import counts_from_epoch
-from clutchest.can.readers.stream import Source
+from clutchest.can.log_source import LogSource
+from clutchest.can.time_stamps import counts_from_epoch
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -46,9 +46,6 @@ SHORTEST = 5  # characters of a line that holds a frame; the least there can be 
 HEX = np.full(256, -1, np.int64)  # value of a hexadecimal digit
 for _value, _chars in enumerate(zip("0123456789abcdef", "0123456789ABCDEF", strict=True)):
     HEX[[ord(char) for char in _chars]] = _value
-
-LENGTHS = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.int64)  # by DLC
-
 
 # Nothing here allocates; counting references to the arrays would take longer than reading them.
 _OPTIONS: Any = {
@@ -126,7 +123,7 @@ def filled(text: Bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) -
     return out.frames(n, tuple((reason, count) for reason, count in rejected if count))
 
 
-def tables(source: Source, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
+def tables(source: LogSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
     """The frames of every block of lines; ``scan`` as in :func:`filled`."""
     width = 8
     for block in source.lines():
@@ -135,7 +132,7 @@ def tables(source: Source, scan: Callable[[Bytes, Table, Ints], int]) -> Iterato
         yield frames
 
 
-def undated(source: Source, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
+def undated(source: LogSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
     """The same of a format that does not say from when it counts: the first frame does."""
     absolute = None
     for frames in tables(source, scan):

@@ -13,9 +13,11 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from clutchest.can.frames import Frames
-from clutchest.can.readers import EPOCH_NS, LAST_S
-from clutchest.can.readers.scan import (
+from clutchest.can.frames import LENGTH_CODE, LENGTHS, Flag, Frames
+from clutchest.can.log_format import LogFormat, Loss, flagged, has_line
+from clutchest.can.log_source import LogSource
+from clutchest.can.text_lines import Lines, decimals, has, written
+from clutchest.can.text_scan import (
     BAD_DATA,
     BAD_ID,
     BAD_TIME,
@@ -24,7 +26,6 @@ from clutchest.can.readers.scan import (
     ESI,
     EXTENDED,
     FD,
-    LENGTHS,
     NO_FRAME,
     REMOTE,
     SENT,
@@ -44,7 +45,7 @@ from clutchest.can.readers.scan import (
     tables,
     word,
 )
-from clutchest.can.readers.stream import Source
+from clutchest.can.time_stamps import EPOCH_NS, LAST_S
 from clutchest.errors import ClutchestError
 
 _COLUMNS = {"1.0": "NOILD", "1.1": "NOTILD", "1.2": "NOBTILD", "1.3": "NOBTIRLD"}
@@ -56,7 +57,7 @@ _LAST_DAY = 25_569 + LAST_S // 86_400
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def read(source: Source) -> Iterator[Frames]:
+def read(source: LogSource) -> Iterator[Frames]:
     """Frames of a trc log; lines that cannot be read are counted in ``rejected``."""
     stated = _columns(source.head)
     if missing := [name for name in ("O", "I", "lL", "D") if not set(name) & set(stated)]:
@@ -183,3 +184,61 @@ def _kind(text: Bytes, i: int) -> int:
     if a == 66 and b == 73:  # BI
         return FD | ESI
     return -1
+
+
+_DAY_0_S = 25569 * 86400  # from 30 December 1899 to 1 January 1970
+# type → flags of its frames
+_TYPES = {
+    "DT": Flag(0),
+    "RR": Flag.REMOTE,
+    "FD": Flag.FD,
+    "FB": Flag.FD | Flag.BITRATE_SWITCH,
+    "FE": Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE,
+    "BI": Flag.FD | Flag.ERROR_STATE,
+}
+_KIND = Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.REMOTE
+
+
+def write(frames: Frames) -> Iterator[bytes]:
+    """The log in pieces, error frames left out.  It starts at a full second."""
+    start_s = int(frames.t_ns.min(initial=0 if not len(frames) else frames.t_ns[0])) // 10**9
+    start_s = start_s if frames.absolute else 0
+    yield (
+        ";$FILEVERSION=2.1\n"
+        f";$STARTTIME={(start_s + _DAY_0_S) / 86400!r}\n"
+        ";$COLUMNS=N,O,T,B,I,d,R,L,D\n;\n;   Written by clutchest\n"
+        ";-------------------------------------------------------------------------------\n"
+        ";   Message   Time    Type    ID     Rx/Tx\n"
+        ";   Number    Offset  |  Bus  [hex]  |  Reserved\n"
+        ";   |         [ms]    |  |    |      |  |  Data Length Code\n"
+        ";   |         |       |  |    |      |  |  |    Data [hex] ...\n"
+        ";---+-- ------+------ +- +- --+----- +- +- +--- +- -- -- -- -- -- -- --\n"
+    ).encode()
+    places, number = decimals(frames, 3), 0
+
+    def line(piece: Frames) -> Lines:
+        nonlocal number
+        n = len(piece)
+        sent, remote = has(piece, Flag.SENT), has(piece, Flag.REMOTE)
+        lines = Lines(n).put("  ").number(np.arange(number + 1, number + n + 1)).put(" ")
+        lines.point(piece.t_ns - start_s * 10**9, 10**6, places).put(" ")
+        for name, flags in _TYPES.items():
+            lines.put(name, (piece.flags & _KIND) == flags)
+        lines.put(" ").number(piece.channel.astype(int) + 1).put(" ")
+        lines.hexadecimal(piece.id, np.where(has(piece, Flag.EXTENDED), 8, 4))
+        lines.put(" Rx - ", ~sent).put(" Tx - ", sent).number(LENGTH_CODE[piece.length])
+        number += n
+        return lines.payload(piece, ~remote, " ")
+
+    yield from written(frames.take((frames.flags & Flag.ERROR) == 0), line)
+
+
+FORMAT = LogFormat(
+    title=".trc",
+    about="PEAK, versions 1.0 to 2.1, CAN FD",
+    suffix=".trc",
+    sniff=has_line(rb";(\$FILEVERSION|[ \t]*PCAN|##|[ \t]*Message Number|---\+)"),
+    read=read,
+    lines=write,
+    losses=(Loss("error frames", "cannot hold {n} error frames", flagged(Flag.ERROR)),),
+)

@@ -1,4 +1,4 @@
-"""One module per kind of log file that can be read."""
+"""Time stamps of formats that do not say from when they count."""
 
 from __future__ import annotations
 

@@ -16,10 +16,10 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray as Column
 
-from clutchest.can.frames import Flag, Frames
-from clutchest.can.readers import EPOCH_NS, LAST_S
-from clutchest.can.readers.scan import LENGTHS, Table, compiled
-from clutchest.can.readers.stream import BAD_DATA, BLOCK, Bytes, Source, zlib
+from clutchest.can.frames import LENGTHS, Flag, Frames
+from clutchest.can.log_source import BAD_DATA, BLOCK, Bytes, LogSource, zlib
+from clutchest.can.text_scan import Table, compiled
+from clutchest.can.time_stamps import EPOCH_NS, LAST_S
 
 _HEADER = struct.Struct("<4sL8B2Q2L8H8H")
 _OBJECT = struct.Struct("<4s2H2L")  # mark, length of the header, its version, length, type
@@ -53,7 +53,7 @@ _IS_SENT, _IS_FD = int(Flag.SENT), int(Flag.FD)
 _HAS_BRS, _HAS_ESI = int(Flag.BITRATE_SWITCH), int(Flag.ERROR_STATE)
 
 
-def read(source: Source) -> Iterator[Frames]:
+def read(source: LogSource) -> Iterator[Frames]:
     """Frames of a blf log; objects that cannot be read are counted in ``rejected``."""
     header = source.read(_HEADER.size)
     if len(header) < _HEADER.size:

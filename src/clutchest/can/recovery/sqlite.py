@@ -12,7 +12,7 @@ from contextlib import suppress
 from struct import error, unpack_from
 from typing import Any
 
-from clutchest.can.readers.stream import Bytes
+from clutchest.can.log_source import Bytes
 
 _LEAF = 13
 _WIDTHS = (0, 1, 2, 3, 4, 6, 8, 8, 0, 0)  # bytes of a value by its serial type

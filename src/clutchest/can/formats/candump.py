@@ -11,8 +11,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from clutchest.can.frames import Frames
-from clutchest.can.readers.scan import (
+from clutchest.can.frames import Flag, Frames
+from clutchest.can.log_format import LogFormat, has_line
+from clutchest.can.log_source import LogSource
+from clutchest.can.text_lines import Lines, decimals, has, written
+from clutchest.can.text_scan import (
     BAD_DATA,
     BAD_ID,
     BAD_TIME,
@@ -41,10 +44,11 @@ from clutchest.can.readers.scan import (
     stamp,
     undated,
 )
-from clutchest.can.readers.stream import Source
+
+FEW = 32  # frames that are written sooner one by one than column by column
 
 
-def read(source: Source) -> Iterator[Frames]:
+def read(source: LogSource) -> Iterator[Frames]:
     """Frames of a candump log; lines that cannot be read are counted in ``rejected``."""
     return undated(source, _scan)
 
@@ -169,3 +173,55 @@ def _console(text: Bytes, i: int, n: int, flag: int, out: Table) -> int:
             return i
     out.flags[n], out.length[n] = flag, stated
     return line_end(text, i)
+
+
+def write(frames: Frames) -> Iterator[bytes]:
+    """The log in pieces.  Stamps have 6 decimals, or 9 where the frames need them."""
+    places = decimals(frames, 0)
+    digits = max(3, len(str(int(frames.t_ns.max(initial=0)) // 10**9)))
+    if len(frames) <= FEW and not np.any(frames.flags & ~np.uint8(Flag.EXTENDED)):
+        yield b"".join(_plain(frames, places, digits))
+        return
+
+    def line(piece: Frames) -> Lines:
+        fd, remote, sent = (has(piece, f) for f in (Flag.FD, Flag.REMOTE, Flag.SENT))
+        error = has(piece, Flag.ERROR)
+        ids = piece.id | np.where(error, np.uint32(0x20000000), np.uint32(0))
+        bits = has(piece, Flag.BITRATE_SWITCH) + 2 * has(piece, Flag.ERROR_STATE).astype(np.uint8)
+        lines = Lines(len(piece)).put("(").point(piece.t_ns, 10**9, places, digits).put(") can")
+        lines.number(piece.channel).put(" ")
+        lines.hexadecimal(ids, np.where(has(piece, Flag.EXTENDED) | error, 8, 3)).put("#")
+        lines.put("#", fd).hexadecimal(bits, np.where(fd, 1, 0)).put("R", remote)
+        length = (piece.length + ord("0"))[:, None]
+        lines.put(length.astype(np.uint8), remote & (piece.length > 0))
+        return lines.payload(piece, ~remote).put(" T", sent)
+
+    yield from written(frames, line)
+
+
+def _plain(frames: Frames, places: int, digits: int) -> Iterator[bytes]:
+    """Lines of data frames, one at a time."""
+    unit = 10 ** (9 - places)
+    rows = zip(
+        frames.t_ns.tolist(),
+        frames.channel.tolist(),
+        frames.id.tolist(),
+        frames.flags.tolist(),
+        frames.length.tolist(),
+        frames.data,
+        strict=True,
+    )
+    for t, channel, can_id, flags, length, data in rows:
+        stamp = f"({t // 10**9:0{digits}d}.{t % 10**9 // unit:0{places}d})"
+        name = f"{can_id:0{8 if flags else 3}X}"
+        yield f"{stamp} can{channel} {name}#{data[:length].tobytes().hex().upper()}\n".encode()
+
+
+FORMAT = LogFormat(
+    title="candump (.log)",
+    about="candump: compact `id#data`, FD `id##…`, console `id [n] …`",
+    suffix=".log",
+    sniff=has_line(rb"[ \t]*\(\d+\.\d+\)[ \t]+\S+[ \t]"),
+    read=read,
+    lines=write,
+)

@@ -18,7 +18,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.can.readers.scan import compiled
+from clutchest.can.text_scan import compiled
 
 _HEAD = struct.Struct("<4s4xQQ")  # id_block, length, link_count
 _ZIPPED = struct.Struct(

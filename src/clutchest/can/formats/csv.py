@@ -6,8 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from clutchest.can.frames import Frames
-from clutchest.can.readers.scan import (
+from clutchest.can.frames import Flag, Frames
+from clutchest.can.log_format import NO_CHANNELS, NO_DIRECTION, LogFormat, has_line
+from clutchest.can.log_source import LogSource
+from clutchest.can.text_lines import Lines, decimals, has, written
+from clutchest.can.text_scan import (
     BAD_DATA,
     BAD_ID,
     BAD_TIME,
@@ -29,15 +32,15 @@ from clutchest.can.readers.scan import (
     stamp,
     undated,
 )
-from clutchest.can.readers.stream import Source
 
 HEADER = b"timestamp,arbitration_id,extended,remote,error,dlc,data"
-_LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
+_ALPHABET = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
+_LETTERS = np.frombuffer(_ALPHABET, np.uint8)
 _BASE64 = np.full(256, -1, np.int64)
-_BASE64[np.frombuffer(_LETTERS, np.uint8)] = np.arange(64)
+_BASE64[_LETTERS] = np.arange(64)
 
 
-def read(source: Source) -> Iterator[Frames]:
+def read(source: LogSource) -> Iterator[Frames]:
     """Frames of a csv log; lines that cannot be read are counted in ``rejected``."""
     return undated(source, _scan)
 
@@ -143,3 +146,40 @@ def _payload(text: Bytes, i: int, n: int, out: Table) -> tuple[int, int]:
         digits += 1
         i += 1
     return (count if digits % 4 == 0 else BAD_DATA), i
+
+
+def write(frames: Frames) -> Iterator[bytes]:
+    """The log in pieces."""
+    places = decimals(frames, 0)
+    yield HEADER + b"\n"
+
+    def line(piece: Frames) -> Lines:
+        remote = has(piece, Flag.REMOTE)
+        lines = Lines(len(piece)).point(piece.t_ns, 10**9, places).put(",0x")
+        lines.hexadecimal(piece.id, 8)
+        for flag in (Flag.EXTENDED, Flag.REMOTE, Flag.ERROR):
+            lines.put(",1", has(piece, flag)).put(",0", ~has(piece, flag))
+        lines.put(",").number(piece.length).put(",")
+        # base64: four letters for three bytes, those that nothing stands behind become "="
+        length = np.where(remote, 0, piece.length.astype(int))
+        width = -(-piece.data.shape[1] // 3) * 3
+        padded = np.pad(piece.data, ((0, 0), (0, width - piece.data.shape[1]))).astype(np.uint32)
+        threes = padded[:, ::3] << 16 | padded[:, 1::3] << 8 | padded[:, 2::3]
+        letters = _LETTERS[threes[:, :, None] >> np.array([18, 12, 6, 0]) & 63]
+        letters = letters.reshape(len(piece), -1)
+        place = np.arange(letters.shape[1])
+        letters[place >= -(-length * 8 // 6)[:, None]] = ord("=")
+        return lines.put(letters, place < (-(-length // 3) * 4)[:, None])
+
+    yield from written(frames, line)
+
+
+FORMAT = LogFormat(
+    title=".csv of python-can",
+    about="python-can's, or decoded signals",
+    suffix=".csv",
+    sniff=has_line(HEADER),
+    read=read,
+    lines=write,
+    losses=(NO_CHANNELS, NO_DIRECTION),
+)

@@ -16,9 +16,11 @@ from datetime import datetime
 
 import numpy as np
 
-from clutchest.can.frames import Frames
-from clutchest.can.readers import EPOCH_NS, LAST_S
-from clutchest.can.readers.scan import (
+from clutchest.can.frames import LENGTH_CODE, LENGTHS, Flag, Frames
+from clutchest.can.log_format import LogFormat, has_line
+from clutchest.can.log_source import LogSource
+from clutchest.can.text_lines import Lines, decimals, has, written
+from clutchest.can.text_scan import (
     BAD_DATA,
     BAD_ID,
     BAD_TIME,
@@ -29,7 +31,6 @@ from clutchest.can.readers.scan import (
     EXTENDED,
     FD,
     HEADER,
-    LENGTHS,
     NO_FRAME,
     REMOTE,
     SENT,
@@ -50,7 +51,7 @@ from clutchest.can.readers.scan import (
     tables,
     word,
 )
-from clutchest.can.readers.stream import Source
+from clutchest.can.time_stamps import EPOCH_NS, LAST_S
 
 _DATE = re.compile(
     r"(?:date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w+)\.?\s+(?P<day>\d+)\s+"
@@ -144,7 +145,7 @@ def _epoch_ns(date: re.Match[str]) -> int | None:
     return round(whole) * 10**9 + int((date["part"] or "0")[:9].ljust(9, "0"))
 
 
-def read(source: Source) -> Iterator[Frames]:
+def read(source: LogSource) -> Iterator[Frames]:
     """Frames of an asc log; lines that cannot be read are counted in ``rejected``."""
     clock = _Clock(np.zeros(5, np.int64))
     for frames in tables(source, clock.scan):
@@ -312,3 +313,63 @@ def _fd(text: Bytes, i: int, n: int, base: int, out: Table) -> int:
             return behind
     out.flags[n], out.length[n] = flag, count
     return line_end(text, behind)
+
+
+_DAY_NAMES = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+_MONTH_NAMES = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
+
+
+def write(frames: Frames) -> Iterator[bytes]:
+    """The log in pieces.  It starts at a full second; without a date it has none in the header."""
+    start_ns = 0
+    date = ""
+    if frames.absolute and len(frames):
+        start_ns = int(frames.t_ns.min()) // 10**9 * 10**9
+        start = datetime.fromtimestamp(start_ns // 10**9)
+        day, month = _DAY_NAMES[start.weekday()], _MONTH_NAMES[start.month - 1]
+        date = f"{day} {month} {start:%d %H:%M:%S}.000 {start.year}"
+        yield f"date {date}\n".encode()
+    yield b"base hex  timestamps absolute\ninternal events logged\n"
+    if date:
+        yield f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n".encode()
+    places = decimals(frames, 0)
+
+    def line(piece: Frames) -> Lines:
+        fd, remote, error = (has(piece, f) for f in (Flag.FD, Flag.REMOTE, Flag.ERROR))
+        sent, data, code = has(piece, Flag.SENT), ~(remote | error), LENGTH_CODE[piece.length]
+        classic, long = ~(fd | error), fd & ~error
+        lines = Lines(len(piece)).put("   ").point(piece.t_ns - start_ns, 10**9, places)
+        lines.put(" CANFD  ", fd).put(" ").number(piece.channel.astype(int) + 1)
+        direction = Lines(len(piece)).put("Rx", ~sent).put("Tx", sent)
+        for chars, shown in zip(direction.chars, direction.shown, strict=True):
+            lines.put(" ", shown[:, 0] & fd).put(chars, shown & fd[:, None])
+        lines.put("  ErrorFrame", error).put("  ", ~error)
+        digits = np.maximum(1, (np.ceil(np.log2(piece.id + 1.0) / 4)).astype(int))
+        lines.hexadecimal(piece.id, np.where(error, 0, digits))
+        lines.put("x", has(piece, Flag.EXTENDED))
+        for chars, shown in zip(direction.chars, direction.shown, strict=True):
+            lines.put("  ", shown[:, 0] & classic).put(chars, shown & classic[:, None])
+        lines.put("   d ", classic & ~remote).put("   r ", classic & remote)
+        for flag in (Flag.BITRATE_SWITCH, Flag.ERROR_STATE):
+            lines.put(" 0", long & ~has(piece, flag)).put(" 1", long & has(piece, flag))
+        lines.put(" ", long).hexadecimal(code, np.where(error, 0, 1))
+        count = np.where(remote, 0, piece.length)
+        tens = (count // 10 + ord("0"))[:, None].astype(np.uint8)
+        ones = (count % 10 + ord("0"))[:, None].astype(np.uint8)
+        lines.put(" ", long).put(tens, long & (count > 9)).put(ones, long)
+        # What stands behind the payload are times and settings of the bus, which are not known.
+        return lines.payload(piece, data, " ").put("  0 0 1000 0 0 0 0 0", long)
+
+    yield from written(frames, line)
+    if date:
+        yield b"End TriggerBlock\n"
+
+
+FORMAT = LogFormat(
+    title=".asc",
+    about="Vector: hexadecimal and decimal, stamps from the start or from line to line, CAN FD",
+    suffix=".asc",
+    sniff=has_line(rb"(date[ \t]|base[ \t]+(hex|dec)|begin triggerblock)", re.IGNORECASE),
+    read=read,
+    lines=write,
+)

@@ -1,1 +1,0 @@
-"""One module per kind of log file that can be written."""
