@@ -1,5 +1,8 @@
-"""Layouts of a DBC that this machine has read before: loading cantools, and with it python-can and
-all that this brings along, takes longer than many a replay."""
+"""Layouts of a DBC that this machine has read before.
+
+cantools brings python-can and much else along: loading a DBC takes 0.41 s with it, 0.16 s from here
+(``benchmarks/startup.py``).
+"""
 
 from __future__ import annotations
 
