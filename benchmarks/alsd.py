@@ -15,7 +15,7 @@ from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.replay import replay
 from clutchest.estimate.timeline import build
-from clutchest.models import model_for
+from clutchest.models import machine_of
 from clutchest.reproduce.id08.rig import Rig
 from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
@@ -39,7 +39,7 @@ def speed() -> None:
     print(f"full rig at 50 µs: {5 * 2.1 / (process_time() - begun):.0f} times real time")
 
     vehicle, signals = rig.vehicle, simulate("alsd_rig", "rig-steps", 0, duration=1.0)
-    compiled = whole_log.compile_model(vehicle, model_for("alsd", set(signals)))
+    compiled = whole_log.compile_model(vehicle, machine_of("alsd").equations(set(signals)))
     line = build(signals, vehicle, compiled.model, 10.0, {})
     start = fresh(vehicle, compiled, line)
     whole_log.run(compiled, line, start, with_signature=False)  # compiles

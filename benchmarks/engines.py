@@ -26,7 +26,7 @@ from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.timeline import build
 from clutchest.estimate.whole_log import compile_model, delays, run
-from clutchest.models import model_for
+from clutchest.models import machine_of
 
 ONLINE, KERNEL, SPARSE = "online (filterpy)", "kernel", "kernel, output as replay"
 SIGNATURES = "kernel with signatures"
@@ -37,7 +37,7 @@ def compare(drive: clutchest.Signals, vehicle: clutchest.Vehicle, repeats: int) 
 
     ``difference``: largest difference between the engines' states, in standard deviations.
     """
-    compiled = compile_model(vehicle, model_for(vehicle.model, drive))
+    compiled = compile_model(vehicle, machine_of(vehicle.model).equations(drive))
     sparse = build(drive, vehicle, compiled.model, 10.0, delays(vehicle))
     line = replace(sparse, emit=np.arange(len(sparse.t)))
     start = fresh(vehicle, compiled, line)

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 import clutchest
 from clutchest.estimate.open_loop import open_loop
 from clutchest.estimate.samples import slope
-from clutchest.models.dry_clutch import (
+from clutchest.models.dry_clutch.equations import (
     DRY_CLUTCH,
     following_speed,
     static,

@@ -8,7 +8,8 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
-from clutchest.models.effects import Effect, Number, library
+from clutchest.models import machine_of
+from clutchest.models.effects import Effect, Number
 
 PAGE = Path(__file__).with_name("effects.md")
 HEADING = """# Effects
@@ -35,7 +36,7 @@ TABLE = """
 def page() -> str:
     """The whole page as Markdown."""
     tables = (
-        TABLE.format(title=title) + "".join(map(_row, library(model).values()))
+        TABLE.format(title=title) + "".join(map(_row, machine_of(model).effects.values()))
         for model, title in TITLES.items()
     )
     return HEADING + "".join(tables)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 from benches import Plausible, Setup
 from benches.differential import DIFFERENTIAL
@@ -18,8 +18,7 @@ from benches.truck import TRUCK
 from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, Filtered
-from clutchest.models import model_for
-from clutchest.models.effects import library
+from clutchest.models.machine import Machine
 from clutchest.models.model import Model
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -42,7 +41,7 @@ class Bench:
         certain = {key: replace(p, spread=0.0) for key, p in vehicle.parameters.items()}
         vehicle = replace(vehicle, parameters=certain)
         signals = setup.drive(vehicle, setup.duration, 0.0)
-        return cls(setup, vehicle, model_for(model, signals), signals)
+        return cls(setup, vehicle, vehicle.machine.equations(signals), signals)
 
     @property
     def plausible(self) -> Plausible:
@@ -57,7 +56,7 @@ class Bench:
     @cached_property
     def full(self) -> Compiled:
         """The filter with every effect of the library present at gain 0."""
-        effects = tuple(library(self.model.name).values())
+        effects = tuple(self.vehicle.machine.effects.values())
         return whole_log.compile_model(self.vehicle, self.model, effects)
 
     def timeline(self, compiled: Compiled, delays: Mapping[str, float] | None = None) -> Timeline:
@@ -79,6 +78,12 @@ class Bench:
             self.full, line, self.belief(self.full, line), keep_signature=True, keep_gains=True
         )
         return line, filtered
+
+
+@cache
+def machine(model: str) -> Machine:
+    """The machine of a bench by its model's name."""
+    return load_vehicle(BENCHES[model].vehicle).machine
 
 
 BENCHES: dict[str, Setup] = {"dry_clutch": TRUCK, "alsd": DIFFERENTIAL, "third": THIRD}

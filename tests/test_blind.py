@@ -14,6 +14,7 @@ import pytest
 from scipy.stats import binom, chi2
 
 import clutchest
+from clutchest.models import machine_of
 
 SECONDS = 420.0  # long enough for every outsider to act
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
@@ -89,13 +90,10 @@ def test_outsiders_know_nothing_of_the_package():
 def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
     from blind.outsiders import OUTSIDERS
 
-    from clutchest.models import card
-    from clutchest.models.effects import library
-
-    known = {name for name, _ in card("dry_clutch").columns}
-    known |= {state.name for state in card("dry_clutch").states}
+    known = set(machine_of("dry_clutch").units)
+    known |= {state.name for state in machine_of("dry_clutch").states}
     known |= {"slip_speed", "position_rate", "energy", "time"}
-    assert not set(OUTSIDERS) & set(library("dry_clutch"))
+    assert not set(OUTSIDERS) & set(machine_of("dry_clutch").effects)
     for kind in OUTSIDERS.values():
         assert set(kind.drivers) <= known and kind.largest > 0 and kind.__doc__
 
@@ -246,7 +244,6 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
 
     from clutchest.discovery.search import Search
     from clutchest.inference.unknowns import Problem
-    from clutchest.models.effects import library
 
     gains = (
         "expansion_body.change",
@@ -256,7 +253,7 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
         "wear.rate",
         "centrifugal.slope",
     )
-    effects, off = library("dry_clutch"), []
+    effects, off = machine_of("dry_clutch").effects, []
     for seed, gain in enumerate(gains, 20):
         drive, (name, key) = Drive(seed, ("white", "ar05", "quantised")[seed % 3]), gain.split(".")
         oracle = Oracle(drive)

@@ -9,7 +9,7 @@ import clutchest
 from clutchest import memory_mapped
 from clutchest.estimate import replay
 from clutchest.estimate.drive_setup import DriveSetup, warnings_of
-from clutchest.models import model_for
+from clutchest.models import machine_of
 from clutchest.signals import Signal, Signals
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="memory is told by /proc")
@@ -123,7 +123,7 @@ def test_spikes_and_gaps_are_the_same_in_portions(request):
     signals = Signals(
         {"engine_speed": engine, "input_shaft_speed": shaft, "engine_torque": torque}, end=80.0
     )
-    setting = DriveSetup(truck, model_for(truck.model, signals), 10.0, {})
+    setting = DriveSetup(truck, machine_of(truck.model).equations(signals), 10.0, {})
     whole = warnings_of(signals, setting)
     request.getfixturevalue("long_arrays")
     assert warnings_of(signals, setting) == whole

@@ -21,9 +21,10 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.estimate.modes import MODE_NAMES
 from clutchest.estimate.run import Run
-from clutchest.models import card
+from clutchest.models import machine_of
+from clutchest.models.regimes import MODE_NAMES
+from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle import Estimation
 from clutchest.vehicle import file as vehicle_file
@@ -159,15 +160,15 @@ def test_effects_page_is_that_of_the_library():
 
 
 def test_vehicle_file_page_names_every_key():
-    dry = card("dry_clutch")
+    dry = machine_of("dry_clutch")
     keys = chain(
         vehicle_file._TOP,
         vehicle_file._SIGNAL,
-        vehicle_file.MODES,
+        THRESHOLD_UNITS,
         vehicle_file.MONITORS,
         vehicle_file.ROLES,
-        vehicle_file.LIMITS["dry_clutch"],
-        (name for name, _ in dry.columns),
+        dry.limits,
+        dry.units,
         (parameter.key for parameter in dry.parameters),
         (field.name for field in fields(Estimation)),
     )
@@ -191,11 +192,11 @@ def test_pages_name_every_output_and_state(demo):
 
 
 def test_equations_in_the_manual_name_functions_that_exist():
-    from clutchest.models import dry_clutch
+    from clutchest.models.dry_clutch import equations
 
     rows = re.findall(r"^\|[^|]*\|[^\n]*\| `(\w+)` \|$", MANUAL["model.md"], re.MULTILINE)
     assert len(rows) > 10
-    assert [name for name in rows if not callable(getattr(dry_clutch, name, None))] == []
+    assert [name for name in rows if not callable(getattr(equations, name, None))] == []
 
 
 def test_wheel_holds_the_package_and_everything_shipped(tmp_path):

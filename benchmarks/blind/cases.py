@@ -14,7 +14,8 @@ from blind.oracle import Oracle
 from blind.outsiders import OUTSIDERS, Outsider
 from blind.plan import Case, gains
 from blind.sealed import seal
-from clutchest.models.effects import Number, library
+from clutchest.models import machine_of
+from clutchest.models.effects import Number
 from clutchest.reading.tables import write_signals
 from clutchest.signals import Signals
 from clutchest.vehicle import dump_vehicle
@@ -205,13 +206,13 @@ def _random(case: Case) -> np.random.Generator:
 
 
 def _number(case: Case, name: str, key: str) -> Number:
-    effect = library(case.drive().vehicle.model)[name]
+    effect = machine_of(case.drive().vehicle.model).effects[name]
     return next(number for number in effect.gains if number.key == key)
 
 
 def _shape(case: Case, name: str, random: np.random.Generator) -> dict[str, float]:
     """Shapes drawn within what a search tries, hardly ever on it."""
-    effect = library(case.drive().vehicle.model)[name]
+    effect = machine_of(case.drive().vehicle.model).effects[name]
     return {
         number.key: float(random.uniform(min(number.grid), max(number.grid)))
         for number in effect.parameters

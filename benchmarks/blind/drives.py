@@ -11,7 +11,7 @@ import numpy as np
 import clutchest
 from blind.outsiders import Outsider
 from clutchest.generator import Sampled
-from clutchest.models import card
+from clutchest.models import machine_of
 from clutchest.signals import Signal, Signals
 from clutchest.simulated import Effects, Options, simulate, simulate_sampled
 from clutchest.vehicle import Vehicle
@@ -115,7 +115,7 @@ class Drive:
 
 def _unrounded(sampled: Sampled, model: str) -> Signals:
     """Readings as the sensors give them, not rounded by a bus."""
-    units = dict(card(model).columns)
+    units = machine_of(model).units
     signals = {n: Signal.of(n, units[n], *columns) for n, columns in sampled.signals.items()}
     end = max(signal.time[-1] for signal in signals.values())
     return Signals(signals, end=end, truth=sampled.truth)
@@ -124,5 +124,5 @@ def _unrounded(sampled: Sampled, model: str) -> Signals:
 def healthy(model: str) -> dict[str, float]:
     """What a healthy truck's friction and torque report are off by from drive to drive, as the
     model supposes; disturbances of the generator."""
-    states = {state.name: state for state in card(model).states}
+    states = {state.name: state for state in machine_of(model).states}
     return {f"{name}_std": states[name].healthy_std or 0.0 for name in ("friction", "torque_bias")}

@@ -26,7 +26,8 @@ from clutchest.inference.input_noise_covariance import InputNoiseCovariance
 from clutchest.inference.linearisation import LinearisedDrive
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.unknowns import Problem, Shapes
-from clutchest.models.effects import Effect, library
+from clutchest.models import machine_of
+from clutchest.models.effects import Effect
 from clutchest.signals import Floats, Signals
 from clutchest.simulated import Effects
 from clutchest.vehicle import Vehicle
@@ -75,7 +76,7 @@ class Oracle:
 
     def __init__(self, drive: Drive, scenario: str | None = None) -> None:
         self.drive, self.scenario, self.vehicle = drive, scenario, drive.vehicle
-        self.effects = library(drive.vehicle.model)
+        self.effects = machine_of(drive.vehicle.model).effects
         noisy = self._problem(drive.signals(scenario=scenario))
         self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
         self.centre, self.noise_model = np.zeros(len(self.thetas)), None

@@ -12,7 +12,7 @@ import numpy as np
 from blind.drives import NOISES, VEHICLE, Drive
 from blind.outsiders import OUTSIDERS
 from clutchest import load_vehicle
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 
 PARTS = ("null", "effect", "two", "outsider")
 SIZES = (2.0, 3.0, 4.0, 5.0, 6.0, 12.0, 20.0)  # d′ of single effects
@@ -56,7 +56,7 @@ class Case:
 
 def gains() -> list[str]:
     """``effect.gain`` of every effect in the library."""
-    effects = library(load_vehicle(VEHICLE).model)
+    effects = machine_of(load_vehicle(VEHICLE).model).effects
     return [f"{name}.{number.key}" for name, effect in effects.items() for number in effect.gains]
 
 

@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import pearsonr
 
+from clutchest.models import machine_of
+
 sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a file, not as a package
 
 from blind.cases import answer, drive_of, outsider_of
@@ -33,7 +35,6 @@ from blind.plan import Case
 from blind.sealed import KNOWN, unseal
 from blind.table import Record, driven, finished, large, left_over, share
 from clutchest.estimate.samples import slope
-from clutchest.models import model_for, resting
 from clutchest.signals import Floats, Signals
 
 LEVEL = 0.01  # family-wise, of what plain regression takes for significant
@@ -47,7 +48,7 @@ def lacking(signals: Signals, drive: Drive) -> tuple[dict[str, Floats], Floats]:
     reading of the engine speed while the clutch slips."""
     truth = signals.truth
     assert truth is not None
-    model = model_for(drive.vehicle.model, set(signals))
+    model = machine_of(drive.vehicle.model).equations(set(signals))
     e = model.expressions()
     rate = e.rate[model.state("engine_speed")]
     speed = signals["engine_speed"]
@@ -64,7 +65,9 @@ def lacking(signals: Signals, drive: Drive) -> tuple[dict[str, Floats], Floats]:
     }
     values = {**given, **true}
     parameters = {q.key: drive.vehicle.parameters[q.key].value for q in model.parameters}
-    rest = resting(model.name, parameters, {name: value[0] for name, value in given.items()})
+    rest = drive.vehicle.machine.at_rest(
+        parameters, {name: value[0] for name, value in given.items()}
+    )
     for state in model.states:  # what adapts would hide what is sought
         if state.healthy_std is not None:
             values[state.name] = np.full(len(t), rest.get(state.name, 0.0))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from clutchest.estimate.drawn import ENGINE_DRIVER, Driver
-from clutchest.estimate.modes import MODE_NAMES, Mode
+from clutchest.models.regimes import MODE_NAMES, Mode
 
 OPEN, SLIPPING = MODE_NAMES[Mode.open], MODE_NAMES[Mode.slipping]
 RETRACTED = MODE_NAMES[Mode.retracted]

@@ -15,16 +15,16 @@ from statistic import interval, line, shown
 import clutchest
 from clutchest.estimate.drawn import draw
 from clutchest.estimate.initial_state import fresh
-from clutchest.estimate.modes import MODE_NAMES, Mode, runs
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Belief, Compiled, compile_model, run
-from clutchest.models import card, model_for
+from clutchest.models import machine_of
+from clutchest.models.regimes import MODE_NAMES, Mode, runs
 from clutchest.vehicle import Vehicle
 
 
 def certain(vehicle: Vehicle) -> Vehicle:
     """The vehicle with parameters known exactly; those that are a state's prior keep it."""
-    priors = {state.prior for state in card(vehicle.model).states}
+    priors = {state.prior for state in machine_of(vehicle.model).states}
     known = {
         key: value if key in priors else replace(value, spread=0.0)
         for key, value in vehicle.parameters.items()
@@ -50,7 +50,7 @@ class Plan:
         vehicle = certain(clutchest.load_vehicle(name))
         clutch = CLUTCHES[vehicle.model]
         signals = clutchest.simulate(vehicle, clutch.plan, seed, duration=duration, nominal=True)
-        compiled = compile_model(vehicle, model_for(vehicle.model, set(signals)))
+        compiled = compile_model(vehicle, machine_of(vehicle.model).equations(set(signals)))
         line = build(signals, vehicle, compiled.model, 10.0, {})
         rows = np.flatnonzero(line.emit >= 0)[line.grid]
         time, mode = line.t[rows], line.mode[rows]

@@ -55,11 +55,11 @@ def _bars(
     names: list[str],
     values: list[dict[str, float]],
     shift: float,
-    noise_model: str,
+    color: str,
     of: str,
 ) -> None:
     at = [k + shift for k in range(len(names))]
     middle = [v["value"] for v in values]
     reach = [[v["value"] - v["low"] for v in values], [v["high"] - v["value"] for v in values]]
-    axis.errorbar(middle, at, xerr=reach, fmt="o", ms=3, lw=1, color=noise_model, label=of)
+    axis.errorbar(middle, at, xerr=reach, fmt="o", ms=3, lw=1, color=color, label=of)
     axis.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])

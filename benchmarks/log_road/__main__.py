@@ -37,6 +37,7 @@ import clutchest
 from clutchest.can.database import Database
 from clutchest.can.decode import decode, rows_of
 from clutchest.can.files import read_blocks, write_frames
+from clutchest.models import machine_of
 from clutchest.reading import load_database
 from clutchest.reading.wanted import mapped_messages
 
@@ -125,7 +126,6 @@ def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
     from clutchest.estimate.initial_state import fresh
     from clutchest.estimate.timeline import build
     from clutchest.estimate.whole_log import compile_model, delays
-    from clutchest.models import model_for
     from clutchest.record.files import write_run
 
     vehicle = clutchest.load_vehicle(drives.VEHICLE)
@@ -136,7 +136,7 @@ def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
     path = folder / "drive.log"
     write_frames(frames, path)
     signals = clutchest.read_log(path, vehicle)
-    compiled = compile_model(vehicle, model_for(vehicle.model, signals))
+    compiled = compile_model(vehicle, machine_of(vehicle.model).equations(signals))
     line = build(signals, vehicle, compiled.model, 10.0, delays(vehicle))
     start = fresh(vehicle, compiled, line)
 

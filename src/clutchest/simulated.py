@@ -18,8 +18,7 @@ from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, Disturbances, Outsider, Sampled, alsd, generate
-from clutchest.models import card
+from clutchest.generator import Channel, Disturbances, Outsider, Sampled
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
@@ -30,8 +29,6 @@ from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
 _DAY, _SLOT = 86_400, 3_600  # s
-
-GENERATORS = {"dry_clutch": generate, "alsd": alsd.generate}  # by model
 
 Effects = Mapping[str, Mapping[str, float]]
 
@@ -151,7 +148,8 @@ def _sampled(
     effects: Effects | None,
     options: Options,
 ) -> Sampled:
-    if vehicle.model not in GENERATORS:
+    generate = vehicle.machine.generate
+    if generate is None:
         raise ClutchestError(f"vehicle '{vehicle.name}': no generator for '{vehicle.model}'")
     mapped_messages(vehicle, database)
     noise_ar = options.get("noise_ar")
@@ -166,7 +164,7 @@ def _sampled(
         )
         for name, signal in vehicle.signals.items()
     ]
-    return GENERATORS[vehicle.model](
+    sampled: Sampled = generate(
         {key: p.value for key, p in vehicle.parameters.items()},
         {key: p.spread for key, p in vehicle.parameters.items()},
         scenario,
@@ -180,6 +178,7 @@ def _sampled(
         disturbances=Disturbances.of(options.get("disturbances", {})),
         outsider=options.get("outsider"),
     )
+    return sampled
 
 
 def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:
@@ -221,7 +220,7 @@ def _period(vehicle: Vehicle, message: Message, signal: SignalMap) -> float:
 
 def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) -> Frames:
     """Every mapped message, encoded; sorted by time."""
-    units_of = dict(card(vehicle.model).columns)
+    units_of = vehicle.machine.units
     times: dict[str, Floats] = {}
     values: dict[str, dict[str, Floats]] = {}
     senders: dict[str, SignalMap] = {}

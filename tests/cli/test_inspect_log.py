@@ -45,8 +45,8 @@ def test_finds_what_the_truck_maps(found, truck):
         best = found.candidates[name][0]
         assert (best.message, best.signal) == (signal.bus.message, signal.bus.signal)
     torque = truck.signals["engine_torque"]
-    assert found.torque_parts["friction"].signal == torque.friction.signal
-    assert found.torque_parts["fraction"].signal == torque.fraction.signal
+    assert found.companions["engine_torque"]["friction"].signal == torque.friction.signal
+    assert found.companions["engine_torque"]["fraction"].signal == torque.fraction.signal
 
 
 def test_draft_loads_once_the_missing_is_filled_in(found, log, truck, tmp_path):

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from clutchest.discovery.candidates import Candidate, candidates, settings
-from clutchest.models.effects import Effect, Number, library
+from clutchest.models import machine_of
+from clutchest.models.effects import Effect, Number
 
 
 class Bumpy(Effect):
@@ -46,9 +47,9 @@ def test_every_gain_at_every_value_of_every_shape():
 
 
 def test_the_whole_library():
-    effects = tuple(library("dry_clutch").values())
+    effects = tuple(machine_of("dry_clutch").effects.values())
     found = candidates(problem(*effects))
-    assert {c.name for c in found} == set(library("dry_clutch"))
+    assert {c.name for c in found} == set(machine_of("dry_clutch").effects)
     for effect in effects:
         own = [c for c in found if c.name == effect.name]
         assert {c.gain for c in own} == set(effect.gains)
@@ -63,7 +64,7 @@ def test_the_whole_library():
 
 
 def test_settings_are_the_shapes_of_those_chosen():
-    every = candidates(problem(Bumpy(), *library("dry_clutch").values()))
+    every = candidates(problem(Bumpy(), *machine_of("dry_clutch").effects.values()))
     bump = next(c for c in every if c.name == "bumpy")
     fade = next(c for c in every if c.name == "friction_fade" and c.shapes == (("onset", 160.0),))
     plain = next(c for c in every if c.name == "friction_speed")

@@ -15,7 +15,8 @@ from clutchest.discovery.discover import discover
 from clutchest.discovery.result import Discovery
 from clutchest.errors import ClutchestError
 from clutchest.inference.unknowns import CLOCK, TIMING, Problem
-from clutchest.models.effects import effects_of_file, library
+from clutchest.models import machine_of
+from clutchest.models.effects import effects_of_file
 from clutchest.record.discovery import write_discovery
 
 TRUCK = clutchest.load_vehicle("truck")
@@ -100,7 +101,7 @@ def test_a_delay_that_is_found_holds_the_tolerance_of_its_signal(effect, signal)
         signals = {**TRUCK.signals, signal: replace(TRUCK.signals[signal], noise_ar=ar)}
         truck = replace(TRUCK, signals=signals)
         made = clutchest.simulate(truck, "slip-steps", 71, {effect: {"delay": late}})
-        problem = Problem(made, truck, (library("dry_clutch")[effect],))
+        problem = Problem(made, truck, (machine_of("dry_clutch").effects[effect],))
         best.append(problem.clock(problem.index(effect, "delay")))
         if ar == 0.0:
             (cause,) = discover(made, truck).causes
@@ -181,7 +182,7 @@ def test_what_was_found_before_is_corrected_beside_what_is_found_now(tmp_path):
 @pytest.mark.slow
 def test_before_fitting_it_says_what_the_log_can_tell(found):
     tells = {i.effect: i for i in found.identifiability}
-    assert set(tells) == set(library("dry_clutch"))
+    assert set(tells) == set(machine_of("dry_clutch").effects)
     assert tells["friction_speed"].excited
     assert "housing_airflow" in found.unexcited
     assert tells["heat_split"].nearest in {"expansion_disc", "heat_capacity_disc"}

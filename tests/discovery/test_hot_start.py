@@ -8,7 +8,7 @@ import clutchest
 from clutchest.discovery.discover import discover
 from clutchest.discovery.search import ODD, WARM, Search
 from clutchest.inference.unknowns import Problem
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 
 TRUCK = clutchest.load_vehicle("truck")
 HOT = 22  # a drive that starts some 55 K hotter than one at rest
@@ -16,7 +16,7 @@ HOT = 22  # a drive that starts some 55 K hotter than one at rest
 
 def test_where_a_hot_clutch_starts_is_known_less_well():
     drive = clutchest.simulate(TRUCK, "cooldown", HOT, duration=700.0)
-    search = Search.begin(Problem(drive, TRUCK, tuple(library("dry_clutch").values())))
+    search = Search.begin(Problem(drive, TRUCK, tuple(machine_of("dry_clutch").effects.values())))
     keys = {search.problem.thetas[i].key for i in search.running}
     assert keys == {"temp_body", "temp_disc"}
     for i, t in enumerate(search.problem.thetas):
@@ -28,7 +28,7 @@ def test_where_a_hot_clutch_starts_is_known_less_well():
 
 def test_a_clutch_at_rest_starts_where_it_should():
     drive = clutchest.simulate(TRUCK, "launches", 1, {"wear": {"amount": 1.5}}, duration=200.0)
-    search = Search.begin(Problem(drive, TRUCK, tuple(library("dry_clutch").values())))
+    search = Search.begin(Problem(drive, TRUCK, tuple(machine_of("dry_clutch").effects.values())))
     assert not len(search.running), "no temperature is off, if the position is"
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from clutchest.discovery import patch
 from clutchest.discovery.residual_curves import Curve
-from clutchest.models.dry_clutch import DRY_CLUTCH
+from clutchest.models.dry_clutch.equations import DRY_CLUTCH
 from clutchest.models.effects import Effect, effects_of_file
 from clutchest.vehicle import load_vehicle
 from equations import argument_names, evaluator

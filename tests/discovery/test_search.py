@@ -15,12 +15,12 @@ from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.discovery.shape_profile import refine
 from clutchest.discovery.verdict import Judged
 from clutchest.inference.unknowns import Problem
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 from clutchest.signals import Floats
 
 DURATION = 200.0  # s, of drives in the default suite
 LONGER = 300.0
-LIBRARY = tuple(library("dry_clutch").values())
+LIBRARY = tuple(machine_of("dry_clutch").effects.values())
 SLOPE = -0.12  # per 100 rad/s
 
 

@@ -15,9 +15,9 @@ from clutchest.discovery.search import Hypothesis, Search
 from clutchest.discovery.shape_profile import FINER, HALVED, refine
 from clutchest.inference.map_fit import Look
 from clutchest.inference.unknowns import Problem
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 
-LIBRARY = tuple(library("dry_clutch").values())
+LIBRARY = tuple(machine_of("dry_clutch").effects.values())
 SPEED, CHANGE = 14.0, 0.1  # tried: 10 and 20 rad/s
 
 
@@ -63,7 +63,7 @@ def test_what_a_shape_leaves_open_is_not_known_of_the_gain() -> None:
 @pytest.mark.parametrize("std", [0.3, 1.0, 3.0])
 def test_values_are_tried_as_close_as_the_data_tell_them_apart(std: float) -> None:
     """A search that knows the answer: the likeliest speed is 13.8 rad/s, give or take ``std``."""
-    effect = library("dry_clutch")["friction_slip"]
+    effect = machine_of("dry_clutch").effects["friction_slip"]
     cause = Candidate(effect, effect.gains[0], 0, (("speed", 10.0),))
 
     def fitted(chosen: tuple[Candidate, ...], near: Look) -> Hypothesis:

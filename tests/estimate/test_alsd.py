@@ -18,8 +18,8 @@ from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
 from clutchest.estimate.timeline import build
 from clutchest.estimate.whole_log import compile_model, run
-from clutchest.models import model_for
-from clutchest.models.alsd import ALSD, full, resting
+from clutchest.models import machine_of
+from clutchest.models.alsd import ALSD, at_rest, full
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
@@ -69,7 +69,7 @@ def test_what_the_reduction_costs(amps: float, rpm: float) -> None:
         "oil_temp": given["oil_temp"],
     }
     nought = dict.fromkeys((s.name for s in ALSD.states), 0.0)
-    b = reduced.run(p, nought | resting(p, {"oil_temp": 25.0}), inputs, 1e-3, 4)
+    b = reduced.run(p, nought | at_rest(p, {"oil_temp": 25.0}), inputs, 1e-3, 4)
     for name in names:
         apart = np.sqrt(np.mean((a[name] - b[name]) ** 2)) / np.abs(a[name]).max()
         assert apart < 1e-2, (name, apart)
@@ -173,7 +173,7 @@ def test_both_wrong_at_once_are_recovered_from() -> None:
     }
     rig = replace(rig, parameters=known)
     signals = simulate(rig, "rig-steps", 3, duration=LENGTH, nominal=True)
-    compiled = compile_model(rig, model_for("alsd", set(signals)))
+    compiled = compile_model(rig, machine_of("alsd").equations(set(signals)))
     line = build(signals, rig, compiled.model, 10.0, {})
     prior, rest = fresh(rig, compiled, line), line.t[line.emit >= 0] > 1.0
     play, friction = map(compiled.model.state, ("free_play", "friction"))

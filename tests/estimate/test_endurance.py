@@ -11,7 +11,7 @@ import clutchest
 from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, Filtered
-from clutchest.models import model_for
+from clutchest.models import machine_of
 from clutchest.signals import Floats, Signal, Signals
 
 EVENTS = 10_000_000
@@ -30,7 +30,7 @@ def whole(compiled: Compiled, filtered: Filtered) -> None:
 
 
 def made(signals: Signals) -> tuple[Compiled, Timeline, Belief]:
-    compiled = whole_log.compile_model(TRUCK, model_for(TRUCK.model, set(signals)))
+    compiled = whole_log.compile_model(TRUCK, machine_of(TRUCK.model).equations(set(signals)))
     line = timeline.build(signals, TRUCK, compiled.model, 10.0, {})
     return compiled, line, initial_state.fresh(TRUCK, compiled, line)
 

@@ -12,8 +12,8 @@ import pytest
 from bench import BENCHES, Bench
 from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.ekf import OnlineFilter
-from clutchest.estimate.modes import Mode
 from clutchest.estimate.whole_log import Compiled
+from clutchest.models.regimes import Mode
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle

@@ -10,7 +10,7 @@ import pytest
 from bench import Bench
 from clutchest.estimate import whole_log
 from clutchest.estimate.replay import replay
-from clutchest.models import model_for
+from clutchest.models import machine_of
 
 EFFECTS = {
     "friction_level": {"change": 0.1},
@@ -31,7 +31,7 @@ def test_a_model_takes_the_effects_that_its_signals_show(
     missing: str, kept: list[str], bench: Callable[[str], Bench]
 ) -> None:
     b = bench("dry_clutch")
-    model = model_for("dry_clutch", set(b.signals) - {missing})
+    model = machine_of("dry_clutch").equations(set(b.signals) - {missing})
     compiled = whole_log.compile_model(replace(b.vehicle, effects=EFFECTS), model)
     assert [effect.name for effect in compiled.model.effects] == kept
 

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from clutchest.estimate.modes import Mode, Regimes, Thresholds, classify
+from clutchest.models.alsd.regimes import pressing
+from clutchest.models.dry_clutch.regimes import classify
+from clutchest.models.regimes import Mode, Regimes
+from clutchest.models.thresholds import Thresholds
 
 KISS = 6.5
 T = np.arange(0.0, 10.0, 0.01)
@@ -111,7 +114,7 @@ def test_a_structure_that_winds_up_is_told_from_surfaces_that_slide(sign: float)
     slip = sign * np.where(time < 3.0, 0.05, 0.0)
     torque = sign * np.interp(time, (0.5, 1.0, 2.0, 2.5), (0.0, 1000.0, 1000.0, 600.0))
     lost = np.zeros(len(time), bool)
-    mode = Regimes.pressing(time, torque, slip, yielding, lost, 0.1).mode
+    mode = pressing(time, torque, slip, yielding, lost, 0.1).mode
 
     def all_of(begin: float, end: float, wanted: Mode) -> bool:
         return bool(np.all(mode[(time > begin) & (time < end)] == wanted))
@@ -125,6 +128,6 @@ def test_a_structure_that_winds_up_is_told_from_surfaces_that_slide(sign: float)
 def test_without_slip_or_torque_nothing_winds_up() -> None:
     time = np.arange(0.0, 1.0, 0.01)
     torque, lost = np.full(100, 500.0), np.zeros(100, bool)
-    without_slip = Regimes.pressing(time, torque, None, 1 / 4e4, lost, 0.1).mode
+    without_slip = pressing(time, torque, None, 1 / 4e4, lost, 0.1).mode
     assert np.all(without_slip == Mode.slipping)
-    assert np.all(Regimes.pressing(time, None, torque, 1 / 4e4, lost, 0.1).mode == Mode.open)
+    assert np.all(pressing(time, None, torque, 1 / 4e4, lost, 0.1).mode == Mode.open)

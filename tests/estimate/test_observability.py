@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.estimate.modes import Mode
 from clutchest.estimate.observability import (
     NOTHING,
     Information,
@@ -17,10 +16,11 @@ from clutchest.estimate.observability import (
     needs,
     not_observable_now,
 )
-from clutchest.models import card
+from clutchest.models import machine_of
+from clutchest.models.regimes import MODE_NAMES, Mode
 
 TRUCK = clutchest.load_vehicle("truck")
-STATES = {state.name: state for state in card("dry_clutch").states}
+STATES = {state.name: state for state in machine_of("dry_clutch").states}
 
 
 @pytest.fixture(scope="module")
@@ -117,15 +117,15 @@ def test_partners_are_those_of_the_covariance_with_the_spreads_in_it(launches):
 
 
 def test_what_would_tell_a_pair_apart():
-    alone = needs("dry_clutch", STATES["temp_body"], {})
+    alone = needs(TRUCK.machine, STATES["temp_body"], {})
     assert alone == STATES["temp_body"].informed_by
-    pair = needs("dry_clutch", STATES["temp_body"], {"zero_position": -0.97})
+    pair = needs(TRUCK.machine, STATES["temp_body"], {"zero_position": -0.97})
     assert pair == (
         "slow cooling with the actuator retracted: "
         "it tells body temperature and zero position apart"
     )
-    for (a, b), manoeuvre in card("dry_clutch").apart:
-        assert {a, b} <= set(STATES) and manoeuvre
+    for separation in TRUCK.machine.separating_manoeuvres:
+        assert set(separation.pair) <= set(STATES) and separation.by
 
 
 def test_where_the_signals_show_no_state_there_are_no_bits():
@@ -142,7 +142,7 @@ def test_where_the_signals_show_no_state_there_are_no_bits():
 def of(bits, mode, time=None):
     bits = np.array(bits, float)[:, None]
     time = np.arange(len(bits), dtype=float) if time is None else np.array(time)
-    return Information(("friction",), time, np.array(mode, np.uint8), bits)
+    return Information(("friction",), time, np.array(mode, np.uint8), bits, MODE_NAMES)
 
 
 def test_pieces_by_hand():

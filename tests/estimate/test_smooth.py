@@ -19,7 +19,7 @@ from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.smooth import Smoothed, smoothed
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled
-from clutchest.models import model_for
+from clutchest.models import machine_of
 from clutchest.models.model import Quantities
 from clutchest.models.symbols import Parameter
 from compute import linear
@@ -230,7 +230,7 @@ def test_on_its_own_model_it_is_consistent_and_never_less_sure() -> None:
     }
     vehicle, draws = replace(TRUCK, parameters=certain), 8
     signals = clutchest.simulate(vehicle, "launches", 1, duration=160.0, nominal=True)
-    compiled = whole_log.compile_model(vehicle, model_for(vehicle.model, set(signals)))
+    compiled = whole_log.compile_model(vehicle, machine_of(vehicle.model).equations(set(signals)))
     plan = timeline.build(signals, vehicle, compiled.model, 1.0, {})
     prior = fresh(vehicle, compiled, plan)
     rows, squares = np.flatnonzero(plan.grid), []

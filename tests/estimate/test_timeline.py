@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.modes import Mode
 from clutchest.estimate.samples import slope, told
 from clutchest.estimate.timeline import build
-from clutchest.models.dry_clutch import DRY_CLUTCH
+from clutchest.models.dry_clutch.equations import DRY_CLUTCH
+from clutchest.models.regimes import Mode
 from clutchest.signals import Signal, Signals, Why
 from clutchest.vehicle import load_vehicle
 

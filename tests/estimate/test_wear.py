@@ -14,7 +14,7 @@ from clutchest.estimate.initial_state import carried_on, fresh
 from clutchest.estimate.timeline import build
 from clutchest.estimate.wear import remaining_energy
 from clutchest.estimate.whole_log import compile_model
-from clutchest.models import model_for
+from clutchest.models import machine_of
 
 TRUCK = clutchest.load_vehicle("truck")
 NOMINAL = TRUCK.parameters["zero_position_ref"].value
@@ -156,7 +156,7 @@ class TestStandingStill:
 
     def test_weeks_between_drives(self, drive, first):
         later = after_days(drive, 40)
-        model = model_for(TRUCK.model, set(later))
+        model = machine_of(TRUCK.model).equations(set(later))
         compiled = compile_model(TRUCK, model)
         timeline = build(later, TRUCK, model, 10.0, {})
         belief, warning = carried_on(TRUCK, compiled, timeline, first.final, later.start_ns)

@@ -17,7 +17,7 @@ from clutchest.generator.alsd.effects import EFFECTS, numbers
 from clutchest.generator.alsd.generate import run
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, RPM
 from clutchest.generator.effects import complete
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 from clutchest.vehicle import load_vehicle
 
 Columns = dict[str, NDArray[np.float64]]
@@ -259,7 +259,7 @@ def test_i8_shows_the_torsional_stiffness() -> None:
 
 
 def test_it_knows_the_effects_of_the_models_library() -> None:
-    known = library("alsd")
+    known = machine_of("alsd").effects
     assert set(EFFECTS) == set(known)
     for name, effect in known.items():
         assert set(EFFECTS[name].parameters) == {n.key for n in effect.parameters}

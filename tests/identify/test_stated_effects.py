@@ -14,14 +14,13 @@ from clutchest.diagnosis.predicted import nuisances
 from clutchest.estimate.whole_log import compile_model
 from clutchest.inference.map_fit import Fitter
 from clutchest.inference.unknowns import Problem
-from clutchest.models import model_for
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 from clutchest.signals import Signal, Signals
 from clutchest.simulated import simulate, simulate_sampled
 from clutchest.vehicle import Vehicle
 
 TRUCK = clutchest.load_vehicle("truck")
-LIBRARY = tuple(library("dry_clutch").values())
+LIBRARY = tuple(machine_of("dry_clutch").effects.values())
 AT, SECONDS = (60.0, 130.0, 220.0), (0.06, 0.01, 0.03)
 LATE = f"""
 from clutchest.models.effects import Effect, Lateness, Number
@@ -63,7 +62,7 @@ def test_a_filter_holds_them_as_uncertain() -> None:
     signals = simulate(TRUCK, "city", 5, duration=200.0)
     exact = replace(TRUCK, effects={"torque_gain": {"change": 0.03}})
     vehicle = stated("torque_gain", "change", 0.03, 0.05)
-    compiled = compile_model(vehicle, model_for("dry_clutch", signals.available))
+    compiled = compile_model(vehicle, machine_of("dry_clutch").equations(signals.available))
     assert compiled.spread[compiled.thetas.index(("torque_gain", "change"))] == 0.05
     sure, unsure = (clutchest.replay(signals, v).to_pandas() for v in (exact, vehicle))
     assert unsure["friction_std"].iloc[-1] > 1.2 * sure["friction_std"].iloc[-1]

@@ -10,12 +10,12 @@ from scipy.signal import lfilter
 
 import clutchest
 from clutchest.discovery.search import Search
-from clutchest.estimate.modes import Mode
 from clutchest.estimate.timeline import Timeline
 from clutchest.inference.decimation import BENT, NEAR, RESTED, SOON, decimated
 from clutchest.inference.unknowns import Problem
-from clutchest.models.dry_clutch import DRY_CLUTCH
-from clutchest.models.effects import library
+from clutchest.models import machine_of
+from clutchest.models.dry_clutch.equations import DRY_CLUTCH
+from clutchest.models.regimes import Mode
 
 SPEED, ZERO = DRY_CLUTCH.sensor("engine_speed"), DRY_CLUTCH.sensor("zero_position")
 REST, SLIP = 0, 7  # rows of the table of flags: nothing acts, everything does
@@ -202,7 +202,9 @@ def test_samples_of_inputs_tell_nothing_beside_readings(scenario, monkeypatch):
     boards, events = [], []
     for soon in (0.0, SOON):
         monkeypatch.setattr("clutchest.inference.decimation.SOON", soon)
-        search = Search.begin(Problem(signals, truck, tuple(library("dry_clutch").values())))
+        search = Search.begin(
+            Problem(signals, truck, tuple(machine_of("dry_clutch").effects.values()))
+        )
         boards.append(search.first)
         events.append(len(search.problem.drives[0].line.t))
     whole, short = (np.sqrt(np.diag(score_test.information)) for score_test in boards)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 import clutchest
-from clutchest.estimate.modes import Mode
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance, taken_in
 from clutchest.inference.unknowns import Problem
-from clutchest.models import model_for
+from clutchest.models import machine_of
+from clutchest.models.regimes import Mode
 from clutchest.signals import Signal, Signals
 from clutchest.simulated import simulate_sampled
 
@@ -80,7 +80,7 @@ def test_noise_that_heats_the_clutch_scatters_readings_as_foreseen(drive, proble
 
 
 def test_inputs_that_the_temperatures_take_in():
-    names = taken_in(model_for(TRUCK.model, set(TRUCK.signals)))
+    names = taken_in(machine_of(TRUCK.model).equations(set(TRUCK.signals)))
     assert {"slave_position", "coolant_temp"} <= set(names)
     assert "engine_torque" not in names  # it moves the engine only, whose speed is read
 

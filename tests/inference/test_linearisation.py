@@ -15,13 +15,13 @@ import pytest
 import clutchest
 from clutchest.generator import Sampled
 from clutchest.inference.unknowns import TIMING, Problem, Rows, Unknown
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.simulated import simulate_sampled
 from clutchest.vehicle import Vehicle
 
 DURATION = 300.0  # s
-LIBRARY = tuple(library("dry_clutch").values())
+LIBRARY = tuple(machine_of("dry_clutch").effects.values())
 # Where the torque and the inertia of the engine come in, derivatives are taken at a torque that
 # the slope of the engine speed implies, and are less smooth than the differences.  A delay acts by
 # slopes that are smoothed as far as the signal is noisy.

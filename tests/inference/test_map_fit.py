@@ -18,7 +18,8 @@ import clutchest
 from clutchest.inference.map_fit import SETTLED, Fitter
 from clutchest.inference.noise_model import Stretches
 from clutchest.inference.unknowns import Problem, Rows, Unknown
-from clutchest.models.effects import Number, library
+from clutchest.models import machine_of
+from clutchest.models.effects import Number
 from clutchest.signals import Floats
 
 PERIOD = 0.01
@@ -243,7 +244,7 @@ def test_a_fit_is_judged_within_its_span():
 def drive() -> Problem:
     truck = clutchest.load_vehicle("truck")
     signals = clutchest.simulate(truck, "city", 4, duration=300.0)
-    return Problem(signals, truck, tuple(library("dry_clutch").values()))
+    return Problem(signals, truck, tuple(machine_of("dry_clutch").effects.values()))
 
 
 def test_nuisances_of_a_drive_reach_the_same_optimum_from_elsewhere(drive):

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from bench import BENCHES
-from clutchest.models import card, dry_clutch, model_for
-from clutchest.models.dry_clutch import (
+from clutchest.models import machine_of
+from clutchest.models.dry_clutch import equations
+from clutchest.models.dry_clutch.equations import (
     DRY_CLUTCH,
     WITHOUT_POSITION,
     WITHOUT_SLIP,
@@ -20,7 +21,6 @@ from clutchest.models.dry_clutch import (
     two_state,
     with_measured_power,
 )
-from clutchest.models.effects import library
 from clutchest.models.model import Model
 from clutchest.vehicle import load_vehicle
 from equations import argument_names, draw, evaluator, vector
@@ -265,10 +265,10 @@ def test_without_a_position_the_engine_tells_the_torque() -> None:
 
 
 def test_signals_at_hand_choose_the_model() -> None:
-    every = {name for name, _ in dry_clutch.COLUMNS}
-    assert model_for("dry_clutch", every) is DRY_CLUTCH
-    assert model_for("dry_clutch", every - {"slave_position"}) is WITHOUT_POSITION
-    assert model_for("dry_clutch", every - {"input_shaft_speed"}) is WITHOUT_SLIP
+    every = set(machine_of("dry_clutch").units)
+    assert machine_of("dry_clutch").equations(every) is DRY_CLUTCH
+    assert machine_of("dry_clutch").equations(every - {"slave_position"}) is WITHOUT_POSITION
+    assert machine_of("dry_clutch").equations(every - {"input_shaft_speed"}) is WITHOUT_SLIP
 
 
 def test_without_slip_nothing_heats() -> None:
@@ -359,17 +359,17 @@ def test_swapping_what_is_not_there_is_refused() -> None:
 
 def test_a_piece_that_lacks_its_quantity_says_which() -> None:
     with pytest.raises(AttributeError, match="no quantity 'position'"):
-        DRY_CLUTCH.without(dry_clutch.position).expressions()
+        DRY_CLUTCH.without(equations.position).expressions()
 
 
 def test_an_effect_on_a_quantity_that_is_not_there_is_refused() -> None:
-    level = library("dry_clutch")["friction_level"]
+    level = machine_of("dry_clutch").effects["friction_level"]
     with pytest.raises(AttributeError, match="sliding_torque"):
         WITHOUT_POSITION.with_effects((level,)).expressions()
 
 
 def test_a_model_says_which_effects_it_takes() -> None:
-    effects = library("dry_clutch")
+    effects = machine_of("dry_clutch").effects
     assert DRY_CLUTCH.taking(effects.values()) == tuple(effects.values())
     refused = set(effects) - {effect.name for effect in WITHOUT_POSITION.taking(effects.values())}
     about_torque = {name for name, e in effects.items() if e.equation == "torque"}
@@ -391,21 +391,21 @@ def test_variants_leave_the_original_as_it_was() -> None:
 
 
 def test_the_card_names_what_the_equations_have() -> None:
-    made = card("dry_clutch")
+    made = machine_of("dry_clutch")
     assert made.states == DRY_CLUTCH.states
     assert made.parameters == DRY_CLUTCH.parameters
     assert made.inputs == DRY_CLUTCH.inputs
     assert made.sensors == DRY_CLUTCH.sensors
-    columns = {name for name, _ in made.columns}
+    columns = set(made.units)
     assert {i.name for i in made.inputs} - columns == {"engine_acceleration"}
 
 
 def test_rest_is_where_nothing_flows() -> None:
-    """``resting`` is a steady state of (12)–(14) without slip."""
+    """``at_rest`` is a steady state of (12)–(14) without slip."""
     names = [f"{t}_rate" for t in ("temp_body", "temp_housing", "temp_disc")]
     evaluate = evaluator(DRY_CLUTCH, names)
     for v in points(DRY_CLUTCH, sliding=0.0)[:50]:
-        still = dry_clutch.resting(v, v)
+        still = equations.at_rest(v, v)
         assert np.abs(list(evaluate({**v, **still}).values())).max() < 1e-12
         assert still["zero_position"] == v["zero_position_ref"]
         assert still["friction"] == 1.0

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from bench import BENCHES
-from clutchest.models.dry_clutch import DRY_CLUTCH
-from clutchest.models.effects import library
+from clutchest.models import machine_of
+from clutchest.models.dry_clutch.equations import DRY_CLUTCH
 from clutchest.models.model import Model
 from clutchest.vehicle import load_vehicle
 from equations import argument_names, draw, evaluator, vector
 
-EFFECTS = library("dry_clutch")
+EFFECTS = machine_of("dry_clutch").effects
 TRUCK = {key: value.value for key, value in load_vehicle("truck").parameters.items()}
 MADE = [f"{state.name}_rate" for state in DRY_CLUTCH.states]
 MADE += ["engine_speed_reading", "zero_position_reading", "transmitted_torque", "power"]

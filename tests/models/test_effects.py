@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -11,20 +9,22 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from bench import BENCHES, Bench
+from bench import BENCHES, Bench, machine
 from clutchest.compute.step import heun
 from clutchest.estimate import whole_log
 from clutchest.estimate.timeline import Timeline
-from clutchest.models import _MODELS, effects, error_terms_of
-from clutchest.models.effects import Effect, Number, library
+from clutchest.models import names
+from clutchest.models.effects import Effect, Number
 from clutchest.models.model import Model
 from equations import argument_names, draw, vector
 
 from .dimensions import UnitsError, balances, carried, dimensions_of, per_second
 
-CASES = [(model, name) for model in BENCHES for name in library(model)]
+CASES = [(model, name) for model in BENCHES for name in machine(model).effects]
 GAINS = [
-    (model, name, number.key) for model, name in CASES for number in library(model)[name].gains
+    (model, name, number.key)
+    for model, name in CASES
+    for number in machine(model).effects[name].gains
 ]
 
 BenchOf = Callable[[str], Bench]
@@ -52,32 +52,26 @@ def parameters(bench: Bench) -> dict[str, float]:
 
 def test_the_registry_is_what_the_catalogue_says() -> None:
     """Every effect class there is stands in the battery and carries its public name."""
-    classes = set()
-    for module in pkgutil.walk_packages(effects.__path__, effects.__name__ + "."):
-        for value in vars(importlib.import_module(module.name)).values():
-            if isinstance(value, type) and issubclass(value, Effect) and value is not Effect:
-                classes.add(value)
-    assert {(c.model, c.name) for c in classes} == {(m, e) for m in _MODELS for e in library(m)}
-    assert len({(c.model, c.name) for c in classes}) == len(classes)
-    assert set(BENCHES) == set(_MODELS)
-    for model in _MODELS:
-        catalogue = BENCHES[model].catalogue
-        assert set(library(model)) == set(catalogue)
-        for name, effect in library(model).items():
+    assert set(BENCHES) >= set(names())
+    for model, setup in BENCHES.items():
+        effects, catalogue = machine(model).effects, setup.catalogue
+        assert set(effects) == set(catalogue)
+        for name, effect in effects.items():
             numbers = ", ".join(f"{n.key} {n.unit}" for n in effect.parameters)
             one_sided = all(n.one_sided for n in effect.gains)
             assert ("+ " if one_sided else "") + numbers == catalogue[name]
-            assert type(effect).__module__.endswith(f".{model}.{name}"), "one file per effect"
+            if model in names():
+                assert type(effect).__module__.endswith(f".{model}.effects.{name}")
 
 
 @pytest.mark.parametrize(("model", "name"), CASES)
 def test_an_effect_says_what_it_is(model: str, name: str, bench: BenchOf) -> None:
-    effect = library(model)[name]
+    effect = machine(model).effects[name]
     equation = type(effect).__doc__ or ""
     assert all(f"``{number.key}``" in equation for number in effect.parameters)
     columns = set(bench(model).plausible.inputs) | {s.name for s in bench(model).model.sensors}
     kind, _, column = effect.equation.partition(":")
-    equations = {error_term.equation for error_term in error_terms_of(model).values()}
+    equations = {error_term.equation for error_term in machine(model).error_terms.values()}
     assert effect.equation in equations or (kind in ("sensor", "timing") and column in columns)
     assert effect.gains
     for number in effect.parameters:
@@ -118,7 +112,7 @@ def _with_brought(b: Bench, line: Timeline) -> Timeline:
 @pytest.mark.parametrize(("model", "name"), CASES)
 def test_gain_0_is_absent_in_every_step(model: str, name: str, bench: BenchOf) -> None:
     """State, transition, noise, readings and outputs of one step: the same bits."""
-    b, effect = bench(model), library(model)[name]
+    b, effect = bench(model), machine(model).effects[name]
     rng = np.random.default_rng(1)
     functions = [_step(m) for m in (b.model, b.model.with_effects((effect,)))]
     n = len(b.model.states)
@@ -175,7 +169,7 @@ def test_the_signature_is_what_a_small_gain_does(
     """
     b = bench(model)
     line, base = b.at_zero
-    effect, k = library(model)[name], b.full.thetas.index((name, key))
+    effect, k = machine(model).effects[name], b.full.thetas.index((name, key))
     largest = next(number.upper for number in effect.gains if number.key == key)
     size = 1e-6 * largest
     late = {signal: size for signal, number in effect.delays.items() if number == key}
@@ -264,7 +258,7 @@ def test_everything_is_finite_within_the_bounds(model: str, corners: bool, bench
 def test_torque_opposes_slip(model: str, name: str, bench: BenchOf) -> None:
     """Whatever the effect's size, a clutch brakes: torque on the engine has the sign of slip."""
     b = bench(model)
-    m = b.model.with_effects((library(model)[name],))
+    m = b.model.with_effects((machine(model).effects[name],))
     e, rng = m.expressions(), np.random.default_rng(3)
     at = [e.x, e.u, e.w, e.p, e.g]
     settled = ca.Function("settled", at, [ca.substitute(e.mapped, e.u0, e.u)])
@@ -300,7 +294,7 @@ def test_temperatures_relax_to_their_surroundings(model: str, name: str, bench: 
     """Without slip nothing grows, and all comes to rest between the hottest and the coldest."""
     from scipy.integrate import solve_ivp
 
-    b, effect = bench(model), library(model)[name]
+    b, effect = bench(model), machine(model).effects[name]
     m, rng = b.model.with_effects((effect,)), np.random.default_rng(4)
     e = m.expressions()
     rate = ca.Function("rate", [e.x, e.u, e.w, e.p, e.g], [e.rate])
@@ -361,7 +355,7 @@ def check_units(model: Model) -> None:
 
 @pytest.mark.parametrize(("model", "name"), CASES)
 def test_units_balance(model: str, name: str, bench: BenchOf) -> None:
-    check_units(bench(model).model.with_effects((library(model)[name],)))
+    check_units(bench(model).model.with_effects((machine(model).effects[name],)))
 
 
 WRONG = {

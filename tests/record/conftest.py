@@ -9,7 +9,7 @@ import pytest
 
 from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
-from clutchest.models import card
+from clutchest.models import machine_of
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
@@ -87,7 +87,7 @@ def track_of(vehicle, drive: Signals, seed: int) -> Track:
     time = np.arange(0.0, drive.end, 0.1)
     spread = {"°C": 3.0, "mm": 0.05, "1": 0.03, "rad/s": 0.1, "Nm": 8.0, "mm/MJ": 0.003}
     states = {}
-    for state in card(vehicle.model).states:
+    for state in machine_of(vehicle.model).states:
         value = np.interp(time, truth.time, truth.columns[state.name])
         std = spread[state.unit] * (1 + 4 * np.exp(-time / 10))
         error = std * rng.normal() * 0.7
@@ -115,5 +115,5 @@ def track_of(vehicle, drive: Signals, seed: int) -> Track:
         innovations,
         (Engagement(3.1, 1.9, 52e3, 1.8e3, 640.0, 96.0),),
         -12.5,
-        Information((), time, np.zeros(len(time), np.uint8), np.zeros((len(time), 0))),
+        Information((), time, np.zeros(len(time), np.uint8), np.zeros((len(time), 0)), MODES),
     )

@@ -16,7 +16,7 @@ from rich.console import Console
 
 from clutchest.discovery.result import Experiment, Identifiable, either
 from clutchest.errors import ClutchestError
-from clutchest.models.effects import library
+from clutchest.models import machine_of
 from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_terminal import print_discovery, print_identifiable
@@ -81,7 +81,7 @@ def test_files(tmp_path, verdict, gain):
 
 
 def test_what_a_log_can_tell_is_whole_on_80_columns():
-    effects = library("dry_clutch").values()
+    effects = machine_of("dry_clutch").effects.values()
     longest = max((effect.name for effect in effects), key=len)
     tells = [
         Identifiable(effect.name, n.unit, 0.00123456, n.upper, longest, 12.3)

@@ -10,7 +10,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from clutchest.estimate.run import Estimate
-from clutchest.models import card
+from clutchest.models import machine_of
 from clutchest.record import series
 from clutchest.record.blueprint import INVALID, panel
 from clutchest.record.rerun import write_recording
@@ -65,7 +65,7 @@ def tables(path):
 def test_entities(run, tables):
     moving, static = tables
     expected = {f"/can/{name}" for name in run.signals}
-    expected |= {f"/state/{state.name}" for state in card("dry_clutch").states}
+    expected |= {f"/state/{state.name}" for state in machine_of("dry_clutch").states}
     expected |= {"/state/clutch_torque", "/state/slip_energy", "/mode"}
     expected |= {f"/residual/{name}" for name in run.tracks[0].innovations.names}
     assert set(moving) == expected

@@ -7,18 +7,17 @@ from pathlib import Path
 import pytest
 
 from clutchest.errors import ClutchestError
-from clutchest.models import card
-from clutchest.models.effects import library
+from clutchest.models import machine_of
+from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.shipped import shipped
 from clutchest.vehicle import Vehicle, dump_vehicle, load_vehicle
-from clutchest.vehicle.file import MODES
 
 
 @pytest.mark.parametrize("name", sorted(shipped("vehicles")))
 def test_every_shipped_vehicle_is_complete_and_reads_back_equal(name: str, tmp_path: Path) -> None:
     vehicle = load_vehicle(name)
     assert vehicle.name == name
-    assert set(vehicle.parameters) == {p.key for p in card(vehicle.model).parameters}
+    assert set(vehicle.parameters) == {p.key for p in machine_of(vehicle.model).parameters}
     assert all(p.source for p in vehicle.parameters.values()), "a number without a source"
     copy = tmp_path / "deep" / "copy.toml"
     copy.parent.mkdir()
@@ -273,7 +272,7 @@ def test_gears_must_fall(edited) -> None:
 def test_every_effect_of_the_library_can_stand_in_a_file(edited, tmp_path: Path) -> None:
     effects = {
         name: {number.key: number.upper for number in effect.parameters}
-        for name, effect in library("dry_clutch").items()
+        for name, effect in machine_of("dry_clutch").effects.items()
     }
     lines = [
         f"{name} = {{ {', '.join(f'{k} = {v}' for k, v in values.items())} }}"
@@ -335,8 +334,8 @@ def test_a_missing_dbc_waits_for_the_log() -> None:
 
 
 def test_the_files_thresholds_are_those_of_the_modes(edited) -> None:
-    from clutchest.estimate.modes import Thresholds
+    from clutchest.models.thresholds import Thresholds
 
-    assert set(MODES) == {field.name for field in fields(Thresholds)}
-    text = "[modes]\n" + "".join(f"{name} = 0.25\n" for name in MODES)
+    assert set(THRESHOLD_UNITS) == {field.name for field in fields(Thresholds)}
+    text = "[modes]\n" + "".join(f"{name} = 0.25\n" for name in THRESHOLD_UNITS)
     assert Thresholds.of(load_vehicle(edited(extra=text)).modes).gap == 0.25

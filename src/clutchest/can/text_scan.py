@@ -58,22 +58,16 @@ _OPTIONS: Any = {
 compiled = njit(**_OPTIONS)
 
 
-def drop_stale_code() -> None:
-    """Delete what numba has compiled of the readers before this file changed.
-
-    numba asks only whether the file of a function itself is still the same, not those of the
-    functions that were compiled into it, so an edit here would go unnoticed by the formats.  The
-    question takes 0.4 ms; to keep nothing compiled would make reading the shipped log take 1.7 s
-    instead of 0.34 s at every start (``benchmarks/startup.py``).
-    """
+def _forget_older_than(source: Path) -> None:
+    """Drops what numba has compiled before ``source`` changed: it asks only whether the file of a
+    function itself is still the same, not those of the functions that were compiled into it."""
     with suppress(OSError):
-        changed = Path(__file__).stat().st_mtime
-        for index in Path(__file__).parent.glob("**/__pycache__/*.nbi"):
-            if index.stat().st_mtime < changed:
+        for index in source.parent.glob("__pycache__/*.nbi"):
+            if index.stat().st_mtime < source.stat().st_mtime:
                 index.unlink()
 
 
-drop_stale_code()
+_forget_older_than(Path(__file__))
 
 
 class Table(NamedTuple):

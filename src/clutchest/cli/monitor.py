@@ -125,10 +125,10 @@ def _watch(watching: Monitor, duration: float | None) -> None:
             now = time.monotonic()
             if now - drawn > REDRAW and (piece is not None or now - drawn > 2 * REDRAW):
                 drawn = now
-                screen.update(panel(status, watching.vehicle.model), refresh=True)
+                screen.update(panel(status, watching.vehicle.machine), refresh=True)
 
         status = watching.run(duration, show)
-        screen.update(panel(status, watching.vehicle.model), refresh=True)
+        screen.update(panel(status, watching.vehicle.machine), refresh=True)
 
 
 def _words(status: Status, piece: Piece | None, events: Sequence[Event]) -> None:

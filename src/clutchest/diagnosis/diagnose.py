@@ -23,7 +23,6 @@ from clutchest.diagnosis.refined import refined
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.diagnosis.streams import false_alarms
 from clutchest.estimate.run import Run
-from clutchest.models import model_for
 from clutchest.progress import Progress
 
 WORN = ("wear", "position_offset")  # the same to every signal
@@ -251,7 +250,7 @@ def _isolability(run: Run, drives: Sequence[Drive]) -> Isolability | None:
     sizes = np.array([detectable.get(h.name) or needed.get(h.name) or h.scale / 3.0 for h in known])
     names, d_prime = distances(watched, sizes)
     usable = {name for drive in run.signals.drives for name in drive}
-    model = model_for(run.vehicle.model, usable)
+    model = run.vehicle.machine.equations(usable)
     gains = [(f.name, f.make(), f.key) for f in model_faults(run.vehicle.model)]
     gains += [("wear", e, "amount") for e in effects_for(run.vehicle.model) if e.name == "wear"]
     shown = structure.shown_in(model, gains)

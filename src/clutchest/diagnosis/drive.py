@@ -13,7 +13,8 @@ from clutchest.diagnosis.faults import Alarm, model_faults
 from clutchest.diagnosis.streams import Streams, false_alarms, part
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, Track
-from clutchest.models.effects import Effect, library
+from clutchest.models import machine_of
+from clutchest.models.effects import Effect
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 
@@ -78,7 +79,7 @@ def _unharmed(signals: Signals, streams: Streams, run: Run) -> Signals:
 def effects_for(model: str) -> tuple[Effect, ...]:
     """What is put into the equations: every fault, and what healthy vehicles differ by too."""
     made = {fault.effect: fault.make() for fault in model_faults(model)}
-    for name, effect in library(model).items():
+    for name, effect in machine_of(model).effects.items():
         if any(gain.healthy for gain in effect.gains):
             made.setdefault(name, effect)
     return tuple(made.values())

@@ -10,7 +10,6 @@ from clutchest.diagnosis.faults import Alarm, ModelFault, StreamTest, model_faul
 from clutchest.diagnosis.result import Monitor
 from clutchest.diagnosis.streams import false_alarms
 from clutchest.estimate.run import Run
-from clutchest.models import model_for
 
 
 def monitors(run: Run, drives: Sequence[Drive]) -> tuple[Monitor, ...]:
@@ -28,7 +27,7 @@ def monitors(run: Run, drives: Sequence[Drive]) -> tuple[Monitor, ...]:
     found.append(
         _monitor(run, MISFIT, words, [d.watched.misfit_at if d.watched else None for d in drives])
     )
-    if "zero_position" in {state.name for state in model_for(run.vehicle.model, NEEDED).states}:
+    if "zero_position" in {state.name for state in run.vehicle.machine.equations(NEEDED).states}:
         limit = run.vehicle.limits.get("wear")
         words = [d.wear[1:] for d in drives]
         found.append(_monitor(run, "wear", words, [limit.value if limit else None] * len(drives)))

@@ -8,7 +8,6 @@ import numpy as np
 
 from clutchest.inference.denoising import calm, pace
 from clutchest.inference.linearisation import LinearisedDrive
-from clutchest.models import covariates_of, peaks_of
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a driver
@@ -20,7 +19,8 @@ STILL = 1e-9  # of its own size; a driver that moves less is none
 def drivers(drive: LinearisedDrive) -> dict[str, Floats]:
     """Name → value at every event (K) of the drive as it was last linearised."""
     model, line = drive.compiled.model, drive.line
-    quantities, rates = covariates_of(model.name)
+    machine = drive.compiled.machine
+    quantities, rates = machine.covariates, machine.rates
     found = {
         item.name: drive.expected[:, j]
         for j, item in enumerate(model.inputs)
@@ -48,7 +48,7 @@ def drivers(drive: LinearisedDrive) -> dict[str, Floats]:
         for name, of in rates.items()
         if of in found
     }
-    found |= {name: np.maximum.accumulate(found[of]) for name, of in peaks_of(model.name).items()}
+    found |= {name: np.maximum.accumulate(found[of]) for name, of in machine.peaks.items()}
     found["energy"] = np.cumsum(values[-1] * spans)
     found["time"] = line.t
     return found
@@ -60,7 +60,7 @@ def at_rest(drive: LinearisedDrive) -> set[str]:
     model = drive.compiled.model
     still = np.ptp(drive.expected, axis=0) <= AT_REST * np.sqrt(drive.line.variance)
     found = {item.name for item, rests in zip(model.inputs, still, strict=True) if rests}
-    _, rates = covariates_of(model.name)
+    rates = drive.compiled.machine.rates
     return found | {name for name, of in rates.items() if of in found}
 
 

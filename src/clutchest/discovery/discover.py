@@ -38,8 +38,8 @@ from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.verdict import HeldOut, Judged, judge, rejected_by_holdout
 from clutchest.errors import ClutchestError
 from clutchest.inference.unknowns import Problem
-from clutchest.models import model_for, only_for, peaks_of
-from clutchest.models.effects import Effect, library
+from clutchest.models.effects import Effect
+from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.signals import Counts, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -67,11 +67,12 @@ def discover(
     cannot be looked for.
     """
     vehicle = load_vehicle(vehicle)
-    only_for("dry_clutch", vehicle.model, "discover")
+    machine = vehicle.machine
+    machine.supports("discover")
     own = user_effects(effects_files, vehicle)
     drives = [] if holdout is None else [holdout] if isinstance(holdout, Signals) else holdout
-    other = _alike(signals, [drive for each in drives for drive in each.drives], vehicle.model)
-    effects = (*library(vehicle.model).values(), *own, *error_term_effects(vehicle.model))
+    other = _alike(signals, [drive for each in drives for drive in each.drives], machine)
+    effects = (*machine.effects.values(), *own, *error_term_effects(machine))
     finding = _Finding(signals, other, vehicle, effects, tuple(effects_files), progress, told)
     return finding.answer()
 
@@ -118,7 +119,7 @@ class _Finding:
         named = verdict in ("named", "ambiguous")
         causes = self._causes(search, judged) if named else ()
         warnings += [words for c in causes for words in _implausible(c, self.effects)]
-        where = _where(verdict, judged.best, errors, peaks_of(problem.compiled.model.name))
+        where = _where(verdict, judged.best, errors, self.vehicle.machine.peaks)
         told = {(c.effect, key): f for c in causes for key, f in c.parameters.items()}
         acts = judged.best if named else search.null  # of an ambiguous answer, the likeliest set
         beside = corrected(search, acts) if named or curve is not None else {}
@@ -280,7 +281,7 @@ class _Finding:
         }
 
 
-def _alike(signals: Signals, other: Sequence[Signals], model: str) -> tuple[Signals, ...]:
+def _alike(signals: Signals, other: Sequence[Signals], machine: Machine) -> tuple[Signals, ...]:
     """The drives held out with the signals of the log, no others.  Raises ClutchestError where one
     is a drive of the log, or lacks such a signal that its equations would be others."""
     used = frozenset.intersection(*(drive.available for drive in signals.drives))
@@ -289,7 +290,7 @@ def _alike(signals: Signals, other: Sequence[Signals], model: str) -> tuple[Sign
         if any(drive.has_samples_of(own) for own in signals.drives):
             raise ClutchestError(f"{name}: has the readings of the log, expected another drive")
         left = used & drive.available
-        if model_for(model, left) is not model_for(model, used):
+        if machine.equations(left) is not machine.equations(used):
             raise ClutchestError(
                 f"{name}: no valid sample of {', '.join(sorted(used - left))}, "
                 "expected the signals of the log in what is held out"

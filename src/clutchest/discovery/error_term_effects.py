@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from clutchest.models import error_terms_of
 from clutchest.models.effects import Effect, Gains, Number
 from clutchest.models.error_terms import ErrorTerm
+from clutchest.models.machine import Machine
 
 PREFIX = "error in "  # of a probe's name, before its flaw's
 
 
-def error_term_effects(model: str) -> tuple[Effect, ...]:
+def error_term_effects(machine: Machine) -> tuple[Effect, ...]:
     """One effect per way in which an equation can be wrong, its gain in units of a plausible
     error."""
     return tuple(
-        _error_term_effect(model, name, error_term)
-        for name, error_term in error_terms_of(model).items()
+        _error_term_effect(machine.name, name, error_term)
+        for name, error_term in machine.error_terms.items()
     )
 
 

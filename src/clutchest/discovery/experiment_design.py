@@ -12,7 +12,6 @@ from clutchest.errors import ClutchestError
 from clutchest.inference.map_fit import Fitter
 from clutchest.inference.score_test import ScoreTest, d_prime, score_test
 from clutchest.inference.unknowns import Problem
-from clutchest.models import told_apart_by
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
@@ -54,7 +53,7 @@ def propose(
         return Experiment(
             f"drive '{scenario}': there {names} lie {best:.0f} standard deviations apart", scenario
         )
-    sensor = told_apart_by(vehicle.model, [c.effect.equation for c, _ in rivals])
+    sensor = vehicle.machine.sensor_to_separate([c.effect.equation for c, _ in rivals])
     if not tried:
         return Experiment(
             f"no manoeuvre could be tried out ({why}); {sensor} would tell {names} apart", None

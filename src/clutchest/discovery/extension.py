@@ -14,7 +14,7 @@ from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Found
 from clutchest.discovery.search import Hypothesis, Search
 from clutchest.inference.unknowns import Problem
-from clutchest.models.effects import effects_of_file, library
+from clutchest.models.effects import effects_of_file
 from clutchest.vehicle import Vehicle
 
 Sizes = Mapping[str, Mapping[str, Found]]  # effect → key → number
@@ -41,7 +41,7 @@ def extend(
         spreads[name] = {
             key: f.std for key, f in numbers.items() if (name, key) in gains and 0.0 < f.std < inf
         }
-    used = {effect for effect in effects if effect not in library(vehicle.model)}
+    used = {effect for effect in effects if effect not in vehicle.machine.effects}
     for path in own:
         if used & set(effects_of_file(path)):
             files.append(path.resolve())

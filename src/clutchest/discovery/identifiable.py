@@ -10,7 +10,6 @@ from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.result import Identifiable
 from clutchest.inference.score_test import ScoreTest, d_prime
 from clutchest.inference.unknowns import Problem
-from clutchest.models import card, model_for
 from clutchest.models.effects import Effect
 from clutchest.signals import Floats
 
@@ -53,12 +52,12 @@ def identifiability(
 def untried(problem: Problem, effects: Sequence[Effect]) -> list[str]:
     """Of ``effects`` those that these signals' equations cannot have, by the signal that would
     bring them: a sentence for each."""
-    name, usable = problem.vehicle.model, problem.usable
+    machine, usable = problem.vehicle.machine, problem.usable
     taken = problem.compiled.model.taking(effects)
     left = [e for e in effects if e not in taken]
     words = []
-    for column in [c for c, _ in card(name).columns if left and c not in usable]:
-        brought = model_for(name, usable | {column}).taking(left)
+    for column in [c for c in machine.units if left and c not in usable]:
+        brought = machine.equations(usable | {column}).taking(left)
         if brought:
             names = ", ".join(e.name for e in brought)
             words.append(f"not looked for, because there is no {column}: {names}")

@@ -7,7 +7,6 @@ import numpy as np
 from clutchest.discovery.covariates import drivers
 from clutchest.discovery.result import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
-from clutchest.estimate.modes import MODE_NAMES
 from clutchest.inference.map_fit import Fitter, Look
 from clutchest.inference.unknowns import Problem
 
@@ -19,6 +18,7 @@ def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfi
     """What the model as it is misses, over every state, input and rate, and what is left with what
     was found."""
     sensors = tuple(sensor.name for sensor in problem.compiled.model.sensors)
+    modes = problem.compiled.machine.regimes.modes
     simulated = torques(problem, before)
     values = [drivers(drive) for drive in problem.drives]
     bins: list[Bins] = []
@@ -33,7 +33,7 @@ def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfi
                 continue
             r = white[rows]
             level, lag = float(np.mean(r**2)), float(np.mean(r[1:] * r[:-1]))
-            levels.append(Level(name, MODE_NAMES[m], level, lag / level, len(r)))
+            levels.append(Level(name, modes[m], level, lag / level, len(r)))
             for driver in [name for name in values[0] if all(name in v for v in values)]:
                 joined = np.concatenate(
                     [v[driver][d.rows] for v, d in zip(values, problem.drives, strict=True)]
@@ -47,7 +47,7 @@ def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfi
                 mean = np.bincount(of, r, minlength=len(edges) - 1) / safe
                 square = np.bincount(of, r**2, minlength=len(edges) - 1) / safe
                 error = np.sqrt(np.maximum(square - mean**2, 0.0) / safe)
-                bins.append(Bins(name, MODE_NAMES[m], driver, edges, mean, error, count))
+                bins.append(Bins(name, modes[m], driver, edges, mean, error, count))
     extended = simulated if after is before else torques(problem, after)
     return Misfit(
         sensors,

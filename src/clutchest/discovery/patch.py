@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchest.discovery.residual_curves import Curve
-from clutchest.models import error_terms_of, peaks_of
+from clutchest.models import machine_of
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 
@@ -132,7 +132,7 @@ def written(curve: Curve, model: Model, known: Iterable[str] = ()) -> Patch | No
     # over time, it is another on another drive
     bends = () if curve.driver == "time" else [row for row in curve.off if any(_numbers(row))]
     keys = [f"bend_{k}" for k in range(1, len(bends) + 1)]
-    if error_terms_of(model.name)[curve.error_term].late is not None:
+    if machine_of(model.name).error_terms[curve.error_term].late is not None:
         off = {f"{name}_{key}": {"size": 1.0} for key in keys}
         effects = {name: {"size": 1.0}} | {each: {"size": 0.0} for each in off}
         return Patch(_of_a_clock(curve, model, name, bends), effects, off)
@@ -151,7 +151,7 @@ def _free_name(known: Iterable[str]) -> str:
 
 
 def _of_a_clock(curve: Curve, model: Model, name: str, bends: Sequence[Floats]) -> str:
-    late = error_terms_of(model.name)[curve.error_term].late
+    late = machine_of(model.name).error_terms[curve.error_term].late
     assert late is not None
     signal, per_unit = late
     curves = [(name, "What was found.", curve.coefficients)]
@@ -180,9 +180,9 @@ def _of_a_clock(curve: Curve, model: Model, name: str, bends: Sequence[Floats]) 
 
 
 def _of_an_equation(curve: Curve, model: Model, name: str, bends: Sequence[Floats]) -> str | None:
-    error_term = error_terms_of(model.name)[curve.error_term]
+    error_term = machine_of(model.name).error_terms[curve.error_term]
     changes = error_term.changes
-    peaks = peaks_of(model.name)
+    peaks = machine_of(model.name).peaks
     at, states, rate, kept = f"q.{curve.driver}", "()", "", ""
     if curve.driver in _OWN_STATES:
         quantity, unit, what, grows = _OWN_STATES[curve.driver]

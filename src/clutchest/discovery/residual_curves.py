@@ -21,7 +21,6 @@ from clutchest.discovery.error_term_effects import PREFIX
 from clutchest.inference.map_fit import Fitter, Look
 from clutchest.inference.score_test import among, cleared, redrawn
 from clutchest.inference.unknowns import Problem
-from clutchest.models import error_terms_of
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.signals import Floats
 
@@ -62,9 +61,7 @@ def curves(
     """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
     place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(problem.thetas)}
     # without a signal, some equations are others
-    error_terms = {
-        k: v for k, v in error_terms_of(problem.compiled.model.name).items() if k in place
-    }
+    error_terms = {k: v for k, v in problem.compiled.machine.error_terms.items() if k in place}
     values = [drivers(drive) for drive in problem.drives]
     tables = [
         (name, driver, at)
@@ -180,7 +177,7 @@ def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tupl
 def _may_go_with(error_term: ErrorTerm, driver: str, at: Floats) -> bool:
     """Whether a curve over ``driver`` with these knots is looked for."""
     quick = len(at) == max(TIME_KNOTS)
-    return (not error_term.drivers or driver in error_term.drivers) and not (
+    return (not error_term.covariates or driver in error_term.covariates) and not (
         error_term.slow and quick
     )
 

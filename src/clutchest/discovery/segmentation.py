@@ -15,7 +15,6 @@ import numpy as np
 from clutchest.estimate.drive_setup import DriveSetup, usable
 from clutchest.estimate.timeline import regimes
 from clutchest.estimate.whole_log import delays
-from clutchest.models import model_for
 from clutchest.signals import Signal, Signals
 from clutchest.vehicle import Vehicle
 
@@ -31,7 +30,7 @@ def segmented(signals: Signals, vehicle: Vehicle) -> Signals:
 
 
 def _pieces(drive: Signals, vehicle: Vehicle) -> list[Signals]:
-    model = model_for(vehicle.model, drive.available)
+    model = vehicle.machine.equations(drive.available)
     setting = DriveSetup(vehicle, model, 1.0, delays(vehicle))
     present, _ = usable(drive, setting)
     holes = _holes(present, setting)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from clutchest.errors import ClutchestError
-from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.models.effects import Effect, effects_of_file
+from clutchest.models.machine import Machine
 from clutchest.models.validate_effect import why_invalid
 from clutchest.vehicle import Vehicle
 
@@ -22,21 +23,21 @@ def user_effects(files: Sequence[Path], vehicle: Vehicle) -> list[Effect]:
         for name, effect in effects_of_file(path).items():
             if name in vehicle.effects:
                 continue
-            wrong = why_invalid(effect, vehicle.model, values)
-            if wrong or (wrong := _unsought(effect, vehicle.model, found)):
+            wrong = why_invalid(effect, vehicle.machine, values)
+            if wrong or (wrong := _unsought(effect, vehicle.machine, found)):
                 raise ClutchestError(f"{path}: effect '{name}' {wrong}")
             found[name] = effect
     return list(found.values())
 
 
-def _unsought(effect: Effect, model: str, found: dict[str, Effect]) -> str | None:
+def _unsought(effect: Effect, machine: Machine, found: dict[str, Effect]) -> str | None:
     """Why an effect that may stand in the model cannot be looked for."""
     if effect.lateness:
         return (
             "is late by more at one time than at another: nothing to look for, but to be "
             "stated in the vehicle file"
         )
-    taken = [("the library", library(model)), ("another file", found)]
+    taken = [("the library", machine.effects), ("another file", found)]
     for where, names in taken:
         if effect.name in names:
             return f"has the name of one in {where}, expected another"

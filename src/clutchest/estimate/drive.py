@@ -16,7 +16,6 @@ import numpy as np
 from clutchest.estimate.delay_equalisation import Clocks
 from clutchest.estimate.drive_setup import DriveSetup, held_on
 from clutchest.estimate.initial_state import History, carried_on, fresh, leave
-from clutchest.estimate.modes import Mode
 from clutchest.estimate.run import Engagement, Track
 from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.estimate.samples import APART, Told, slope_count
@@ -35,7 +34,6 @@ from clutchest.estimate.whole_log import (
     delays,
     run,
 )
-from clutchest.models import model_for
 from clutchest.progress import Progress
 from clutchest.signals import LOST, Floats, Signal
 from clutchest.vehicle import Vehicle
@@ -79,10 +77,12 @@ class Drive:
         progress: Progress | None = None,
     ) -> None:
         self.vehicle, self.start_ns, self.state = vehicle, start_ns, state
-        model = model_for(vehicle.model, set(names))
+        model = vehicle.machine.equations(set(names))
         self.compiled: Compiled = compile_model(vehicle, model, progress=progress)
         self.setting = DriveSetup(vehicle, self.compiled.model, rate, delays(vehicle))
         self.thresholds = self.setting.thresholds
+        rules = vehicle.machine.regimes
+        self._event = rules.modes.index(rules.event) if rules.event else -1
         self.clocks = Clocks(vehicle)
         self.samples: dict[str, Signal] = {}
         self.unseen: dict[str, list[Signal]] = {}  # since the last piece
@@ -265,7 +265,7 @@ class Drive:
     def _slips(self, rows: Rows, last: bool) -> tuple[Engagement, ...]:
         """The slip events that are over."""
         recent = rows if self.recent is None else self.recent.then(rows)
-        away = np.flatnonzero(recent.mode != Mode.slipping)
+        away = np.flatnonzero(recent.mode != self._event)
         if last:
             over, keep = recent, len(recent.time)
         elif len(away):

@@ -12,10 +12,11 @@ import numpy as np
 
 from clutchest import memory_mapped
 from clutchest.errors import ClutchestError
-from clutchest.estimate.modes import SLIDING, Thresholds
 from clutchest.estimate.outliers import without_spikes
 from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.models.model import Model
+from clutchest.models.regimes import SLIDING
+from clutchest.models.thresholds import Thresholds
 from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
@@ -66,10 +67,10 @@ class DriveSetup:
             if i.name not in self._slow
         )
 
-    @cached_property
-    def _judges(self) -> tuple[str, ...]:
-        """The signals that tell which equations hold."""
-        return judged_by(self.vehicle)
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the machine's modes."""
+        return self.vehicle.machine.regimes.modes
 
     def late(self, name: str) -> float:
         """By how much a signal's samples come after what they tell of, s."""
@@ -109,7 +110,9 @@ class DriveSetup:
 
     def needed(self, names: Container[str]) -> list[str]:
         """The signals among ``names`` that tell which equations hold, or drive them fast."""
-        wanted = dict.fromkeys((self.model.anchor, *self.fast(names), *self._judges))
+        wanted = dict.fromkeys(
+            (self.model.anchor, *self.fast(names), *self.vehicle.machine.regimes.signals)
+        )
         return [name for name in wanted if name in names]
 
 
@@ -221,13 +224,6 @@ def _cleaned_times(
         stop = len(cleaned) if rows.stop == len(signal) else len(cleaned) - 1
         yield cleaned.time[first:stop], spikes
         memory_mapped.release_memory()
-
-
-def judged_by(vehicle: Vehicle) -> tuple[str, ...]:
-    """The signals that :func:`regimes` looks at."""
-    if "kiss_point" in vehicle.parameters:
-        return "engine_speed", "input_shaft_speed", "slave_position", "motor_position"
-    return "clutch_torque", "shaft_torque"
 
 
 def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Floats:

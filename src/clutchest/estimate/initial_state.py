@@ -13,7 +13,6 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.drive_setup import process_noise
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, run
-from clutchest.models import resting
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
@@ -76,7 +75,7 @@ def nominal(compiled: Compiled, timeline: Timeline) -> Floats:
     model = compiled.model
     inputs = {i.name: timeline.u[0, j] for j, i in enumerate(model.inputs)}
     parameters = {q.key: compiled.p[j] for j, q in enumerate(model.parameters)}
-    values = resting(model.name, parameters, inputs)
+    values = dict(compiled.machine.at_rest(parameters, inputs))
     readings = np.flatnonzero(timeline.sensor == model.sensor(model.anchor))
     if len(readings):
         values[model.anchor] = timeline.z[readings[0]]

@@ -14,7 +14,6 @@ from clutchest.can.database import Database
 from clutchest.can.frames import Frames
 from clutchest.estimate.drive import Drive, Piece
 from clutchest.estimate.whole_log import compile_model
-from clutchest.models import model_for
 from clutchest.progress import Progress
 from clutchest.reading.incoming import Decoded, Incoming
 from clutchest.signals import HEAD, Signal
@@ -25,7 +24,7 @@ ASK = 0.25  # s between two looks at whether a drive has begun
 
 def ready(vehicle: Vehicle, progress: Progress | None = None) -> None:
     """Compile what a live drive with all mapped signals will need."""
-    compile_model(vehicle, model_for(vehicle.model, set(vehicle.signals)), progress=progress)
+    compile_model(vehicle, vehicle.machine.equations(set(vehicle.signals)), progress=progress)
 
 
 class Live:
@@ -122,7 +121,7 @@ class Live:
         self._waiting = [frames]
         incoming = Incoming(self.vehicle, self.database, frames)
         heard, settled = incoming.heard_s, incoming.first.settled
-        model = model_for(self.vehicle.model, set(heard))
+        model = self.vehicle.machine.equations(set(heard))
         needed = {model.anchor, *(i.name for i in model.inputs if i.default is None)}
         needed -= set(model.slopes)
         if not needed <= set(heard) or any(settled[n] < heard[n] + HEAD for n in heard):

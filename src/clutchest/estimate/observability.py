@@ -7,15 +7,14 @@ measurements forgets, so that it may be told far more bits in an hour than its s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.modes import MODE_NAMES
-from clutchest.models import card
+from clutchest.models.machine import Machine
 from clutchest.models.symbols import State
 from clutchest.signals import Floats
 
@@ -32,13 +31,15 @@ class Information:
     """Bits that measurements gave of each state, interval by interval.
 
     ``names`` the n states that the signals can inform; ``time`` (r,) s at each interval's end,
-    ``mode`` (r,) in it, ``bits`` (r, n).  The first interval ends at the first output.
+    ``mode`` (r,) in it, its place in ``mode_names``, ``bits`` (r, n).  The first interval ends at
+    the first output.
     """
 
     names: tuple[str, ...]
     time: Floats
     mode: NDArray[np.uint8]
     bits: Floats
+    mode_names: tuple[str, ...]
 
     @classmethod
     def of(
@@ -55,13 +56,14 @@ class Information:
         told = [i for i, state in enumerate(states) if state.name not in hidden]
         first = np.broadcast_to(before, len(states))[None, told]
         bits = np.diff(gained[:, told], axis=0, prepend=first) / log(2.0)
-        return cls(tuple(states[i].name for i in told), time, mode, bits)
+        names = tuple(states[i].name for i in told)
+        return cls(names, time, mode, bits, compiled.machine.regimes.modes)
 
     def between(self, start: float, end: float) -> Information:
         """The intervals that end after ``start`` and not after ``end``, s."""
         # a start and its duration, added again, are the end only up to rounding
         a, b = np.searchsorted(self.time, [start + 1e-6, end + 1e-6])
-        return Information(self.names, self.time[a:b], self.mode[a:b], self.bits[a:b])
+        return replace(self, time=self.time[a:b], mode=self.mode[a:b], bits=self.bits[a:b])
 
     def total(self) -> dict[str, float]:
         """State → bits."""
@@ -73,7 +75,7 @@ class Information:
             mode: dict(
                 zip(self.names, self.bits[self.mode == code].sum(axis=0).tolist(), strict=True)
             )
-            for code, mode in enumerate(MODE_NAMES)
+            for code, mode in enumerate(self.mode_names)
         }
 
     def informed_at(self, name: str) -> float | None:
@@ -102,7 +104,7 @@ def between_engagements(
         seconds = np.diff(piece.time, prepend=start)
         modes = {}
         for mode, bits in piece.by_mode().items():
-            of = piece.mode == MODE_NAMES.index(mode)
+            of = piece.mode == information.mode_names.index(mode)
             if of.any():
                 modes[mode] = {"seconds": float(seconds[of].sum()), "information_bits": bits}
         pieces.append({"start_s": start, "duration_s": end - start, "modes": modes})
@@ -117,12 +119,12 @@ def covariance(compiled: Compiled, belief: Belief) -> Floats:
 
 def moving_together(compiled: Compiled, belief: Belief) -> dict[str, dict[str, float]]:
     """State → other state → correlation, of the pairs hardly known one by one; first the partner
-    that the model's card names first."""
+    that the machine's separating manoeuvres name first."""
     model, P = compiled.model, covariance(compiled, belief)
     std = np.sqrt(np.diag(P))
     correlation = P / np.maximum(np.outer(std, std), 1e-300)
     seen = [state.name for state in model.states if state.name not in model.unobservable]
-    pairs = [pair for pair, _ in card(model.name).apart]
+    pairs = [separation.pair for separation in compiled.machine.separating_manoeuvres]
 
     def found(name: str) -> dict[str, float]:
         named = [other for pair in pairs if name in pair for other in pair if other != name]
@@ -143,13 +145,13 @@ def moves_with(partners: Mapping[str, float]) -> str | None:
     return None
 
 
-def needs(model: str, state: State, partners: Mapping[str, float]) -> str:
+def needs(machine: Machine, state: State, partners: Mapping[str, float]) -> str:
     """What would make a state known that is not: what parts it from a partner, else what informs
     it."""
-    for pair, manoeuvre in card(model).apart:
+    for separation in machine.separating_manoeuvres:
         for name in partners:
-            if set(pair) == {state.name, name}:
-                return f"{manoeuvre}: it tells {_words(state.name)} and {_words(name)} apart"
+            if set(separation.pair) == {state.name, name}:
+                return f"{separation.by}: it tells {_words(state.name)} and {_words(name)} apart"
     return state.informed_by
 
 
@@ -160,7 +162,7 @@ def not_observable_now(information: Information, name: str) -> str | None:
     if informed_at is None:
         return "not observable: nothing in this drive informed it"
     bits = {mode: told[name] for mode, told in information.by_mode().items()}
-    now = MODE_NAMES[int(information.mode[-1])]
+    now = information.mode_names[int(information.mode[-1])]
     if now == max(bits, key=lambda mode: bits[mode]) or information.time[-1] - informed_at <= NOW:
         return None
     return f"not observable now: nothing has informed it since {informed_at:.0f} s"

@@ -20,7 +20,7 @@ from clutchest.vehicle import Vehicle
 @dataclass(frozen=True, slots=True)
 class OpenLoop:
     """The model along one drive, on a regular grid: ``time`` s, clutch ``torque`` Nm, ``mode``
-    (:class:`~clutchest.estimate.modes.Mode`), shape (m,); ``states`` (m, n), ``inputs`` (m, nu)
+    (:class:`~clutchest.models.regimes.Mode`), shape (m,); ``states`` (m, n), ``inputs`` (m, nu)
     and regime ``flags`` (m, nw) in the order of the model."""
 
     compiled: Compiled

@@ -25,7 +25,6 @@ from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
 from clutchest.estimate.whole_log import compile_model, delays, run
-from clutchest.models import model_for
 from clutchest.progress import Progress
 from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -154,7 +153,7 @@ def _whole(
 ) -> tuple[Track, Part, Mapping[str, Any]]:
     """One drive at once, since a smoother goes back over all of it."""
     usable = signals.available
-    compiled = compile_model(vehicle, model_for(vehicle.model, usable), progress=progress)
+    compiled = compile_model(vehicle, vehicle.machine.equations(usable), progress=progress)
     even = evenly_late(signals, vehicle)
     timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))
     start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)

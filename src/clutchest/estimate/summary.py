@@ -11,7 +11,6 @@ import numpy as np
 
 from clutchest import memory_mapped
 from clutchest.estimate.initial_state import History
-from clutchest.estimate.modes import MODE_NAMES
 from clutchest.estimate.observability import (
     NOTHING,
     between_engagements,
@@ -94,7 +93,7 @@ def _number(column: Floats) -> float | None:
 
 def _modes(tracks: Sequence[Track]) -> dict[str, float]:
     """Seconds spent in each mode."""
-    spent = dict.fromkeys(MODE_NAMES, 0.0)
+    spent = dict.fromkeys(tracks[0].mode_names, 0.0)
     for track in tracks:
         if len(track.time) > 1:
             step = float(np.median(np.diff(track.time)))
@@ -134,7 +133,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
             own = float(np.sqrt(part.own[i]))
             told |= {
                 "why": None if valid else _too_wide(state, std, own, bits["total"], partners),
-                "needs": None if valid else needs(model.name, state, partners),
+                "needs": None if valid else needs(vehicle.machine, state, partners),
                 "information_bits": bits,
                 "informed_at_s": track.information.informed_at(state.name),
                 "not_observable_now": not_observable_now(track.information, state.name),
@@ -147,7 +146,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
 def _bits(tracks: Sequence[Track], name: str) -> dict[str, float]:
     """What measurements told of a state over all drives, in all and by mode."""
     informed = [t.information.by_mode() for t in tracks if name in t.information.names]
-    modes = {mode: sum(drive[mode][name] for drive in informed) for mode in MODE_NAMES}
+    modes = {mode: sum(drive[mode][name] for drive in informed) for mode in tracks[0].mode_names}
     return {"total": sum(modes.values()), **modes}
 
 

@@ -10,10 +10,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.estimate.drive_setup import DriveSetup, usable, warnings_of
-from clutchest.estimate.modes import FREE, Mode, Regimes, Thresholds, classify
 from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.estimate.samples import Told, blind, slope, told, white_density
 from clutchest.models.model import Model
+from clutchest.models.regimes import FREE, Observed, Regimes
+from clutchest.models.thresholds import Thresholds
 from clutchest.signals import LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
@@ -26,7 +27,8 @@ class Timeline:
 
     ``t`` s; ``sensor`` index or −1; ``z`` its reading, ``R`` its variance; ``u`` (K, nu) inputs;
     ``row`` the regime of the interval that ends at k, row of the tables ``W`` (flags), ``Q``
-    (process noise, variance per s and per J) and ``longest`` (s); ``mode`` by :class:`Mode`;
+    (process noise, variance per s and per J) and ``longest`` (s); ``mode`` its place among the
+    machine's modes;
     ``emit`` output row or −1; ``grid`` True where an output row belongs to the regular grid.
     ``noise`` (nu) density and ``variance`` (nu) of the inputs' own noise.
     """
@@ -127,7 +129,7 @@ def assemble(
             continue
         reading = present[name]
         if sensor.mode:
-            reading = _where(reading, stamps, regime.mode == Mode[sensor.mode])
+            reading = _where(reading, stamps, regime.mode == setting.modes.index(sensor.mode))
         if i in stretch.averaged:
             reading = _after(reading, stretch.averaged[i])
         found = told(
@@ -190,29 +192,9 @@ def regimes(
     for name in fast:
         unseen |= blind(stamps, present[name], thresholds.gap)
         lost |= blind(stamps, present[name], LOST)
-    nominal = vehicle.parameters
-    if "kiss_point" not in nominal:  # such a clutch's own state says what it does
-        torque = at("clutch_torque") if "clutch_torque" in present else at("shaft_torque")
-        slip, left, right = (at(n) for n in ("slip_speed", "wheel_speed_left", "wheel_speed_right"))
-        yielding = 0.0  # rad/Nm
-        if "torsional_stiffness" in nominal:
-            yielding = 1 / nominal["torsional_stiffness"].value
-        if slip is None and left is not None and right is not None:  # half-shafts wind up as well
-            slip = (left - right) / 2
-            yielding += 0.5 / nominal["halfshaft_stiffness"].value
-        return Regimes.pressing(stamps, torque, slip, yielding, lost, thresholds.guard)
-    speed, shaft, position = at("engine_speed"), at("input_shaft_speed"), at("slave_position")
-    assert speed is not None
-    return classify(
-        stamps,
-        None if shaft is None else speed - shaft,
-        None if position is None else position - nominal["position_origin"].value,
-        at("motor_position"),
-        unseen,
-        nominal["kiss_point"].value,
-        thresholds,
-        lost,
-    )
+    parameters = {key: value.value for key, value in vehicle.parameters.items()}
+    observed = Observed(stamps, at, unseen, lost, parameters, thresholds)
+    return vehicle.machine.regimes.judge(observed)
 
 
 def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:

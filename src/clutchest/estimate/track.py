@@ -9,16 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
-from clutchest.estimate.modes import MODE_NAMES, Mode, runs
 from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Track
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled, Filtered
+from clutchest.models.regimes import runs
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
-TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
-SLIDES = 0.98  # of the friction potential; surfaces that carry less are held by their bristles
 SHORTEST = 0.1  # s; a slip event is longer than this
 SMALLEST = 200.0  # J; and stronger than this and than its own uncertainty, or it is noise
 
@@ -44,19 +42,14 @@ class Rows:
         model = compiled.model
         rows = np.flatnonzero(timeline.emit >= 0)
         mode = timeline.mode[rows].copy()
-        torque = filtered.outputs[:, model.outputs.index("transmitted_torque")]
-        idle = np.abs(torque[:, 0]) < TORQUE_FLOOR
-        if "friction_potential" in model.outputs:  # what the surfaces could carry, and if they do
-            potential = filtered.outputs[:, model.outputs.index("friction_potential"), 0]
-            carried = np.abs(torque[:, 0]) > SLIDES * potential
-            known = mode != Mode.unknown
-            pressed = np.where(carried, Mode.slipping, Mode.locked)
-            mode[known] = np.where(potential < TORQUE_FLOOR, Mode.open, pressed)[known]
-        elif "slave_position" in {i.name for i in model.inputs}:
-            # pressed together or not is the model's word: the kiss point moves with heat and wear
-            apart = mode <= Mode.slipping
-            mode[apart] = np.where(idle[apart], Mode.open, Mode.slipping)
-        hottest = filtered.x[:, model.state(model.hottest)]
+        machine, inputs = compiled.machine, [item.name for item in model.inputs]
+        outputs = {name: filtered.outputs[:, i, 0] for i, name in enumerate(model.outputs)}
+        mode = machine.regimes.refine(mode, outputs, inputs)
+        torque, hottest = np.zeros((len(rows), 2)), np.zeros(len(rows))
+        if machine.output:
+            torque = filtered.outputs[:, model.outputs.index(machine.output)]
+        if machine.event is not None:
+            hottest = filtered.x[:, model.state(machine.event.hottest)]
         return cls(timeline.t[rows], mode, torque, filtered.energy, filtered.gained, hottest)
 
     def then(self, later: Rows) -> Rows:
@@ -93,7 +86,7 @@ def track_of(
     return Track(
         time=rows.time[grid],
         mode=rows.mode[grid],
-        mode_names=MODE_NAMES,
+        mode_names=compiled.machine.regimes.modes,
         states=states_of(vehicle, compiled, filtered.x[grid], filtered.total[grid]),
         clutch_torque=_estimate(rows.torque[grid, 0], rows.torque[grid, 1]),
         slip_energy=_estimate(
@@ -150,6 +143,7 @@ def joined(tracks: Sequence[Track]) -> Track:
             column(lambda t: t.information.time),
             column(lambda t: t.information.mode),
             column(lambda t: t.information.bits),
+            first.information.mode_names,
         ),
     )
 
@@ -178,7 +172,10 @@ def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:
 
 def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
     """Slip events: runs of rows in which the clutch slips and passes torque."""
-    time, slips = rows.time, rows.mode == Mode.slipping
+    rules = compiled.machine.regimes
+    if not rules.event:
+        return ()
+    time, slips = rows.time, rows.mode == rules.modes.index(rules.event)
     if not slips.any():
         return ()
     information = Information.of(compiled, time, rows.mode, rows.gained)

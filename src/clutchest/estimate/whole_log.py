@@ -12,7 +12,8 @@ from clutchest.compute import build
 from clutchest.compute.lower import NOISE, START
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
-from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.models.effects import Effect, effects_of_file
+from clutchest.models.machine import Machine
 from clutchest.models.model import Model
 from clutchest.progress import Progress
 from clutchest.signals import Floats
@@ -24,12 +25,14 @@ ROBUST_LIMIT = 5.0  # standard deviations; beyond, an innovation counts for less
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """A model with numbers: the lowered ``functions``, parameters ``p``, effect numbers ``g``.
+    """A ``model`` of a ``machine`` with numbers: the lowered ``functions``, parameters ``p``,
+    effect numbers ``g``.
 
     ``thetas`` are what the filter's own answer is differentiated by, ``spread`` (m) how far each
     may lie from its value; ``digest`` names the generated code.
     """
 
+    machine: Machine
     model: Model
     functions: ModuleType
     digest: str
@@ -97,7 +100,7 @@ def present_effects(vehicle: Vehicle) -> tuple[Effect, ...]:
 
     Raises ClutchestError for one that neither the library nor the vehicle's own files know.
     """
-    known = dict(library(vehicle.model))
+    known = dict(vehicle.machine.effects)
     for path in vehicle.effects_files:
         known |= effects_of_file(path)
     unknown = [name for name in vehicle.effects if name not in known]
@@ -163,7 +166,14 @@ def compile_model(
     if progress and not build.is_compiled(digest):
         progress("compiling the model, once on this machine", None)
     return Compiled(
-        model, build.load(digest, text), digest, p, np.array(g), tuple(thetas), np.array(spread)
+        vehicle.machine,
+        model,
+        build.load(digest, text),
+        digest,
+        p,
+        np.array(g),
+        tuple(thetas),
+        np.array(spread),
     )
 
 

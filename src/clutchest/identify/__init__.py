@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.models import only_for
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
@@ -40,7 +38,11 @@ class Procedure:
         holdout: Signals | None = None,
     ) -> Fit:
         """Run it on all drives of ``signals``.  Raises ClutchestError if they cannot serve."""
-        only_for(self.model, vehicle.model, f"procedure '{self.name}'")
+        if self.model != vehicle.model:
+            raise ClutchestError(
+                f"procedure '{self.name}' is there for '{self.model}' only, "
+                f"not for '{vehicle.model}'"
+            )
         run = import_module(self.module).identify
         if holdout is not None and not self.validates:
             raise ClutchestError(

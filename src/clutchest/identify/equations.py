@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.modes import Mode, runs
 from clutchest.estimate.timeline import regimes
 from clutchest.identify.delay import Stretch
 from clutchest.identify.sensor_noise import far_off
+from clutchest.models.regimes import Mode, runs
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 

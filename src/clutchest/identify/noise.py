@@ -19,7 +19,6 @@ from clutchest.identify.sensor_noise import (
     estimate,
     windows_of,
 )
-from clutchest.models import card
 from clutchest.progress import Progress
 from clutchest.signals import Signal, Signals
 from clutchest.vehicle import SignalMap, Vehicle
@@ -38,7 +37,7 @@ def identify(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fit:
     All drives count alike.  Delays are counted from the engine speed, whose own stays what the
     vehicle file says.
     """
-    units = dict(card(vehicle.model).columns)
+    units = vehicle.machine.units
     parameters: dict[str, Fitted] = {}
     found: dict[str, SensorNoise] = {}
     for done, (name, mapped) in enumerate(vehicle.signals.items()):

@@ -13,7 +13,6 @@ from clutchest.estimate.initial_state import prior_std
 from clutchest.estimate.whole_log import compile_model, present_effects
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import LinearisedDrive
-from clutchest.models import model_for
 from clutchest.models.effects import Effect
 from clutchest.models.model import Model
 from clutchest.progress import Progress
@@ -97,7 +96,7 @@ class Problem:
     ) -> None:
         drives = signals.drives
         self.usable = frozenset.intersection(*(drive.available for drive in drives))
-        model = model_for(vehicle.model, self.usable)
+        model = vehicle.machine.equations(self.usable)
         # readings count in full: Gauss–Newton steps take care of what a first order lacks
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
         present = model.taking(present_effects(vehicle))

@@ -1,96 +1,91 @@
-"""The models that vehicle files can name."""
+"""Machines by name: the shipped ones, those that installed packages register, and a user's own."""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+import importlib.util
+from collections.abc import Container
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
 
-from clutchest.errors import ClutchestError, nearest
-from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.symbols import Input, Parameter, Sensor, State
+from clutchest.errors import ClutchestError, file_like, nearest
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # equations' machinery is loaded with the first machine
+    from clutchest.models.machine import Machine
     from clutchest.models.model import Model
 
-_MODELS = ("dry_clutch", "alsd")  # each a module of this package
+SHIPPED = ("dry_clutch", "alsd")  # each a package here, with its MACHINE
+GROUP = "clutchest.machines"  # of entry points, each the name of a Machine
 
 
-@dataclass(frozen=True, slots=True)
-class ModelCard:
-    """What a vehicle file may say of a model, without loading its equations' machinery."""
-
-    name: str
-    states: tuple[State, ...]
-    parameters: tuple[Parameter, ...]
-    inputs: tuple[Input, ...]
-    sensors: tuple[Sensor, ...]
-    columns: tuple[tuple[str, str], ...]  # canonical (name, unit) that a vehicle may map
-    apart: tuple[tuple[tuple[str, str], str], ...]  # two states, what tells them apart
+def names() -> tuple[str, ...]:
+    """Every machine that a vehicle file can name without a file of its own."""
+    return (*SHIPPED, *(entry.name for entry in entry_points(group=GROUP)))
 
 
-def _module(model: str) -> Any:
-    if model not in _MODELS:
-        raise ClutchestError(f"unknown model '{model}'" + nearest(model, _MODELS))
-    return importlib.import_module(f"{__name__}.{model}")
+@cache
+def machine_of(name: str) -> Machine:
+    """The machine of that name.  Raises ClutchestError for an unknown one, or one that is wrong."""
+    if name in SHIPPED:
+        shipped: Machine = importlib.import_module(f"{__name__}.{name}").MACHINE
+        return shipped
+    from clutchest.models.machine import Machine
+
+    for entry in entry_points(group=GROUP, name=name):
+        registered = entry.load()
+        if isinstance(registered, Machine):
+            return registered
+        raise ClutchestError(f"machine '{name}': {entry.value} is no clutchest.machine.Machine")
+    raise ClutchestError(f"unknown model '{name}'" + nearest(name, names()))
 
 
-def card(model: str) -> ModelCard:
-    """The card of a model by its name.  Raises ClutchestError for an unknown one."""
-    module = _module(model)
-    return ModelCard(
-        model,
-        module.STATES,
-        module.PARAMETERS,
-        module.INPUTS,
-        module.SENSORS,
-        module.COLUMNS,
-        module.APART,
-    )
+def shipped_machines() -> tuple[Machine, ...]:
+    """The machines that clutchest ships."""
+    return tuple(map(machine_of, SHIPPED))
 
 
-def only_for(known: str, model: str, what: str) -> None:
-    """Raises ClutchestError where ``what`` is there for another model than this one."""
-    if model != known:
-        raise ClutchestError(f"{what} is there for '{known}' only, not for '{model}'")
+def machine_in_file(path: Path) -> Machine:
+    """The machine of a user's own Python file.
+
+    Raises ClutchestError where the file cannot be read, or defines none or several.
+    """
+    if not path.is_file():
+        raise ClutchestError(f"{path}: no such file of a machine" + file_like(path))
+    return _in_file(path, sha256(path.read_bytes()).hexdigest())
+
+
+@cache
+def _in_file(path: Path, digest: str) -> Machine:
+    """One per content: a file that was changed is another machine."""
+    spec = importlib.util.spec_from_file_location(f"clutchest_machine_{digest[:16]}", path)
+    if spec is None or spec.loader is None:
+        raise ClutchestError(f"{path}: expected a Python file (.py) with a machine")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except ClutchestError as error:
+        raise ClutchestError(f"{path}: {error}") from error
+    except Exception as error:  # whatever the user's file does wrong
+        raise ClutchestError(f"{path}: {type(error).__name__}: {error}") from error
+    return _only_machine(path, module)
+
+
+def _only_machine(path: Path, module: ModuleType) -> Machine:
+    from clutchest.models.machine import Machine
+
+    machines = {id(value): value for value in vars(module).values() if isinstance(value, Machine)}
+    if len(machines) != 1:
+        raise ClutchestError(
+            f"{path}: defines {len(machines)} machines, expected one clutchest.machine.Machine"
+        )
+    (machine,) = machines.values()
+    return machine
 
 
 def model_for(name: str, signals: Container[str]) -> Model:
-    """The equations of the model ``name`` in the form that these canonical signals can drive."""
-    return _module(name).for_signals(signals)
-
-
-def resting(
-    name: str, parameters: Mapping[str, float], inputs: Mapping[str, float]
-) -> dict[str, float]:
-    """State values of a clutch at rest at the start of a drive, as far as the model can tell."""
-    return _module(name).resting(parameters, inputs)
-
-
-def error_terms_of(name: str) -> Mapping[str, ErrorTerm]:
-    """Name → a way in which an equation of the model may be wrong that no effect knows."""
-    error_terms: Mapping[str, ErrorTerm] = _module(name).ERROR_TERMS
-    return error_terms
-
-
-def covariates_of(name: str) -> tuple[tuple[str, ...], Mapping[str, str]]:
-    """Quantities that an error may go with, and rates of inputs: name → input."""
-    module = _module(name)
-    return module.DRIVERS, module.RATES
-
-
-def peaks_of(name: str) -> Mapping[str, str]:
-    """Memories that an error may go with: name → the state whose highest value so far it is."""
-    peaks: Mapping[str, str] = _module(name).PEAKS
-    return peaks
-
-
-def told_apart_by(name: str, equations: Sequence[str]) -> str:
-    """The sensor that would tell errors in these equations apart."""
-    for pair, sensor in _module(name).TOLD_APART_BY:
-        if set(pair) <= set(equations):
-            return str(sensor)
-    alone = _module(name).TOLD_BY
-    kinds = dict.fromkeys(alone.get(equation, alone[""]) for equation in equations)
-    return " or ".join(kinds)
+    """The equations of the machine ``name`` in the form that these canonical signals can drive."""
+    return machine_of(name).equations(signals)

@@ -15,13 +15,13 @@ class ErrorTerm:
     """An error of ``equation``, of any size at any time.
 
     ``changes``: quantity → what one unit of error does to it; or ``late``: a signal and by how many
-    s one unit delays it.  ``drivers``: what the error may go with, anything unless given: a
-    sensor's error goes with what its reading is made from.  ``slow``: what it does adds up over
-    minutes, so that quick changes of it are not seen.
+    s one unit delays it.  ``covariates``: what the error may correlate with, anything unless given:
+    a sensor's error correlates with what its reading is made from.  ``slow``: what it does adds up
+    over minutes, so that quick changes of it are not seen.
     """
 
     equation: str
     changes: Mapping[str, Change] = field(default_factory=lambda: MappingProxyType({}))
     late: tuple[str, float] | None = None
-    drivers: tuple[str, ...] = ()
+    covariates: tuple[str, ...] = ()
     slow: bool = False

@@ -110,7 +110,7 @@ class Model:
     ``anchor`` is the signal that no drive can do without: its samples set the pace, and where it is
     a sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
     of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
-    otherwise.  ``hottest`` is the state of the friction surface.
+    otherwise.
     ``doubted`` names states whose standard deviation, as a filter holds it, equations may use as
     ``<state>_std``; where nothing is estimated it is 0.
     ``unobservable`` says of a state why no signal at hand can inform it.  ``implied`` names for a
@@ -129,7 +129,6 @@ class Model:
     anchor: str = ""
     slopes: Mapping[str, str] = field(default_factory=dict)
     longest: tuple[float, float] = (0.02, 0.5)
-    hottest: str = ""
     doubted: tuple[str, ...] = ()
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     unobservable: Mapping[str, str] = field(default_factory=dict)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import inf
+from types import MappingProxyType
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,3 +84,26 @@ class Sensor:
     column: str = ""
     mode: str = ""
     repeats: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A canonical signal that a vehicle file may map.
+
+    ``possible``: lowest and highest value that nature allows, and how fast it changes at most, per
+    s.  ``rests``: it may stay at exactly 0 though it is alive.  How a bus may call it: its ``spn``
+    (J1939), a regular expression ``named`` that its name matches, ``companions`` (SPNs of signals
+    that belong to it, by the vehicle file's key), ``reference_spn`` of what 100 % of it stands for.
+    ``geared_by``: the signal by which a gear is inferred, where a wheel speed times a gear's ratio
+    can stand in for this one.
+    """
+
+    name: str
+    unit: str
+    possible: tuple[float, float, float] | None = None
+    rests: bool = False
+    spn: int | None = None
+    named: str = ""
+    companions: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    reference_spn: int | None = None
+    geared_by: str = ""

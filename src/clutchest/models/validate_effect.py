@@ -8,23 +8,23 @@ import casadi as ca
 import numpy as np
 
 from clutchest.errors import nearest
-from clutchest.models import card, model_for
 from clutchest.models.effects import Effect, Gains
+from clutchest.models.machine import Machine
 from clutchest.models.model import Expressions, Model
 
 POINTS, LEAST, MOST = 40, 1.0, 200.0  # states and inputs at which an effect is tried
 SAME = 1e-9  # relative
 
 
-def why_invalid(effect: Effect, name: str, parameters: Mapping[str, float]) -> str | None:
-    """In words, what is wrong with an ``effect`` for the model ``name``; None where nothing is.
+def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float]) -> str | None:
+    """In words, what is wrong with an ``effect`` for a ``machine``; None where nothing is.
 
     It must change what is there, by what is there before, into numbers; at 0 it must change
     nothing.  ``parameters``: values at which that is tried.
     """
-    model = model_for(name, {column for column, _ in card(name).columns})
-    if effect.model != name:
-        return f"is of the model '{effect.model}', expected '{name}'"
+    model = machine.equations(machine.units)
+    if effect.model != machine.name:
+        return f"is of the model '{effect.model}', expected '{machine.name}'"
     if not effect.gains:
         return "has no number that makes it absent at 0, expected one that is no shape"
     for number in effect.gains:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from clutchest.estimate.run import Estimate
-from clutchest.models import card
+from clutchest.models.machine import Machine
 from clutchest.monitor.monitor import Event, Status
 from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
 from clutchest.record.report import plus_minus
@@ -26,10 +26,10 @@ _KIND = {"warning": "yellow", "gap": "yellow", "reconnect": "yellow", "fault": "
 _HOT = 20  # characters of a bar
 
 
-def panel(status: Status, model: str) -> RenderableType:
+def panel(status: Status, machine: Machine) -> RenderableType:
     """What there is to see now."""
     return Panel(
-        Group(_head(status), "", _estimates(status, model), "", _events(status)),
+        Group(_head(status), "", _estimates(status, machine), "", _events(status)),
         title=f"[bold]clutchest[/] · {escape(status.vehicle)}",
         title_align="left",
         subtitle=_foot(status),
@@ -58,13 +58,13 @@ def _head(status: Status) -> Text:
     return text
 
 
-def _estimates(status: Status, model: str) -> Table:
+def _estimates(status: Status, machine: Machine) -> Table:
     table = Table("quantity", "value ± 1σ", "", box=None, pad_edge=False, padding=(0, 4, 0, 0))
     piece = status.piece
     if piece is None or not len(piece.track.time):
         return table
-    track, known = piece.track, card(model)
-    quantities = {s.name: Quantity(s.name, s.unit, s.what) for s in known.states}
+    track = piece.track
+    quantities = {s.name: Quantity(s.name, s.unit, s.what) for s in machine.states}
     rows = [(CLUTCH_TORQUE, track.clutch_torque), (SLIP_ENERGY, track.slip_energy)]
     rows += [(quantities[n], e) for n, e in track.states.items() if n in quantities]
     for quantity, estimate in rows:
@@ -88,8 +88,8 @@ def _note(estimate: Estimate, quantity: Quantity) -> Text:
     if quantity.unit != "°C":
         return Text("")
     full = int(np.clip(estimate.value[-1] / 300.0 * _HOT, 0, _HOT))
-    noise_model = "green" if full < 8 else "yellow" if full < 14 else "bright_red"
-    return Text("█" * full + "·" * (_HOT - full), style=noise_model)
+    color = "green" if full < 8 else "yellow" if full < 14 else "bright_red"
+    return Text("█" * full + "·" * (_HOT - full), style=color)
 
 
 def _events(status: Status) -> Table:

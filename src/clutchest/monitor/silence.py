@@ -8,8 +8,7 @@ from typing import Any
 
 from clutchest.can.frames import Frames
 from clutchest.estimate.drive import Piece
-from clutchest.estimate.modes import Thresholds
-from clutchest.models import card
+from clutchest.models.thresholds import Thresholds
 from clutchest.signals import LOST
 from clutchest.vehicle import Vehicle
 
@@ -19,7 +18,7 @@ class Silence:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._gap = Thresholds.of(vehicle.modes).gap
-        fast = {i.name for i in card(vehicle.model).inputs if i.gap <= self._gap}
+        fast = {i.name for i in vehicle.machine.inputs if i.gap <= self._gap}
         self._names = [name for name in vehicle.signals if name in fast or name == "engine_speed"]
         self._last: dict[str, float] = {}
         self._bus = 0.0

@@ -9,7 +9,7 @@ from pathlib import Path
 from clutchest.can import files
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.models import card
+from clutchest.models import shipped_machines
 from clutchest.reading.log import read_log
 from clutchest.reading.tables import is_table, joined, read_table, write_signals
 from clutchest.reading.window import EVERYTHING, Window
@@ -38,7 +38,7 @@ class Conversion:
         if vehicle is not None:
             return cls(read_log(paths, vehicle, window))
         if all(tables):
-            columns = dict(card("dry_clutch").columns)
+            columns = {k: unit for m in shipped_machines() for k, unit in m.units.items()}
             signals = window.of_signals(joined([read_table(path, columns) for path in paths]))
             if signals is None:
                 raise ClutchestError(f"{' '.join(logs)}: nothing in the stretch asked for")

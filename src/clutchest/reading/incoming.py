@@ -96,8 +96,9 @@ class Incoming:
             self._geared.setdefault(name, _Geared(self.vehicle.signals[name].gears))
             self._geared[name].wheel.append(_since(wheel, after))
         for name, geared in self._geared.items():
-            if "engine_speed" in signals:
-                geared.engine.append(signals["engine_speed"].only_valid())
+            column = self.vehicle.machine.column(name)
+            if column and column.geared_by in signals:
+                geared.engine.append(signals[column.geared_by].only_valid())
             signals[name], settled[name] = geared.take(now, last)
         return Decoded(signals, settled)
 

@@ -18,48 +18,16 @@ from clutchest.can.decode import decode, rows_of
 from clutchest.can.frames import Frames
 from clutchest.can.survey import IdStatistics, survey
 from clutchest.errors import ClutchestError
-from clutchest.models import card
+from clutchest.models import machine_in_file, machine_of, shipped_machines
+from clutchest.models.machine import Machine
+from clutchest.models.symbols import Column
 from clutchest.reading.window import EVERYTHING, Window
 from clutchest.shipped import locate, shipped
 from clutchest.signals import Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 from clutchest.vehicle.text import vehicle_text
 
-_MODEL = "dry_clutch"
-
-
-@dataclass(frozen=True, slots=True)
-class _Clue:
-    """How a bus may call a canonical signal: its SPN in J1939, or how its name reads."""
-
-    spn: int | None
-    name: re.Pattern[str]
-
-
-def _clue(spn: int | None, name: str) -> _Clue:
-    return _Clue(spn, re.compile(name, re.IGNORECASE))
-
-
-_CLUES = {
-    "engine_speed": _clue(190, r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$"),
-    "input_shaft_speed": _clue(
-        161,
-        r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*"
-        r"(speed|spd|rpm|_w_|_n_)",
-    ),
-    "engine_torque": _clue(
-        513,
-        r"(eng|crank|trnain|mot)\w*(torque|trq|tq|moment)\w*(act|net|meas)"
-        r"|actual\w*engine\w*torque",
-    ),
-    "slave_position": _clue(None, r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)"),
-    "motor_position": _clue(None, r"(motor|actuator)\w*(pos|travel)"),
-    "coolant_temp": _clue(110, r"(coolant|cool|clnt|kuehl|water)\w*(temp|_te_|_t$)"),
-    "ambient_temp": _clue(171, r"(amb|outside|aussen|airamb)\w*(temp|_te_|_t$)"),
-    "vehicle_speed": _clue(84, r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$"),
-}
 _WHEEL = re.compile(r"wh(ee)?l\w*(speed|spd|_w_)", re.IGNORECASE)
-_TORQUE_SPNS = {"fraction": 4154, "friction": 514}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,29 +74,41 @@ class Inspection:
     rows: tuple[IdStatistics, ...]
     candidates: Mapping[str, tuple[Candidate, ...]]
     wheels: tuple[str, ...]  # message.signal
-    torque_parts: Mapping[str, BusSignal]
+    companions: Mapping[str, Mapping[str, BusSignal]]
     dbc: tuple[Path, ...]
     warnings: tuple[str, ...]
+    machine: Machine
+    model_file: Path | None = None
+
+    @property
+    def model(self) -> str:
+        """What the drafted vehicle file calls its machine."""
+        return self.model_file.name if self.model_file else self.machine.name
 
     @property
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
         found = []
-        replaceable = {i.name for i in card(_MODEL).inputs if i.default is not None}
-        for name, unit in card(_MODEL).columns:
+        replaceable = {i.name for i in self.machine.inputs if i.default is not None}
+        for column in self.machine.columns:
+            name = column.name
             if name not in self.candidates and name not in replaceable:
-                found.append(f"signals.{name} ({unit}): no signal looks like it")
-                if name == "input_shaft_speed" and self.wheels:
+                found.append(f"signals.{name} ({column.unit}): no signal looks like it")
+                if column.geared_by and self.wheels:
                     found[-1] += (
                         "; a wheel speed with gears = [ratios engine/wheel] makes it: "
                         + ", ".join(self.wheels[:4])
                     )
-        torque = self.candidates.get("engine_torque")
-        if torque and torque[0].unit == "%":
-            found.append(
-                'signals.engine_torque: reference = { value = …, unit = "Nm" }, '
-                "the torque that 100 % stands for (J1939: SPN 544)"
-            )
+            if column.reference_spn and name in self.candidates:
+                if self.candidates[name][0].unit != "%":
+                    continue
+                found.append(
+                    f'signals.{name}: reference = {{ value = …, unit = "{column.unit}" }}, '
+                    f"the {column.unit} that 100 % stands for (J1939: SPN {column.reference_spn})"
+                )
+        if not self.machine.template:
+            for p in self.machine.parameters:
+                found.append(f"parameters.{p.key} ({p.unit}): {p.what}")
         return tuple(found)
 
     def as_dict(self) -> dict[str, Any]:
@@ -148,25 +128,29 @@ class Inspection:
         }
 
     def vehicle_toml(self, target: Path) -> str:
-        """A vehicle file for ``target``: the likeliest signals; parameters are the truck's, as
-        guesses.  It loads once what its heading calls missing is filled in."""
-        truck = load_vehicle("truck")
+        """A vehicle file for ``target``: the likeliest signals; parameters are those of the
+        machine's template, as guesses.  It loads once what its heading calls missing is filled
+        in."""
+        template = load_vehicle(self.machine.template) if self.machine.template else None
+        like = template.signals if template else {}
         signals = {
-            name: self._map(found[0], truck.signals.get(name))
-            for name, found in self.candidates.items()
+            name: self._map(candidates[0], like.get(name))
+            for name, candidates in self.candidates.items()
         }
         parameters = {
             key: replace(
                 p,
                 spread=_wide(p.value, p.unit, p.spread),
-                source="guess: the shipped truck's value",
+                source=f"guess: the shipped {self.machine.template}'s value",
             )
-            for key, p in truck.parameters.items()
+            for key, p in (template.parameters if template else {}).items()
         }
         name = re.sub(r"\W+", "_", self.logs[0].name.split(".")[0])
-        used = {candidate.message for found in self.candidates.values() for candidate in found[:1]}
+        used = {candidate.message for each in self.candidates.values() for candidate in each[:1]}
         dbc = tuple(path for path in self.dbc if used & set(load([path]).messages))
-        vehicle = Vehicle(name, _MODEL, target, "", dbc, signals, parameters)
+        vehicle = Vehicle(
+            name, self.model, target, "", dbc, signals, parameters, model_file=self.model_file
+        )
         return vehicle_text(vehicle, target, self._heading())
 
     def _heading(self) -> str:
@@ -184,19 +168,20 @@ class Inspection:
         return "\n".join(lines)
 
     def _map(self, found: Candidate, like: SignalMap | None) -> SignalMap:
-        column_unit = dict(card(_MODEL).columns)[found.canonical]
+        column_unit = self.machine.units[found.canonical]
         noise = like.noise if like else 0.0
         if units.compatible(found.unit or column_unit, column_unit):
             scale = units.parse(found.unit or column_unit).scale / units.parse(column_unit).scale
             rounding = found.step * scale / sqrt(12)  # of a signal on a bus of such steps
             noise = noise if noise > rounding else _short(rounding)
-        parts = self.torque_parts if found.canonical == "engine_torque" else {}
+        parts = self.companions.get(found.canonical, {})
+        whose = f"the shipped {self.machine.template}'s, or " if self.machine.template else ""
         return SignalMap(
             found.canonical,
             BusSignal(found.message, found.signal, found.unit or column_unit),
             noise,
             noise_ar=like.noise_ar if like else 0.0,
-            noise_source="guess: the shipped truck's, or the bus's own steps",
+            noise_source=f"guess: {whose}the bus's own steps",
             source_address=found.sender,
             channel=found.channel,
             fraction=parts.get("fraction"),
@@ -205,13 +190,19 @@ class Inspection:
 
 
 def inspect_logs(
-    paths: Sequence[str | Path], dbc: Sequence[Path] = (), window: Window = EVERYTHING
+    paths: Sequence[str | Path],
+    dbc: Sequence[Path] = (),
+    window: Window = EVERYTHING,
+    model: str = "",
 ) -> Inspection:
-    """Survey ``paths`` and look for the canonical signals, by SPN and by name.
+    """Survey ``paths`` and search for the canonical signals of a machine, by SPN and by name.
 
-    ``dbc`` names the messages; without any the shipped DBCs do.  Raises ClutchestError for a file
-    that cannot be read.
+    ``dbc`` names the messages; without any the shipped DBCs do.  ``model``: a machine by name or by
+    its file (``.py``); without it, the shipped one of which most signals are there.  Raises
+    ClutchestError for a file that cannot be read.
     """
+    model_file = Path(model).resolve() if model.endswith(".py") else None
+    asked = machine_in_file(model_file) if model_file else machine_of(model) if model else None
     logs = tuple(locate(str(path), "logs") for path in paths)
     if not logs:
         raise ClutchestError("no log to inspect")
@@ -223,7 +214,9 @@ def inspect_logs(
     sources = tuple(dbc) or tuple(shipped("dbc").values())
     databases = [load([path]) for path in sources]
     rows = tuple(survey(frames, databases))
-    candidates, wheels, torque_parts = _search(frames, rows, databases)
+    machines = [asked] if asked else shipped_machines()
+    searched = [(_search(frames, rows, databases, machine), machine) for machine in machines]
+    search, machine = max(searched, key=lambda each: len(each[0].candidates))
     duration = sum(float(np.ptp(part.t_ns)) for part in parts) * 1e-9
     return Inspection(
         logs,
@@ -231,11 +224,13 @@ def inspect_logs(
         duration,
         dict(frames.rejected),
         rows,
-        candidates,
-        wheels,
-        torque_parts,
+        search.candidates,
+        search.wheels,
+        search.companions,
         sources,
         tuple(warning for database in databases for warning in database.warnings),
+        machine,
+        model_file,
     )
 
 
@@ -250,16 +245,25 @@ def _apart(parts: Sequence[Frames]) -> list[Frames]:
     return placed
 
 
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """Candidates by canonical name, wheel speeds, and by canonical name the J1939 signals that
+    belong to it."""
+
+    candidates: Mapping[str, tuple[Candidate, ...]]
+    wheels: tuple[str, ...]
+    companions: Mapping[str, Mapping[str, BusSignal]]
+
+
 def _search(
     frames: Frames,
     rows: Sequence[IdStatistics],
     databases: Sequence[Database],
-) -> tuple[dict[str, tuple[Candidate, ...]], tuple[str, ...], dict[str, BusSignal]]:
-    """Candidates by canonical name, wheel speeds, and the J1939 companions of percent torque."""
-    found: dict[str, list[Candidate]] = {}
+    machine: Machine,
+) -> _Search:
+    candidates: dict[str, list[Candidate]] = {}
     wheels: list[str] = []
-    companions: dict[str, BusSignal] = {}
-    column_units = dict(card(_MODEL).columns)
+    companions: dict[str, dict[str, BusSignal]] = {}
     for row in rows:
         known = [database.find(row.id, row.extended) for database in databases]
         message = next((m for m in known if m), None)
@@ -267,31 +271,32 @@ def _search(
             continue
         twins = [other for other in rows if other.message == message.name]
         for layout in message.signals.values():
-            for canonical, unit in column_units.items():
-                by = _resembles(layout, canonical, unit)
-                if by:
-                    found.setdefault(canonical, []).append(
-                        _candidate(frames, row, twins, message, layout, canonical, by)
+            for column in machine.columns:
+                if by := _resembles(layout, column):
+                    candidates.setdefault(column.name, []).append(
+                        _candidate(frames, row, twins, message, layout, column.name, by)
                     )
-            for part, spn in _TORQUE_SPNS.items():
-                if layout.spn == spn:
-                    companions[part] = BusSignal(message.name, layout.name, layout.unit or "%")
+                for part, spn in column.companions.items():
+                    if layout.spn == spn:
+                        companion = BusSignal(message.name, layout.name, layout.unit or "%")
+                        companions.setdefault(column.name, {})[part] = companion
             if _WHEEL.search(layout.name) and _fits(layout, "rad/s"):
                 wheels.append(f"{message.name}.{layout.name}")
     ranked = {
-        name: tuple(sorted(found[name], key=lambda c: c.rank, reverse=True))
-        for name in column_units
-        if name in found
+        name: tuple(sorted(candidates[name], key=lambda c: c.rank, reverse=True))
+        for name in machine.units
+        if name in candidates
     }
-    return ranked, tuple(dict.fromkeys(wheels)), companions
+    return _Search(ranked, tuple(dict.fromkeys(wheels)), companions)
 
 
-def _resembles(layout: SignalLayout, canonical: str, unit: str) -> str | None:
+def _resembles(layout: SignalLayout, column: Column) -> str | None:
     """By what ``layout`` may be the canonical signal: ``SPN``, ``name`` or nothing."""
-    clue = _CLUES[canonical]
-    if clue.spn and layout.spn:
-        return "SPN" if layout.spn == clue.spn else None
-    return "name" if clue.name.search(layout.name) and _fits(layout, unit) else None
+    if column.spn and layout.spn:
+        return "SPN" if layout.spn == column.spn else None
+    named = column.named or rf"^{re.escape(column.name)}$"
+    by_name = re.search(named, layout.name, re.IGNORECASE) and _fits(layout, column.unit)
+    return "name" if by_name else None
 
 
 def _fits(layout: SignalLayout, unit: str) -> bool:

@@ -16,7 +16,6 @@ from clutchest.can.deduplication import without_copies
 from clutchest.can.frame_filter import FrameFilter
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.models import card
 from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
 from clutchest.reading.tables import is_table, joined, read_table
@@ -72,7 +71,7 @@ def read_log(
     else:
         database = load_database(vehicle, folders)
         wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
-    columns = dict(card(vehicle.model).columns)
+    columns = vehicle.machine.units
     pieces = [
         _table(path, columns) if is_table else _frames(path, wanted)
         for path, is_table in zip(found, tabular, strict=True)
@@ -241,7 +240,7 @@ def _split(frames: Frames) -> list[Frames]:
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:
     """Without columns for which the vehicle file declares no noise: nothing could be made of
     them, except inputs that have a default anyway."""
-    inputs = {i.name for i in card(vehicle.model).inputs if i.default is not None}
+    inputs = {i.name for i in vehicle.machine.inputs if i.default is not None}
     kept = {
         name: signal
         for name, signal in signals.items()

@@ -16,7 +16,6 @@ from clutchest.can.encode import check
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.transport import reassembled
 from clutchest.errors import ClutchestError
-from clutchest.models import card
 from clutchest.reading.account import Account, words
 from clutchest.reading.gears import through_gear
 from clutchest.reading.plausible import excluded
@@ -105,7 +104,9 @@ class Decoding:
         account.of_the_rest(frames, mapped, map(self.database.message, self.wanted))
         made, geared = self.canonical()
         for name, signal in geared.items():
-            made[name] = self._through_gear(name, signal, made.get("engine_speed"))
+            column = self.vehicle.machine.column(name)
+            by = made.get(column.geared_by) if column else None
+            made[name] = self._through_gear(name, signal, by)
         self.warnings += [
             f"message {name} has no frame in this log"
             f" ({', '.join(self._made_of(name))})" + self._seen()
@@ -143,7 +144,7 @@ class Decoding:
         by a gear nobody sends."""
         made: dict[str, Signal] = {}
         geared: dict[str, Signal] = {}
-        unit_of = dict(card(self.vehicle.model).columns)
+        unit_of = self.vehicle.machine.units
         for name in self.vehicle.signals if names is None else names:
             signal = self.vehicle.signals[name]
             samples = self._samples(signal, signal.bus)

@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from clutchest.models import ModelCard
+from clutchest.models.machine import Machine
 from clutchest.signals import Floats
 
 # Distinct on Rerun's dark ground, warm first: the first state of the dry clutch is its body.
@@ -127,11 +127,11 @@ def blueprint(
     )
 
 
-def live_blueprint(known: ModelCard, timeline: str) -> rrb.Blueprint:
+def live_blueprint(machine: Machine, timeline: str) -> rrb.Blueprint:
     """The last minutes of a drive that is going on: mode, temperatures, torque, and the rest behind
     tabs; it follows the newest sample."""
-    temperatures = [s.name for s in known.states if s.unit == "°C"]
-    others = [s.name for s in known.states if s.unit != "°C"]
+    temperatures = [s.name for s in machine.states if s.unit == "°C"]
+    others = [s.name for s in machine.states if s.unit != "°C"]
 
     def view(title: str, entities: Sequence[str]) -> rrb.TimeSeriesView:
         return rrb.TimeSeriesView(
@@ -157,11 +157,11 @@ def live_blueprint(known: ModelCard, timeline: str) -> rrb.Blueprint:
         *(view(name.replace("_", " "), [f"state/{name}"]) for name in others), name="all states"
     )
     signals = rrb.Vertical(
-        *(view(name.replace("_", " "), [f"can/{name}"]) for name, _ in known.columns[:8]),
+        *(view(name.replace("_", " "), [f"can/{name}"]) for name in list(machine.units)[:8]),
         name="signals",
     )
     residuals = rrb.Vertical(
-        *(view(s.name.replace("_", " "), [f"residual/{s.name}"]) for s in known.sensors),
+        *(view(s.name.replace("_", " "), [f"residual/{s.name}"]) for s in machine.sensors),
         name="residuals",
     )
     return rrb.Blueprint(

@@ -12,7 +12,7 @@ from clutchest import __version__
 from clutchest.discovery.patch import FILE
 from clutchest.discovery.result import Cause, Discovery, Found, Gain, Rival, either
 from clutchest.errors import ClutchestError
-from clutchest.models.effects import Effect, effects_of_file, library
+from clutchest.models.effects import Effect, effects_of_file
 from clutchest.record.files import finished_into, json_text
 from clutchest.record.misfit_pictures import PICTURE, draw_misfit
 from clutchest.record.quantities import Quantity
@@ -282,7 +282,7 @@ def _meaning(effect: Effect | None) -> str:
 
 def _effects(vehicle: Vehicle) -> Mapping[str, Effect]:
     """The library and the user's own; a patch is not written yet and goes by no name."""
-    known = dict(library(vehicle.model))
+    known = dict(vehicle.machine.effects)
     for path in vehicle.effects_files:
         if path.is_absolute():
             known |= effects_of_file(path)

@@ -63,12 +63,12 @@ def _send_torque(
     if not discovery.named:
         names.pop()
     shown, values = [], []
-    for k, (name, noise_model, width) in enumerate(names, start=1):
+    for k, (name, color, width) in enumerate(names, start=1):
         drives = [
             (start, _parted(torque[0], torque[k]))
             for start, torque in zip(starts, discovery.misfit.torque, strict=True)
         ]
-        value = _send_line(stream, f"clutch_torque/{name}", name, noise_model, width, drives)
+        value = _send_line(stream, f"clutch_torque/{name}", name, color, width, drives)
         if value is not None:
             shown.append(f"clutch_torque/{name}")
             values.append(value)
@@ -93,14 +93,14 @@ def _send_residuals(
                 (f"residual/{sensor}/extended", "with what was found", _EXTENDED, misfit.after)
             )
         shown, values = [], []
-        for entity, name, noise_model, residuals in lines:
+        for entity, name, color, residuals in lines:
             drives = [
                 (start, (time[own], residual[own]))
                 for start, time, own, residual in zip(
                     starts, misfit.time, rows, residuals, strict=True
                 )
             ]
-            value = _send_line(stream, entity, name, noise_model, 1.5, drives)
+            value = _send_line(stream, entity, name, color, 1.5, drives)
             if value is not None:
                 shown.append(entity)
                 values.append(np.clip(value, -REACH, REACH))
@@ -115,7 +115,7 @@ def _send_line(
     stream: rr.RecordingStream,
     entity: str,
     name: str,
-    noise_model: int,
+    color: int,
     width: float,
     drives: Sequence[tuple[float, Sequence[NDArray]]],
 ) -> Floats | None:
@@ -125,7 +125,7 @@ def _send_line(
         return None
     time, value = columns
     lines = rr.SeriesLines(
-        names=name, colors=np.uint32(noise_model), widths=width, aggregation_policy="MinMax"
+        names=name, colors=np.uint32(color), widths=width, aggregation_policy="MinMax"
     )
     stream.log(entity, lines, static=True)
     stream.send_columns(entity, index(time), rr.Scalars.columns(scalars=value))

@@ -14,7 +14,6 @@ import rerun as rr
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track
-from clutchest.models import card
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
 from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
 from clutchest.record.series import TIMELINE, index, outline
@@ -37,10 +36,10 @@ class LiveRecording:
     """
 
     def __init__(self, path: Path, vehicle: Vehicle, serve: tuple[int, int] | None = None) -> None:
-        known = card(vehicle.model)
+        known = vehicle.machine
         self._states = {s.name: Quantity(s.name, s.unit, s.what) for s in known.states}
         self._states |= {q.name: q for q in (CLUTCH_TORQUE, SLIP_ENERGY)}
-        self._signals = {name: Quantity(name, unit) for name, unit in known.columns}
+        self._signals = {name: Quantity(name, unit) for name, unit in known.units.items()}
         self._sensors = {s.name: Quantity(s.name, s.unit) for s in known.sensors}
         self._held: dict[str, list[tuple[np.ndarray, ...]]] = defaultdict(list)
         self._since: float | None = None
@@ -147,9 +146,9 @@ class LiveRecording:
             self._style(kind, name, entity)
             if kind == "state":
                 own = COLOURS[list(self._states).index(name) % len(COLOURS)]
-                noise_model = np.where(columns[3], own, INVALID).astype(np.uint32)
+                color = np.where(columns[3], own, INVALID).astype(np.uint32)
                 rows = rr.Measurements.columns(
-                    values=columns[1], variances=columns[2], colors=noise_model
+                    values=columns[1], variances=columns[2], colors=color
                 )
             elif kind == "mode":
                 rows = rr.StateChange.columns(state=columns[1].tolist())

@@ -99,7 +99,7 @@ def _draw_bins(discovery: Discovery, axes: Axes) -> None:
     if bins is None:
         _say(axes, "too few readings to sort the misfit")
         return
-    quantity = quantity_of(discovery.vehicle.model, bins.driver)
+    quantity = quantity_of(discovery.vehicle.machine, bins.driver)
     axes.axhline(0.0, color="0.6", lw=0.8)
     edges = quantity.read(bins.edges)
     shown = bins.count > 0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.run import Run
-from clutchest.models import card
+from clutchest.models.machine import Machine
 from clutchest.signals import Floats
 from clutchest.units import convert
 
@@ -62,14 +62,14 @@ def states_of(run: Run) -> dict[str, Quantity]:
     """The run's states in the order of the model, by name."""
     return {
         s.name: Quantity(s.name, s.unit, s.what)
-        for s in card(run.vehicle.model).states
+        for s in run.vehicle.machine.states
         if s.name in run.tracks[0].states
     }
 
 
 def sensors_of(run: Run) -> dict[str, Quantity]:
     """The run's sensors by name, those that gave at least one event."""
-    units = {s.name: s.unit for s in card(run.vehicle.model).sensors}
+    units = {s.name: s.unit for s in run.vehicle.machine.sensors}
     seen = {
         name: None
         for track in run.tracks
@@ -83,8 +83,7 @@ def sensors_of(run: Run) -> dict[str, Quantity]:
 _DERIVED = {"time": "s", "slip_speed": "rad/s", "position_rate": "mm/s", "energy": "J"}
 
 
-def quantity_of(model: str, name: str) -> Quantity:
+def quantity_of(machine: Machine, name: str) -> Quantity:
     """A state, a canonical column or a quantity derived from them, by name."""
-    known = card(model)
-    units = {**_DERIVED, **dict(known.columns), **{s.name: s.unit for s in known.states}}
+    units = {**_DERIVED, **machine.units, **{s.name: s.unit for s in machine.states}}
     return Quantity(name, units.get(name, "1"))

@@ -184,10 +184,10 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             )
             if not columns:
                 continue
-            time, noise_model = columns[0], columns[3]
+            time, color = columns[0], columns[3]
             value, std = quantity.read(columns[1]), quantity.read_spread(columns[2])
-            told = noise_model != INVALID
-            noise_model[0] = COLOURS[k % len(COLOURS)]  # the legend takes the first one
+            told = color != INVALID
+            color[0] = COLOURS[k % len(COLOURS)]  # the legend takes the first one
             entity = f"state/{quantity.name}"
             stream.log(
                 entity,
@@ -199,7 +199,7 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             stream.send_columns(
                 entity,
                 index(time),
-                rr.Measurements.columns(values=value, variances=std**2, colors=noise_model),
+                rr.Measurements.columns(values=value, variances=std**2, colors=color),
             )
             told = told if told.any() else np.isfinite(value)
             lows.append((value - std)[told])

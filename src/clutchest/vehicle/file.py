@@ -11,27 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.models import machine_in_file, machine_of
+from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle.toml import Keys, TomlFile
 from clutchest.vehicle.vehicle import BusSignal, Estimation, ParameterValue, SignalMap, Vehicle
 
 if TYPE_CHECKING:
-    from clutchest.models import ModelCard
     from clutchest.models.effects import Effect
+    from clutchest.models.machine import Machine
 
 ROLES = ("adaptive", "constant", "nuisance")
-# Thresholds of the modes that a file may set, with their units.
-MODES = {
-    "lock_slip": "rad/s",
-    "lock_time": "s",
-    "lock_average": "s",
-    "open_margin": "mm",
-    "retracted_position": "mm",
-    "settle": "s",
-    "guard": "s",
-    "gap": "s",
-}
-LIMITS = {"dry_clutch": {"wear": "mm"}, "alsd": {"wear": "m"}}
 MONITORS = ("false_alarms_per_1000h", "codes")
 LARGEST_SPN, LARGEST_FMI = 524_287, 31
 
@@ -91,23 +81,26 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         if key not in data:
             raise file.error((), f"no '{key}' in this vehicle file")
     name, model = (file.string((key,), data[key]) for key in ("name", "model"))
-    card = _card(file, model)
+    model_file = _beside(file, ("model",), model) if model.endswith(".py") else None
+    machine = _machine(file, model, model_file)
     effects_files = tuple(
         _beside(file, ("effects_files",), entry)
         for entry in file.strings(("effects_files",), data.get("effects_files", []))
     )
-    modes = _section(file, data, "modes", MODES, "threshold")
-    limits = _section(file, data, "limits", LIMITS.get(model, {}), "limit")
-    signals = _signals(file, file.table(("signals",), data["signals"]), card)
+    modes = _section(file, data, "modes", THRESHOLD_UNITS, "threshold")
+    limits = _section(file, data, "limits", machine.limits, "limit")
+    signals = _signals(file, file.table(("signals",), data["signals"]), machine)
     checked = file.strings(("checked",), data.get("checked", []))
     file.known(("checked",), checked, {s.bus.message for s in signals.values()}, "mapped message")
     digest = sha256(file.text.encode())
-    for effects_file in effects_files:
-        digest.update(effects_file.read_bytes())
+    for named in (*effects_files, *([model_file] if model_file else [])):
+        digest.update(named.read_bytes())
     monitors = file.table(("monitors",), data.get("monitors", {}))
     file.known(("monitors",), monitors, MONITORS, "key")
-    parameters = _parameters(file, file.table(("parameters",), data["parameters"]), card.parameters)
-    effects = _effects(file, data, model, effects_files, parameters)
+    parameters = _parameters(
+        file, file.table(("parameters",), data["parameters"]), machine.parameters
+    )
+    effects = _effects(file, data, machine, effects_files, parameters)
     return Vehicle(
         name=name,
         model=model,
@@ -122,7 +115,7 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
             for name, of in effects.items()
             if (spread := {key: n.spread for key, n in of.items() if n.spread > 0.0})
         },
-        estimation=_estimation(file, data, card.states),
+        estimation=_estimation(file, data, machine.states),
         modes={key: quantity.value for key, quantity in modes.items()},
         limits=limits,
         monitors={
@@ -133,6 +126,7 @@ def _vehicle(file: TomlFile, data: dict[str, Any]) -> Vehicle:
         codes=_codes(file, file.table(("monitors", "codes"), monitors.get("codes", {}))),
         effects_files=effects_files,
         checked=tuple(checked),
+        model_file=model_file,
     )
 
 
@@ -151,11 +145,9 @@ def _codes(file: TomlFile, table: dict[str, Any]) -> dict[str, tuple[int, int | 
     return codes
 
 
-def _card(file: TomlFile, model: str) -> ModelCard:
-    from clutchest.models import card
-
+def _machine(file: TomlFile, model: str, model_file: Path | None) -> Machine:
     try:
-        return card(model)
+        return machine_in_file(model_file) if model_file else machine_of(model)
     except ClutchestError as problem:
         raise file.error(("model",), str(problem)) from None
 
@@ -189,9 +181,9 @@ def _section(
     }
 
 
-def _signals(file: TomlFile, table: dict[str, Any], card: ModelCard) -> dict[str, SignalMap]:
-    columns = dict(card.columns)
-    file.known(("signals",), table, columns, f"signal of '{card.name}'")
+def _signals(file: TomlFile, table: dict[str, Any], machine: Machine) -> dict[str, SignalMap]:
+    columns = machine.units
+    file.known(("signals",), table, columns, f"signal of '{machine.name}'")
     return {
         name: _signal(file, name, file.table(("signals", name), entry), columns[name])
         for name, entry in table.items()
@@ -311,7 +303,7 @@ def _parameters(
 def _effects(
     file: TomlFile,
     data: Mapping[str, Any],
-    model: str,
+    machine: Machine,
     effects_files: tuple[Path, ...],
     parameters: Mapping[str, Any],
 ) -> dict[str, dict[str, ParameterValue]]:
@@ -320,21 +312,19 @@ def _effects(
     file.known(("effects_spread",), stated, table, "effect of [effects]")
     if not table and not effects_files:
         return {}
-    from clutchest.models.effects import effects_of_file, library
+    from clutchest.models.effects import effects_of_file
 
-    known = dict(library(model))
+    known = dict(machine.effects)
     for path in effects_files:
         known |= effects_of_file(path)
-    if own := [name for name in table if name in known and name not in library(model)]:
-        from clutchest.models.validate_effect import (
-            why_invalid,  # casadi is loaded where it is needed
-        )
+    if own := [name for name in table if name in known and name not in machine.effects]:
+        from clutchest.models.validate_effect import why_invalid
 
         values = {key: quantity.value for key, quantity in parameters.items()}
         for name in own:
-            if wrong := why_invalid(known[name], model, values):
+            if wrong := why_invalid(known[name], machine, values):
                 raise file.error(("effects", name), f"effect '{name}' {wrong}")
-    file.known(("effects",), table, known, f"effect of '{model}'")
+    file.known(("effects",), table, known, f"effect of '{machine.name}'")
     return {
         name: _stated(file, known[name], value, stated.get(name, {}))
         for name, value in table.items()

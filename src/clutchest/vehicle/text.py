@@ -39,7 +39,7 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
     lines = [f"# {line}".rstrip() for line in heading.splitlines()]
     lines += [
         f"name = {_toml(vehicle.name)}",
-        f"model = {_toml(vehicle.model)}",
+        f"model = {_toml(name(vehicle.model_file) if vehicle.model_file else vehicle.model)}",
         f"dbc = {_toml([name(path) for path in vehicle.dbc])}",
     ]
     if vehicle.checked:

@@ -5,6 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchest.models import machine_in_file, machine_of
+
+if TYPE_CHECKING:
+    from clutchest.models.machine import Machine
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +93,7 @@ class Vehicle:
     as the bare name; it is looked for again when a log is read.  ``effects``: effect → number →
     value, ``effects_spread`` the standard deviation of gains that are not known exactly.
     ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
-    and FMI (None: the fault's own).
+    and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine.
     """
 
     name: str
@@ -106,6 +112,12 @@ class Vehicle:
     codes: Mapping[str, tuple[int, int | None]] = field(default_factory=dict)
     effects_files: tuple[Path, ...] = ()
     checked: tuple[str, ...] = ()
+    model_file: Path | None = field(default=None, compare=False)
+
+    @property
+    def machine(self) -> Machine:
+        """What it is a vehicle with: one of the shipped machines, or that of ``model_file``."""
+        return machine_in_file(self.model_file) if self.model_file else machine_of(self.model)
 
     @property
     def guessed(self) -> tuple[str, ...]:

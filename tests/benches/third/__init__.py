@@ -1,7 +1,7 @@
 """A third clutch, in the tests alone: what one takes to stand in the shared battery.
 
-``models/third.py`` are its equations, ``models/effects/third`` its effects, one file each,
-``vehicle.toml`` its numbers; here are the drive and the plausible ranges.
+``plate.py`` is the machine as a user would write it, ``vehicle.toml`` names it and has its numbers;
+here are the drive and the plausible ranges.
 """
 
 from __future__ import annotations
@@ -11,17 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from benches import Plausible, Setup
-from clutchest import models
-from clutchest.models import effects
 from clutchest.signals import Signal, Signals
 from clutchest.vehicle import Vehicle
 
 _HERE = Path(__file__).parent
-
-# A shipped model lies in these folders and its name in the registry; this one comes by here.
-models.__path__.append(str(_HERE / "models"))
-effects.__path__.append(str(_HERE / "models" / "effects"))
-models._MODELS += ("third",)
 
 
 def drive(vehicle: Vehicle, duration: float, noise: float) -> Signals:

@@ -13,7 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from clutchest.models.effects import Effect, Number, library
+from clutchest.models import machine_of
+from clutchest.models.effects import Effect, Number
 from clutchest.signals import Floats, Signal, Traffic
 from clutchest.vehicle import Vehicle
 
@@ -131,7 +132,7 @@ class ModelFault:
 
     def make(self) -> Effect:
         """The effect, to be put into the equations."""
-        return library(self.model)[self.effect]
+        return machine_of(self.model).effects[self.effect]
 
     @property
     def number(self) -> Number:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.models import card
 from clutchest.reading.wanted import parts
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
@@ -35,7 +34,7 @@ def lively(vehicle: Vehicle) -> tuple[str, ...]:
 
     A temperature may well stand still.
     """
-    inputs = {i.name: i.gap for i in card(vehicle.model).inputs}
+    inputs = {i.name: i.gap for i in vehicle.machine.inputs}
     return tuple(
         name
         for name in vehicle.signals

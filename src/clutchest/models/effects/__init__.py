@@ -1,4 +1,4 @@
-"""The library of effects: one file per effect, in one folder per model."""
+"""What an effect is, and effects from the files of a package or of a user."""
 
 from __future__ import annotations
 
@@ -7,31 +7,22 @@ import importlib.util
 import inspect
 import pkgutil
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
-from clutchest.errors import ClutchestError, file_like, nearest
+from clutchest.errors import ClutchestError, file_like
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
 
-__all__ = ["Effect", "Gains", "Lateness", "Number", "effects_of_file", "library"]
+__all__ = ["Effect", "Gains", "Lateness", "Number", "effects_in", "effects_of_file"]
 
 
-@cache
-def library(model: str) -> Mapping[str, Effect]:
-    """Name → effect, for every file in this model's folder.
-
-    Raises ClutchestError for a model that has no effects.
-    """
-    folders = {m.name for m in pkgutil.iter_modules(__path__) if m.ispkg}
-    if model not in folders:
-        raise ClutchestError(f"no effects for model '{model}'" + nearest(model, folders))
-    package = importlib.import_module(f"{__name__}.{model}")
-    found: dict[str, Effect] = {}
-    for info in pkgutil.iter_modules(package.__path__):
-        module = importlib.import_module(f"{package.__name__}.{info.name}")
-        found |= {effect.name: effect for effect in _defined_in(module)}
-    return MappingProxyType(dict(sorted(found.items())))
+def effects_in(package: str) -> Mapping[str, Effect]:
+    """Name → effect, for every file of a package that has one effect per file."""
+    folder = importlib.import_module(package)
+    modules = [info.name for info in pkgutil.iter_modules(folder.__path__)]
+    loaded = [importlib.import_module(f"{package}.{name}") for name in modules]
+    effects = {effect.name: effect for module in loaded for effect in _defined_in(module)}
+    return MappingProxyType(dict(sorted(effects.items())))
 
 
 def effects_of_file(path: Path) -> Mapping[str, Effect]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import curve_fit
 
-from clutchest.estimate.modes import Mode
+from clutchest.models.regimes import Mode
 from clutchest.reproduce.claim import Claim, Verdict
 from clutchest.reproduce.me12.data import NONE, Setup
 from clutchest.reproduce.me12.model import Compared, rms

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from clutchest.models.dry_clutch import DRY_CLUTCH, power_modelled, two_state
+from clutchest.models.dry_clutch.equations import DRY_CLUTCH, power_modelled, two_state
 from clutchest.models.model import Model, Quantities
 from clutchest.reproduce.claim import Claim, Verdict
 from clutchest.reproduce.me12.data import Setup, changed

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.modes import Mode
 from clutchest.estimate.open_loop import OpenLoop, open_loop
-from clutchest.models.dry_clutch import DRY_CLUTCH, following_speed, with_measured_power
+from clutchest.models.dry_clutch.equations import DRY_CLUTCH, following_speed, with_measured_power
+from clutchest.models.regimes import Mode
 from clutchest.reproduce.me12.data import Setup
 from clutchest.signals import Floats, Signals
 

@@ -22,180 +22,8 @@ from collections.abc import Container, Mapping
 
 import casadi as ca
 
-from clutchest.models.error_terms import ErrorTerm
+from clutchest.models.dry_clutch.symbols import INPUTS, PARAMETERS, SENSORS, STATES
 from clutchest.models.model import Model, Quantities
-from clutchest.models.symbols import Input, Parameter, Sensor, State
-
-STATES = (
-    State(
-        "temp_body",
-        "°C",
-        "T_b",
-        "flywheel and pressure plate",
-        0.02,
-        15.0,
-        25.0,
-        "a standstill with the actuator retracted",
-        0.15,
-    ),
-    State(
-        "temp_housing",
-        "°C",
-        "T_h",
-        "clutch housing",
-        0.02,
-        12.0,
-        25.0,
-        "a long cool-down with the actuator retracted",
-        0.15,
-    ),
-    State(
-        "temp_disc",
-        "°C",
-        "T_d",
-        "friction disc",
-        0.1,
-        15.0,
-        40.0,
-        "a slip, or the actuator retracted right after one",
-        0.3,
-    ),
-    State(
-        "zero_position",
-        "mm",
-        "x0_ref",
-        "closed slave position at T_ref; wear lowers it",
-        1e-5,
-        0.2,
-        0.12,
-        "the actuator fully retracted at a known temperature",
-        slip_noise=1e-5,
-        prior="zero_position_ref",
-    ),
-    State(
-        "friction",
-        "1",
-        "μ/μ_0",
-        "torque relative to the curve",
-        5e-4,
-        0.1,
-        0.05,
-        "a launch: torque through a slipping clutch",
-        healthy_std=0.02,
-    ),
-    State(
-        "engine_speed",
-        "rad/s",
-        "ω_e",
-        "engine speed",
-        0.3,
-        5.0,
-        5.0,
-        "any sample of the engine speed",
-        carried=False,
-    ),
-    State(
-        "torque_bias",
-        "Nm",
-        "M_bias",
-        "reported engine torque less the true one",
-        1.0,
-        30.0,
-        25.0,
-        "an open clutch with changing engine speed",
-        carried=False,
-        healthy_std=5.0,
-    ),
-    State(
-        "wear_rate",
-        "mm/MJ",
-        "w",
-        "wear per slip energy",
-        0.0,
-        0.05,
-        0.01,
-        "some ten megajoules of slip, and the actuator retracted before and after",
-        healthy_std=0.0,
-    ),
-)
-
-# Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.
-APART = (
-    (("temp_body", "zero_position"), "slow cooling with the actuator retracted"),
-    (("temp_disc", "zero_position"), "slow cooling with the actuator retracted"),
-    (("temp_housing", "zero_position"), "slow cooling with the actuator retracted"),
-    (("temp_housing", "temp_body"), "a long cool-down with the actuator retracted"),
-    (("temp_disc", "temp_body"), "a slip, which heats the disc first"),
-    (("friction", "zero_position"), "the actuator retracted, which shows the position alone"),
-    (("friction", "torque_bias"), "an open clutch, which shows the bias alone"),
-    (("wear_rate", "zero_position"), "more slip, with the actuator retracted before and after"),
-)
-
-PARAMETERS = (
-    Parameter("heat_capacity_body", "J/K", "(m c_p)_b", "heat capacity of the body", 1.0),
-    Parameter("heat_capacity_housing", "J/K", "(m c_p)_h", "heat capacity of the housing", 1.0),
-    Parameter("heat_capacity_disc", "J/K", "(m c_p)_d", "heat capacity of the disc", 1.0),
-    Parameter("conductance_engine_body", "W/K", "k_ICE2b", "engine block to body", 0.0),
-    Parameter("conductance_body_housing", "W/K", "k_b2h", "body to housing", 0.0),
-    Parameter("conductance_housing_ambient", "W/K", "k_h2amb", "housing to ambient air", 0.0),
-    Parameter("conductance_disc_body", "W/K", "k_d2b", "disc to body", 1e-3),
-    Parameter(
-        "heat_fraction_body", "1", "k_P", "share of the slip power that enters the body", 0.0, 1.0
-    ),
-    Parameter("expansion_body", "mm/K", "k_exp,1", "zero position per body temperature"),
-    Parameter("expansion_disc", "mm/K", "k_exp,2", "zero position per disc over body temperature"),
-    Parameter("reference_temp", "°C", "T_ref", "temperature at which the torque curve holds"),
-    Parameter(
-        "disc_body_temp_cap", "K", "ΔT_cap", "T_d − T_b beyond which the disc adds no more", 0.0
-    ),
-    Parameter("zero_position_ref", "mm", "x0_ref", "nominal zero position at T_ref"),
-    Parameter("position_origin", "mm", "x_origin", "sensor reading at x = 0"),
-    Parameter("torque_cubic", "Nm/mm^3", "a", "cubic term of the torque curve", upper=0.0),
-    Parameter("torque_quadratic", "Nm/mm^2", "b", "quadratic term of the torque curve", 0.0),
-    Parameter("kiss_point", "mm", "x_ISP", "incipient sliding point"),
-    Parameter("engine_inertia", "kg m^2", "J_e", "engine with flywheel", 1e-3),
-    Parameter("engine_torque_max", "Nm", "M_e,max", "largest engine torque", 1.0),
-)
-
-INPUTS = (
-    Input("engine_torque", "Nm", "M_e", "reported engine torque, net at the flywheel"),
-    Input("input_shaft_speed", "rad/s", "ω_i", "gearbox input shaft"),
-    Input("slave_position", "mm", "x + x_origin", "slave piston, raw reading"),
-    Input("coolant_temp", "°C", "T_coolant", "engine coolant", default=85.0, gap=60.0),
-    Input("ambient_temp", "°C", "T_amb", "ambient air", default=20.0, gap=600.0),
-    Input("vehicle_speed", "m/s", "v", "vehicle speed", default=0.0, gap=5.0),
-    Input("engine_acceleration", "rad/s^2", "dω_e/dt", "slope of the measured engine speed"),
-)
-
-# Canonical columns that a vehicle may map; `engine_acceleration` is made from the engine speed.
-COLUMNS = (
-    ("engine_speed", "rad/s"),
-    ("input_shaft_speed", "rad/s"),
-    ("slave_position", "mm"),
-    ("motor_position", "mm"),
-    ("engine_torque", "Nm"),
-    ("coolant_temp", "°C"),
-    ("ambient_temp", "°C"),
-    ("vehicle_speed", "m/s"),
-)
-
-# The zero position tells of the body's temperature by a coefficient that is itself uncertain, and
-# the product of both errors is beyond a filter of first order.  White readings, 100 a second, would
-# be finer than that product and make body temperature three standard deviations wrong after a
-# heating.
-SENSORS = (
-    Sensor("engine_speed", "rad/s", "ω_e", "engine speed"),
-    Sensor(
-        "zero_position",
-        "mm",
-        "x0",
-        "slave position while the actuator is fully retracted",
-        column="slave_position",
-        mode="retracted",
-        repeats=0.08,
-    ),
-)
-
 
 # Which equations act, set by the mode: the speed equation (not locked, no transition near),
 # sliding surfaces, surfaces pressed together.
@@ -340,98 +168,6 @@ def readings(q: Quantities) -> None:
     q.transmitted_torque = q.sliding * q.clutch_torque + (1 - q.sliding) * q.measured_torque
 
 
-# Where the equations may be wrong in a way that no effect knows.  A reading that the equations take
-# as an input is corrected, so that there the sign turns.
-_ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
-_ACTUATOR = ("slave_position", "position_rate", "temp_housing", "ambient_temp", "time")
-_WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does nothing to it
-    "slip_speed",
-    "slave_position",
-    "temp_disc",
-    "temp_body",
-    "temp_housing",
-    "coolant_temp",
-    "ambient_temp",
-    "energy",
-    "time",
-)
-_CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
-ERROR_TERMS: Mapping[str, ErrorTerm] = {
-    "torque": ErrorTerm("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
-    "torque, added": ErrorTerm(
-        "torque", {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)}
-    ),  # Nm
-    "engine_speed": ErrorTerm(
-        "engine_speed", {"true_engine_torque": lambda value, g: value - 30.0 * g}
-    ),  # Nm
-    "disc_heat": ErrorTerm(
-        "disc_heat", {"disc_heat": lambda value, g: value + 500.0 * g}, slow=True
-    ),  # W
-    "body_heat": ErrorTerm(
-        "body_heat", {"body_heat": lambda value, g: value + 500.0 * g}, slow=True
-    ),  # W
-    "housing_heat": ErrorTerm(
-        "housing_heat", {"housing_heat": lambda value, g: value + 200.0 * g}, slow=True
-    ),  # W
-    "zero_position": ErrorTerm(
-        "zero_position",
-        {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
-        drivers=_WEARS,
-        slow=True,
-    ),
-    "sensor:engine_torque": ErrorTerm(
-        "sensor:engine_torque",
-        {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
-        drivers=_ENGINES_MAP,
-    ),
-    "sensor:engine_torque, added": ErrorTerm(
-        "sensor:engine_torque",
-        {"engine_torque": lambda value, g: value - 30.0 * g},  # Nm
-        drivers=_ENGINES_MAP,
-    ),
-    "sensor:slave_position": ErrorTerm(
-        "sensor:slave_position",
-        {
-            "slave_position": lambda value, g: value - 0.1 * g,  # mm
-            "zero_position_reading": lambda value, g: value + 0.1 * g,
-        },
-        drivers=_ACTUATOR,
-    ),
-    "timing:engine_torque": ErrorTerm(
-        "timing:engine_torque", late=("engine_torque", 0.02), drivers=_CLOCKS
-    ),
-    "timing:slave_position": ErrorTerm(
-        "timing:slave_position", late=("slave_position", 0.02), drivers=_CLOCKS
-    ),
-}
-TOLD_APART_BY = (
-    (
-        ("zero_position", "sensor:slave_position"),
-        "a second position sensor, or the thickness of the pads measured once,",
-    ),
-    (("torque", "sensor:engine_torque"), "a torque sensor on the gearbox input shaft"),
-    (("torque", "disc_heat"), "a temperature sensor near the disc"),
-    (("disc_heat", "body_heat"), "a temperature sensor on the pressure plate"),
-)
-
-# What would tell of each by itself.
-TOLD_BY = {
-    "torque": "a torque sensor on the gearbox input shaft",
-    "disc_heat": "a temperature sensor near the disc",
-    "body_heat": "a temperature sensor on the pressure plate",
-    "housing_heat": "a temperature sensor on the clutch housing",
-    "zero_position": "the thickness of the pads, measured once,",
-    "sensor:slave_position": "a second position sensor",
-    "": "a second sensor, or a clock that its signals share,",
-}
-
-# What an error may go with, beside inputs, states, time and slip energy: quantities by name, rates
-# of inputs, and the highest so far of states: a lining that was overheated remembers it.
-DRIVERS = ("slip_speed",)
-RATES = {"position_rate": "slave_position"}
-PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}
-
-
 DRY_CLUTCH = Model(
     name="dry_clutch",
     states=STATES,
@@ -442,7 +178,6 @@ DRY_CLUTCH = Model(
     outputs=("transmitted_torque", "power"),
     anchor="engine_speed",
     slopes={"engine_acceleration": "engine_speed"},
-    hottest="temp_disc",
     renewed={"engine_speed": ("free_running", 0.2)},
     implied={"engine_torque": "implied_engine_torque"},
     pieces=(
@@ -488,7 +223,7 @@ WITHOUT_SLIP = (
 )
 
 
-def resting(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dict[str, float]:
+def at_rest(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dict[str, float]:
     """State at the start of a drive as far as first inputs tell: (12)–(14) at rest, no slip."""
     to_engine = parameters["conductance_engine_body"]
     to_housing = parameters["conductance_body_housing"]

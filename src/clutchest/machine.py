@@ -1,0 +1,37 @@
+"""What a machine of one's own is written with: one import for its file.
+
+See ``docs/machine.md``, "Your own machine".
+"""
+
+from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
+from clutchest.models.error_terms import ErrorTerm
+from clutchest.models.fault import Follower, ModelFault
+from clutchest.models.machine import Comparison, Event, Machine, Separation, Wear
+from clutchest.models.model import Model, Quantities
+from clutchest.models.regimes import Observed, RegimeRules, Regimes
+from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
+
+__all__ = [
+    "Column",
+    "Comparison",
+    "Effect",
+    "ErrorTerm",
+    "Event",
+    "Follower",
+    "Gains",
+    "Input",
+    "Lateness",
+    "Machine",
+    "Model",
+    "ModelFault",
+    "Number",
+    "Observed",
+    "Parameter",
+    "Quantities",
+    "RegimeRules",
+    "Regimes",
+    "Sensor",
+    "Separation",
+    "State",
+    "Wear",
+]

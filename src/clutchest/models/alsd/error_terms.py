@@ -1,0 +1,40 @@
+"""Ways in which the differential's equations may be wrong that no effect knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from clutchest.models.error_terms import ErrorTerm
+from clutchest.models.machine import Separation
+
+ERROR_TERMS: Mapping[str, ErrorTerm] = {
+    "torque": ErrorTerm("torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}),
+    "current": ErrorTerm("current", {"motor_voltage": lambda value, g: value - 0.2 * g}),  # V
+    "motor": ErrorTerm(
+        "motor", {"motor_friction_torque": lambda value, g: value + 0.005 * g}
+    ),  # Nm
+    "axial_force": ErrorTerm(
+        "axial_force", {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)}
+    ),
+    "pack_heat": ErrorTerm("pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}),  # W
+    "sensor:motor_angle": ErrorTerm(
+        "sensor:motor_angle", {"motor_angle_reading": lambda value, g: value + 0.1 * g}
+    ),  # rad
+    "sensor:armature_current": ErrorTerm(
+        "sensor:armature_current",
+        {"armature_current_reading": lambda value, g: value * (1 + 0.05 * g)},
+    ),
+    "timing:armature_voltage": ErrorTerm(
+        "timing:armature_voltage", late=("armature_voltage", 0.005)
+    ),
+    "timing:slip_speed": ErrorTerm("timing:slip_speed", late=("slip_speed", 0.005)),
+}
+
+SEPARATING_SENSORS = (
+    Separation(("torque", "axial_force"), "a force sensor in the clutch pack"),
+    Separation(("motor", "axial_force"), "a torque sensor on the actuator's motor"),
+)
+SENSOR_FOR = {"": "a torque sensor on the half-shaft"}
+COVARIATES = ("slip_speed", "motor_torque")
+RATES = {"voltage_rate": "armature_voltage"}
+PEAKS = {"temp_pack_peak": "temp_pack"}

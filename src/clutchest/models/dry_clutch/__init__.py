@@ -1,0 +1,73 @@
+"""The heavy-truck dry clutch of [ME12]: ``equations``, ``symbols``, ``regimes``, ``error_terms``,
+one file per effect in ``effects``, one file per fault in ``faults``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from clutchest.models.dry_clutch.equations import DRY_CLUTCH, at_rest, for_signals
+from clutchest.models.dry_clutch.error_terms import (
+    COVARIATES,
+    ERROR_TERMS,
+    PEAKS,
+    RATES,
+    SENSOR_FOR,
+    SEPARATING_SENSORS,
+)
+from clutchest.models.dry_clutch.regimes import RULES
+from clutchest.models.dry_clutch.symbols import COLUMNS, SEPARATING_MANOEUVRES
+from clutchest.models.effects import effects_in
+from clutchest.models.fault import Follower
+from clutchest.models.machine import Comparison, Event, Machine, Wear
+
+
+def _generate(*arguments: Any, **options: Any) -> Any:
+    """The generator's truck, loaded when it is asked for."""
+    from clutchest.generator import generate
+
+    return generate(*arguments, **options)
+
+
+def _scenarios() -> tuple[str, ...]:
+    from clutchest.generator import SCENARIOS
+
+    return tuple(SCENARIOS)
+
+
+MACHINE = Machine(
+    name="dry_clutch",
+    what="dry clutch of a heavy truck",
+    states=DRY_CLUTCH.states,
+    parameters=DRY_CLUTCH.parameters,
+    inputs=DRY_CLUTCH.inputs,
+    sensors=DRY_CLUTCH.sensors,
+    columns=COLUMNS,
+    equations=for_signals,
+    at_rest=at_rest,
+    regimes=RULES,
+    output="transmitted_torque",
+    event=Event("temp_disc"),
+    wear=Wear(
+        state="zero_position",
+        nominal="zero_position_ref",
+        unit="mm",
+        part="pads",
+        rate_state="wear_rate",
+        same_as=("position_offset",),
+    ),
+    limits={"wear": "mm"},
+    error_terms=ERROR_TERMS,
+    covariates=COVARIATES,
+    rates=RATES,
+    peaks=PEAKS,
+    effects=effects_in("clutchest.models.dry_clutch.effects"),
+    separating_sensors=SEPARATING_SENSORS,
+    sensor_for=SENSOR_FOR,
+    compared=Comparison("measured_torque", "clutch_torque", "Nm", "clutch torque"),
+    separating_manoeuvres=SEPARATING_MANOEUVRES,
+    fault_signals=("slave_position", "input_shaft_speed", "engine_torque", "engine_speed"),
+    followers=(Follower("actuator", "motor_position", "slave_position", 1.5),),
+    generate=_generate,
+    scenarios=_scenarios,
+    template="truck",
+)

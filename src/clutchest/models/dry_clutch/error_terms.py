@@ -1,0 +1,99 @@
+"""Ways in which the dry clutch's equations may be wrong that no effect knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from clutchest.models.error_terms import ErrorTerm
+from clutchest.models.machine import Separation
+
+# A reading that the equations take as an input is corrected, so that there the sign turns.
+_ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
+_ACTUATOR = ("slave_position", "position_rate", "temp_housing", "ambient_temp", "time")
+_WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does nothing to it
+    "slip_speed",
+    "slave_position",
+    "temp_disc",
+    "temp_body",
+    "temp_housing",
+    "coolant_temp",
+    "ambient_temp",
+    "energy",
+    "time",
+)
+_CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
+ERROR_TERMS: Mapping[str, ErrorTerm] = {
+    "torque": ErrorTerm("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
+    "torque, added": ErrorTerm(
+        "torque", {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)}
+    ),  # Nm
+    "engine_speed": ErrorTerm(
+        "engine_speed", {"true_engine_torque": lambda value, g: value - 30.0 * g}
+    ),  # Nm
+    "disc_heat": ErrorTerm(
+        "disc_heat", {"disc_heat": lambda value, g: value + 500.0 * g}, slow=True
+    ),  # W
+    "body_heat": ErrorTerm(
+        "body_heat", {"body_heat": lambda value, g: value + 500.0 * g}, slow=True
+    ),  # W
+    "housing_heat": ErrorTerm(
+        "housing_heat", {"housing_heat": lambda value, g: value + 200.0 * g}, slow=True
+    ),  # W
+    "zero_position": ErrorTerm(
+        "zero_position",
+        {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
+        covariates=_WEARS,
+        slow=True,
+    ),
+    "sensor:engine_torque": ErrorTerm(
+        "sensor:engine_torque",
+        {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
+        covariates=_ENGINES_MAP,
+    ),
+    "sensor:engine_torque, added": ErrorTerm(
+        "sensor:engine_torque",
+        {"engine_torque": lambda value, g: value - 30.0 * g},  # Nm
+        covariates=_ENGINES_MAP,
+    ),
+    "sensor:slave_position": ErrorTerm(
+        "sensor:slave_position",
+        {
+            "slave_position": lambda value, g: value - 0.1 * g,  # mm
+            "zero_position_reading": lambda value, g: value + 0.1 * g,
+        },
+        covariates=_ACTUATOR,
+    ),
+    "timing:engine_torque": ErrorTerm(
+        "timing:engine_torque", late=("engine_torque", 0.02), covariates=_CLOCKS
+    ),
+    "timing:slave_position": ErrorTerm(
+        "timing:slave_position", late=("slave_position", 0.02), covariates=_CLOCKS
+    ),
+}
+
+SEPARATING_SENSORS = (
+    Separation(
+        ("zero_position", "sensor:slave_position"),
+        "a second position sensor, or the thickness of the pads measured once,",
+    ),
+    Separation(("torque", "sensor:engine_torque"), "a torque sensor on the gearbox input shaft"),
+    Separation(("torque", "disc_heat"), "a temperature sensor near the disc"),
+    Separation(("disc_heat", "body_heat"), "a temperature sensor on the pressure plate"),
+)
+
+# The sensor that would show an error in each equation by itself.
+SENSOR_FOR = {
+    "torque": "a torque sensor on the gearbox input shaft",
+    "disc_heat": "a temperature sensor near the disc",
+    "body_heat": "a temperature sensor on the pressure plate",
+    "housing_heat": "a temperature sensor on the clutch housing",
+    "zero_position": "the thickness of the pads, measured once,",
+    "sensor:slave_position": "a second position sensor",
+    "": "a second sensor, or a clock that its signals share,",
+}
+
+# What an error may correlate with, beside inputs, states, time and slip energy: quantities by name,
+# rates of inputs, and the highest so far of states: a lining that was overheated remembers it.
+COVARIATES = ("slip_speed",)
+RATES = {"position_rate": "slave_position"}
+PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}

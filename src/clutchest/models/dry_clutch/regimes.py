@@ -1,0 +1,132 @@
+"""When the dry clutch is open, slips, is locked or retracted, by speeds and positions."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from clutchest.models.regimes import (
+    MODE_NAMES,
+    Mode,
+    Observed,
+    Outputs,
+    RegimeRules,
+    Regimes,
+    around,
+    average,
+    lasting,
+    since,
+)
+from clutchest.models.thresholds import Thresholds
+from clutchest.signals import Floats
+
+BARELY = 0.1  # of the slip that counts as locked: slower, and noise may be all there is of it
+TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
+
+
+def judge(observed: Observed) -> Regimes:
+    """See :class:`~clutchest.models.regimes.RegimeRules`."""
+    p = observed.parameters
+    speed, shaft = observed.at("engine_speed"), observed.at("input_shaft_speed")
+    position = observed.at("slave_position")
+    assert speed is not None
+    return classify(
+        observed.time,
+        None if shaft is None else speed - shaft,
+        None if position is None else position - p["position_origin"],
+        observed.at("motor_position"),
+        observed.missing,
+        p["kiss_point"],
+        observed.thresholds,
+        observed.lost,
+    )
+
+
+def refine(mode: NDArray[np.uint8], outputs: Outputs, inputs: Container[str]) -> NDArray[np.uint8]:
+    """Pressed together or not is the model's word: the kiss point moves with heat and wear."""
+    if "slave_position" not in inputs:
+        return mode
+    mode, idle = mode.copy(), np.abs(outputs["transmitted_torque"]) < TORQUE_FLOOR
+    apart = mode <= Mode.slipping
+    mode[apart] = np.where(idle[apart], Mode.open, Mode.slipping)
+    return mode
+
+
+def classify(
+    time: Floats,
+    slip: Floats | None,
+    position: Floats | None,
+    motor: Floats | None,
+    blind: NDArray[np.bool_],
+    kiss_point: float,
+    thresholds: Thresholds,
+    lost: NDArray[np.bool_] | None = None,
+) -> Regimes:
+    """Regimes over ``time`` (s, shape (n,)).
+
+    ``slip`` rad/s, ``position`` x and ``motor`` mm, None where there is no such signal; ``blind``
+    marks times at which a needed signal is missing, ``lost`` those at which it has been for so
+    long that nothing is known of the clutch.
+    """
+    if lost is None:
+        lost = np.zeros(len(time), bool)
+    if slip is None:
+        no = np.zeros(len(time), bool)
+        return Regimes(np.full(len(time), Mode.unknown, np.uint8), no, no, no)
+    slip = average(time, slip, thresholds.lock_average)
+    still = np.abs(slip) < thresholds.lock_slip
+    locked = lasting(time, still, thresholds.lock_time)
+    home = np.zeros(len(time), bool)
+    if motor is not None:
+        retracted = locked & (motor < thresholds.retracted_position)
+        # a motor about to leave moves the piston before it is seen to be away
+        leaving = around(time, ~retracted, thresholds.guard)
+        home = (since(time, retracted) >= thresholds.settle) & ~leaving
+    apart = np.zeros(len(time), bool)
+    if position is not None:
+        apart = position > kiss_point + thresholds.open_margin
+    mode = np.where(
+        home,
+        Mode.retracted,
+        np.where(locked, Mode.locked, np.where(apart, Mode.open, Mode.slipping)),
+    )
+    longest, least = thresholds.lock_time, BARELY * thresholds.lock_slip
+    slides = ~locked | _ending(time, slip, locked, longest, least)
+    slides |= _ending(-time[::-1], slip[::-1], locked[::-1], longest, least)[::-1]
+    # near lock-up and break-away, and where slip passes zero, the sign of the torque is open
+    near = around(time, locked | still, thresholds.guard)
+    return Regimes(
+        np.where(lost, Mode.unknown, mode).astype(np.uint8),
+        free_running=~(near & ~apart) & ~locked & ~blind,
+        sliding=slides & ~lost,
+        engaged=slides & ~apart & ~lost,
+    )
+
+
+@njit(cache=True)
+def _ending(time, slip, locked, longest, least):  # type: ignore[no-untyped-def]
+    """Where a clutch that counts as ``locked`` still slides, for ``longest`` s at most: until the
+    slip first falls below ``least``.  What is left of it then makes a thousandth of the heat."""
+    found, start = np.zeros(len(locked), np.bool_), -1
+    for k in range(1, len(locked)):
+        if not locked[k]:
+            start = -1
+        elif not locked[k - 1]:
+            start = k
+        if start >= 0:
+            along = slip[k] if slip[start] > 0.0 else -slip[k]
+            found[k] = along > least and time[k] - time[start] < longest
+            start = start if found[k] else -1
+    return found
+
+
+RULES = RegimeRules(
+    MODE_NAMES,
+    ("engine_speed", "input_shaft_speed", "slave_position", "motor_position"),
+    judge,
+    refine,
+    "slipping",
+)

@@ -1,0 +1,224 @@
+"""What the dry clutch is made of: states, parameters, inputs, sensors and canonical columns."""
+
+from __future__ import annotations
+
+from clutchest.models.machine import Separation
+from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
+
+STATES = (
+    State(
+        "temp_body",
+        "°C",
+        "T_b",
+        "flywheel and pressure plate",
+        0.02,
+        15.0,
+        25.0,
+        "a standstill with the actuator retracted",
+        0.15,
+    ),
+    State(
+        "temp_housing",
+        "°C",
+        "T_h",
+        "clutch housing",
+        0.02,
+        12.0,
+        25.0,
+        "a long cool-down with the actuator retracted",
+        0.15,
+    ),
+    State(
+        "temp_disc",
+        "°C",
+        "T_d",
+        "friction disc",
+        0.1,
+        15.0,
+        40.0,
+        "a slip, or the actuator retracted right after one",
+        0.3,
+    ),
+    State(
+        "zero_position",
+        "mm",
+        "x0_ref",
+        "closed slave position at T_ref; wear lowers it",
+        1e-5,
+        0.2,
+        0.12,
+        "the actuator fully retracted at a known temperature",
+        slip_noise=1e-5,
+        prior="zero_position_ref",
+    ),
+    State(
+        "friction",
+        "1",
+        "μ/μ_0",
+        "torque relative to the curve",
+        5e-4,
+        0.1,
+        0.05,
+        "a launch: torque through a slipping clutch",
+        healthy_std=0.02,
+    ),
+    State(
+        "engine_speed",
+        "rad/s",
+        "ω_e",
+        "engine speed",
+        0.3,
+        5.0,
+        5.0,
+        "any sample of the engine speed",
+        carried=False,
+    ),
+    State(
+        "torque_bias",
+        "Nm",
+        "M_bias",
+        "reported engine torque less the true one",
+        1.0,
+        30.0,
+        25.0,
+        "an open clutch with changing engine speed",
+        carried=False,
+        healthy_std=5.0,
+    ),
+    State(
+        "wear_rate",
+        "mm/MJ",
+        "w",
+        "wear per slip energy",
+        0.0,
+        0.05,
+        0.01,
+        "some ten megajoules of slip, and the actuator retracted before and after",
+        healthy_std=0.0,
+    ),
+)
+
+PARAMETERS = (
+    Parameter("heat_capacity_body", "J/K", "(m c_p)_b", "heat capacity of the body", 1.0),
+    Parameter("heat_capacity_housing", "J/K", "(m c_p)_h", "heat capacity of the housing", 1.0),
+    Parameter("heat_capacity_disc", "J/K", "(m c_p)_d", "heat capacity of the disc", 1.0),
+    Parameter("conductance_engine_body", "W/K", "k_ICE2b", "engine block to body", 0.0),
+    Parameter("conductance_body_housing", "W/K", "k_b2h", "body to housing", 0.0),
+    Parameter("conductance_housing_ambient", "W/K", "k_h2amb", "housing to ambient air", 0.0),
+    Parameter("conductance_disc_body", "W/K", "k_d2b", "disc to body", 1e-3),
+    Parameter(
+        "heat_fraction_body", "1", "k_P", "share of the slip power that enters the body", 0.0, 1.0
+    ),
+    Parameter("expansion_body", "mm/K", "k_exp,1", "zero position per body temperature"),
+    Parameter("expansion_disc", "mm/K", "k_exp,2", "zero position per disc over body temperature"),
+    Parameter("reference_temp", "°C", "T_ref", "temperature at which the torque curve holds"),
+    Parameter(
+        "disc_body_temp_cap", "K", "ΔT_cap", "T_d − T_b beyond which the disc adds no more", 0.0
+    ),
+    Parameter("zero_position_ref", "mm", "x0_ref", "nominal zero position at T_ref"),
+    Parameter("position_origin", "mm", "x_origin", "sensor reading at x = 0"),
+    Parameter("torque_cubic", "Nm/mm^3", "a", "cubic term of the torque curve", upper=0.0),
+    Parameter("torque_quadratic", "Nm/mm^2", "b", "quadratic term of the torque curve", 0.0),
+    Parameter("kiss_point", "mm", "x_ISP", "incipient sliding point"),
+    Parameter("engine_inertia", "kg m^2", "J_e", "engine with flywheel", 1e-3),
+    Parameter("engine_torque_max", "Nm", "M_e,max", "largest engine torque", 1.0),
+)
+
+INPUTS = (
+    Input("engine_torque", "Nm", "M_e", "reported engine torque, net at the flywheel"),
+    Input("input_shaft_speed", "rad/s", "ω_i", "gearbox input shaft"),
+    Input("slave_position", "mm", "x + x_origin", "slave piston, raw reading"),
+    Input("coolant_temp", "°C", "T_coolant", "engine coolant", default=85.0, gap=60.0),
+    Input("ambient_temp", "°C", "T_amb", "ambient air", default=20.0, gap=600.0),
+    Input("vehicle_speed", "m/s", "v", "vehicle speed", default=0.0, gap=5.0),
+    Input("engine_acceleration", "rad/s^2", "dω_e/dt", "slope of the measured engine speed"),
+)
+
+# Canonical columns that a vehicle may map; `engine_acceleration` is made from the engine speed.
+COLUMNS = (
+    Column(
+        "engine_speed",
+        "rad/s",
+        rests=True,
+        spn=190,
+        named=r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$",
+    ),
+    Column(
+        "input_shaft_speed",
+        "rad/s",
+        rests=True,
+        spn=161,
+        named=r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*(speed|spd|rpm|_w_|_n_)",
+        geared_by="engine_speed",
+    ),
+    Column(
+        "slave_position",
+        "mm",
+        named=r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)",
+    ),
+    Column("motor_position", "mm", rests=True, named=r"(motor|actuator)\w*(pos|travel)"),
+    Column(
+        "engine_torque",
+        "Nm",
+        spn=513,
+        named=r"(eng|crank|trnain|mot)\w*(torque|trq|tq|moment)\w*(act|net|meas)"
+        r"|actual\w*engine\w*torque",
+        companions={"fraction": 4154, "friction": 514},
+        reference_spn=544,
+    ),
+    Column(
+        "coolant_temp",
+        "°C",
+        possible=(-50.0, 130.0, 3.0),
+        spn=110,
+        named=r"(coolant|cool|clnt|kuehl|water)\w*(temp|_te_|_t$)",
+    ),
+    Column(
+        "ambient_temp",
+        "°C",
+        possible=(-60.0, 60.0, 2.0),
+        spn=171,
+        named=r"(amb|outside|aussen|airamb)\w*(temp|_te_|_t$)",
+    ),
+    Column(
+        "vehicle_speed",
+        "m/s",
+        rests=True,
+        spn=84,
+        named=r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$",
+    ),
+)
+
+# The zero position tells of the body's temperature by a coefficient that is itself uncertain, and
+# the product of both errors is beyond a filter of first order.  White readings, 100 a second, would
+# be finer than that product and make body temperature three standard deviations wrong after a
+# heating.
+SENSORS = (
+    Sensor("engine_speed", "rad/s", "ω_e", "engine speed"),
+    Sensor(
+        "zero_position",
+        "mm",
+        "x0",
+        "slave position while the actuator is fully retracted",
+        column="slave_position",
+        mode="retracted",
+        repeats=0.08,
+    ),
+)
+
+
+# Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.
+SEPARATING_MANOEUVRES = (
+    Separation(("temp_body", "zero_position"), "slow cooling with the actuator retracted"),
+    Separation(("temp_disc", "zero_position"), "slow cooling with the actuator retracted"),
+    Separation(("temp_housing", "zero_position"), "slow cooling with the actuator retracted"),
+    Separation(("temp_housing", "temp_body"), "a long cool-down with the actuator retracted"),
+    Separation(("temp_disc", "temp_body"), "a slip, which heats the disc first"),
+    Separation(
+        ("friction", "zero_position"), "the actuator retracted, which shows the position alone"
+    ),
+    Separation(("friction", "torque_bias"), "an open clutch, which shows the bias alone"),
+    Separation(
+        ("wear_rate", "zero_position"), "more slip, with the actuator retracted before and after"
+    ),
+)

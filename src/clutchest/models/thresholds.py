@@ -1,0 +1,56 @@
+"""Thresholds by which regimes are judged, as a vehicle file may set them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """When a clutch counts as what.
+
+    ``lock_slip`` rad/s and ``lock_time`` s: slip below this for this long is locked, averaged over
+    ``lock_average`` s where a shuffling driveline shakes the speeds;
+    ``retracted_position`` mm: motor position below which the actuator is home, for ``settle`` s;
+    ``open_margin`` mm beyond the nominal kiss point: surely open, however hot;
+    ``guard`` s around each transition without information from torque; ``gap`` s without a
+    sample that the model needs: likewise.
+    """
+
+    lock_slip: float = 2.0
+    lock_time: float = 0.3
+    lock_average: float = 0.0
+    open_margin: float = 2.5
+    retracted_position: float = 0.3
+    settle: float = 0.2
+    guard: float = 0.1
+    gap: float = 0.5
+
+    @property
+    def ahead(self) -> float:
+        """What is known this much later, s, does not change a regime any more."""
+        return self.lock_average / 2 + self.lock_time + self.guard
+
+    @property
+    def back(self) -> float:
+        """Nor does what was known this much earlier, s."""
+        return self.lock_average + self.lock_time + self.settle + 2 * self.guard
+
+    @classmethod
+    def of(cls, modes: Mapping[str, float]) -> Thresholds:
+        """Those of a vehicle file, defaults where it is silent."""
+        return cls(**modes)
+
+
+# Thresholds that a vehicle file may set, with their units.
+THRESHOLD_UNITS = {
+    "lock_slip": "rad/s",
+    "lock_time": "s",
+    "lock_average": "s",
+    "open_margin": "mm",
+    "retracted_position": "mm",
+    "settle": "s",
+    "guard": "s",
+    "gap": "s",
+}
