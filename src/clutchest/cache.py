@@ -1,4 +1,4 @@
-"""What a machine keeps from one run to the next, since it takes long to make."""
+"""The cache folder: what takes long to make is kept there from one run to the next."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def cache_folder() -> Path:
-    """Where it lies: ``CLUTCHEST_CACHE`` if set, else the user's cache folder."""
+    """``CLUTCHEST_CACHE`` if set, else the user's cache folder."""
     from platformdirs import user_cache_path
 
     chosen = os.environ.get("CLUTCHEST_CACHE")

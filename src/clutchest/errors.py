@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class ClutchestError(Exception):
-    """Bad input, told in one line: where, what was expected, and the nearest valid thing.
+    """Bad input, in one line: where, what was expected, and the nearest valid thing.
 
     The command line prints it without a traceback and ends with exit code 1.
     """

@@ -1,9 +1,8 @@
-"""Arrays that are as long as a log, in files beyond the first 64 MiB: what is not looked at takes
-no memory.
+"""Memory-mapped arrays: those as long as a log, in files beyond the first 64 MiB.
 
-Such an array is like any other.  :func:`release_memory` gives the memory of all of them back;
-what is read again comes from the file.  Where the system cannot set disk space aside, as only POSIX
-promises, or has none left, arrays stay in memory.
+Such an array is used like any other.  :func:`release_memory` frees the memory of all of them;
+values are then read from the file when needed.  Where the system cannot reserve disk space, which
+only POSIX guarantees, or has none left, arrays stay in memory.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from clutchest.cache import cache_folder
 LEAST = 1 << 18  # bytes; smaller arrays stay in memory
 HELD = 64 << 20  # bytes of larger ones that stay there too: short drives need no files
 SEGMENT = 64 << 20  # bytes of one file
-PORTION = 1 << 17  # rows that are looked at together
+PORTION = 1 << 17  # rows that are processed together
 
 
 class _Map(mmap.mmap):
@@ -72,7 +71,7 @@ def portions(n: int) -> list[slice]:
 
 
 def release_memory() -> None:
-    """Keep nothing of the files in memory."""
+    """Free the memory of all mapped files."""
     for mapped in list(_maps):
         mapped.madvise(mmap.MADV_DONTNEED)
 
@@ -83,7 +82,7 @@ def _fits(size: int) -> bool:
 
 
 def _counted(values: NDArray) -> NDArray:
-    """``values``, which count as held in memory until nobody needs them."""
+    """``values``, which count as held in memory until nothing refers to them."""
     if values.nbytes >= LEAST:
         _held[id(values)] = values.nbytes
         finalize(values, _held.pop, id(values), None)
@@ -110,7 +109,7 @@ def _segment(size: int) -> NDArray[np.uint8] | None:
         folder = cache_folder()  # not where temporary files lie: that may be memory itself
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder) as file:
-            os.posix_fallocate(file.fileno(), 0, size)  # so that a full disk is told here
+            os.posix_fallocate(file.fileno(), 0, size)  # so that a full disk is an error here
             mapped = _Map(file.fileno(), size)
         _maps.add(mapped)
         return np.frombuffer(mapped, np.uint8)

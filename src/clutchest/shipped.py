@@ -1,4 +1,4 @@
-"""Where the DBCs, vehicles and logs stand that travel with the package."""
+"""The DBCs, vehicles and logs that are installed with the package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from clutchest.errors import ClutchestError, file_like, nearest
 
 _PACKAGE = Path(__file__).parent
-# In the wheel they lie inside the package; in a checkout at its top level.
+# In the wheel they are inside the package; in a checkout at its top level.
 _ROOTS = (_PACKAGE / "data", _PACKAGE.parents[1])
 
 

@@ -1,4 +1,4 @@
-"""Signals: what the rest of the toolkit works on, whatever bus or file it came from."""
+"""Signals: what the rest of the toolkit works on, from any bus or file."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from clutchest.errors import ClutchestError, nearest
 Floats = NDArray[np.float64]
 Rows = NDArray[np.bool_] | NDArray[np.intp] | slice  # which samples: a mask, indices, or from … to
 
-LOST = 10.0  # s; through a longer hole in a signal no straight line is drawn
-HEAD = 5.0  # s from its first sample, by which it is known where a signal comes from, and how often
+LOST = 10.0  # s; over a longer gap in a signal nothing is interpolated
+HEAD = 5.0  # s from its first sample, by which a signal's sender and period are determined
 
 
 class Why(IntEnum):
     """Why a sample is not a number."""
 
     VALID = 0
-    NOT_AVAILABLE = 1  # the bus says so (J1939: all ones)
-    ERROR = 2  # the bus says so (J1939: 0xFE…)
+    NOT_AVAILABLE = 1  # stated by the bus (J1939: all ones)
+    ERROR = 2  # stated by the bus (J1939: 0xFE…)
     RESERVED = 3  # a code that J1939 keeps back
     TOO_SHORT = 4  # the frame ends before the signal does
     OUT_OF_RANGE = 5  # not finite, or outside what the vehicle file allows
@@ -34,7 +34,7 @@ class Why(IntEnum):
     COUNTER = 7
 
 
-_VALID = np.uint8(Why.VALID)  # an enumeration is asked slowly
+_VALID = np.uint8(Why.VALID)  # attributes of an enumeration are slow
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ class Signal:
 @njit(cache=True, error_model="numpy")
 def _between(time, samples, value, gap):  # type: ignore[no-untyped-def]
     """``value`` at ``time``, straight between ``samples`` at most ``gap`` apart, else held."""
-    found, n, k = np.empty(len(time)), len(samples), 0
+    result, n, k = np.empty(len(time)), len(samples), 0
     for i in range(len(time)):
         t = time[i]
         if k and t < samples[k - 1]:
@@ -126,18 +126,18 @@ def _between(time, samples, value, gap):  # type: ignore[no-untyped-def]
         while k < n and samples[k] <= t:  # k: the first sample behind t
             k += 1
         if k == 0:
-            found[i] = value[0]
+            result[i] = value[0]
         elif k == n or t == samples[k - 1] or samples[k] - samples[k - 1] > gap:
-            found[i] = value[k - 1]
+            result[i] = value[k - 1]
         else:
             slope = (value[k] - value[k - 1]) / (samples[k] - samples[k - 1])
-            found[i] = slope * (t - samples[k - 1]) + value[k - 1]
-    return found
+            result[i] = slope * (t - samples[k - 1]) + value[k - 1]
+    return result
 
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What became of the frames of a log."""
+    """How many frames of a log were decoded or rejected, by reason."""
 
     frames: int = 0
     decoded: int = 0  # frames of mapped messages that gave at least one sample
@@ -177,7 +177,7 @@ class Traffic:
 
     ``time`` s since the log's start; ``same``: the payload, counter and checksum left out, is that
     of the frame before; ``step`` by how much the counter went on (−1 for the first frame and where
-    there is none), ``turns`` after how many it begins again (0: no counter); ``sound``: the
+    there is none), ``turns`` the number of its values (0: no counter); ``sound``: the
     checksum is right, or there is none.  ``period`` s as the DBC or the vehicle file states it,
     None where they do not.  ``checked``: counter and checksum are known to be meant as such.
     """
@@ -217,7 +217,7 @@ class Traffic:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What the generator knows: columns on one time grid, shape (n,) each; ``mode`` holds names."""
+    """True values of a simulated drive on one time grid, (n,) each; ``mode`` holds names."""
 
     time: Floats
     columns: Mapping[str, NDArray]

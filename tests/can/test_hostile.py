@@ -143,7 +143,7 @@ def test_an_mf4_channel_beyond_its_records(offset, tmp_path):
         content[place : place + 4] = offset.to_bytes(4, "little")
         at = content.find(b"##CN", at + 4)
     path.write_bytes(content)
-    with pytest.raises(ClutchestError, match="lies beyond its records"):
+    with pytest.raises(ClutchestError, match="ends beyond its records"):
         read_frames(path)
 
 

@@ -169,7 +169,7 @@ def test_the_vehicle_files_range_holds_for_tables_too(edited, tmp_path: Path) ->
 
 def test_what_was_made_of_a_log_is_none(tmp_path: Path) -> None:
     made = write_simulation(tmp_path / "a.csv", load_vehicle("truck"), "launches", 1)
-    with pytest.raises(ClutchestError, match="holds what clutchest made of a drive, expected the"):
+    with pytest.raises(ClutchestError, match="is a result of clutchest, expected a"):
         read_log(made, "truck")
 
 
@@ -310,7 +310,7 @@ def test_the_same_frames_in_two_files_count_once(logs, truck) -> None:
     one, copy = logs("a.log", 0.0), logs("copy.mf4", 0.0)
     signals = read_log([one, copy], truck)
     assert len(signals["engine_speed"]) == 100
-    assert dict(signals.counts.rejected) == {"copy": 100}
+    assert dict(signals.counts.rejected) == {"duplicate": 100}
 
 
 def test_a_clock_that_goes_back_is_told_and_put_in_order(send, truck, tmp_path) -> None:
@@ -329,5 +329,5 @@ def test_a_frame_that_is_told_twice_counts_once(send, truck, tmp_path) -> None:
     write_frames(Frames.concatenate([frames, again]).sorted(), tmp_path / "a.log")
     signals = read_log(tmp_path / "a.log", truck)
     assert len(signals["engine_speed"]) == 100
-    assert signals.counts.rejected["copy"] == 20
+    assert signals.counts.rejected["duplicate"] == 20
     assert signals.counts.frames == 120

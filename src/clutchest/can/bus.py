@@ -24,13 +24,13 @@ BUFFER = 8 << 20  # bytes a socket may hold: seconds of a full bus, where the de
 MOST = 2000  # frames in one go
 _SO_RXQ_OVFL, _SO_RCVBUFFORCE, _SO_TIMESTAMPNS = 40, 33, 35
 _CLASSIC, _FD = 16, 72  # bytes of the kernel's struct can_frame and canfd_frame
-_TRANSPORT = ((0xEC0000, 0xFF0000), (0xEB0000, 0xFF0000))  # TP.CM and TP.DT, whoever sends them
+_TRANSPORT = ((0xEC0000, 0xFF0000), (0xEB0000, 0xFF0000))  # TP.CM and TP.DT of any sender
 
 
 def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = ()) -> can.BusABC:
     """A bus that lets the frames of ``messages`` in, all if there are none.
 
-    Raises ClutchestError that says what is missing.
+    Raises ClutchestError naming what is missing.
     """
     import can
 
@@ -56,12 +56,12 @@ def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = 
 def filters(messages: Iterable[Message]) -> list[dict[str, Any]]:
     """What python-can needs to let these messages in, and the packets of those in packets."""
     wanted = list(messages)
-    found = [
+    accepted = [
         {"can_id": m.id & m.id_mask, "can_mask": m.id_mask, "extended": m.extended} for m in wanted
     ]
     if any(transport.may_carry(message) for message in wanted):
-        found += [{"can_id": i, "can_mask": mask, "extended": True} for i, mask in _TRANSPORT]
-    return found
+        accepted += [{"can_id": i, "can_mask": mask, "extended": True} for i, mask in _TRANSPORT]
+    return accepted
 
 
 def _sockets(bus: can.BusABC) -> list[socket.socket]:
@@ -99,15 +99,15 @@ class BusReader:
         self.bus = bus
 
     def read(self, timeout: float) -> Received | None:
-        """The frames that are there, waiting up to ``timeout`` s for the first one; None if none
-        came.  Raises can.CanError or OSError where the interface fails."""
+        """The frames received so far, waiting up to ``timeout`` s for the first one; None without
+        any.  Raises can.CanError or OSError where the interface fails."""
         message = self.bus.recv(timeout)
         if message is None:
             return None
-        found = [message]
-        while len(found) < MOST and (message := self.bus.recv(0)) is not None:
-            found.append(message)
-        return Received(frames_of(found), time.monotonic_ns())
+        messages = [message]
+        while len(messages) < MOST and (message := self.bus.recv(0)) is not None:
+            messages.append(message)
+        return Received(frames_of(messages), time.monotonic_ns())
 
 
 class SocketReader(BusReader):

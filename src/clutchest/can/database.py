@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SignalLayout:
-    """Where a signal lies in its message, and how its raw value becomes a number.
+    """Place of a signal in its message, and how its raw value becomes a number.
 
     ``start`` bit as a DBC counts it (least significant bit if ``little_endian``, else the most
     significant), ``width`` bits; value = raw · ``scale`` + ``offset`` in ``unit``, the bus unit.
@@ -82,7 +82,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Database:
-    """The messages of one or more DBC files; ``warnings`` says what was tolerated."""
+    """The messages of one or more DBC files; ``warnings``: what was tolerated."""
 
     messages: Mapping[str, Message]
     paths: tuple[Path, ...] = ()

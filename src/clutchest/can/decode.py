@@ -69,7 +69,7 @@ def decode(
 ) -> dict[str, Column]:
     """The named signals of ``message`` from the given ``rows``, by name.
 
-    Frames longer than the message are read as far as the DBC goes; in shorter ones every signal
+    Frames longer than the message are read up to the DBC's length; in shorter ones every signal
     that does not lie wholly inside is TOO_SHORT.  Raises ClutchestError for an unknown signal.
     """
     length = frames.length[rows]
@@ -156,7 +156,7 @@ def scaled(raw: NDArray, layout: SignalLayout) -> NDArray[np.float64]:
     scale, offset = layout.scale, layout.offset
     if layout.is_float:
         numbers = raw.astype(f"u{layout.width // 8}").view(f"f{layout.width // 8}")
-        with np.errstate(invalid="ignore", over="ignore"):  # any bit pattern may come
+        with np.errstate(invalid="ignore", over="ignore"):  # any bit pattern is possible
             return numbers.astype(np.float64) * scale + offset
     if scale == 1 and offset == 0:
         return raw.astype(np.float64)

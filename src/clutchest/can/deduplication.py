@@ -1,4 +1,4 @@
-"""Frames that are told twice, by two files or by one: what is heard twice is no second reading."""
+"""Deduplication: a frame recorded twice, in two files or in one, is one reading."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from numba import njit
 
 from clutchest.can.frames import Frames
 
-_LOOK_BACK = 256  # frames of one time stamp among which a copy is looked for
+_LOOK_BACK = 256  # frames of one time stamp among which a duplicate is searched
 
 
-def without_copies(frames: Frames) -> Frames:
+def without_duplicates(frames: Frames) -> Frames:
     """``frames`` (sorted) without those that equal one before, stamp included; they are counted in
     ``passed_over``."""
-    copies = _copies(
+    duplicate = _duplicates(
         frames.t_ns, frames.channel, frames.id, frames.flags, frames.length, frames.data
     )
-    count = int(np.count_nonzero(copies))
+    count = int(np.count_nonzero(duplicate))
     if not count:
         return frames
-    return replace(frames.take(~copies), passed_over=(*frames.passed_over, ("copy", count)))
+    return replace(frames.take(~duplicate), passed_over=(*frames.passed_over, ("duplicate", count)))
 
 
 @njit(cache=True, error_model="numpy")
-def _copies(t_ns, channel, ids, flags, length, data):  # type: ignore[no-untyped-def]
-    found = np.zeros(len(t_ns), np.bool_)
+def _duplicates(t_ns, channel, ids, flags, length, data):  # type: ignore[no-untyped-def]
+    duplicate = np.zeros(len(t_ns), np.bool_)
     for i in range(len(t_ns)):
         first = max(i - _LOOK_BACK, 0)
         k = i - 1
-        while k >= first and t_ns[k] == t_ns[i] and not found[i]:
+        while k >= first and t_ns[k] == t_ns[i] and not duplicate[i]:
             if ids[k] == ids[i] and channel[k] == channel[i] and flags[k] == flags[i]:
                 same = length[k] == length[i]
                 for byte in range(data.shape[1]):
                     same = same and data[k, byte] == data[i, byte]
-                found[i] = same
+                duplicate[i] = same
             k -= 1
-    return found
+    return duplicate

@@ -15,7 +15,7 @@ from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 
 PGN = 65226
-EVERY_S = 1.0  # s between two broadcasts while a code is active; a change goes out at once
+EVERY_S = 1.0  # s between two broadcasts while a code is active; a change is sent at once
 _PRIORITY, _TRANSFER_PRIORITY = 6, 7
 _CM, _DT, _EVERYONE, _BAM = 0xEC, 0xEB, 0xFF, 32
 _APART_NS = 50_000_000  # between packets of a broadcast
@@ -47,7 +47,7 @@ class Code:
 
 
 def payload(codes: Sequence[Code]) -> bytes:
-    """The message's bytes: with codes the amber lamp is on; without, all of it says "none".
+    """The message's bytes: with codes the amber lamp is on; without, all bytes mean "none".
 
     Raises ClutchestError for more codes than a message may carry.
     """
@@ -60,13 +60,13 @@ def payload(codes: Sequence[Code]) -> bytes:
 
 def read_payload(data: bytes) -> list[Code]:
     """The codes in a message's bytes, filling left out."""
-    found = []
+    codes = []
     for k in range(2, len(data) - 3, 4):
         low, middle, high, count = data[k : k + 4]
         spn, fmi = low | middle << 8 | (high >> 5) << 16, high & 0x1F
         if (spn, fmi) not in ((0, 0), (0x7FFFF, 0x1F)):
-            found.append(Code(spn, fmi, count & 0x7F))
-    return found
+            codes.append(Code(spn, fmi, count & 0x7F))
+    return codes
 
 
 def frames_of(codes: Sequence[Code], source_address: int, t_ns: int = 0) -> Frames:
@@ -100,9 +100,9 @@ def frames_of(codes: Sequence[Code], source_address: int, t_ns: int = 0) -> Fram
 
 
 def _frames(rows: Sequence[tuple[int, bytes]], t_ns: int) -> Frames:
-    found = Frames.empty(len(rows))
+    frames = Frames.empty(len(rows))
     for k, (can_id, data) in enumerate(rows):
-        found.t_ns[k] = t_ns + k * _APART_NS
-        found.id[k], found.flags[k], found.length[k] = can_id, Flag.EXTENDED, 8
-        found.data[k] = np.frombuffer(data, np.uint8)
-    return found
+        frames.t_ns[k] = t_ns + k * _APART_NS
+        frames.id[k], frames.flags[k], frames.length[k] = can_id, Flag.EXTENDED, 8
+        frames.data[k] = np.frombuffer(data, np.uint8)
+    return frames

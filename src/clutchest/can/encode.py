@@ -4,7 +4,7 @@ Signals whose name ends in ``Counter`` count the frames of a call, 0, 1, … up 
 value and round again; one that ends in ``Checksum`` is computed:
 
     s = sum of all payload bytes, the bits of the checksum itself taken as 0,
-        + the four bytes of the 29-bit or 11-bit id as it stands on the bus
+        + the four bytes of the 29-bit or 11-bit id as on the bus
     checksum = (s + (s >> w) + (s >> 2w) + …) mod 2^w           w = width of the signal
 
 the pattern of SAE J1939's own message checksums (payload, counter and id summed, then folded).
@@ -166,7 +166,7 @@ def _raw(message: Message, layout: SignalLayout, values: NDArray[np.float64]) ->
             f"'not available', but value {np.argmax(missing)} is NaN"
         )
     low, high = layout.minimum, layout.maximum
-    if low is not None and high is not None and low < high:  # [0|0] says that there is no range
+    if low is not None and high is not None and low < high:  # [0|0] means that there is no range
         values = np.clip(values, low, high)
     values = np.where(missing, 0.0, values)
     if layout.is_float:

@@ -1,6 +1,6 @@
 """Log files: any format in, columns out, and back.
 
-A log is known by its content, so a wrong suffix does no harm.  Which formats there are stands in
+A log is recognised by its content, so a wrong suffix does no harm.  The formats are those of
 :mod:`clutchest.can.formats`; each may be gzipped.
 """
 
@@ -49,8 +49,8 @@ def blocks_of(source: LogSource) -> Iterator[Frames]:
         if empty == log_source.HOPELESS:
             source.rejected["nothing readable for long, the rest left unread"] += 1
             break
-    if source.cut:
-        source.rejected[log_source.GZIP_CUT] += 1
+    if source.truncated:
+        source.rejected[log_source.GZIP_TRUNCATED] += 1
     if not any_frame:
         rejected.update(source.rejected)
         reasons = [f"{count} × {reason}" for reason, count in rejected.items()]

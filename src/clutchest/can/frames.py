@@ -103,7 +103,7 @@ class Frames:
     def concatenate(cls, parts: Iterable[Frames]) -> Frames:
         """All rows of ``parts``, one after the other; a narrow payload is padded with zeros.
 
-        Column by column, so that parts that nobody else holds are let go on the way.
+        Column by column, so that the memory of parts not referred to elsewhere is freed early.
         """
         given: dict[str, list] = {f.name: [] for f in fields(cls)}
         for part in parts:

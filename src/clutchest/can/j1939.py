@@ -47,7 +47,7 @@ def code_limits(width: int, spn: int | None = None) -> tuple[int, int, int]:
     if width == 1:
         return full, full, full
     if width in (8, 16, 32):
-        unit = full >> 8  # the code stands in the top byte
+        unit = full >> 8  # the code is in the top byte
         return 0xFB * unit, 0xFE * unit, 0xFF * unit
     return full - 2, full - 2, full - 1
 

@@ -1,7 +1,7 @@
 """The entry of one log format in the table: all that is known of it, beside its reader and writer.
 
-A format is a module of :mod:`clutchest.can.formats` that names its entry ``FORMAT``; nothing else
-has to know of it.
+A format is a module of :mod:`clutchest.can.formats` whose entry is called ``FORMAT``; no other
+module mentions it.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ FileWriter = Callable[[Frames, Path], None]
 class Loss:
     """Something that a format has no place for.
 
-    ``what`` in a few words; ``count`` how many of the given frames it concerns; ``words`` what the
-    writer of such a file is told behind the suffix, ``{n}`` standing for that number.
+    ``what`` in a few words; ``count`` how many of the given frames it concerns; ``words`` the
+    warning behind the suffix when such a file is written, ``{n}`` standing for that number.
     """
 
     what: str
@@ -36,7 +36,7 @@ class Loss:
 
 
 def never(suffix: str) -> bool:
-    """For formats that are known by their content only."""
+    """For formats that are recognised by their content only."""
     return False
 
 
@@ -47,7 +47,7 @@ class LogFormat:
     ``title`` names it in messages, ``about`` in the documentation.  ``suffix`` is the one by which
     it is written, empty where it cannot be.  ``sniff`` gives the position in the first bytes of a
     file at which its content shows, None where it does not: of several formats the earliest counts.
-    ``by_suffix`` says whether files of a suffix are of this format where no content decides.
+    ``by_suffix``: whether files of a suffix are of this format where no content decides.
     ``read`` gives the frames of an open log block by block.  One of ``lines`` (the file in pieces)
     and ``save`` (to a path) writes; ``losses`` is what the format cannot carry.  Libraries that
     only this format needs are imported within these functions.

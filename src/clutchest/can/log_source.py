@@ -1,6 +1,6 @@
-"""The bytes of a log: opened, inflated, cut into blocks; never more in memory than one block.
+"""The bytes of a log: opened, inflated, split into blocks; never more in memory than one block.
 
-What a file claims about its own size is believed nowhere: gzip data are inflated as far as the
+The size that a file states is never relied upon: gzip data are inflated as far as the
 next block needs, a line without an end is dropped, and a file that shows nothing readable for
 ``HOPELESS`` blocks is given up.
 """
@@ -26,13 +26,13 @@ try:  # several times quicker; not built for every processor
 except ImportError:
     zlib = plain_zlib
 
-BLOCK = 1 << 20  # bytes of text or of inflated objects that are looked at together
+BLOCK = 1 << 20  # bytes of text or of inflated objects that are processed together
 HEAD = 100_000  # bytes by which a format is known
-HOPELESS = 256  # blocks without a frame; what goes on like this is no log
+HOPELESS = 256  # blocks without a frame; more of the same is no log
 BAD_DATA: tuple[type[Exception], ...] = (plain_zlib.error, zlib.error)
 
 _PIECE = 64 << 10  # bytes of compressed data at a time
-GZIP_CUT = "gzip data end early"
+GZIP_TRUNCATED = "gzip data end early"
 _LONG_LINE = f"line longer than {BLOCK >> 20} MiB"
 
 
@@ -44,11 +44,11 @@ class Bytes(Protocol):
 
 
 class Gunzip:
-    """What a gzip file holds, member by member; ``cut`` once it has ended early or is broken."""
+    """What a gzip file holds, member by member; ``truncated`` once it ended early or is broken."""
 
     def __init__(self, file: Bytes) -> None:
         self.file = file
-        self.cut = False
+        self.truncated = False
         self._inflater = zlib.decompressobj(wbits=31)
         self._rest = b""
         self._done = False
@@ -62,7 +62,7 @@ class Gunzip:
             try:
                 part = self._inflater.decompress(given, wanted)
             except BAD_DATA:
-                self.cut = self._done = True
+                self.truncated = self._done = True
                 break
             self._rest = self._inflater.unconsumed_tail
             if part:
@@ -73,7 +73,7 @@ class Gunzip:
                 self._done = not self._rest
                 self._inflater = zlib.decompressobj(wbits=31)
             elif not given and not part:
-                self.cut = self._done = True
+                self.truncated = self._done = True
         return b"".join(parts)
 
 
@@ -93,13 +93,13 @@ class LogSource:
         self._file: Bytes = Gunzip(file) if self.zipped else file
         self.head = self._file.read(HEAD)
         self._unread = self.head
-        if self.cut and not self.head:
+        if self.truncated and not self.head:
             raise ClutchestError(f"{path}: damaged gzip data")
 
     @property
-    def cut(self) -> bool:
+    def truncated(self) -> bool:
         """Whether compressed data ended early."""
-        return isinstance(self._file, Gunzip) and self._file.cut
+        return isinstance(self._file, Gunzip) and self._file.truncated
 
     def read(self, size: int, /) -> bytes:
         """At most ``size`` bytes, fewer only at the end."""
@@ -166,7 +166,7 @@ def opened(path: Path) -> Iterator[LogSource]:
 
 @contextmanager
 def quiet(library: str) -> Iterator[None]:
-    """Libraries log what is broken in a file; here it is counted, or told in one line."""
+    """Silences the ``library``'s log: what is broken in a file is counted, or an error, here."""
     logger = logging.getLogger(library)
     level = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -35,13 +35,14 @@ def play(
     bus: can.BusABC,
     *,
     speed: float = 1.0,
-    told: Callable[[Played, float], None] = lambda played, at: None,
+    progress: Callable[[Played, float], None] = lambda played, at: None,
 ) -> Played:
     """Send the frames of a log, ``speed`` times as fast as they were recorded.
 
-    Every frame has its own deadline from the start, so that no lateness adds up; a clock that goes
-    back in the log holds nothing up.  ``told`` is called about once a second with what was sent and
-    the time in the log, s.  Raises ClutchestError where the bus refuses a frame for long.
+    Every frame has its own deadline from the start, so that lateness does not add up; a clock
+    that goes back in the log delays nothing.  ``progress`` is called about once a second with what
+    was sent and the time in the log, s.  Raises ClutchestError where the bus refuses a frame for
+    long.
     """
     import can
 
@@ -67,7 +68,7 @@ def play(
             played.sent += 1
             if due - asked > 1.0:
                 asked = due
-                told(played, at)
+                progress(played, at)
     return played
 
 

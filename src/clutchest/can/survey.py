@@ -54,7 +54,7 @@ def _row(frames: Frames, group: np.ndarray, databases: Sequence[Database]) -> Id
     first = group[0]
     can_id, extended = int(frames.id[first]), bool(frames.flags[first] & Flag.EXTENDED)
     known = (database.find(can_id, extended) for database in databases)
-    message = next((found.name for found in known if found), None)
+    message = next((candidate.name for candidate in known if candidate), None)
     rate = period = gap = None
     if len(group) > 1:
         t = frames.t_ns[group]

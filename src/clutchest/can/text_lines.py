@@ -1,4 +1,4 @@
-"""Lines of text from columns: every line is cut from the longest one that there may be."""
+"""Lines of text from columns: each is the longest possible line less some characters."""
 
 from __future__ import annotations
 

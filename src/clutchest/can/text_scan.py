@@ -1,8 +1,8 @@
 """Compiled pieces from which the readers of text logs are made.
 
-A block of text ends in a newline, which belongs to none of the classes below, so nothing here
-needs to ask where the block ends.  Positions are indices into the block; where a piece finds
-nothing it gives back the position at which it began.
+A block of text ends in a newline, which belongs to none of the classes below, so no function here
+has to check where the block ends.  Positions are indices into the block; a function that matches
+nothing returns the position at which it began.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ SENT = int(Flag.SENT)
 BLANK = -1  # nothing in it, or nothing that ought to be a frame
 WIDE = -2  # a payload wider than the table
 HEADER = -3  # to be read by Python
-NO_FRAME, BAD_TIME, BAD_ID, BAD_DATA, CUT = -4, -5, -6, -7, -8
+NO_FRAME, BAD_TIME, BAD_ID, BAD_DATA, TOO_SHORT = -4, -5, -6, -7, -8
 REASONS = {
     NO_FRAME: "no CAN frame in this line",
     BAD_TIME: "time stamp cannot be read",
     BAD_ID: "id is not a CAN id",
     BAD_DATA: "payload cannot be read or is too long",
-    CUT: "payload is shorter than its stated length",
+    TOO_SHORT: "payload is shorter than its stated length",
 }
 N_CODES = 9
 SHORTEST = 5  # characters of a line that holds a frame; the least there can be are 6
@@ -133,7 +133,7 @@ def tables(source: LogSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iter
 
 
 def undated(source: LogSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
-    """The same of a format that does not say from when it counts: the first frame does."""
+    """The same of a format that does not state from when it counts: the first frame shows it."""
     absolute = None
     for frames in tables(source, scan):
         if absolute is None and len(frames):
@@ -168,7 +168,7 @@ def word(text: Bytes, i: int) -> int:
 
 @compiled
 def at_end(text: Bytes, i: int) -> int:
-    """The newline, if nothing but white space stands before it, else -1."""
+    """The newline, if only white space precedes it, else -1."""
     while text[i] <= 32 and text[i] != 10:
         i += 1
     return i if text[i] == 10 else -1
@@ -204,7 +204,7 @@ def hexadecimal(text: Bytes, i: int) -> tuple[int, int]:
 
 @compiled
 def stamp(text: Bytes, i: int, unit_ns: int) -> tuple[int, int]:
-    """(ns, position behind) of a decimal number in ``unit_ns``; what is beyond 1 ns is cut off."""
+    """(ns, position behind) of a decimal number in ``unit_ns``; digits beyond 1 ns are dropped."""
     whole, behind = decimal(text, i)
     if behind == i or whole > 9_000_000_000_000_000_000 // unit_ns:
         return 0, i
@@ -226,11 +226,11 @@ def spaced_bytes(text: Bytes, i: int, count: int, base: int, out: Table, n: int)
     for byte in range(count):
         i = blanks(text, i)
         if text[i] <= 32:
-            return CUT
+            return TOO_SHORT
         if base == 16:
             high, low = HEX[text[i]], HEX[text[i + 1]]
             if high >= 0 and text[i + 1] <= 32:
-                return CUT
+                return TOO_SHORT
             if high < 0 or low < 0 or text[i + 2] > 32:
                 return BAD_DATA
             out.data[n, byte] = high * 16 + low
@@ -245,7 +245,7 @@ def spaced_bytes(text: Bytes, i: int, count: int, base: int, out: Table, n: int)
 
 
 @compiled
-def spoilt(text: Bytes, i: int, why: int, n: int, out: Table, counts: Ints) -> int:
+def rejected_line(text: Bytes, i: int, why: int, n: int, out: Table, counts: Ints) -> int:
     """Counts the line that begins at ``i`` as ``why``, clears row ``n``; behind the line."""
     counts[-why] += 1
     for byte in range(out.data.shape[1]):
@@ -255,7 +255,7 @@ def spoilt(text: Bytes, i: int, why: int, n: int, out: Table, counts: Ints) -> i
 
 @compiled
 def is_word(text: Bytes, i: int, small: Bytes) -> bool:
-    """Whether the word ``small`` (lower case) stands here, in whatever case."""
+    """Whether the word ``small`` (lower case) is here, in upper or lower case."""
     for k in range(len(small)):
         if (text[i + k] | 32) != small[k]:  # a newline ends this before the block does
             return False

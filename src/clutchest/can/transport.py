@@ -1,7 +1,7 @@
 """SAE J1939-21, transport protocol: messages of 9 to 1785 bytes in packets of 7.
 
 Announced by TP.CM (broadcast: BAM; to one receiver: RTS, answered by CTS), carried by TP.DT.  A
-packet that comes again, because the receiver asked for it, replaces the one before.
+packet that is sent again on the receiver's request replaces the one before.
 """
 
 from __future__ import annotations

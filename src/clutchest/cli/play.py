@@ -41,10 +41,10 @@ def play(
     try:
         with progress() as show:
 
-            def told(played: Played, at: float) -> None:
+            def report(played: Played, at: float) -> None:
                 show(f"{played.sent} frames, {at:.0f} s of {path.name}", None)
 
-            played = send(path, bus, speed=speed, told=told)
+            played = send(path, bus, speed=speed, progress=report)
     finally:
         bus.shutdown()
     skipped = f", {played.skipped} error frames left out" if played.skipped else ""

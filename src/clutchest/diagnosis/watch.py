@@ -22,7 +22,7 @@ from clutchest.can.frames import Frames
 from clutchest.diagnosis.codes import number_of, number_of_set
 from clutchest.diagnosis.streams import Streams
 from clutchest.errors import ClutchestError
-from clutchest.reading.traffic import ArrivingTraffic
+from clutchest.reading.traffic import TrafficStream
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import LOST, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -62,7 +62,7 @@ class FaultWatch:
         messages = [database.message(name) for name in mapped_messages(vehicle, database)]
         self.streams = Streams(vehicle)
         self.active: dict[str, Change] = {}
-        self._traffic = ArrivingTraffic(messages, vehicle)
+        self._traffic = TrafficStream(messages, vehicle)
         self._kept: dict[str, list[Signal]] = {}
         self._told: set[str] = set()
         self._start_ns = 0

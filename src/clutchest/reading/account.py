@@ -1,4 +1,4 @@
-"""What became of every frame of a log."""
+"""The account of a log's frames: how many were decoded, or rejected for which reason."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Conversion:
             columns = {k: unit for m in shipped_machines() for k, unit in m.units.items()}
             signals = window.of_signals(joined([read_table(path, columns) for path in paths]))
             if signals is None:
-                raise ClutchestError(f"{' '.join(logs)}: nothing in the stretch asked for")
+                raise ClutchestError(f"{' '.join(logs)}: no data in the time window")
             return cls(signals)
         if any(tables):
             raise ClutchestError(
@@ -60,7 +60,7 @@ class Conversion:
         frames = Frames.concatenate(parts).sorted() if len(parts) > 1 or window else parts[0]
         frames = window.of_frames(frames, tuple(logs))
         if not len(frames):
-            raise ClutchestError(f"{' '.join(logs)}: nothing in the stretch asked for")
+            raise ClutchestError(f"{' '.join(logs)}: no data in the time window")
         return cls(frames)
 
     def write(self, path: Path) -> tuple[str, ...]:

@@ -209,7 +209,7 @@ def inspect_logs(
     read = [window.of_frames(files.read_frames(path).sorted(), (str(path),)) for path in logs]
     parts = _apart([frames for frames in read if len(frames)])
     if not parts:
-        raise ClutchestError(f"{' '.join(map(str, logs))}: nothing in the stretch asked for")
+        raise ClutchestError(f"{' '.join(map(str, logs))}: no data in the time window")
     frames = Frames.concatenate(parts).sorted()
     sources = tuple(dbc) or tuple(shipped("dbc").values())
     databases = [load([path]) for path in sources]

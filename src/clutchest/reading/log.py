@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchest.can import files
 from clutchest.can.database import Database, Message, load
-from clutchest.can.deduplication import without_copies
+from clutchest.can.deduplication import without_duplicates
 from clutchest.can.frame_filter import FrameFilter
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
@@ -88,7 +88,7 @@ def read_log(
             continue
         sources = tuple(str(piece.path) for piece in group)
         frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
-        frames = without_copies(frames.sorted())
+        frames = without_duplicates(frames.sorted())
         warnings += [piece.warning for piece in group if piece.warning]
         for part in _split(frames):
             inside = window.of_frames(part, sources)
@@ -102,7 +102,7 @@ def read_log(
         raise empty[0]
     if not drives:
         raise ClutchestError(
-            f"{' '.join(map(str, found))}: nothing in the stretch asked for; " + _spans(pieces)
+            f"{' '.join(map(str, found))}: no data in the time window; " + _spans(pieces)
         )
     first, *later = drives
     told = (*warnings, *first.warnings, *(str(problem) for problem in empty))

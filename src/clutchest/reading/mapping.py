@@ -20,7 +20,7 @@ from clutchest.reading.account import Account, words
 from clutchest.reading.gears import through_gear
 from clutchest.reading.plausible import excluded
 from clutchest.reading.samples import NONE, VALID, Samples
-from clutchest.reading.senders import name_of, saying_most, senders_of
+from clutchest.reading.senders import most_frequent_sender, name_of, senders_of
 from clutchest.reading.traffic import traffic_of
 from clutchest.reading.wanted import mapped_messages, parts
 from clutchest.signals import Counts, Floats, Signal, Signals, Traffic, Why
@@ -300,7 +300,9 @@ class Decoding:
         keep: NDArray[np.bool_],
     ) -> int | None:
         """The sender that says most to begin with; None if none says anything."""
-        chosen, heard = saying_most(self.frames, column.rows, sender, keep & (column.why == VALID))
+        chosen, heard = most_frequent_sender(
+            self.frames, column.rows, sender, keep & (column.why == VALID)
+        )
         if chosen is None:
             return None
         self.senders[signal.name, bus] = chosen

@@ -1,4 +1,4 @@
-"""Columns of tables, held against what the bus signals that they stand for can carry."""
+"""Columns of tables, compared with the range of the bus signals that they replace."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from clutchest.can.database import Database
 from clutchest.signals import Floats, Signal, Signals, Why
 from clutchest.vehicle import SignalMap, Vehicle
 
-# A reading of nothing scatters about the end of its range; a wrong unit leaves it by far and often.
+# A reading of zero scatters about the end of its range; in a wrong unit most are far outside.
 _MARGIN = 0.05  # of the range
 _OFTEN = 0.01  # of the samples
 
 
 def plausible(signals: Signals, vehicle: Vehicle, database: Database) -> Signals:
     """The signals of a table without samples outside the vehicle file's min … max; warns of those,
-    and of columns that lie where the DBC's signal cannot: they are in some other unit.
+    and of columns outside the range of the DBC's signal, which are probably in another unit.
 
     The ``database`` may be empty.
     """
-    kept, said = dict(signals.signals), list[str]()
+    kept, warnings = dict(signals.signals), list[str]()
     for name, signal in signals.items():
         how = vehicle.signals.get(name)
         if how is None or how.gears or how.reference is not None or not len(signal):
-            continue  # made of several bus signals: a range of its own it has not
+            continue  # made of several bus signals, so it has no range of its own
         kept[name], words = _within_file(signal, how)
-        said += words
+        warnings += words
         if how.bus.message in database.messages:
-            said += _beyond_bus(signal, how, database)
-    return replace(signals, signals=kept, warnings=(*signals.warnings, *said))
+            warnings += _beyond_bus(signal, how, database)
+    return replace(signals, signals=kept, warnings=(*signals.warnings, *warnings))
 
 
 def excluded(
     value: Floats, why: NDArray[np.uint8], how: SignalMap
 ) -> tuple[NDArray[np.uint8], str | None]:
-    """``why`` (n) of samples, of ``value`` (n) in the bus unit, once the vehicle file's min … max
-    is held against them; in words, how many it excludes."""
+    """``why`` (n) of samples, of ``value`` (n) in the bus unit, with the vehicle file's min … max
+    applied; in words, how many samples they exclude."""
     outside = np.zeros(len(value), bool)
     if how.minimum is not None:
         outside |= value < how.minimum
@@ -58,8 +58,8 @@ def _within_file(signal: Signal, how: SignalMap) -> tuple[Signal, list[str]]:
     why, words = excluded(on_bus, signal.why, how)
     if words is None:
         return signal, []
-    cut = Signal.of(signal.name, signal.unit, signal.time, signal.value, why)
-    return cut, [f"{signal.name}: {words}"]
+    limited = Signal.of(signal.name, signal.unit, signal.time, signal.value, why)
+    return limited, [f"{signal.name}: {words}"]
 
 
 def _beyond_bus(signal: Signal, how: SignalMap, database: Database) -> list[str]:

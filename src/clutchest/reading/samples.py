@@ -1,4 +1,4 @@
-"""What one bus signal said, frame by frame."""
+"""The samples of one bus signal, frame by frame."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Samples:
         return held
 
     def any_valid(self) -> bool:
-        """Whether it ever said anything."""
+        """Whether any sample is valid."""
         return bool(np.any(self.why == VALID))
 
 

@@ -1,4 +1,4 @@
-"""Who sent a frame, and which of several senders is listened to."""
+"""The sender of each frame, and which of several senders is used."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ def senders_of(frames: Frames, rows: NDArray[np.intp], message: Message) -> NDAr
     return senders
 
 
-def saying_most(
+def most_frequent_sender(
     frames: Frames,
     rows: NDArray[np.intp],
     senders: NDArray[np.uint16],
-    speaking: NDArray[np.bool_],
+    valid: NDArray[np.bool_],
 ) -> tuple[int | None, list[int]]:
-    """The sender that says most in the first ``HEAD`` s, None if none says anything; and all that
-    say something.  ``rows``, ``senders`` and whether each is ``speaking``: shape (n,)."""
-    heard = np.zeros(1 << 16, bool)
+    """The sender with most valid samples in the first ``HEAD`` s, None without any; and all senders
+    with valid samples.  ``rows``, ``senders`` and whether each sample is ``valid``: shape (n,)."""
+    present = np.zeros(1 << 16, bool)
     for part in memory_mapped.portions(len(senders)):
-        heard[senders[part][speaking[part]]] = True
-    if not heard.any():
+        present[senders[part][valid[part]]] = True
+    if not present.any():
         return None, []
-    until = frames.t_ns[rows[np.argmax(speaking)]] + np.int64(HEAD * 1e9)
+    until = frames.t_ns[rows[np.argmax(valid)]] + np.int64(HEAD * 1e9)
     head = rows < np.searchsorted(frames.t_ns, until, side="right")
-    counts = np.bincount(senders[speaking & head])
-    return int(np.argmax(counts)), np.flatnonzero(heard).tolist()
+    counts = np.bincount(senders[valid & head])
+    return int(np.argmax(counts)), np.flatnonzero(present).tolist()
 
 
 def name_of(sender: int, message: Message) -> str:

@@ -42,7 +42,7 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     """The canonical signals in a table; ``columns`` are the names known, with their units.
 
     One row per time stamp, an empty cell where a signal has no sample.  ``time`` in s is taken as
-    it stands, unless it is the time since 1970.  Cells that are no numbers are rejected one by
+    given, unless it is the time since 1970.  Cells that are no numbers are rejected one by
     one, rows without a time whole.  Raises ClutchestError if ``time`` or every known column is
     missing.
     """
@@ -67,8 +67,8 @@ def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
     numbers = {name: _numbers(path, table, name, warnings) for name in ("time", *names)}
     time, timed = numbers["time"][0], np.isfinite(numbers["time"][0])
     if not timed.any():
-        told = "".join(f"; {warning}" for warning in warnings[-1:])
-        raise ClutchestError(f"{path}: no row with a time in s{told}")
+        reason = "".join(f"; {warning}" for warning in warnings[-1:])
+        raise ClutchestError(f"{path}: no row with a time in s{reason}")
     rejected = {"no time": int((~timed).sum())} if not timed.all() else {}
     start = float(time[timed].min())
     absolute = start > _EPOCH
@@ -145,11 +145,11 @@ def _no_result(path: Path) -> None:
     import pyarrow.parquet as pq
 
     if b"clutchest" in (pq.read_schema(path).metadata or {}):
-        raise ClutchestError(f"{path}: holds what clutchest made of a drive, expected the log")
+        raise ClutchestError(f"{path}: is a result of clutchest, expected a log")
 
 
 def _in_seconds(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with dates (UTC unless they say otherwise) or spans in ``time`` as s."""
+    """The table with dates (UTC unless they have a zone) or spans in ``time`` as s."""
     import pandas as pd
 
     if table.index.name == "time" and "time" not in table.columns:
@@ -174,7 +174,7 @@ def _numbers(
 
     column = table[name]
     if isinstance(column, pd.DataFrame):
-        raise ClutchestError(f"{path}: column '{name}' stands there twice")
+        raise ClutchestError(f"{path}: column '{name}' occurs twice")
     value = pd.to_numeric(column, errors="coerce").to_numpy(np.float64, na_value=np.nan)
     given = column.notna().to_numpy()
     wrong = np.flatnonzero(given & np.isnan(value))
@@ -189,7 +189,7 @@ def _numbers(
 def to_table(signals: Signals) -> pd.DataFrame:
     """One drive as a table: ``time`` and a column per signal, one row per time stamp.
 
-    Invalid samples are empty cells; of two samples of a signal at one time the later one stands.
+    Invalid samples are empty cells; of two samples of a signal at one time the later one counts.
     """
     import pandas as pd
 

@@ -1,4 +1,4 @@
-"""What frames themselves tell, whatever they carry: when they come, and whether they are whole."""
+"""Timing and integrity of a message's frames: times, repetitions, counters, checksums."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from clutchest.can.frames import Frames
 from clutchest.signals import Traffic
 from clutchest.vehicle import Vehicle
 
-_PORTION = 100_000  # frames that are looked at together
+_PORTION = 100_000  # frames that are processed together
 
 
 def traffic_of(frames: Frames, message: Message, vehicle: Vehicle) -> Traffic:
     """The traffic of a message in ``frames`` (sorted), from the sender that the vehicle file asks
     for, else from the one with most frames; t = 0 at the first frame."""
     first = int(frames.t_ns[0]) if len(frames) else 0
-    return ArrivingTraffic([message], vehicle).take(frames, first)[message.name]
+    return TrafficStream([message], vehicle).take(frames, first)[message.name]
 
 
-class ArrivingTraffic:
-    """The same of a drive that is going on, batch after batch of its frames.
+class TrafficStream:
+    """The same of a drive in progress, batch after batch of its frames.
 
-    Whose frames count is decided by the first batch in which a message comes.
+    The sender is chosen in the first batch that contains a message.
     """
 
     def __init__(self, messages: Sequence[Message], vehicle: Vehicle) -> None:

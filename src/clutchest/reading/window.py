@@ -1,4 +1,4 @@
-"""A stretch of a log, by seconds from its start or by the clock."""
+"""A time window of a log, by seconds from its start or by the clock."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class Window:
     def parse(cls, start: str | None, stop: str | None) -> Window:
         """From what a user writes: ``12.5`` or ``2024-01-18T10:30:00+01:00``.
 
-        Raises ClutchestError for anything else, and for a stretch that ends before it starts.
+        Raises ClutchestError for anything else, and for a window that ends before it starts.
         """
         window = cls(_moment(start), _moment(stop))
         a, b = window.start, window.stop
         if a is not None and b is not None and type(a) is type(b) and a >= b:  # type: ignore[operator]
-            raise ClutchestError(f"'{start}' to '{stop}': the stretch ends before it starts")
+            raise ClutchestError(f"'{start}' to '{stop}': the window ends before it starts")
         return window
 
     def __bool__(self) -> bool:
@@ -42,7 +42,7 @@ class Window:
     def bounds(self, first_ns: int, absolute: bool, sources: str) -> tuple[int, int]:
         """The window in ns on the clock of a drive that starts at ``first_ns``.
 
-        Raises ClutchestError if a date is asked for where the clock knows none.
+        Raises ClutchestError if a date is given where the clock has none.
         """
         low, high = np.iinfo(np.int64).min, np.iinfo(np.int64).max
         for moment in (self.start, self.stop):
@@ -62,21 +62,23 @@ class Window:
         bounds = self.bounds(int(frames.t_ns[0]), frames.absolute, " ".join(sources))
         first, last = np.searchsorted(frames.t_ns, bounds)
         kept = frames.take(slice(first, last))
-        outside = ("outside the stretch asked for", len(frames) - len(kept))
+        outside = ("outside the time window", len(frames) - len(kept))
         return replace(kept, passed_over=(*frames.passed_over, outside))
 
     def of_signals(self, signals: Signals) -> Signals | None:
-        """The samples inside, t = 0 at the start of the stretch; None if there are none."""
+        """The samples inside, t = 0 at the start of the window; None if there are none."""
         if not self:
             return signals
         first_ns, absolute = signals.start_ns or 0, signals.start_ns is not None
         low, high = self.bounds(first_ns, absolute, " ".join(signals.sources))
         low, high = max(low, first_ns), min(high, first_ns + int(signals.end * 1e9) + 1)
         start, stop = (low - first_ns) / 1e9, (high - first_ns) / 1e9
-        cut = {name: _between(signal, start, stop) for name, signal in signals.items()}
-        if not any(len(signal) for signal in cut.values()):
+        inside = {name: _between(signal, start, stop) for name, signal in signals.items()}
+        if not any(len(signal) for signal in inside.values()):
             return None
-        return replace(signals, signals=cut, start_ns=low if absolute else None, end=stop - start)
+        return replace(
+            signals, signals=inside, start_ns=low if absolute else None, end=stop - start
+        )
 
 
 EVERYTHING = Window()

@@ -4,7 +4,7 @@
 ``   0.100000 CANFD  1 Rx  300  Name  1 0 8 8 01 …``; a name after the id may be missing.
 
 The date in the header, or of a ``Begin Triggerblock`` further down, makes the stamps absolute.  It
-tells no zone and is taken as local time.
+has no zone and is taken as local time.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ from clutchest.can.text_scan import (
     hexadecimal,
     is_word,
     line_end,
+    rejected_line,
     spaced_bytes,
-    spoilt,
     stamp,
     tables,
     word,
@@ -95,7 +95,7 @@ _ERROR_FRAME, _CANFD = (np.frombuffer(w, np.uint8) for w in (b"errorframe", b"ca
 
 @dataclass(slots=True)
 class _Clock:
-    """What the header lines so far have said, in the form that the compiled scan takes."""
+    """The state that the header lines so far define, in the form that the compiled scan takes."""
 
     now: Ints
 
@@ -168,7 +168,7 @@ def _scan(text: Bytes, i: int, n: int, now: Ints, out: Table, counts: Ints) -> t
         elif end == WIDE:
             return -1, i
         else:
-            i = spoilt(text, i, end, n, out, counts)
+            i = rejected_line(text, i, end, n, out, counts)
     return n, i
 
 
@@ -260,7 +260,7 @@ def _classic(text: Bytes, i: int, n: int, base: int, out: Table) -> int:
     elif kind == 100:
         return BAD_DATA
     else:
-        count = 0  # older files tell no length of remote frames
+        count = 0  # older files have no length of remote frames
     if kind == 100:
         i = spaced_bytes(text, i, count, base, out, n)
         if i < 0:
@@ -357,7 +357,7 @@ def write(frames: Frames) -> Iterator[bytes]:
         tens = (count // 10 + ord("0"))[:, None].astype(np.uint8)
         ones = (count % 10 + ord("0"))[:, None].astype(np.uint8)
         lines.put(" ", long).put(tens, long & (count > 9)).put(ones, long)
-        # What stands behind the payload are times and settings of the bus, which are not known.
+        # Behind the payload are times and settings of the bus, which are not known.
         return lines.payload(piece, data, " ").put("  0 0 1000 0 0 0 0 0", long)
 
     yield from written(frames, line)

@@ -39,8 +39,8 @@ from clutchest.can.text_scan import (
     decimal,
     hexadecimal,
     line_end,
+    rejected_line,
     spaced_bytes,
-    spoilt,
     stamp,
     undated,
 )
@@ -65,7 +65,7 @@ def _scan(text: Bytes, out: Table, counts: Ints) -> int:
         elif end == WIDE:
             return -1
         else:
-            i = spoilt(text, i, end, n, out, counts)
+            i = rejected_line(text, i, end, n, out, counts)
     return n
 
 

@@ -1,4 +1,4 @@
-"""python-can's csv: ``1705536000.01,0xcf00400,1,0,0,8,b/+EwBL///8=``; it knows no channels."""
+"""python-can's csv: ``1705536000.01,0xcf00400,1,0,0,8,b/+EwBL///8=``; it has no channels."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from clutchest.can.text_scan import (
     compiled,
     decimal,
     hexadecimal,
-    spoilt,
+    rejected_line,
     stamp,
     undated,
 )
@@ -57,7 +57,7 @@ def _scan(text: Bytes, out: Table, counts: Ints) -> int:
         elif end == WIDE:
             return -1
         else:
-            i = spoilt(text, i, end, n, out, counts)
+            i = rejected_line(text, i, end, n, out, counts)
     return n
 
 
@@ -106,7 +106,7 @@ def _line(text: Bytes, i: int, n: int, out: Table) -> int:
             out.data[n, byte] = 0
         count = stated
     elif count > 8:
-        flag |= FD  # the format does not say
+        flag |= FD  # the format has no flag for it
     out.channel[n], out.flags[n], out.length[n] = 0, flag, count
     return end
 
@@ -127,7 +127,7 @@ def _shifted(text: Bytes, i: int, whole: int, power: int) -> int:
 
 @compiled
 def _payload(text: Bytes, i: int, n: int, out: Table) -> tuple[int, int]:
-    """(bytes, position behind) of base64; a negative number says why not."""
+    """(bytes, position behind) of base64; a negative number is the reason why not."""
     count = bits = held = 0
     while _BASE64[text[i]] >= 0:
         bits = (bits << 6 | _BASE64[text[i]]) & 0xFFFF
@@ -160,7 +160,7 @@ def write(frames: Frames) -> Iterator[bytes]:
         for flag in (Flag.EXTENDED, Flag.REMOTE, Flag.ERROR):
             lines.put(",1", has(piece, flag)).put(",0", ~has(piece, flag))
         lines.put(",").number(piece.length).put(",")
-        # base64: four letters for three bytes, those that nothing stands behind become "="
+        # base64: four letters for three bytes, missing ones become "="
         length = np.where(remote, 0, piece.length.astype(int))
         width = -(-piece.data.shape[1] // 3) * 3
         padded = np.pad(piece.data, ((0, 0), (0, width - piece.data.shape[1]))).astype(np.uint32)

@@ -27,7 +27,7 @@ _LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _TOGETHER = 1 << 21  # bytes of a group's records
 _LONGEST = 1 << 16  # bytes of one record
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
-_AS_IT_LIES: dict[str, Any] = {"process_bus_logging": False}  # which goes over all of the file
+_RAW: dict[str, Any] = {"process_bus_logging": False}  # which reads the whole file first
 _CHANNELS = (
     "BusChannel",
     "ID",
@@ -47,7 +47,7 @@ _DLC = np.array([*range(9), *np.repeat(range(9, 16), (4, 4, 4, 4, 8, 16, 16))], 
 def read(source: LogSource) -> Iterator[Frames]:
     """All CAN frames of an MDF4 file, by time.
 
-    One that ends early is mended as far as it goes.
+    One that ends early is repaired as far as possible.
     """
     if source.head[8:9] != b"4":
         raise ClutchestError(f"{source.path}: bus logging needs version 4 of MDF")
@@ -61,7 +61,7 @@ def read(source: LogSource) -> Iterator[Frames]:
 
 def _next(source: LogSource, blocks: Iterator[Frames]) -> Frames | None:
     try:
-        with quiet("asammdf"), redirect_stdout(StringIO()):  # it prints what it stumbles over
+        with quiet("asammdf"), redirect_stdout(StringIO()):  # it prints its own errors
             return next(blocks, None)
     except ClutchestError:
         raise
@@ -71,14 +71,14 @@ def _next(source: LogSource, blocks: Iterator[Frames]) -> Frames | None:
 
 def _blocks(source: LogSource) -> Generator[Frames, None, None]:
     if source.zipped:
-        yield from _as_it_is(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
+        yield from _of_file(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
     else:
         with source.path.open("rb") as file:
-            yield from _as_it_is(source, file)
+            yield from _of_file(source, file)
 
 
-def _as_it_is(source: LogSource, file: IO[bytes]) -> Iterator[Frames]:
-    """What is there, with what is lost counted."""
+def _of_file(source: LogSource, file: IO[bytes]) -> Iterator[Frames]:
+    """The frames that can be read; what is lost is counted."""
     from clutchest.can.recovery import mf4 as recovery
 
     if not recovery.described(file):
@@ -86,7 +86,7 @@ def _as_it_is(source: LogSource, file: IO[bytes]) -> Iterator[Frames]:
             f"{source.path}: the file ends early, and with its end what describes "
             "its frames is lost"
         )
-    whole = recovery.mended(file)
+    whole = recovery.repaired(file)
     if whole is None:
         file.seek(0)
         # asammdf completes an unfinished file in a copy if it is given a path; a path maps the file
@@ -128,7 +128,7 @@ def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
     """Blocks of several groups, each in order of time, as blocks of all by time."""
     heads = [next(part, None) for part in parts]
     while live := [(k, head) for k, head in enumerate(heads) if head is not None]:
-        # what comes later in any group is later than this
+        # later frames of any group are later than this
         until = min((int(head.t_ns.max()) for _, head in live if len(head)), default=0)
         ready = []
         for k, head in live:
@@ -144,12 +144,12 @@ def _opened(file: Any) -> MDF:
     from asammdf.blocks.mdf_v4 import MDF4
 
     try:
-        return MDF(file, **_AS_IT_LIES)
+        return MDF(file, **_RAW)
     except Exception as error:
         for frame, _ in walk_tb(error.__traceback__):
             half_read = frame.f_locals.get("self")
             if isinstance(half_read, MDF4):
-                # What its destructor looks for; without it prints a traceback of its own.
+                # Its destructor needs these; without them it prints a traceback of its own.
                 for name in ("header", "identification"):
                     half_read.__dict__.setdefault(name, None)
                 half_read.close()
@@ -159,7 +159,7 @@ def _opened(file: Any) -> MDF:
 def _read_group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Iterator[Frames]:
     """The frames of one kind in one group, some at a time; what is damaged behind them is counted.
 
-    The road of asammdf's own bus logging: what it offers to others reads a group as a whole.
+    As asammdf's own bus logging does it: its public functions read a group as a whole.
     """
     inner: Any = mdf._mdf
     group = inner.groups[index]
@@ -193,7 +193,7 @@ def _read_group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) 
 
 
 def _damaged(error: Exception) -> str:
-    """In one line, whatever the file has put into asammdf's words."""
+    """asammdf's message in one line, whatever the file has put into it."""
     return f"the file is damaged ({type(error).__name__}: {' '.join(str(error).split())})"
 
 
@@ -205,7 +205,7 @@ def _within(group: Any, channels: Sequence[Any]) -> None:
         raise ValueError(f"records of {size} bytes")
     for channel in channels:
         if 8 * (size - channel.byte_offset) < channel.bit_offset + channel.bit_count:
-            raise ValueError(f"{channel.name} lies beyond its records of {size} bytes")
+            raise ValueError(f"{channel.name} ends beyond its records of {size} bytes")
 
 
 def _frames(

@@ -24,7 +24,7 @@ def _suffixes() -> frozenset[str]:
 
 
 def read(source: LogSource) -> Iterator[Frames]:
-    """Frames as python-can reads them; what stands before a damaged place is kept."""
+    """Frames as python-can reads them; what precedes a damaged place is kept."""
     from can import LogReader
 
     if source.zipped:

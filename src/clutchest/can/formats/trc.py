@@ -39,8 +39,8 @@ from clutchest.can.text_scan import (
     decimal,
     hexadecimal,
     line_end,
+    rejected_line,
     spaced_bytes,
-    spoilt,
     stamp,
     tables,
     word,
@@ -97,7 +97,7 @@ def _scan(columns: Bytes, start_ns: int, text: Bytes, out: Table, counts: Ints) 
         elif end == WIDE:
             return -1
         else:
-            i = spoilt(text, i, end, n, out, counts)
+            i = rejected_line(text, i, end, n, out, counts)
     return n
 
 

@@ -1,8 +1,8 @@
-"""An MDF4 file that ends early, or lies, made into one that says no more than it holds.
+"""An MDF4 file that ends early or contradicts itself, made into one that states what it holds.
 
-A logger that loses power leaves its last data block half written, and numbers and links that speak
-of what never came.  Here the blocks of data are followed (ASAM MDF 4.1, 4.2.1: names of blocks and
-fields as there), what is whole is linked anew, and asammdf reads that.
+A logger that loses power leaves its last data block half written, and counts and links to data
+that were never written.  Here the blocks of data are followed (ASAM MDF 4.1, 4.2.1: names of blocks
+and fields as there), complete blocks are linked anew, and asammdf reads the result.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ _ZIPPED = struct.Struct(
 )  # dz_org_block_type, dz_zip_type, parameter, org and data length
 _GROUP = struct.Struct("<QQH6xII")  # cg_record_id, cycle_count, flags, data_bytes, inval_bytes
 _UNFINISHED = 60  # where id_unfin_flags stand
-_LAST_DT, _MENDED = 4, 4 | 16  # flags: the last DT has no length yet; nor is the last DL complete
+_LAST_DT, _REPAIRED = 4, 4 | 16  # flags: the last DT has no length yet; nor is the last DL complete
 _VLSD = 1  # flag of a group: each record has a length of its own
-_PORTION = 16 << 20  # bytes looked at together; no DZ block may hold more
+_PORTION = 16 << 20  # bytes processed together; no DZ block may hold more
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
     """A block of data at ``at``: ``size`` bytes of records, ``stated`` as many as it should have;
-    ``zipped`` as it stands in the file."""
+    ``zipped``: deflated in the file."""
 
     at: int
     size: int
@@ -44,7 +44,7 @@ class _Part:
 
 @dataclass(frozen=True, slots=True)
 class _Channels:
-    """A channel group: its records' number, how many it states and where that stands, their length
+    """A channel group: its records' number, how many it states and at which place, their length
     in bytes (−1: each its own); ``at`` the block, ``carriers`` those of the groups in which what
     is of variable length follows (VLSD)."""
 
@@ -57,16 +57,16 @@ class _Channels:
 
 
 @dataclass
-class Mended:
-    """``file`` is a copy that can be read; ``lost`` how many records the groups speak of that are
-    not there, 0 where the file never said."""
+class Repaired:
+    """``file`` is a copy that can be read; ``lost`` how many of the stated records are missing, 0
+    where the file states no number."""
 
     file: IO[bytes]
     lost: int
 
 
 @dataclass
-class _Mending:
+class _Repair:
     file: IO[bytes]
     size: int
     unfinished: int
@@ -95,10 +95,11 @@ class _Mending:
     def chain(self, at: int) -> Iterator[tuple[int, list[int]]]:
         """Place and links of the blocks whose first link leads to the next."""
         seen: set[int] = set()
-        while at and at not in seen and (found := self.block(at)):
+        while at and at not in seen and (block := self.block(at)):
             seen.add(at)
-            yield at, found[2]
-            at = found[2][0] if found[2] else 0
+            links = block[2]
+            yield at, links
+            at = links[0] if links else 0
 
     def add(self, block: bytes) -> int:
         """Put a block behind the file's end; its place."""
@@ -112,10 +113,10 @@ class _Mending:
         """The blocks of data that ``at`` leads to, and whether all of them are whole."""
         if not at:
             return [], True
-        found = self.block(at)
-        if found is None:
+        block = self.block(at)
+        if block is None:
             return [], False
-        name, _, links = found
+        name, _, links = block
         if name == b"##HL":
             return self.parts(links[0]) if links and links[0] != at else ([], False)
         if name != b"##DL":
@@ -140,28 +141,28 @@ class _Mending:
 
     def part(self, at: int, last: bool) -> _Part | None:
         """What a DT or DZ block holds; None where it is not there or of another kind."""
-        found = self.block(at)
-        if found is None:
+        block = self.block(at)
+        if block is None:
             return None
-        name, length, links = found
+        name, length, links = block
         room = self.size - at - _HEAD.size
         if name == b"##DT" and not links:
             stated = length - _HEAD.size
             if last and self.unfinished & _LAST_DT:
-                stated = max(stated, room)  # as long as the file goes on
+                stated = max(stated, room)  # up to the end of the file
             return _Part(at, min(stated, room), stated, False) if stated >= 0 else None
         if name == b"##DZ" and room >= _ZIPPED.size:
             _, transposed, _, whole, packed = _ZIPPED.unpack(self.at(at + _HEAD.size, _ZIPPED.size))
             if whole > _PORTION:
                 return None
-            if packed <= room - _ZIPPED.size or transposed:  # of columns only the first would come
+            if packed <= room - _ZIPPED.size or transposed:  # only the first columns could be read
                 held = whole if packed <= room - _ZIPPED.size else 0
                 return _Part(at, held, whole, True)
             return _Part(at, len(self.inflated(at, whole)), whole, True)
         return None
 
     def inflated(self, at: int, whole: int) -> bytes:
-        """What a DZ block holds, as far as it goes."""
+        """What a DZ block holds, as far as it can be inflated."""
         start = at + _HEAD.size + _ZIPPED.size
         _, transposed, columns, _, packed = _ZIPPED.unpack(self.at(at + _HEAD.size, _ZIPPED.size))
         try:
@@ -185,10 +186,11 @@ class _Mending:
                 for place in range(begin, begin + part.size, _PORTION):
                     yield self.at(place, min(_PORTION, begin + part.size - place))
 
-    def mend(self, group: int, links: list[int]) -> None:
-        """Make a data group speak of whole records only."""
+    def repair_group(self, group: int, links: list[int]) -> None:
+        """Make a data group state whole records only."""
         (id_size,) = self.at(group + _HEAD.size + 8 * len(links), 1) or b"\0"
-        channels = [found for at, of in self.chain(links[1]) if (found := self.channels(at, of))]
+        groups = (self.channels(at, of) for at, of in self.chain(links[1]))
+        channels = [channel for channel in groups if channel is not None]
         parts, sound = self.parts(links[2])
         held = sum(part.size for part in parts)
         # asammdf makes room for as many records as are stated
@@ -205,7 +207,7 @@ class _Mending:
                 self.lost += max(one.cycles - count, 0)
 
     def channels(self, at: int, links: list[int]) -> _Channels | None:
-        """What a CG block says."""
+        """The contents of a CG block."""
         body = at + _HEAD.size + 8 * len(links)
         given = self.at(body, _GROUP.size)
         if len(given) < _GROUP.size:
@@ -215,7 +217,7 @@ class _Mending:
         return _Channels(at, self.carriers(links[1]), body + 8, record, cycles, length)
 
     def carriers(self, at: int) -> frozenset[int]:
-        """Where the data of variable length stand, of the channels from ``at`` on."""
+        """Places of the data of variable length, of the channels from ``at`` on."""
         places, waiting, seen = set(), [at], {0}
         while waiting:
             for place, links in self.chain(waiting.pop()):
@@ -288,12 +290,12 @@ class _Mending:
 
     def copy(self) -> IO[bytes]:
         """The mended file."""
-        copied = TemporaryFile()  # noqa: SIM115, whoever reads it closes it
+        copied = TemporaryFile()  # noqa: SIM115, its reader closes it
         self.file.seek(0)
         shutil.copyfileobj(self.file, copied, 1 << 20)
         copied.write(bytes(-self.size % 8))
         copied.writelines(self.tail)
-        flags = struct.pack("<H", self.unfinished & ~_MENDED)
+        flags = struct.pack("<H", self.unfinished & ~_REPAIRED)
         for place, given in {**self.patches, _UNFINISHED: flags}.items():
             copied.seek(place)
             copied.write(given)
@@ -302,28 +304,27 @@ class _Mending:
 
 
 def described(file: IO[bytes]) -> bool:
-    """Whether an MDF4 file has the place at which it says that its data are described: some writers
-    put that at the end."""
+    """Whether an MDF4 file contains the description of its data: some writers put it at the end."""
     size = file.seek(0, 2)
-    header = _Mending(file, size, 0).block(64)
+    header = _Repair(file, size, 0).block(64)
     return header is None or not header[2] or header[2][0] + _HEAD.size <= size
 
 
-def mended(file: IO[bytes]) -> Mended | None:
-    """``file``, opened, as one that says no more than it holds; None where it does not anyway.
+def repaired(file: IO[bytes]) -> Repaired | None:
+    """``file``, opened, as one that states what it holds; None where it needs no repair.
 
-    The copy is made on disk, and only of what needs it.
+    The copy is made on disk.
     """
     size = file.seek(0, 2)
-    mending = _Mending(file, size, 0)
-    header = mending.block(64)
-    (mending.unfinished,) = struct.unpack("<H", mending.at(_UNFINISHED, 2).ljust(2, b"\0"))
+    repair = _Repair(file, size, 0)
+    header = repair.block(64)
+    (repair.unfinished,) = struct.unpack("<H", repair.at(_UNFINISHED, 2).ljust(2, b"\0"))
     if header is None or not header[2]:
         return None
-    for group, links in mending.chain(header[2][0]):
+    for group, links in repair.chain(header[2][0]):
         if len(links) >= 3:
-            mending.mend(group, links)
-    return Mended(mending.copy(), mending.lost) if mending.patches else None
+            repair.repair_group(group, links)
+    return Repaired(repair.copy(), repair.lost) if repair.patches else None
 
 
 @compiled

@@ -1,6 +1,6 @@
-"""Rows of an SQLite file that is damaged or ends early, from its pages as they stand.
+"""Rows of an SQLite file that is damaged or ends early, page by page.
 
-SQLite itself goes from page to page and gives up at the first that is not there.  The pages that
+SQLite itself goes from page to page and stops at the first that is missing.  The pages that
 hold rows (leaves of table b-trees, as "Database File Format" of sqlite.org has them) can be read
 each by itself.
 """
@@ -20,7 +20,7 @@ _REAL = 7
 
 
 def rows(file: Bytes) -> Iterator[tuple[int, list[Any]]]:
-    """(rowid, values) of every row that lies wholly in a page of ``file``, from its beginning."""
+    """(rowid, values) of every row that is wholly in a page of ``file``, from its beginning."""
     head = file.read(100)
     size = unpack_from(">H", head.ljust(100, b"\0"), 16)[0]
     size = 65536 if size == 1 else size
@@ -43,7 +43,7 @@ def _row(page: bytes, at: int) -> tuple[int, list[Any]]:
     length, at = _varint(page, at)
     rowid, at = _varint(page, at)
     if at + length > len(page):
-        raise ValueError("goes on elsewhere")
+        raise ValueError("continues in another page")
     header, place = _varint(page, at)
     body, values = at + header, []
     while place < at + header:

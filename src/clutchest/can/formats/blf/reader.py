@@ -61,18 +61,18 @@ def read(source: LogSource) -> Iterator[Frames]:
         return
     fields = _HEADER.unpack(header)
     source.read(max(0, min(fields[1], 4096) - _HEADER.size))
-    walk = _Walk(_start_ns(fields[14:22]))
+    objects = _ObjectReader(_start_ns(fields[14:22]))
     pieces: list[bytes] = []
     held = 0
-    for piece in _contents(source, walk.rejected):
+    for piece in _contents(source, objects.rejected):
         pieces.append(piece)
         held += len(piece)
         if held >= BLOCK:
-            yield walk.block(b"".join(pieces))
+            yield objects.block(b"".join(pieces))
             pieces, held = [], 0
-    if fields[10] > source.position and not walk.rejected[_CUT]:
-        walk.rejected[_CUT] += 1
-    yield walk.block(b"".join(pieces), last=True)
+    if fields[10] > source.position and not objects.rejected[_CUT]:
+        objects.rejected[_CUT] += 1
+    yield objects.block(b"".join(pieces), last=True)
 
 
 def _start_ns(date: tuple[int, ...]) -> int:
@@ -154,7 +154,7 @@ def _unpacked(box: bytes, rejected: Counter[str], largest: int = _LARGEST) -> by
 
 
 def _as_far_as_it_goes(packed: bytes, largest: int) -> bytes:
-    """What stands before the damage, a little at a time, because an error loses what it is in."""
+    """What precedes the damage, in small portions, because an error loses the portion it is in."""
     inflater, parts, left = zlib.decompressobj(), [], largest
     for start in range(0, len(packed), 256):
         try:
@@ -167,13 +167,13 @@ def _as_far_as_it_goes(packed: bytes, largest: int) -> bytes:
     return b"".join(parts)
 
 
-class _Walk:
-    """The way through the objects of a log, block by block."""
+class _ObjectReader:
+    """Reads the objects of a log, block by block."""
 
     def __init__(self, start_ns: int) -> None:
         self.start_ns = start_ns
         self.rejected: Counter[str] = Counter()
-        self.tails = [b""] * (_DEEPEST + 1)  # objects that go on in the next block, by depth
+        self.tails = [b""] * (_DEEPEST + 1)  # objects that continue in the next block, by depth
         self.width = 8
         self.nested = 0
 
@@ -241,7 +241,7 @@ def _scan(data: Column, start_ns: int, out: Table, state: Column) -> int:
     """Fills the table from the objects from ``state[0]`` on; leaves the place where it stopped.
 
     Gives _BOX at a container, _WIDE if a payload is wider than the table, else _OTHER: there the
-    next object goes on beyond the block.
+    next object continues in the next block.
     """
     i, n, size, lost = state[0], 0, len(data), False
     ending = _OTHER
@@ -313,7 +313,7 @@ def _object(data: Column, start: int, i: int, end: int, kind: int, n: int, out: 
         flag |= _HAS_ESI if modes & 0x4000 else 0
         channel, identifier = _number(data, i, 1), _number(data, i + 4, 4)
         stated, count, first = LENGTHS[min(data[i + 1], 15)], _number(data, i + 2, 1), i + 40
-        # Behind the payload other data may stand, counted from the start of the object.
+        # Behind the payload there may be other data, counted from the start of the object.
         further = _number(data, i + 35, 1)
         room = min(start + further if further else end, end) - first
     elif kind == _ERROR_EXT:

@@ -84,24 +84,24 @@ def log(send, tmp_path: Path) -> Path:
     return tmp_path / "a.log"
 
 
-def test_a_stretch_by_seconds(log, truck):
+def test_a_window_by_seconds(log, truck):
     speed = read_log(log, truck, Window(2.0, 5.0))["engine_speed"]
     whole = read_log(log, truck)["engine_speed"]
     np.testing.assert_array_equal(speed.value, whole.value[200:500])
     assert speed.time[0] == 0.0
 
 
-def test_a_stretch_by_the_clock_in_any_zone(log, truck):
+def test_a_window_by_the_clock_in_any_zone(log, truck):
     zone = timezone(timedelta(hours=5, minutes=30))
     start, stop = (datetime.fromtimestamp(START_S + s, zone).isoformat() for s in (2, 5))
     given = read_log(log, truck, Window.parse(start, stop))
     assert len(given["engine_speed"]) == 300 and given.start_ns == (START_S + 2) * 10**9
-    assert given.counts.rejected["outside the stretch asked for"] == 700
+    assert given.counts.rejected["outside the time window"] == 700
     local = datetime.fromtimestamp(START_S + 9).isoformat()
     assert len(read_log(log, truck, Window.parse(local, None))["engine_speed"]) == 100
 
 
-def test_a_stretch_of_a_table(log, truck, tmp_path):
+def test_a_window_of_a_table(log, truck, tmp_path):
     write_signals(read_log(log, truck), tmp_path / "a.csv")
     speed = read_log(tmp_path / "a.csv", truck, Window(2.0, 5.0))["engine_speed"]
     assert len(speed) == 300 and speed.time[0] == pytest.approx(0.0, abs=1e-9)
@@ -113,10 +113,10 @@ def test_a_stretch_of_a_table(log, truck, tmp_path):
         ("soon", None, r"'soon' is no time; expected seconds .* or a date"),
         ("5", "2", "ends before it starts"),
         ("-3", None, "not negative"),
-        ("60", None, r"nothing in the stretch.*goes from 20\d\d-.*[+-]\d\d:\d\d to"),
+        ("60", None, r"no data in the time window.*goes from 20\d\d-.*[+-]\d\d:\d\d to"),
     ],
 )
-def test_a_stretch_that_cannot_be(start, stop, message, log, truck):
+def test_a_window_that_cannot_be(start, stop, message, log, truck):
     with pytest.raises(ClutchestError, match=message):
         read_log(log, truck, Window.parse(start, stop))
 
