@@ -12,6 +12,7 @@ from clutchest.estimate.drive_setup import process_noise
 from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import covariance
 from clutchest.estimate.whole_log import Belief, Compiled
+from clutchest.models.machine import Wear
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
@@ -28,53 +29,55 @@ def wear_trend(
 
     None where the model has no wear or the signals do not show it.
     """
-    model = compiled.model
+    model, wear = compiled.model, compiled.machine.wear
     names = {state.name for state in model.states} - set(model.unobservable)
-    if not {"zero_position", "wear_rate"} <= names:
+    if wear is None or not wear.rate_state or not {wear.state, wear.rate_state} <= names:
         return None
-    position, rate = model.state("zero_position"), model.state("wear_rate")
+    position, rate = model.state(wear.state), model.state(wear.rate_state)
     P = covariance(compiled, belief)[np.ix_([position, rate], [position, rate])]
-    amount = vehicle.parameters["zero_position_ref"].value - float(belief.x[position])
-    known = any(effect.name == "wear" for effect in model.effects)
-    of_file = vehicle.effects["wear"].get("rate", 0.0) if known else 0.0
+    amount = wear.sign * (float(belief.x[position]) - vehicle.parameters[wear.nominal].value)
+    known = any(effect.name == wear.effect for effect in model.effects)
+    of_file = vehicle.effects[wear.effect].get(wear.rate, 0.0) if known else 0.0
     if known:  # the state is what the rate is beside the file's, which may be off itself
-        k = compiled.thetas.index(("wear", "rate"))
+        k = compiled.thetas.index((wear.effect, wear.rate))
         across = belief.S[[position, rate], k] * compiled.spread[k] ** 2
         P += np.array([[0.0, across[0]], [across[0], 2.0 * across[1] + compiled.spread[k] ** 2]])
+    P *= np.outer([-wear.sign, 1.0], [-wear.sign, 1.0])  # of what is left, and of the rate
     speed = float(belief.x[rate]) + of_file
     energy = float(belief.E[0]) / MJ
     energy_std = sqrt(float(belief.E[1] + np.sum((belief.sE * compiled.spread) ** 2))) / MJ
     limit = vehicle.limits.get("wear")
-    found: dict[str, Any] = {
-        "amount": _estimate(amount, sqrt(P[0, 0]), "mm"),
-        "rate": _estimate(speed, sqrt(P[1, 1]), "mm/MJ"),
+    trend: dict[str, Any] = {
+        "amount": _estimate(amount, sqrt(P[0, 0]), wear.unit),
+        "rate": _estimate(speed, sqrt(P[1, 1]), f"{wear.unit}/MJ"),
         "slip_energy": _estimate(energy, energy_std, "MJ"),
         "limit": None,
         "remaining": None,
     }
     if limit is not None:
-        found["limit"] = {"value": limit.value, "unit": limit.unit}
+        trend["limit"] = {"value": limit.value, "unit": limit.unit}
         wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
-        found["remaining"] = _remaining(limit.value - amount, speed, P, wandering, history)
-    found["words"] = _words(found)
-    return found
+        left = limit.value - amount
+        trend["remaining"] = _remaining(left, wear.unit, speed, P, wandering, history)
+    trend["words"] = _words(trend, wear)
+    return trend
 
 
-def remaining_energy(mm: float, rate: float, P: Floats, wandering: float) -> Interval:
+def remaining_energy(left: float, rate: float, P: Floats, wandering: float) -> Interval:
     """95 % interval of the slip energy in MJ after which the limit is reached.
 
-    ``mm`` left at ``rate`` mm/MJ, ``P`` (2, 2) covariance of x0_ref and rate, ``wandering`` mm²/MJ
-    the variance that slip adds to the wear.  What is left after r MJ, mm − rate · r, is normal
+    ``left`` (mm) at ``rate`` (mm/MJ), ``P`` (2, 2) covariance of both, ``wandering`` (mm²/MJ) the
+    variance that slip adds to the wear.  What is left after r MJ, left − rate · r, is normal
     with variance P₀₀ − 2 r P₀₁ + r² P₁₁ + wandering · r; the interval holds the r at which it is
-    not surely on one side of zero (Fieller's theorem: two roots of a parabola).  Its upper end is
+    not clearly on one side of zero (Fieller's theorem: two roots of a parabola).  Its upper end is
     None where the rate may be zero.
     """
     z2 = Z**2
     a = rate**2 - z2 * P[1, 1]
-    b = mm * rate + z2 * (wandering / 2 - P[0, 1])
-    c = mm**2 - z2 * P[0, 0]
+    b = left * rate + z2 * (wandering / 2 - P[0, 1])
+    c = left**2 - z2 * P[0, 0]
     root = sqrt(max(b**2 - a * c, 0.0))
-    if mm <= 0.0 <= c:
+    if left <= 0.0 <= c:
         return 0.0, 0.0
     low = 0.0 if c <= 0.0 else c / (b + root) if b + root > 0.0 else None
     return low, (b + root) / a if a > 0.0 and rate > 0.0 else None
@@ -85,11 +88,12 @@ def _estimate(value: float, std: float, unit: str) -> dict[str, Any]:
 
 
 def _remaining(
-    mm: float, rate: float, P: Floats, wandering: float, history: History
+    left: float, unit: str, rate: float, P: Floats, wandering: float, history: History
 ) -> dict[str, Any]:
-    """What is left, in mm, MJ, hours of driving and slip events as seen so far."""
-    left = max(mm, 0.0) / rate if rate > 0.0 else (0.0 if mm <= 0.0 else None)
-    ends = remaining_energy(mm, rate, P, wandering)
+    """What is left, in the ``unit`` of wear, MJ, hours of driving and slip events as seen so
+    far."""
+    energy = max(left, 0.0) / rate if rate > 0.0 else (0.0 if left <= 0.0 else None)
+    ends = remaining_energy(left, rate, P, wandering)
     spent = history.slip_energy_J / MJ
     per_MJ = {
         "MJ": 1.0,
@@ -97,40 +101,41 @@ def _remaining(
         "engagements": history.engagements / spent if spent > 0.0 else None,
     }
     std = sqrt(P[0, 0])
-    found: dict[str, Any] = {"mm": {"value": mm, "ci95": [mm - Z * std, mm + Z * std]}}
-    for unit, scale in per_MJ.items():
+    remaining: dict[str, Any] = {unit: {"value": left, "ci95": [left - Z * std, left + Z * std]}}
+    for name, scale in per_MJ.items():
         value, low, high = (
-            None if number is None or scale is None else number * scale for number in (left, *ends)
+            None if number is None or scale is None else number * scale
+            for number in (energy, *ends)
         )
-        found[unit] = {"value": value, "ci95": [low, high]}
-    return found
+        remaining[name] = {"value": value, "ci95": [low, high]}
+    return remaining
 
 
-def _words(found: Mapping[str, Any]) -> list[str]:
+def _words(trend: Mapping[str, Any], wear: Wear) -> list[str]:
     """Two sentences."""
-    amount, rate, energy = found["amount"], found["rate"], found["slip_energy"]
-    limit = found["limit"]
-    of = "" if limit is None else f" of {limit['value']:g} mm"
+    amount, rate, energy = trend["amount"], trend["rate"], trend["slip_energy"]
+    limit, unit = trend["limit"], wear.unit
+    of = "" if limit is None else f" of {limit['value']:g} {unit}"
     first = (
-        f"Worn {amount['value']:.2f} ± {amount['std']:.2f} mm{of}, at {rate['value']:.3f} ± "
-        f"{rate['std']:.3f} mm/MJ; {energy['value']:.3g} MJ of slip so far."
+        f"Worn {amount['value']:.2f} ± {amount['std']:.2f} {unit}{of}, at {rate['value']:.3f} ± "
+        f"{rate['std']:.3f} {unit}/MJ; {energy['value']:.3g} MJ of slip so far."
     )
     if limit is None:
-        return [first, "What is left is not told: the vehicle file has no limit ([limits] wear)."]
-    return [first, _left(found["remaining"])]
+        return [first, "Remaining life: unknown, the vehicle file has no limit ([limits] wear)."]
+    return [first, _left(trend["remaining"], wear)]
 
 
-def _left(left: Mapping[str, Any]) -> str:
+def _left(left: Mapping[str, Any], wear: Wear) -> str:
     low, high = left["MJ"]["ci95"]
-    if left["mm"]["value"] <= 0.0:
+    if left[wear.unit]["value"] <= 0.0:
         return "The limit is reached."
     if low is None:
-        return "What is left is not told: by these data the pads do not wear."
+        return f"Remaining life: unknown, by these data the {wear.part} do not wear."
     if high is None:
-        words = f"Left: at least {low:.3g} MJ"
+        words = f"Remaining life: at least {low:.3g} MJ"
         more = _as_driven(left, 0)
         return f"{words}{more}; not bounded from above by these data, the rate may be zero."
-    words = f"Left: {left['MJ']['value']:.3g} MJ (95 %: {low:.3g} to {high:.3g})"
+    words = f"Remaining life: {left['MJ']['value']:.3g} MJ (95 %: {low:.3g} to {high:.3g})"
     return f"{words}{_as_driven(left, None)}."
 
 
