@@ -1,0 +1,140 @@
+"""Every unit against its definition, written out here once more and by hand."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+from scipy import constants
+
+from clutchest import units
+from clutchest.errors import ClutchestError
+
+KG, M, S, K, A = np.eye(5, dtype=int)
+NONE = np.zeros(5, int)
+N = KG + M - 2 * S
+J = N + M
+W = J - S
+V = W - A
+OHM = V - A
+
+# symbol → (value of 1 in SI, dimensions as powers of kg, m, s, K, A)
+FACTORS = {
+    "1": (1.0, NONE),
+    "rad": (1.0, NONE),
+    "°": (constants.degree, NONE),
+    "deg": (constants.degree, NONE),
+    "%": (0.01, NONE),
+    "rev": (6.283185307179586, NONE),
+    "kg": (1.0, KG),
+    "m": (1.0, M),
+    "mm": (constants.milli, M),
+    "µm": (constants.micro, M),
+    "km": (constants.kilo, M),
+    "s": (1.0, S),
+    "ms": (constants.milli, S),
+    "min": (constants.minute, S),
+    "h": (constants.hour, S),
+    "K": (1.0, K),
+    "A": (1.0, A),
+    "mA": (constants.milli, A),
+    "N": (1.0, N),
+    "kN": (constants.kilo, N),
+    "Nm": (1.0, J),
+    "J": (1.0, J),
+    "kJ": (constants.kilo, J),
+    "MJ": (constants.mega, J),
+    "W": (1.0, W),
+    "kW": (constants.kilo, W),
+    "V": (1.0, V),
+    "Ohm": (1.0, OHM),
+    "Ω": (1.0, OHM),
+    "H": (1.0, OHM + S),
+    "mH": (constants.milli, OHM + S),
+    "Pa": (1.0, N - 2 * M),
+    "GPa": (constants.giga, N - 2 * M),
+    "rpm": (0.10471975511965977, -S),
+    "°C": (1.0, K),
+    "°F": (constants.degree_Fahrenheit, K),
+}
+# unit → (value of 1 in the unit behind it)
+COMPOSED = {
+    ("km/h", "m/s"): 1 / 3.6,
+    ("kph", "m/s"): constants.kmh,
+    ("km/hour", "m/s"): constants.kmh,
+    ("RPM", "rad/s"): 2 * pi / 60,
+    ("1/min", "rad/s"): 2 * pi / 60,  # of a shaft, as in DBCs
+    ("rev/s", "rpm"): 60.0,
+    ("°/s", "rad/s"): constants.degree,
+    ("Nm/mm^3", "Nm/m³"): 1e9,
+    ("mm/MJ", "m/J"): 1e-9,
+    ("1/(100 K)", "1/K"): 0.01,
+    ("kg mm²", "kg m²"): 1e-6,
+    ("W h", "J"): 3600.0,
+    ("W·s", "J"): 1.0,
+    ("V s", "Nm/A"): 1.0,
+    ("Nm rad/s", "W"): 1.0,
+    ("mH A/ms", "V"): 1.0,
+    ("GPa mm²", "kN"): 1.0,
+    ("m s⁻²", "m/s^2"): 1.0,
+    ("percent", "1"): 0.01,
+    ("unitless", "1"): 1.0,
+    ("Unitless", "-"): 1.0,
+    ("", "1"): 1.0,
+    ("um", "mm"): 1e-3,
+    ("N.m", "J"): 1.0,
+    ("N m", "J"): 1.0,
+    ("Nm/rad", "Nm"): 1.0,
+    ("ohm", "V/A"): 1.0,
+}
+# (value, unit, value, unit): the same temperature
+TEMPERATURES = [
+    (0.0, "°C", 32.0, "°F"),
+    (100.0, "degC", 212.0, "degF"),
+    (-40.0, "deg C", -40.0, "deg F"),
+    (37.0, "C", 98.6, "°F"),
+]
+
+
+def test_the_table_is_of_all_symbols():
+    assert set(FACTORS) == set(units._SYMBOLS)
+
+
+@pytest.mark.parametrize("symbol", FACTORS)
+def test_a_symbol_is_what_its_definition_says(symbol):
+    factor, dimensions = FACTORS[symbol]
+    unit = units.parse(symbol)
+    assert unit.scale == pytest.approx(factor, rel=1e-15)
+    assert unit.dimensions == tuple(dimensions)
+    assert (unit.offset != 0.0) == (symbol == "°F")
+
+
+@pytest.mark.parametrize(("unit", "to"), COMPOSED)
+def test_composed_units_and_other_spellings(unit, to):
+    factor = COMPOSED[unit, to]
+    assert units.convert(1.0, unit, to) == pytest.approx(factor, rel=1e-14)
+    values = np.array([-2.0, 0.0, 3.5])
+    np.testing.assert_allclose(units.convert(values, unit, to), values * factor, rtol=1e-14)
+    assert units.convert(1.0, to, unit) == pytest.approx(1 / factor, rel=1e-14)
+
+
+def test_every_other_spelling_is_converted_above():
+    written = {unit for pair in COMPOSED for unit in pair}
+    written |= {unit for _, unit, _, other in TEMPERATURES for unit in (unit, other)}
+    assert set(units._ALIASES) <= written
+
+
+@pytest.mark.parametrize(("value", "unit", "same", "other"), TEMPERATURES)
+def test_temperatures(value, unit, same, other):
+    assert units.convert(value, unit, other) == pytest.approx(same, abs=1e-12)
+    assert units.convert(same, other, unit) == pytest.approx(value, abs=1e-12)
+
+
+def test_what_cannot_be_converted_is_refused():
+    with pytest.raises(ClutchestError, match="cannot be converted"):
+        units.convert(1.0, "Nm", "N")
+    with pytest.raises(ClutchestError, match="unknown unit 'kmm'"):
+        units.parse("kmm/h")
+    with pytest.raises(ClutchestError, match="one division only"):
+        units.parse("W/m/K")
