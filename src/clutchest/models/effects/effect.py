@@ -16,11 +16,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
-if TYPE_CHECKING:
-    from clutchest.models.model import Model
-    from clutchest.models.symbols import State
+from clutchest.models.symbols import State
+
+
+class Indices(Protocol):
+    """Where names stand in the vectors of a model: states in ``x``, inputs in ``u``."""
+
+    def state(self, name: str) -> int:
+        """Index of a state in x."""
+
+    def input(self, name: str) -> int:
+        """Index of an input in u."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +120,7 @@ class Effect:
         """Quantity → function (value, all quantities) → changed value; the same value at gain 0."""
         return {}
 
-    def after_step(self, model: Model, x: Any, u0: Any, u: Any, g: Gains) -> Any:
+    def after_step(self, model: Indices, x: Any, u0: Any, u: Any, g: Gains) -> Any:
         """The state after the step map; ``u0``, ``u`` are the inputs at the step's two ends."""
         return x
 
