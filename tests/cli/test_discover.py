@@ -139,7 +139,7 @@ def test_bad_input_is_one_line(run, search, logs, tmp_path, monkeypatch, where):
     arguments, complaint = {
         "log": (["gone.log", *truck], "no such file: gone.log"),
         "holdout": ([log, *truck, "--holdout", broken], "broken.log"),
-        "effects": ([log, *truck, "--effects", "gone.py"], "gone.py: no such file of effects"),
+        "effects": ([log, *truck, "--effects", "gone.py"], "gone.py: no such file"),
         "no effect": ([log, *truck, "--effects", empty], "empty.py: expected a subclass of"),
         "no Python": ([log, *truck, "--effects", broken], "expected a Python file"),
         "twice": ([log, *truck, "--holdout", log], "is given as LOG and as --holdout"),

@@ -55,7 +55,7 @@ def test_draft_loads_once_the_missing_is_filled_in(found, log, truck, tmp_path):
     draft = found.vehicle_toml(target)
     target.write_text(draft)
     assert "# MISSING signals.engine_torque: reference" in draft
-    with pytest.raises(ClutchestError, match=r"vehicle\.toml:\d+: .*needs 'reference'"):
+    with pytest.raises(ClutchestError, match=r"vehicle\.toml:\d+: .*requires 'reference'"):
         load_vehicle(target)
     filled = draft.replace(
         'signal = "ActualEnginePercentTorque"',

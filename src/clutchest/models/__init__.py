@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from collections.abc import Container
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from clutchest.errors import ClutchestError, file_like, nearest
@@ -29,7 +27,7 @@ def names() -> tuple[str, ...]:
 
 @cache
 def machine_of(name: str) -> Machine:
-    """The machine of that name.  Raises ClutchestError for an unknown one, or one that is wrong."""
+    """The machine of that name.  Raises ClutchestError for an unknown one, or an invalid one."""
     if name in SHIPPED:
         shipped: Machine = importlib.import_module(f"{__name__}.{name}").MACHINE
         return shipped
@@ -39,7 +37,10 @@ def machine_of(name: str) -> Machine:
         registered = entry.load()
         if isinstance(registered, Machine):
             return registered
-        raise ClutchestError(f"machine '{name}': {entry.value} is no clutchest.machine.Machine")
+        raise ClutchestError(
+            f"machine '{name}': {entry.value} is a {type(registered).__name__}, "
+            "expected a clutchest.machine.Machine"
+        )
     raise ClutchestError(f"unknown model '{name}'" + nearest(name, names()))
 
 
@@ -54,33 +55,22 @@ def machine_in_file(path: Path) -> Machine:
     Raises ClutchestError where the file cannot be read, or defines none or several.
     """
     if not path.is_file():
-        raise ClutchestError(f"{path}: no such file of a machine" + file_like(path))
+        raise ClutchestError(f"{path}: no such file{file_like(path)}")
     return _in_file(path, sha256(path.read_bytes()).hexdigest())
 
 
 @cache
 def _in_file(path: Path, digest: str) -> Machine:
-    """One per content: a file that was changed is another machine."""
-    spec = importlib.util.spec_from_file_location(f"clutchest_machine_{digest[:16]}", path)
-    if spec is None or spec.loader is None:
-        raise ClutchestError(f"{path}: expected a Python file (.py) with a machine")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except ClutchestError as error:
-        raise ClutchestError(f"{path}: {error}") from error
-    except Exception as error:  # whatever the user's file does wrong
-        raise ClutchestError(f"{path}: {type(error).__name__}: {error}") from error
-    return _only_machine(path, module)
-
-
-def _only_machine(path: Path, module: ModuleType) -> Machine:
+    """One machine per content of the file."""
     from clutchest.models.machine import Machine
+    from clutchest.models.python_file import load_module
 
+    module = load_module(path, f"clutchest_machine_{digest[:16]}", "a machine")
     machines = {id(value): value for value in vars(module).values() if isinstance(value, Machine)}
     if len(machines) != 1:
+        names = ", ".join(f"'{machine.name}'" for machine in machines.values()) or "none"
         raise ClutchestError(
-            f"{path}: defines {len(machines)} machines, expected one clutchest.machine.Machine"
+            f"{path}: expected one clutchest.machine.Machine at the top level, it defines {names}"
         )
     (machine,) = machines.values()
     return machine

@@ -244,6 +244,9 @@ def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
         yield "equations", f"are of model '{model.name}'"
     if model.anchor not in machine.units:
         yield "equations", f"have no column '{model.anchor}' as their anchor"
+    for item in model.inputs:
+        if item.default is None and item.name not in {*machine.units, *model.slopes}:
+            yield "inputs", f"have no column '{item.name}'" + nearest(item.name, machine.units)
     if machine.output and machine.output not in model.outputs:
         yield "output", f"'{machine.output}' is none of the equations' outputs"
     for name, effect in machine.effects.items():

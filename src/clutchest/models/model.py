@@ -91,8 +91,8 @@ class Expressions:
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
         (K, nu) and ``w`` (K, flags) of each; ``p`` and ``g`` are the same in all of them."""
-        told = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
-        at = ca.Function("along", [self.x, self.u, self.w], told)
+        of_moment = ca.substitute([wanted], [self.p, self.g], [ca.DM(p), ca.DM(g)])
+        at = ca.Function("along", [self.x, self.u, self.w], of_moment)
         values = np.empty((wanted.numel(), len(x)))
         for begin in range(0, len(x), BLOCK):  # memory for a block, not for the drive
             some = slice(begin, begin + BLOCK)
@@ -191,38 +191,8 @@ class Model:
         p = ca.SX.sym("p", len(self.parameters))
         g = ca.SX.sym("g", len(self.numbers))
 
-        gains: dict[Effect, Gains] = {}
-        for effect in self.effects:
-            rows = {key: g[i] for i, (owner, key) in enumerate(self.numbers) if owner is effect}
-            gains[effect] = Gains(rows)
-        terms: dict[str, tuple[Term, ...]] = {}
-        for effect in self.effects:
-            for quantity, term in effect.terms(gains[effect]).items():
-                terms[quantity] = (*terms.get(quantity, ()), term)
-
-        q = Quantities(terms)
-        for i, state in enumerate(self.states):
-            setattr(q, state.name, x[i])
-            setattr(q, f"initial_{state.name}", x[i])
-        for i, item in enumerate(self.inputs):
-            setattr(q, item.name, u[i])
-        for i, flag in enumerate(self.regime):
-            setattr(q, flag, w[i])
-        for i, name in enumerate(self.doubted, len(self.regime)):
-            setattr(q, f"{name}_std", w[i])
-        states = {state.name for state in self.states}
-        for i, parameter in enumerate(self.parameters):
-            if parameter.key not in states:  # a state's nominal value leaves it the name
-                setattr(q, parameter.key, p[i])
-        for piece in self.pieces:
-            piece(q)
-        for name in (f"{state.name}_rate" for state in self.states):
-            if name not in q.names():
-                setattr(q, name, 0.0)
-        unused = set(terms) - set(q.names())
-        if unused:
-            raise AttributeError(f"effects change quantities that '{self.name}' lacks: {unused}")
-
+        gains = self._gains(g)
+        q = self._quantities(x, u, w, p, gains)
         mapped = ca.SX(x)
         for i, state in enumerate(self.states):
             if (reset := f"{state.name}_after_step") in q.names():
@@ -246,6 +216,44 @@ class Model:
             ),
             quantities=q,
         )
+
+    def _gains(self, g: ca.SX) -> dict[Effect, Gains]:
+        """The entries of ``g`` by effect."""
+        return {
+            effect: Gains({key: g[i] for i, (of, key) in enumerate(self.numbers) if of is effect})
+            for effect in self.effects
+        }
+
+    def _quantities(
+        self, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX, gains: Mapping[Effect, Gains]
+    ) -> Quantities:
+        """Every quantity of the pieces, passed through the effects that change it."""
+        terms: dict[str, tuple[Term, ...]] = {}
+        for effect in self.effects:
+            for quantity, term in effect.terms(gains[effect]).items():
+                terms[quantity] = (*terms.get(quantity, ()), term)
+        q = Quantities(terms)
+        for i, state in enumerate(self.states):
+            setattr(q, state.name, x[i])
+            setattr(q, f"initial_{state.name}", x[i])
+        for i, item in enumerate(self.inputs):
+            setattr(q, item.name, u[i])
+        for i, flag in enumerate(self.regime):
+            setattr(q, flag, w[i])
+        for i, name in enumerate(self.doubted, len(self.regime)):
+            setattr(q, f"{name}_std", w[i])
+        states = {state.name for state in self.states}
+        for i, parameter in enumerate(self.parameters):
+            if parameter.key not in states:  # a state's nominal value leaves it the name
+                setattr(q, parameter.key, p[i])
+        for piece in self.pieces:
+            piece(q)
+        for name in (f"{state.name}_rate" for state in self.states):
+            if name not in q.names():
+                setattr(q, name, 0.0)
+        if unused := set(terms) - set(q.names()):
+            raise AttributeError(f"effects change quantities that '{self.name}' lacks: {unused}")
+        return q
 
     def state(self, name: str) -> int:
         """Index of a state in x."""

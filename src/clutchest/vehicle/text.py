@@ -1,4 +1,4 @@
-"""Vehicles written as TOML text, complete and readable again."""
+"""Vehicles written as complete TOML files, which ``load_vehicle`` reads back equal."""
 
 from __future__ import annotations
 

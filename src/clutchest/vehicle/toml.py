@@ -1,10 +1,10 @@
-"""TOML files read strictly: every complaint names file, line and key."""
+"""TOML files read strictly: every error names file, line and key."""
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
@@ -45,14 +45,14 @@ class TomlFile:
             raise ClutchestError(f"{path.name}:{line}: not TOML: {what}") from None
 
     def error(self, keys: Keys, complaint: str) -> ClutchestError:
-        """A complaint about the key ``keys`` (a path from the top), told with its line."""
+        """An error about the key ``keys`` (a path from the top), with its line."""
         where = f"{self.path.name}:{line}" if (line := self._line(keys)) else self.path.name
         return ClutchestError(f"{where}: {complaint}")
 
     def _line(self, keys: Keys) -> int:
-        """The line that comes closest to declaring ``keys``; 0 where none does."""
+        """The line that declares the longest part of ``keys``; 0 where none does."""
         table: Keys = ()
-        best, found = 0, 0
+        longest, line_number = 0, 0
         for number, line in enumerate(self.text.splitlines(), 1):
             if header := re.match(r"\s*\[+\s*([^\]]+?)\s*\]", line):
                 path = table = _split(header[1])
@@ -60,15 +60,16 @@ class TomlFile:
                 path = (*table, *_split(key[1]))
             else:
                 continue
-            if path == keys[: len(path)] and len(path) > best:
-                best, found = len(path), number
-        return found
+            if path == keys[: len(path)] and len(path) > longest:
+                longest, line_number = len(path), number
+        return line_number
 
-    def known(self, keys: Keys, given: Iterable[str], valid: Iterable[str], what: str) -> None:
+    def known(self, keys: Keys, given: Iterable[str], valid: Collection[str], what: str) -> None:
         """Every key of ``given`` must be one of ``valid``."""
         for key in given:
             if key not in valid:
-                raise self.error((*keys, key), f"unknown {what} '{key}'" + nearest(key, valid))
+                hint = nearest(key, valid) or "; none is expected here"
+                raise self.error((*keys, key), f"unknown {what} '{key}'{hint}")
 
     def table(self, keys: Keys, value: Any) -> dict[str, Any]:
         """A sub-table."""
@@ -77,15 +78,15 @@ class TomlFile:
         return value
 
     def string(self, keys: Keys, value: Any) -> str:
-        """A text that is not empty."""
+        """A string that is not empty."""
         if not isinstance(value, str) or not value:
-            raise self.error(keys, f"{'.'.join(keys)} must be a text, not {value!r}")
+            raise self.error(keys, f"{'.'.join(keys)} must be a string, not {value!r}")
         return value
 
     def strings(self, keys: Keys, value: Any) -> list[str]:
-        """A list of texts."""
+        """A list of strings."""
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise self.error(keys, f"{'.'.join(keys)} must be a list of texts, not {value!r}")
+            raise self.error(keys, f"{'.'.join(keys)} must be a list of strings, not {value!r}")
         return value
 
     def number(self, keys: Keys, value: Any, lower: float = -inf, upper: float = inf) -> float:
@@ -96,7 +97,7 @@ class TomlFile:
         if not isfinite(value):
             raise self.error(keys, f"{name} = {value} is not finite")
         if not lower <= value <= upper:
-            raise self.error(keys, f"{name} = {value:g} must lie within {lower:g} … {upper:g}")
+            raise self.error(keys, f"{name} = {value:g} must be {_range(lower, upper)}")
         return float(value)
 
     def integer(self, keys: Keys, value: Any, upper: int) -> int:
@@ -137,8 +138,14 @@ class TomlFile:
         spread = self.number((*keys, "spread"), value.get("spread", 0.0), 0.0)
         source = value.get("source", "")
         if not isinstance(source, str):
-            raise self.error((*keys, "source"), f"{'.'.join(keys)}.source must be a text")
+            raise self.error((*keys, "source"), f"{'.'.join(keys)}.source must be a string")
         return ParameterValue(number, unit, spread if scale == 1.0 else spread * scale, source)
+
+
+def _range(lower: float, upper: float) -> str:
+    if isfinite(lower) and isfinite(upper):
+        return f"within {lower:g} … {upper:g}"
+    return f"at least {lower:g}" if isfinite(lower) else f"at most {upper:g}"
 
 
 def _split(dotted: str) -> Keys:

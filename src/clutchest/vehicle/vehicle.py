@@ -1,4 +1,4 @@
-"""A vehicle: one TOML file that says which bus signal is what, and which numbers hold."""
+"""A vehicle: one TOML file that says which bus signal is what, and its parameters."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SignalMap:
     """How the bus makes one canonical signal, and how well.
 
     ``noise`` standard deviation in the canonical unit (SI, mm for positions), ``delay`` s,
-    ``noise_ar`` AR(1) coefficient per sample of this signal, ``noise_source`` where both are from;
+    ``noise_ar`` AR(1) coefficient per sample of this signal, ``noise_source`` the source of both;
     one that begins with "guess" makes them a guess.
 
     A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``.
@@ -70,7 +70,7 @@ class ParameterValue:
 
     @property
     def guessed(self) -> bool:
-        """Whether the file calls the value a guess."""
+        """Whether the value is a guess, by its source."""
         return self.source.lower().startswith("guess")
 
 
@@ -88,10 +88,10 @@ class Estimation:
 class Vehicle:
     """Everything that is particular to one vehicle.
 
-    ``hash`` is over the file's content.  Two vehicles are equal when they say the same, wherever
-    their files lie.  A DBC found neither beside the file nor among the shipped stands in ``dbc``
-    as the bare name; it is looked for again when a log is read.  ``effects``: effect → number →
-    value, ``effects_spread`` the standard deviation of gains that are not known exactly.
+    ``hash`` is over the file's content.  Two vehicles are equal when their content is, wherever
+    their files lie.  A DBC that is neither beside the file nor shipped stands in ``dbc`` as the
+    bare name; the folders of a log are searched for it when that log is read.  ``effects``: effect
+    → number → value, ``effects_spread`` the standard deviation of gains that are not known exactly.
     ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
     and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine.
     """
@@ -116,10 +116,10 @@ class Vehicle:
 
     @property
     def machine(self) -> Machine:
-        """What it is a vehicle with: one of the shipped machines, or that of ``model_file``."""
+        """The machine by name, or the one defined in ``model_file``."""
         return machine_in_file(self.model_file) if self.model_file else machine_of(self.model)
 
     @property
     def guessed(self) -> tuple[str, ...]:
-        """Keys of the parameters that the file calls guesses."""
+        """Keys of the parameters whose values are guesses."""
         return tuple(key for key, p in self.parameters.items() if p.guessed)

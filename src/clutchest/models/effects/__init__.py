@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import pkgutil
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
-from clutchest.errors import ClutchestError, file_like
+from clutchest.errors import ClutchestError
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
+from clutchest.models.python_file import load_module
 
 __all__ = ["Effect", "Gains", "Lateness", "Number", "effects_in", "effects_of_file"]
 
@@ -30,20 +30,11 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
 
     Raises ClutchestError where the file cannot be read or defines none.
     """
-    spec = importlib.util.spec_from_file_location(f"clutchest_effects_{path.stem}", path)
-    if not path.is_file():
-        raise ClutchestError(f"{path}: no such file of effects" + file_like(path))
-    if spec is None or spec.loader is None:
-        raise ClutchestError(f"{path}: expected a Python file (.py) with effects")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:  # whatever the user's file does wrong
-        raise ClutchestError(f"{path}: {type(error).__name__}: {error}") from error
-    found = {effect.name: effect for effect in _defined_in(module)}
-    if not found:
+    module = load_module(path, f"clutchest_effects_{path.stem}", "effects")
+    effects = {effect.name: effect for effect in _defined_in(module)}
+    if not effects:
         raise ClutchestError(f"{path}: expected a subclass of clutchest.models.effects.Effect")
-    return found
+    return effects
 
 
 def _defined_in(module: ModuleType) -> list[Effect]:

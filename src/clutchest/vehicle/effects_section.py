@@ -1,0 +1,71 @@
+"""``[effects]`` and ``[effects_spread]`` of a vehicle file: terms in the machine's equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clutchest.vehicle.toml import TomlFile
+from clutchest.vehicle.vehicle import ParameterValue
+
+if TYPE_CHECKING:
+    from clutchest.models.effects import Effect
+    from clutchest.models.machine import Machine
+
+
+def read_effects(
+    file: TomlFile,
+    data: Mapping[str, Any],
+    machine: Machine,
+    effects_files: tuple[Path, ...],
+    parameters: Mapping[str, ParameterValue],
+) -> dict[str, dict[str, ParameterValue]]:
+    """Effect → number → value and spread, of the ``machine``'s library and the user's own
+    ``effects_files``.  ``parameters``: values at which an own effect is tried."""
+    table = file.table(("effects",), data.get("effects", {}))
+    spreads = file.table(("effects_spread",), data.get("effects_spread", {}))
+    file.known(("effects_spread",), spreads, table, "effect of [effects]")
+    if not table and not effects_files:
+        return {}
+    from clutchest.models.effects import effects_of_file
+
+    library = dict(machine.effects)
+    for path in effects_files:
+        library |= effects_of_file(path)
+    file.known(("effects",), table, library, f"effect of '{machine.name}'")
+    if own := [name for name in table if name not in machine.effects]:
+        from clutchest.models.validate_effect import why_invalid
+
+        values = {key: quantity.value for key, quantity in parameters.items()}
+        for name in own:
+            if wrong := why_invalid(library[name], machine, values):
+                raise file.error(("effects", name), f"effect '{name}' {wrong}")
+    return {
+        name: _numbers(file, library[name], value, spreads.get(name, {}))
+        for name, value in table.items()
+    }
+
+
+def _numbers(file: TomlFile, effect: Effect, value: Any, spread: Any) -> dict[str, ParameterValue]:
+    """The numbers of one effect, each with the standard deviation of its gain."""
+    at, spread_at = ("effects", effect.name), ("effects_spread", effect.name)
+    entry, spreads = file.table(at, value), file.table(spread_at, spread)
+    declared = {number.key: number for number in effect.parameters}
+    file.known(at, entry, declared, f"parameter of effect '{effect.name}'")
+    numbers = {
+        key: file.quantity((*at, key), given, declared[key].unit, declared[key].least)
+        for key, given in entry.items()
+    }
+    file.known(spread_at, spreads, numbers, f"number in [effects] of '{effect.name}'")
+    for key, given in spreads.items():
+        std = file.quantity((*spread_at, key), given, declared[key].unit, 0.0).value
+        numbers[key] = replace(numbers[key], spread=std)
+    for key, number in numbers.items():
+        if number.spread > 0.0 and declared[key].shape:
+            raise file.error(
+                (*(spread_at if key in spreads else at), key),
+                f"{effect.name}.{key} is a shape and takes no spread",
+            )
+    return numbers

@@ -1,0 +1,181 @@
+"""``[signals.NAME]`` of a vehicle file: which bus signals make which canonical one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
+from typing import Any
+
+from clutchest.errors import ClutchestError
+from clutchest.vehicle.toml import Keys, TomlFile
+from clutchest.vehicle.vehicle import BusSignal, SignalMap
+
+LARGEST_ADDRESS, LARGEST_CHANNEL = 253, 255  # J1939 keeps the addresses above
+
+_KEYS = (
+    "message",
+    "signal",
+    "unit",
+    "noise",
+    "delay",
+    "noise_ar",
+    "noise_source",
+    "reference",
+    "fraction",
+    "friction",
+    "gears",
+    "gear",
+    "other",
+    "min",
+    "max",
+    "source_address",
+    "channel",
+    "period",
+)
+_REQUIRED = ("message", "signal", "unit", "noise")
+_COMPANION = ("message", "signal", "unit")
+_REQUIRES = {"fraction": "reference", "friction": "reference", "gear": "gears", "other": "gears"}
+
+
+def read_signals(
+    file: TomlFile, data: Mapping[str, Any], columns: Mapping[str, str], machine: str
+) -> dict[str, SignalMap]:
+    """Canonical name → how the bus makes it.  ``columns``: canonical name → unit of the
+    ``machine``."""
+    table = file.table(("signals",), data["signals"])
+    file.known(("signals",), table, columns, f"signal of '{machine}'")
+    return {
+        name: _signal(_Entry(file, name, file.table(("signals", name), entry), columns[name]))
+        for name, entry in table.items()
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """One ``[signals.NAME]`` table; ``unit`` of the canonical signal."""
+
+    file: TomlFile
+    name: str
+    table: Mapping[str, Any]
+    unit: str
+
+    def keys(self, key: str) -> Keys:
+        return ("signals", self.name, key)
+
+    def error(self, key: str, complaint: str) -> ClutchestError:
+        return self.file.error(self.keys(key), complaint)
+
+    def number(self, key: str, lower: float = -inf, upper: float = inf) -> float | None:
+        value = self.table.get(key)
+        return None if value is None else self.file.number(self.keys(key), value, lower, upper)
+
+    def integer(self, key: str, upper: int) -> int | None:
+        value = self.table.get(key)
+        return None if value is None else self.file.integer(self.keys(key), value, upper)
+
+    def string(self, key: str, default: str = "") -> str:
+        value = self.table.get(key)
+        return default if value is None else self.file.string(self.keys(key), value)
+
+    def check_keys(self) -> None:
+        """Known keys only, the required ones, and those that others require."""
+        keys = ("signals", self.name)
+        self.file.known(keys, self.table, _KEYS, "key")
+        for key in _REQUIRED:
+            if key not in self.table:
+                raise self.file.error(keys, f"signals.{self.name} has no '{key}'")
+        for key, other in _REQUIRES.items():
+            if key in self.table and other not in self.table:
+                raise self.error(key, f"signals.{self.name}.{key} requires '{other}' beside it")
+
+
+def _signal(entry: _Entry) -> SignalMap:
+    entry.check_keys()
+    reference = _reference(entry)
+    expected = entry.unit if reference is None else "%"
+    unit = entry.file.unit(entry.keys("unit"), entry.table["unit"], expected)
+    bus = BusSignal(entry.string("message"), entry.string("signal"), unit)
+    minimum, maximum = _limits(entry)
+    return SignalMap(
+        entry.name,
+        bus,
+        noise=entry.number("noise", 1e-12) or 0.0,
+        delay=entry.number("delay", 0.0) or 0.0,
+        noise_ar=_noise_ar(entry),
+        noise_source=entry.string("noise_source"),
+        reference=reference,
+        fraction=_companion(entry, "fraction", bus, "%", unit),
+        friction=_companion(entry, "friction", bus, "%", unit),
+        gears=_gears(entry),
+        gear=_companion(entry, "gear", bus, "1", "1"),
+        other=_companion(entry, "other", bus, entry.unit, unit),
+        minimum=minimum,
+        maximum=maximum,
+        source_address=entry.integer("source_address", LARGEST_ADDRESS),
+        channel=entry.integer("channel", LARGEST_CHANNEL),
+        period=entry.number("period", 1e-4),
+    )
+
+
+def _reference(entry: _Entry) -> float | None:
+    """Nm that 100 % stands for."""
+    if "reference" not in entry.table:
+        return None
+    keys = entry.keys("reference")
+    reference = entry.file.quantity(keys, entry.table["reference"], "Nm", 1e-3).value
+    if entry.unit != "Nm":
+        raise entry.error(
+            "reference",
+            f"'reference' converts percent to a torque (Nm); {entry.name} is in {entry.unit}",
+        )
+    return reference
+
+
+def _noise_ar(entry: _Entry) -> float:
+    noise_ar = entry.number("noise_ar", -1.0, 1.0) or 0.0
+    if abs(noise_ar) == 1.0:
+        raise entry.error("noise_ar", f"signals.{entry.name}.noise_ar must be smaller than 1")
+    return noise_ar
+
+
+def _limits(entry: _Entry) -> tuple[float | None, float | None]:
+    """Lowest and highest valid value, bus unit."""
+    minimum, maximum = entry.number("min"), entry.number("max")
+    if minimum is not None and maximum is not None and minimum >= maximum:
+        raise entry.error(
+            "min", f"signals.{entry.name}: min {minimum:g} is not below max {maximum:g}"
+        )
+    return minimum, maximum
+
+
+def _companion(
+    entry: _Entry, key: str, bus: BusSignal, expected: str, unit: str
+) -> BusSignal | None:
+    """A second bus signal: the same message as ``bus`` and this ``unit`` unless it states others;
+    its unit must convert to the ``expected`` one."""
+    if key not in entry.table:
+        return None
+    file, keys = entry.file, entry.keys(key)
+    table = file.table(keys, entry.table[key])
+    file.known(keys, table, _COMPANION, "key")
+    if "signal" not in table:
+        raise file.error(keys, f"{'.'.join(keys)} has no 'signal'")
+    return BusSignal(
+        file.string((*keys, "message"), table.get("message", bus.message)),
+        file.string((*keys, "signal"), table["signal"]),
+        file.unit((*keys, "unit"), table.get("unit", unit), expected),
+    )
+
+
+def _gears(entry: _Entry) -> tuple[float, ...]:
+    if "gears" not in entry.table:
+        return ()
+    keys, value = entry.keys("gears"), entry.table["gears"]
+    if not isinstance(value, list) or not value:
+        raise entry.error("gears", f"{'.'.join(keys)} must be a list of ratios engine/wheel")
+    gears = tuple(entry.file.number(keys, ratio, 1e-3) for ratio in value)
+    if any(lower >= higher for higher, lower in pairwise(gears)):
+        raise entry.error("gears", f"{'.'.join(keys)} must fall from the first gear to the last")
+    return gears
