@@ -82,7 +82,7 @@ def main() -> None:
 
             def show(status, piece, events):
                 if status.now > LOOK_AT and piece is not None and not shots:
-                    shots["panel"] = drawn(panel(status, monitor.vehicle.model))
+                    shots["panel"] = drawn(panel(status, monitor.vehicle.machine))
                     shot = Image.open(io.BytesIO(client.take_screenshot())).convert("RGB")
                     shots["viewer"] = shot.crop((0, MENU, shot.width, shot.height))
                     monitor.stop()

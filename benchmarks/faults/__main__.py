@@ -26,8 +26,7 @@ import residuals
 from parallel import ran
 
 import clutchest
-from clutchest.diagnosis.drive import effects_for
-from clutchest.diagnosis.faults import model_faults
+from clutchest.diagnosis.drive_diagnosis import effects_for
 
 PARTS = ("healthy", "hot", "residuals", "injected", "recorded")
 
@@ -101,12 +100,12 @@ def at_residual_level(vehicle: str, folder: Path, hours: float, trials: int) -> 
     """Rates and delays of every fault by drawing; prints a line per fault and size."""
     truck = clutchest.load_vehicle(vehicle)
     records = residuals.loaded(folder)
-    units = {(e.name, n.key): n.upper for e in effects_for(truck.model) for n in e.gains}
+    units = {(e.name, n.key): n.upper for e in effects_for(truck.machine) for n in e.gains}
     found: dict[str, Any] = {}
-    for k, fault in enumerate(model_faults(truck.model)):
-        unit = units[fault.make().name, fault.key]
+    for k, fault in enumerate(truck.machine.faults):
+        unit = units[fault.effect.name, fault.key]
         of = residuals.rates(records, fault, k, unit, hours, seed=100 + k)
-        of |= {"unit": fault.number.unit, "measured": residuals.measured(records, k)}
+        of |= {"unit": fault.gain.unit, "measured": residuals.measured(records, k)}
         of["delays"] = residuals.delays(records, fault, k, unit, of, trials, seed=200 + k)
         found[fault.name] = of
         for test in ("glr", "cusum"):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import clutchest
-from clutchest.diagnosis.isolation import TIED
+from clutchest.inference.score_test import NOT_EXCLUDED
 
 DURATION = 1800.0
 # fault → (effect, key, sizes, scenario)
@@ -77,7 +77,7 @@ def table(records: list[dict[str, Any]]) -> dict[str, Any]:
             (c["size"] - r["size"]) / c["std"]
             for r in found
             for c in r["causes"][:3]
-            if c["fault"] == fault and c["behind"] < TIED
+            if c["fault"] == fault and c["behind"] < NOT_EXCLUDED
         ]
         rows[fault] = {
             "drives": len(own),

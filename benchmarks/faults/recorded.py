@@ -15,7 +15,7 @@ from clutchest.can.decode import decode, rows_of
 from clutchest.can.encode import counter_of, rewritten
 from clutchest.can.files import read_frames
 from clutchest.can.frames import Frames
-from clutchest.diagnosis.faults.messages import lively, messages_of
+from clutchest.diagnosis.faults.messages import fluctuating, messages_of
 from clutchest.errors import ClutchestError
 from clutchest.reading.log import load_database
 from clutchest.reading.mapping import signals_of
@@ -103,7 +103,7 @@ def faults_of(vehicle: Vehicle, messages: dict[str, Message]) -> dict[str, Fault
                 "stuck": lambda v, rng: np.full(len(v), v[0] if len(v) else 0.0),
                 "noise": lambda v, rng: v + NOISIER * own_noise(v) * rng.standard_normal(len(v)),
             }
-            if name in lively(vehicle)
+            if name in fluctuating(vehicle)
             else {"implausible": lambda v, rng: v + HOTTER}
         )
         for kind, change in cases.items():

@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.diagnosis.equations import LEAST
-from clutchest.diagnosis.faults import ModelFault
+from clutchest.diagnosis.fault_tests import LEAST
 from clutchest.diagnosis.sequential import debounced, peaks
 from clutchest.diagnosis.thresholds import (
     WINDOW,
-    NoiseModel,
+    Autoregression,
     cusum_path,
     from_path,
     glr_path,
     threshold,
 )
+from clutchest.models.fault import ModelFault
 
 HOURS_PER_DRIVE = 0.5
 ON_END = 3  # of the plain test
@@ -84,7 +84,7 @@ class DriveSetup:
         per_hour = float(np.mean([len(r["z"]) for r in records])) / HOURS_PER_DRIVE
         seen = np.concatenate([r["information"][:, k] for r in records]).astype(float)
         return cls(
-            per_hour, PER_1000H / 1000.0 / per_hour, seen, fault.size / unit, fault.number.one_sided
+            per_hour, PER_1000H / 1000.0 / per_hour, seen, fault.size / unit, fault.gain.one_sided
         )
 
     @property
@@ -114,7 +114,7 @@ def rates(
     enabled = float(np.mean(information > 1e-6))
     found: dict[str, Any] = {"drawn_hours": hours, "enabled_share": enabled}
     for name, test in tests.items():
-        h = threshold(test, of.seen, NoiseModel(), of.per_block)
+        h = threshold(test, of.seen, Autoregression(), of.per_block)
         count = len(peaks(test(score, information), h, WINDOW))
         expected = of.per_block * blocks
         found[name] = {
@@ -163,7 +163,7 @@ def delays(
         known = threshold(
             lambda s, i, b=b: cusum_path(s, i, b, of.one_sided)[0],
             of.seen,
-            NoiseModel(),
+            Autoregression(),
             of.per_block,
         )
         taken: dict[str, list[float]] = {"glr": [], "cusum": [], "plain": [], "oracle": []}

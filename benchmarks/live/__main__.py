@@ -22,7 +22,7 @@ import clutchest
 from clutchest.can.bus import open_bus
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.player import play
-from clutchest.monitor.faults import Faults
+from clutchest.monitor.faults import FaultWatcher
 from clutchest.reading.log import load_database
 from clutchest.simulated import simulate_frames
 
@@ -122,7 +122,7 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
     out = folder / "out"
     told = FORK.Queue()
     truck = clutchest.load_vehicle("truck")
-    faults = Faults(truck, load_database(truck), log=out / "received.log")
+    faults = FaultWatcher(truck, load_database(truck), log=out / "received.log")
     monitor = Timed(open_bus(asked.interface, asked.channel), truck, out=out, watchers=[faults])
     talkers = [FORK.Process(target=send, args=(asked, halves, told), daemon=True)]
     if asked.foreign:

@@ -16,7 +16,7 @@ from clutchest.diagnosis.codes import (
     number_of_set,
     status_byte,
 )
-from clutchest.diagnosis.faults import Alarm, model_faults, stream_tests
+from clutchest.diagnosis.faults import Alarm, stream_tests
 from clutchest.shipped import shipped
 from clutchest.vehicle import load_vehicle
 from clutchest.vehicle.text import dump_vehicle
@@ -48,7 +48,7 @@ def test_a_test_too_short_to_pass_has_not_completed():
 def test_every_fault_of_a_vehicle_has_its_own_number(name):
     vehicle = load_vehicle(name)
     names = [t.name for t in stream_tests(vehicle, 1.0)]
-    names += [f.name for f in model_faults(vehicle.model)] + ["wear"]
+    names += [f.name for f in vehicle.machine.faults] + ["wear"]
     numbers = [number_of(fault, vehicle)[0] for fault in names]
     assert len(set(numbers)) == len(names)
     assert set(numbers) <= set(PROPRIETARY) - {CLUTCH}

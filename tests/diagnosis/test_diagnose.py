@@ -1,4 +1,4 @@
-"""From a drive to a diagnosis: faults put in by the generator, or done to the bus."""
+"""From a drive to a diagnosis: faults injected by the generator or into frames."""
 
 from dataclasses import replace
 
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.diagnosis.drive import Drive
-from clutchest.diagnosis.isolation import told_apart
-from clutchest.diagnosis.predicted import since
+from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis
+from clutchest.diagnosis.isolation import not_excluded
+from clutchest.diagnosis.recursive_residuals import onset_scores
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.record.files import json_text
@@ -33,15 +33,15 @@ def verdict(diagnosis, name):
 
 @pytest.mark.slow
 class TestEquations:
-    """What only the equations show."""
+    """Faults that only the equations show."""
 
-    def test_the_shipped_log_is_healthy_and_says_what_it_cannot_tell(self, truck):
-        found = clutchest.diagnose(clutchest.replay(clutchest.read_log("demo", truck), truck))
-        assert not found.faults
-        fade = verdict(found, "friction_fade")
+    def test_the_shipped_log_is_healthy_and_names_the_tests_that_could_not_run(self, truck):
+        diagnosis = clutchest.diagnose(clutchest.replay(clutchest.read_log("demo", truck), truck))
+        assert not diagnosis.faults
+        fade = verdict(diagnosis, "friction_fade")
         assert fade.status == "not run" and "d′" in fade.why
-        assert verdict(found, "torque_bias").status == "passed"
-        assert verdict(found, "wear").status == "passed"
+        assert verdict(diagnosis, "torque_bias").status == "passed"
+        assert verdict(diagnosis, "wear").status == "passed"
 
     @pytest.mark.parametrize(
         ("effect", "key", "size"),
@@ -52,9 +52,9 @@ class TestEquations:
         ],
     )
     def test_the_fault_is_named_and_its_size_estimated(self, truck, effect, key, size):
-        found = diagnosed(truck, {effect: {key: size}})
-        assert [f.fault for f in found.faults] == [effect]
-        fault = found.faults[0]
+        diagnosis = diagnosed(truck, {effect: {key: size}})
+        assert [f.fault for f in diagnosis.faults] == [effect]
+        fault = diagnosis.faults[0]
         assert fault.set == (effect,)
         cause = fault.causes[0]
         assert abs(cause.size - size) < 4 * cause.std + 0.1 * abs(size)
@@ -63,13 +63,15 @@ class TestEquations:
 
     def test_a_strong_fade_keeps_its_size(self, truck):
         """Derivatives at a healthy clutch alone make 0.20 of it."""
-        found = diagnosed(truck, {"friction_fade": {"slope": 0.25}}, "heating", 53, duration=900.0)
-        (fault,) = found.faults
+        diagnosis = diagnosed(
+            truck, {"friction_fade": {"slope": 0.25}}, "heating", 53, duration=900.0
+        )
+        (fault,) = diagnosis.faults
         assert fault.set == ("friction_fade",)
         cause = fault.causes[0]
         assert abs(cause.size - 0.25) < 3.0 * cause.std < 0.06
 
-    def test_what_begins_in_mid_drive_is_found_soon_after(self, truck):
+    def test_a_fault_that_begins_during_the_drive_is_detected_soon(self, truck):
         signals = clutchest.simulate(truck, "city", 52, duration=600.0)
         torque = signals["engine_torque"]
         value = torque.value + 60.0 * (torque.time > 350.0)
@@ -79,7 +81,7 @@ class TestEquations:
         run = clutchest.replay(signals, truck)
         (fault,) = clutchest.diagnose(run).faults
         assert fault.set == ("torque_bias",)
-        track = run.tracks[0]  # while the clutch is locked nothing tells of the report's error
+        track = run.tracks[0]  # in a locked clutch the torque error is not observable
         apart = np.isin(track.mode, [track.mode_names.index(m) for m in ("open", "slipping")])
         first = track.time[apart & (track.time > 350.0)][0]
         assert first - 1.0 < fault.first_detected_s < first + 15.0
@@ -87,33 +89,33 @@ class TestEquations:
         assert fault.causes[0].size == pytest.approx(60.0, abs=15.0)
 
     def test_a_low_zero_position_may_be_wear(self, truck):
-        found = diagnosed(truck, {"position_offset": {"offset": -1.0}}, nominal=True)
-        assert [f.fault for f in found.faults] == ["position_offset"]
-        fault = found.faults[0]
+        diagnosis = diagnosed(truck, {"position_offset": {"offset": -1.0}}, nominal=True)
+        assert [f.fault for f in diagnosis.faults] == ["position_offset"]
+        fault = diagnosis.faults[0]
         assert set(fault.set) == {"position_offset", "wear"}
         assert fault.fmi == 11
-        assert verdict(found, "wear").status == "passed"
+        assert verdict(diagnosis, "wear").status == "passed"
 
     def test_wear_beyond_its_limit(self, truck):
-        found = diagnosed(truck, {"wear": {"amount": 3.6}})
-        assert [f.fault for f in found.faults] == ["wear"]
-        assert set(found.faults[0].set) == {"wear", "position_offset"}
+        diagnosis = diagnosed(truck, {"wear": {"amount": 3.6}})
+        assert [f.fault for f in diagnosis.faults] == ["wear"]
+        assert set(diagnosis.faults[0].set) == {"wear", "position_offset"}
 
     def test_heat_is_no_fault(self, truck):
         effects = {
             "coolant_coupling": {"change": 0.2},
             "transmission_heat_path": {"conductance": 3.0},
         }
-        found = diagnosed(truck, effects, scenario="heating")
-        assert not found.faults
-        assert verdict(found, "wear").status == "passed"
+        diagnosis = diagnosed(truck, effects, scenario="heating")
+        assert not diagnosis.faults
+        assert verdict(diagnosis, "wear").status == "passed"
 
     @pytest.mark.parametrize("seed", [0, 3])
     def test_a_body_that_loses_heat_is_not_a_sensor_that_drifts(self, truck, seed):
         lost = {"transmission_heat_path": {"conductance": 20.0}}
-        found = diagnosed(truck, lost, "cooldown", seed, duration=1200.0)
-        assert not found.faults
-        assert verdict(found, "drift:slave_position").status == "passed"
+        diagnosis = diagnosed(truck, lost, "cooldown", seed, duration=1200.0)
+        assert not diagnosis.faults
+        assert verdict(diagnosis, "drift:slave_position").status == "passed"
 
     def test_a_hot_start_is_not_a_sensor_that_drifts(self, truck):
         drift = []
@@ -121,29 +123,29 @@ class TestEquations:
             run = clutchest.replay(
                 clutchest.simulate(truck, "cooldown", seed, duration=1200.0), truck
             )
-            watched = Drive.of(run, run.signals, run.tracks[0]).watched
-            whole = since(
-                watched.blocks, watched.columns, watched.residuals.before, 0, len(watched.blocks)
+            results = DriveDiagnosis.of(run, run.signals, run.tracks[0]).equations
+            whole = onset_scores(
+                results.blocks, results.columns, results.residuals.before, 0, len(results.blocks)
             )
-            k = [j.fault.name for j in watched.faults].index("drift:slave_position")
+            k = [j.fault.name for j in results.faults].index("drift:slave_position")
             drift.append(whole.score[-1, k] / np.sqrt(whole.information[-1, k, k]))
         assert abs(np.mean(drift)) < 3.0 / np.sqrt(len(drift))
 
-    def test_what_a_drive_can_tell_is_known_without_a_fault(self, truck):
-        told = diagnosed(truck).isolability
-        row, column = told.faults.index("wear"), told.faults.index("position_offset")
-        assert told.d_prime[column, row] < 0.1 < 3.0 < told.d_prime[column, -1]
-        assert "engine_speed" in told.structure["torque_gain"]
-        assert "zero_position" in told.structure["position_offset"]
-        assert told.structure["friction_level"] != told.structure["position_offset"]
+    def test_isolability_is_known_without_a_fault(self, truck):
+        isolability = diagnosed(truck).isolability
+        row, column = isolability.faults.index("wear"), isolability.faults.index("position_offset")
+        assert isolability.d_prime[column, row] < 0.1 < 3.0 < isolability.d_prime[column, -1]
+        assert "engine_speed" in isolability.structure["torque_gain"]
+        assert "zero_position" in isolability.structure["position_offset"]
+        assert isolability.structure["friction_level"] != isolability.structure["position_offset"]
 
     def test_a_stuck_sensor_is_not_blamed_on_the_clutch(self, truck):
         frames, _ = simulate_frames(truck, "city", 51, duration=600.0)
         broken = mangled.resummed(mangled.held(frames, mangled.ACTUATOR, 200.0, 260.0, slice(0, 2)))
         signals = signals_of(broken, truck, load_database(truck))
-        found = clutchest.diagnose(clutchest.replay(signals, truck))
-        assert [f.fault for f in found.faults] == ["stuck:slave_position"]
-        assert found.faults[0].began_s == pytest.approx(200.0, abs=0.1)
+        diagnosis = clutchest.diagnose(clutchest.replay(signals, truck))
+        assert [f.fault for f in diagnosis.faults] == ["stuck:slave_position"]
+        assert diagnosis.faults[0].began_s == pytest.approx(200.0, abs=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -156,10 +158,10 @@ class TestWithoutEquations:
     """A clutch whose equations have no fault tests still has those of its bus."""
 
     def test_a_healthy_log(self, run):
-        found = clutchest.diagnose(run)
-        assert not found.faults
-        assert {m.status for m in found.monitors} == {"passed", "not run"}
-        json_text(found.summary())
+        diagnosis = clutchest.diagnose(run)
+        assert not diagnosis.faults
+        assert {m.status for m in diagnosis.monitors} == {"passed", "not run"}
+        json_text(diagnosis.summary())
 
     def test_each_status_and_its_reason(self, run):
         for monitor in clutchest.diagnose(run).monitors:
@@ -173,10 +175,10 @@ class TestWithoutEquations:
         signals = replace(
             run.signals, signals={**run.signals.signals, "motor_angle": replace(angle, value=held)}
         )
-        found = clutchest.diagnose(replace(run, signals=signals))
-        assert [f.fault for f in found.faults] == ["stuck:motor_angle"]
-        fault = found.faults[0]
+        diagnosis = clutchest.diagnose(replace(run, signals=signals))
+        assert [f.fault for f in diagnosis.faults] == ["stuck:motor_angle"]
+        fault = diagnosis.faults[0]
         assert fault.freeze_frame["inputs"]["motor_angle"] == 1.234
         assert 520_192 < fault.spn < 524_288 and fault.fmi == 2
         assert 0.99 < fault.confidence < 1.0
-        assert told_apart(fault.causes) == ()
+        assert not_excluded(fault.causes) == ()

@@ -1,4 +1,4 @@
-"""Faults of frames and signals: each is found, soon, under its own name, and nothing else is."""
+"""Faults of frames and signals: each is detected soon, under its own name, and no other is."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mangled import ACTUATOR, COOLANT, EEC1, ETC1
 
-from clutchest.diagnosis.streams import Streams, part
+from clutchest.diagnosis.streams import StreamTests, between
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.simulated import simulate_frames
@@ -28,18 +28,18 @@ def frames(truck):
 
 def streams_of(truck, frames, step=None):
     signals = signals_of(frames, truck, load_database(truck))
-    streams = Streams(truck)
+    streams = StreamTests(truck)
     if step is None:
         streams.take(signals, signals.end)
     else:
         for begin in np.arange(0.0, signals.end + 1e-9, step):
             end = min(begin + step, signals.end)
             last = end == signals.end
-            streams.take(part(signals, begin, np.inf if last else end), end)
+            streams.take(between(signals, begin, np.inf if last else end), end)
     return streams
 
 
-def found(streams):
+def detected(streams):
     return {t.name: t.alarms[0] for t in streams.tests if t.alarms}
 
 
@@ -70,8 +70,8 @@ BESIDE = {  # what it also looks like
 
 
 @pytest.mark.parametrize("name", HELD)
-def test_a_fault_of_the_bus_is_found_under_its_name(truck, frames, name):
-    alarms = found(streams_of(truck, HELD[name](frames)))
+def test_a_fault_of_the_bus_is_detected_under_its_name(truck, frames, name):
+    alarms = detected(streams_of(truck, HELD[name](frames)))
     assert name in alarms
     assert set(alarms) <= {name} | BESIDE.get(name, set())
     alarm = alarms[name]
@@ -84,7 +84,7 @@ def test_a_fault_of_the_bus_is_found_under_its_name(truck, frames, name):
 
 def test_a_sound_bus_has_no_fault(truck, frames):
     streams = streams_of(truck, frames)
-    assert not found(streams)
+    assert not detected(streams)
     ran = {t.name for t in streams.tests if t.threshold is not None}
     wanted = {"missing:EEC1", "frozen:ClutchActuator", "stuck:engine_torque", "sticking:actuator"}
     wanted |= {"noise:slave_position", "implausible:coolant_temp", "counter:ClutchActuator"}
@@ -97,7 +97,10 @@ def test_a_sound_bus_has_no_fault(truck, frames):
 )
 def test_batches_do_not_matter(truck, frames, name):
     broken = HELD[name](frames)
-    whole, pieces = found(streams_of(truck, broken)), found(streams_of(truck, broken, step=1.0))
+    whole, pieces = (
+        detected(streams_of(truck, broken)),
+        detected(streams_of(truck, broken, step=1.0)),
+    )
     assert set(whole) == set(pieces)
     for fault, alarm in whole.items():
         assert pieces[fault].detected == pytest.approx(alarm.detected, abs=0.06)
@@ -109,7 +112,7 @@ def test_a_silent_bus_is_not_a_missing_message(truck, frames, step):
     time = (frames.t_ns - frames.t_ns[0]) / 1e9
     silent = frames.take((time < 30.0) | ((time > 60.0) & (time < 80.0)))
     silent = mangled.without(silent, COOLANT, 79.0, np.inf)  # the end of the log is silent too
-    assert not found(streams_of(truck, silent, step))
+    assert not detected(streams_of(truck, silent, step))
 
 
 def test_frames_that_waited_somewhere_are_neither_late_nor_miscounted(truck, frames):
@@ -118,7 +121,7 @@ def test_frames_that_waited_somewhere_are_neither_late_nor_miscounted(truck, fra
     t_ns = -(-frames.t_ns // step) * step + np.arange(len(frames)) % 1000
     short = frames.take((frames.t_ns - frames.t_ns[0]) < 60e9)
     held = replace(short, t_ns=np.sort(t_ns[: len(short)]))
-    alarms = found(streams_of(truck, held, 0.5))
+    alarms = detected(streams_of(truck, held, 0.5))
     assert not {"counter:ClutchActuator", "missing:EEC1", "late:EEC1"} & set(alarms)
 
 
@@ -134,9 +137,9 @@ def test_a_piston_that_sticks(truck, frames):
     broken = replace(
         signals, signals={**signals.signals, "slave_position": replace(slave, value=value)}
     )
-    streams = Streams(truck)
+    streams = StreamTests(truck)
     streams.take(broken, broken.end)
-    alarms = found(streams)
+    alarms = detected(streams)
     assert set(alarms) == {"sticking:actuator"}
     assert first - 0.1 <= alarms["sticking:actuator"].detected <= first + 3.5
 
@@ -146,15 +149,15 @@ def test_a_temperature_that_cannot_be(truck, frames, value):
     signals = signals_of(frames, truck, load_database(truck))
     s = signals["coolant_temp"]
     wrong = replace(s, value=np.where(s.time > BEGIN, value, s.value))
-    streams = Streams(truck)
+    streams = StreamTests(truck)
     streams.take(replace(signals, signals={**signals.signals, "coolant_temp": wrong}), signals.end)
-    alarm = found(streams)["implausible:coolant_temp"]
+    alarm = detected(streams)["implausible:coolant_temp"]
     assert BEGIN <= alarm.detected <= BEGIN + 3.5
 
 
 def test_decoded_signals_have_no_frames_to_judge(truck, frames):
     signals = replace(signals_of(frames, truck, load_database(truck)), traffic={})
-    streams = Streams(truck)
+    streams = StreamTests(truck)
     streams.take(signals, signals.end)
     ran = {t.kind for t in streams.tests if t.threshold is not None}
     assert not ran & {"missing", "late", "frozen", "counter", "checksum"}
@@ -169,6 +172,6 @@ def test_a_guess_of_the_noise_is_no_evidence(truck, frames):
         stated = replace(speed, noise=speed.noise / 4, noise_source=source)
         vehicle = replace(truck, signals={**truck.signals, "engine_speed": stated})
         streams = streams_of(vehicle, frames)
-        assert set(found(streams)) == names
+        assert set(detected(streams)) == names
     (test,) = (t for t in streams.tests if t.name == "noise:engine_speed")
     assert test.threshold is None and "guess" in test.why

@@ -1,11 +1,17 @@
-"""Thresholds against laws that are known, and against draws that they have not seen."""
+"""Thresholds against laws that are known, and against draws that they were not computed from."""
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
 from clutchest.diagnosis import sequential, thresholds
-from clutchest.diagnosis.thresholds import Autoregression, cusum_path, drawn, glr_path, threshold
+from clutchest.diagnosis.thresholds import (
+    Autoregression,
+    cusum_path,
+    glr_path,
+    simulated,
+    threshold,
+)
 
 
 def average_run_length(delta, bound, cells=400):
@@ -32,31 +38,31 @@ def test_a_cusum_alarms_as_seldom_as_asked_for(delta):
 
 
 @pytest.mark.parametrize("noise_model", [Autoregression(), Autoregression(1.1, 0.3)])
-def test_a_rate_holds_on_draws_that_made_no_threshold(noise_model):
+def test_a_rate_holds_on_other_draws_than_those_of_the_threshold(noise_model):
     rng = np.random.default_rng(7)
     information = rng.exponential(0.5, 300)
     rate = 2e-5
 
-    def test(score, told):
-        return glr_path(score, told, 0.1, 3.0)[0]
+    def test(score, resampled):
+        return glr_path(score, resampled, 0.1, 3.0)[0]
 
     h = threshold(test, information, noise_model, rate)
     blocks = 2_000_000
-    path = test(*drawn(information, noise_model, blocks, np.random.default_rng(11)))
+    path = test(*simulated(information, noise_model, blocks, np.random.default_rng(11)))
     count = len(sequential.peaks(path, h, thresholds.WINDOW))
     assert 0.5 < count / (rate * blocks) < 2.0  # 40 expected
 
 
-def test_colour_is_measured_and_a_fault_does_not_count():
+def test_autocorrelation_is_estimated_and_a_fault_has_no_influence():
     rng = np.random.default_rng(3)
     z = rng.standard_normal(4000)
     for k in range(1, len(z)):
         z[k] = 0.4 * z[k - 1] + np.sqrt(1 - 0.16) * z[k]
-    found = Autoregression.of(1.3 * z)
-    assert found.level == pytest.approx(1.3, abs=0.07)
-    assert found.memory == pytest.approx(0.4, abs=0.06)
+    model = Autoregression.of(1.3 * z)
+    assert model.level == pytest.approx(1.3, abs=0.07)
+    assert model.coefficient == pytest.approx(0.4, abs=0.06)
     z[2000:2200] += 8.0
-    assert Autoregression.of(1.3 * z).level == pytest.approx(found.level, abs=0.1)
+    assert Autoregression.of(1.3 * z).level == pytest.approx(model.level, abs=0.1)
 
 
 def brute_glr(score, information, low, high, k):
@@ -95,14 +101,14 @@ def test_pages_sum_is_carried_from_batch_to_batch():
     assert np.concatenate(pieces) == pytest.approx(whole)
 
 
-def test_a_learned_tail_is_exceeded_as_seldom_as_it_says():
+def test_an_estimated_tail_is_exceeded_as_seldom_as_stated():
     rng, count = np.random.default_rng(4), 0
     for _ in range(300):
         tail = sequential.new_tail(1.0)
         for x in rng.exponential(1.0, 500):
             sequential.tail_take(tail, x)
         count += int(np.sum(rng.exponential(1.0, 500) > sequential.tail_bound(tail, 500.0)))
-    assert count < 300  # once in each of 300, by its own word, at most
+    assert count < 300  # at most once in each of 300
 
 
 def test_the_plain_test_waits_for_enough_samples_on_end():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.diagnosis.predicted import nuisances
+from clutchest.diagnosis.recursive_residuals import nuisances
 from clutchest.estimate.whole_log import compile_model
 from clutchest.inference.map_fit import Fitter
 from clutchest.inference.unknowns import Problem

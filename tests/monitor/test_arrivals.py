@@ -10,8 +10,9 @@ import clutchest
 from clutchest.can.bus import Received
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.frames import Frames
-from clutchest.estimate.live import Live
-from clutchest.monitor.monitor import ON_ITS_WAY_NS, TICK
+from clutchest.monitor.live import LiveEstimator
+from clutchest.monitor.monitor import TICK_S
+from clutchest.monitor.reception import TRANSIT_NS
 from clutchest.monitor.stamps import Stamps
 from clutchest.reading import load_database
 from clutchest.shipped import locate
@@ -37,25 +38,25 @@ def heard(truck, frames, rng):
     sent += 1e-6 * np.arange(len(sent))
     handed = standing(sent, rng, 6)
     end = handed[-1] + rng.choice([0.1, 2.0, 9.0, 15.0, 30.0])
-    now, come, got, pieces = 0.0, 0, [], []
+    now, taken, used, pieces = 0.0, 0, [], []
     stamps = Stamps(lambda: int(now * 1e9), lambda: EPOCH)
-    live = Live(truck, load_database(truck), history=lambda: Frames.concatenate(got))
+    live = LiveEstimator(truck, load_database(truck), history=lambda: Frames.concatenate(used))
     while now < end:
         now = min(now + rng.exponential(0.05), end)
-        if come == len(handed) or handed[come] > now:
-            now = min(now + TICK, end)
+        if taken == len(handed) or handed[taken] > now:
+            now = min(now + TICK_S, end)
         upto = int(np.searchsorted(handed, now, side="right"))
-        if upto > come:
-            raw = EPOCH + (1e9 * sent[come:upto]).astype(np.int64)
-            part = replace(frames.take(np.arange(come, upto)), t_ns=raw)
-            got.append(stamps.used(Received(part, int(now * 1e9), 0)))
-            pieces.append(live.take(got[-1], int(got[-1].t_ns[-1])))
-            come = upto
-        elif got:
-            pieces.append(live.take(Frames.empty(), stamps.promised(ON_ITS_WAY_NS)))
+        if upto > taken:
+            raw = EPOCH + (1e9 * sent[taken:upto]).astype(np.int64)
+            part = replace(frames.take(np.arange(taken, upto)), t_ns=raw)
+            used.append(stamps.used(Received(part, int(now * 1e9), 0)))
+            pieces.append(live.take(used[-1], int(used[-1].t_ns[-1])))
+            taken = upto
+        elif used:
+            pieces.append(live.take(Frames.empty(), stamps.promised(TRANSIT_NS)))
     pieces.append(live.finish())
-    received = Frames.concatenate(got)
-    until = max(stamps.promised(ON_ITS_WAY_NS), received.t_ns[-1]) - received.t_ns[0]
+    received = Frames.concatenate(used)
+    until = max(stamps.promised(TRANSIT_NS), received.t_ns[-1]) - received.t_ns[0]
     return [p for p in pieces if p], received, until / 1e9
 
 

@@ -16,7 +16,8 @@ from clutchest.cli.terminal import progress
 
 if TYPE_CHECKING:
     from clutchest.estimate.drive import Piece
-    from clutchest.monitor.monitor import Event, Monitor, Status
+    from clutchest.monitor.events import Event, SessionStatus
+    from clutchest.monitor.monitor import Monitor
 
 REDRAW = 0.2  # s between two pictures of the panel
 
@@ -64,7 +65,7 @@ def monitor(
     with progress() as show:
         show("loading", None)
         from clutchest.can.bus import open_bus
-        from clutchest.monitor.faults import Faults
+        from clutchest.monitor.faults import FaultWatcher
         from clutchest.monitor.monitor import Monitor
         from clutchest.monitor.store import RECEIVED
         from clutchest.reading import load_database
@@ -73,7 +74,7 @@ def monitor(
 
         car = load_vehicle(vehicle)
         before = None if state is None else read_state(state)
-        watching = Monitor(
+        watching: Monitor = Monitor(
             open_bus(interface, channel),
             car,
             out=out,
@@ -87,7 +88,7 @@ def monitor(
         # is listened to meanwhile
         show("compiling the fault tests, once on this machine", None)
         send = watching.send if send_dm1 else None
-        watching.watchers = (Faults(car, load_database(car), send, log=out / RECEIVED),)
+        watching.add_watcher(FaultWatcher(car, load_database(car), send, log=out / RECEIVED))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: _end(watching))
     if as_json:
@@ -102,11 +103,11 @@ def monitor(
 
 
 def _end(watching: Monitor) -> None:
-    """End the session; asked for a second time, without the last look at the equations."""
+    """End the session; at the second request, without the last fault tests of the equations."""
     if watching.stopped:
         raise KeyboardInterrupt
     if sys.stderr.isatty():
-        print("a last look at the equations; Ctrl-C again skips it", file=sys.stderr)
+        print("last fault tests of the equations; Ctrl-C again skips them", file=sys.stderr)
     watching.stop()
 
 
@@ -120,7 +121,7 @@ def _watch(watching: Monitor, duration: float | None) -> None:
     drawn = 0.0
     with Screen(console=Console(), auto_refresh=False, transient=False) as screen:
 
-        def show(status: Status, piece: Piece | None, events: Sequence[Event]) -> None:
+        def show(status: SessionStatus, piece: Piece | None, events: Sequence[Event]) -> None:
             nonlocal drawn
             now = time.monotonic()
             if now - drawn > REDRAW and (piece is not None or now - drawn > 2 * REDRAW):
@@ -131,14 +132,14 @@ def _watch(watching: Monitor, duration: float | None) -> None:
         screen.update(panel(status, watching.vehicle.machine), refresh=True)
 
 
-def _words(status: Status, piece: Piece | None, events: Sequence[Event]) -> None:
+def _words(status: SessionStatus, piece: Piece | None, events: Sequence[Event]) -> None:
     from clutchest.monitor.panel import words
 
     for event in events:
         print(f"{event.time:9.1f} s  {event.kind}: {words(event)}", flush=True)
 
 
-def _lines(status: Status, piece: Piece | None, events: Sequence[Event]) -> None:
+def _lines(status: SessionStatus, piece: Piece | None, events: Sequence[Event]) -> None:
     """Events and estimates as they come, one object per line."""
     import json
     from dataclasses import asdict

@@ -1,1 +1,1 @@
-"""Fault tests: what a monitor watches, thresholds from a false-alarm rate, isolation, codes."""
+"""Fault tests: streams, blocks, thresholds from a false-alarm rate, isolation, trouble codes."""

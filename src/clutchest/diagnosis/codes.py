@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from zlib import crc32
 
-from clutchest.diagnosis.faults import Alarm, kinds, model_faults
+from clutchest.diagnosis.faults import Alarm, kinds
 from clutchest.vehicle import Vehicle
 
-PROPRIETARY = range(520_192, 524_288)  # SPNs that makers may use as they like
-CLUTCH = PROPRIETARY[0]  # the clutch as a whole: what cannot be narrowed down to one fault
+PROPRIETARY = range(520_192, 524_288)  # SPNs for manufacturers' own use
+CLUTCH = PROPRIETARY[0]  # the machine as a whole: a set of faults that cannot be isolated
 UNKNOWN_CAUSE = 11  # FMI
-MISFIT = "misfit"  # what no known fault explains
+MISFIT = "misfit"  # deviations that no known fault explains
+WEAR = "wear"  # beyond its limit
 WORN = 16  # FMI: above normal, moderately severe
 KINDS = (
     "missing",
@@ -30,10 +31,10 @@ KINDS = (
     "implausible",
     "sticking",
 )
-BLOCK = 371  # numbers per kind, and for the clutch's own faults
-TICK = 0.1  # s between two reports of a test to its debounce counter
+BLOCK = 371  # numbers per kind, and for the faults of the equations
+TICK_S = 0.1  # s between two reports of a test to its debounce counter
 FAILED, PASSED = 127, -128  # of the counter
-UP, DOWN = 127, -1  # a sequential test is sure when it fails, and forgets within 25.5 s
+UP, DOWN = 127, -1  # a sequential test fails at once and passes after 25.5 s
 
 TEST_FAILED, FAILED_THIS_CYCLE, PENDING, CONFIRMED = 1, 2, 4, 8
 NOT_COMPLETED_SINCE_CLEAR, FAILED_SINCE_CLEAR, NOT_COMPLETED_THIS_CYCLE = 16, 32, 64
@@ -47,7 +48,7 @@ class Debounce:
     status: int = NOT_COMPLETED_SINCE_CLEAR | NOT_COMPLETED_THIS_CYCLE
 
     def report(self, failed: bool) -> None:
-        """One verdict of the test, every ``TICK`` s."""
+        """One result of the test, every ``TICK_S`` s."""
         if failed:
             self.counter = min(max(self.counter, 0) + UP, FAILED)
         else:
@@ -62,7 +63,7 @@ class Debounce:
             self.status &= ~(NOT_COMPLETED_SINCE_CLEAR | NOT_COMPLETED_THIS_CYCLE)
 
     def next_cycle(self) -> None:
-        """A new drive begins: what did not fail in the last one is pending no more."""
+        """A new drive begins: a test that did not fail in the last one is no longer pending."""
         if not self.status & (FAILED_THIS_CYCLE | NOT_COMPLETED_THIS_CYCLE):
             self.status &= ~PENDING
         self.status = self.status & ~FAILED_THIS_CYCLE | NOT_COMPLETED_THIS_CYCLE
@@ -70,34 +71,33 @@ class Debounce:
 
 
 def status_byte(drives: Sequence[tuple[float, Sequence[Alarm]]]) -> int:
-    """The status byte after drives of so many s, in each of which a test failed as its alarms
-    say."""
+    """The status byte after drives, each given by its length in s and the alarms of one test."""
     code = Debounce()
     for number, (length, alarms) in enumerate(drives):
         if number:
             code.next_cycle()
-        for tick in range(1, int(length / TICK) + 1):
-            now = tick * TICK
+        for tick in range(1, int(length / TICK_S) + 1):
+            now = tick * TICK_S
             code.report(
                 any(a.detected <= now and (a.ended is None or now < a.ended) for a in alarms)
             )
-        if any(a.detected > int(length / TICK) * TICK for a in alarms):
+        if any(a.detected > int(length / TICK_S) * TICK_S for a in alarms):
             code.report(True)
     return code.status
 
 
 def number_of(fault: str, vehicle: Vehicle, size: float = 0.0) -> tuple[int, int]:
-    """(SPN, FMI) of one fault; ``size`` says whether it is too much or too little."""
+    """(SPN, FMI) of one fault; the sign of ``size`` selects the failure mode."""
     stated = vehicle.codes.get(fault)
     kind = fault.split(":")[0]
     fmi = UNKNOWN_CAUSE
     for stream in kinds():
         if stream.kind == kind:
             fmi = stream.fmi
-    for of_model in model_faults(vehicle.model):
+    for of_model in vehicle.machine.faults:
         if of_model.name == fault:
             fmi = of_model.fmi[0 if size >= 0.0 else 1]
-    if fault == "wear":
+    if fault == WEAR:
         fmi = WORN
     if stated is not None:
         return stated[0], fmi if stated[1] is None else stated[1]
@@ -105,9 +105,9 @@ def number_of(fault: str, vehicle: Vehicle, size: float = 0.0) -> tuple[int, int
 
 
 def _place(fault: str) -> int:
-    """A number of its own for every fault: its kind's block, and its subject's place in it.
+    """A number per fault: the block of its kind, and the place of its subject in it.
 
-    Both come from names alone, so that they stay when faults and signals are added.
+    Both depend on names alone, so that they stay when faults and signals are added.
     """
     kind, _, subject = fault.partition(":")
     block = KINDS.index(kind) if kind in KINDS else len(KINDS)
@@ -115,7 +115,7 @@ def _place(fault: str) -> int:
 
 
 def number_of_set(faults: Sequence[str], vehicle: Vehicle, size: float = 0.0) -> tuple[int, int]:
-    """(SPN, FMI) of a fault, or of a set that cannot be told apart: then none of a component."""
+    """(SPN, FMI) of a fault, or of a set of which none is excluded: then no component's."""
     if len(faults) == 1 and faults[0] != MISFIT:
         return number_of(faults[0], vehicle, size)
     stated = vehicle.codes.get("clutch")

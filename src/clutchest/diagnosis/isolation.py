@@ -1,24 +1,25 @@
-"""Which fault it is: the one that explains the drive best, and all that explain it as well."""
+"""Fault isolation: the fault that explains a drive best, and all that the data do not exclude."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchest.diagnosis.equations import Watched
-from clutchest.diagnosis.predicted import since
+from clutchest.diagnosis.codes import WEAR
+from clutchest.diagnosis.fault_tests import FaultTestResults
+from clutchest.diagnosis.recursive_residuals import onset_scores
+from clutchest.inference.score_test import NOT_EXCLUDED, d_prime
 from clutchest.signals import Floats
 
-TIED = 1.645**2  # in −2 ln(probability): nearer to the best, a rival is not excluded at 95 %
-AROUND = 2  # blocks by which the onset may lie off
+AROUND = 2  # blocks by which the onset may be off
 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """A fault that may be behind it: its most probable ``size`` ± ``std``, from block ``onset`` on,
-    and by how much it explains less than the best, in −2 ln(probability)."""
+    """A possible cause: its most probable ``size`` ± ``std``, from block ``onset`` on, and by how
+    much it fits worse than the best, in 2 Δ ln L (``behind``)."""
 
     fault: str
     size: float
@@ -29,8 +30,9 @@ class Explanation:
 
 
 @dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """One gain that may have jumped; ``only_from_start``: it cannot begin later."""
+class FaultHypothesis:
+    """One gain that may have changed: its ``index`` among the thetas and ``scale``, the size of one
+    unit there; ``only_from_start``: it cannot begin later."""
 
     name: str
     index: int
@@ -40,26 +42,28 @@ class Hypothesis:
     only_from_start: bool = False
 
 
-def hypotheses(watched: Watched) -> tuple[Hypothesis, ...]:
-    """Every fault that is watched, and wear that was there before."""
-    thetas = watched.blocks.thetas
-    found = [
-        Hypothesis(
-            j.fault.name, column, j.fault.number.unit, thetas[column].unit, j.fault.number.one_sided
+def hypotheses(results: FaultTestResults) -> tuple[FaultHypothesis, ...]:
+    """Every fault that is tested, and wear that was present before the drive."""
+    thetas, wear = results.blocks.thetas, results.machine.wear
+    tested = [
+        FaultHypothesis(
+            r.fault.name, column, r.fault.gain.unit, thetas[column].unit, r.fault.gain.one_sided
         )
-        for j, column in zip(watched.faults, watched.columns, strict=True)
+        for r, column in zip(results.faults, results.columns, strict=True)
     ]
-    for i, t in enumerate(thetas):
-        if (t.owner, t.key) == ("wear", "amount"):
-            found.append(Hypothesis("wear", i, "mm", t.unit, True, True))
-    return tuple(found)
+    worn = [
+        FaultHypothesis(WEAR, i, wear.unit, t.unit, one_sided=True, only_from_start=True)
+        for i, t in enumerate(thetas)
+        if wear is not None and (t.owner, t.key) == (wear.effect, wear.amount)
+    ]
+    return (*tested, *worn)
 
 
-def explanations(watched: Watched, onsets: list[int], until: int) -> list[Explanation]:
-    """Every fault's best account of blocks up to ``until`` (exclusive), best first; it began with
-    one of the blocks ``onsets`` or close to it."""
-    able = hypotheses(watched)
-    tried = sorted(
+def explanations(results: FaultTestResults, onsets: Sequence[int], until: int) -> list[Explanation]:
+    """Each fault's most probable explanation of the blocks up to ``until`` (exclusive), best first;
+    it began with one of the blocks ``onsets`` or close to it."""
+    known = hypotheses(results)
+    candidates = sorted(
         {
             k
             for onset in onsets
@@ -68,61 +72,56 @@ def explanations(watched: Watched, onsets: list[int], until: int) -> list[Explan
         }
     )
     best: dict[str, Explanation] = {}
-    for onset in tried:
-        score, information = traces(watched, able, onset, until)
-        for i, h in enumerate(able):
+    for onset in candidates:
+        score, information = scores(results, known, onset, until)
+        for i, h in enumerate(known):
             if (h.only_from_start and onset) or information[i, i] <= 0.0:
                 continue
             size = score[i] / information[i, i]
             size = float(np.clip(size, 0.0 if h.one_sided else -1.0, 1.0))
-            gained = float(2.0 * size * score[i] - size**2 * information[i, i])
+            improvement = float(2.0 * size * score[i] - size**2 * information[i, i])
             std = float(h.scale / np.sqrt(information[i, i]))
-            found = Explanation(h.name, size * h.scale, std, h.unit, onset, -gained)
-            if h.name not in best or found.behind < best[h.name].behind:
-                best[h.name] = found
+            tried = Explanation(h.name, size * h.scale, std, h.unit, onset, -improvement)
+            if h.name not in best or tried.behind < best[h.name].behind:
+                best[h.name] = tried
     ranked = sorted(best.values(), key=lambda e: e.behind)
-    least = ranked[0].behind
-    return [Explanation(e.fault, e.size, e.std, e.unit, e.onset, e.behind - least) for e in ranked]
+    return [replace(e, behind=e.behind - ranked[0].behind) for e in ranked]
 
 
-def traces(
-    watched: Watched, able: tuple[Hypothesis, ...], onset: int, until: int
+def scores(
+    results: FaultTestResults, known: Sequence[FaultHypothesis], onset: int, until: int
 ) -> tuple[Floats, Floats]:
     """Score (H) and information (H, H) of faults that begin with block ``onset``, by the blocks
     from there up to ``until`` (exclusive)."""
-    blocks = watched.blocks
-    told = since(blocks, [h.index for h in able], watched.residuals.before, onset, until)
-    less = np.eye(len(able))
-    names = [h.name for h in able]
+    blocks = results.blocks
+    of = onset_scores(blocks, [h.index for h in known], results.residuals.before, onset, until)
+    change = np.eye(len(known))  # of a fault that grows: less what it would have reached by then
+    names = [h.name for h in known]
     hours = float(blocks.begin[onset]) / 3600.0 if onset else 0.0
-    for judged in watched.faults:
-        for other, amount in judged.fault.onset(hours).items():
-            i, k = names.index(judged.fault.name), names.index(other)
-            less[i, k] -= amount * able[i].scale / able[k].scale
-    return less @ told.score[-1], less @ told.information[-1] @ less.T
+    for result in results.faults:
+        for other, amount in result.fault.grows_as.items():
+            i, k = names.index(result.fault.name), names.index(other)
+            change[i, k] -= amount * hours * known[i].scale / known[k].scale
+    return change @ of.score[-1], change @ of.information[-1] @ change.T
 
 
-def told_apart(ranked: Sequence[Explanation]) -> tuple[str, ...]:
-    """The faults that cannot be told apart, the likeliest first."""
-    return tuple(e.fault for e in ranked if e.behind < TIED)
+def not_excluded(ranked: Sequence[Explanation]) -> tuple[str, ...]:
+    """The faults that the data do not exclude, the most probable first."""
+    return tuple(e.fault for e in ranked if e.behind < NOT_EXCLUDED)
 
 
-def distances(watched: Watched, sizes: Floats) -> tuple[tuple[str, ...], Floats]:
-    """Names (H) and the matrix (H, H + 1) of d′ by the whole drive, before any fault: how far one
-    of ``sizes`` (H), there from the start, lies from the best that each other one can do for it,
-    and in the last column from no fault at all."""
-    able = hypotheses(watched)
-    _, J = traces(watched, able, 0, len(watched.blocks))
-    found = np.zeros((len(able), len(able) + 1))
-    for i, own in enumerate(able):
-        size = sizes[i] / own.scale
-        found[i, -1] = np.sqrt(max(size**2 * J[i, i], 0.0))
-        for k, other in enumerate(able):
-            low = 0.0 if other.one_sided else -1.0
-            either = []  # way, of which the more alike counts
-            for b in (size,) if own.one_sided else (size, -size):
-                best = b * J[i, k] / J[k, k] if J[k, k] > 0.0 else 0.0
-                rival = float(np.clip(best, low, 1.0))
-                either.append(b**2 * J[i, i] - 2 * b * rival * J[i, k] + rival**2 * J[k, k])
-            found[i, k] = np.sqrt(max(min(either), 0.0))
-    return tuple(h.name for h in able), found
+def separability(results: FaultTestResults, sizes: Floats) -> tuple[tuple[str, ...], Floats]:
+    """Names (H) and the matrix (H, H + 1) of d′ over the whole drive: of each fault, present from
+    the start with one of ``sizes`` (H), from each other one at its most similar size, and in the
+    last column from no fault."""
+    known = hypotheses(results)
+    _, information = scores(results, known, 0, len(results.blocks))
+    one_sided = [h.one_sided for h in known]
+    matrix = np.zeros((len(known), len(known) + 1))
+    for i, own in enumerate(known):
+        size = float(sizes[i] / own.scale)
+        matrix[i, -1] = np.sqrt(max(size**2 * information[i, i], 0.0))
+        signs = (size,) if own.one_sided else (size, -size)
+        for k in range(len(known)):
+            matrix[i, k] = min(d_prime(information, one_sided, i, s, k) for s in signs)
+    return tuple(h.name for h in known), matrix

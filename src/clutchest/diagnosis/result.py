@@ -1,4 +1,4 @@
-"""What a diagnosis says: every monitor, every fault, and what could be told apart at all."""
+"""The result of a diagnosis: every monitor, every fault, and which faults can be isolated."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Monitor:
+class MonitorStatus:
     """One monitor: ``status`` is ``passed``, ``failed`` or ``not run``; ``why`` says what was
-    watched, what was found, or why nothing could be.  ``drives`` says the status of each."""
+    tested with which result, or why the test could not run; ``drives`` holds each one's status."""
 
     name: str
     status: str
@@ -28,11 +28,11 @@ class Monitor:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault: ``set`` all that cannot be told apart, the likeliest, ``fault``, first.
+    """One fault: ``set`` all that the data do not exclude, the most probable, ``fault``, first.
 
-    ``first_detected_s`` and ``began_s`` on the clock of ``drive``, ``ended_s`` where it went away;
-    ``confidence``: one less the chance that a healthy vehicle shows as much.  ``freeze_frame``:
-    mode, states, inputs and ranked causes at that moment.
+    ``first_detected_s`` and ``began_s`` on the clock of ``drive``, ``ended_s`` where it healed;
+    ``confidence``: 1 − p, where p is the probability of such an alarm in a healthy vehicle.
+    ``freeze_frame``: mode, states, inputs and ranked causes at detection.
     """
 
     fault: str
@@ -73,12 +73,12 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Isolability:
-    """What a drive can tell: by the equations alone, and in numbers.
+    """Which faults a drive can detect and isolate.
 
-    ``structure``: fault → the sensors that show it, and through which states.  ``sizes`` (H) for
-    which ``d_prime``
-    (H, H + 1) says how far each fault lies from every other and, last column, from none, in
-    standard deviations; ``detectable`` (H), None where no plausible size shows.
+    ``structure``: fault → the sensors that it affects, and through which states.  ``d_prime``
+    (H, H + 1): separability of each fault, with one of ``sizes`` (H), from every other and, last
+    column, from no fault, in standard deviations; ``detectable`` (H) sizes, None where no plausible
+    one is.
     """
 
     faults: tuple[str, ...]
@@ -97,23 +97,23 @@ class Isolability:
             "d_prime": self.d_prime[:, :-1],
             "d_prime_none": self.d_prime[:, -1],
             "detectable_size": list(self.detectable),
-            "structure": {fault: list(shown) for fault, shown in self.structure.items()},
+            "structure": {fault: list(sensors) for fault, sensors in self.structure.items()},
         }
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """The answer for one run; ``lanes``: monitor → (time s, word) per drive."""
+    """The diagnosis of one run; ``lanes``: monitor → (time s, status) per drive."""
 
     run: Run
-    monitors: tuple[Monitor, ...]
+    monitors: tuple[MonitorStatus, ...]
     faults: tuple[Fault, ...]
     isolability: Isolability | None
     provenance: Mapping[str, str]
     lanes: Mapping[str, tuple[tuple[tuple[float, str], ...], ...]] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
-        """What ``diagnosis.json`` holds."""
+        """As ``diagnosis.json`` holds it."""
         return {
             "monitors": [
                 {

@@ -1,9 +1,10 @@
-"""Sequential tests, compiled: each takes what is new and carries its state to the next batch.
+"""Sequential tests, compiled: each takes new samples and carries its state to the next batch.
 
-A *log-likelihood ratio* test adds up how much likelier each sample is with the fault than without
-and begins anew whenever that sum falls below nought (Page's CUSUM).  Where the size of the fault is
-open, the likeliest size and onset stand in its place (GLR).  Both need residuals that are white.
-Where the law of a quantity is not known, its tail is learned from what has been seen.
+*CUSUM* (Page 1954): the log-likelihood ratios of fault and no fault are summed, and the sum is
+reset to 0 whenever it falls below.  *GLR* (Willsky and Jones 1976): likewise where size and onset
+of the fault are unknown and take their maximum-likelihood values.  Both need white residuals.
+*Tail*: where the distribution of a quantity is unknown, its tail is estimated from its samples as
+exponential beyond a threshold (peaks over threshold).
 """
 
 from __future__ import annotations
@@ -11,44 +12,44 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-# A tail: of n samples (their sum), those beyond EDGE times their mean fall off exponentially.
-COUNT, TOTAL, BEYOND, EXCESS, PRIOR, GRAIN = range(6)
-EDGE = 3.0
-PRIOR_COUNT = 20.0  # samples that the prior mean stands for
+# State of a tail: number and sum of the samples, number and summed excess of those beyond the edge.
+COUNT, TOTAL, EXCEEDING, EXCESS, PRIOR, GRAIN = range(6)
+EDGE = 3.0  # means, beyond which the distribution is taken to be exponential
+PRIOR_COUNT = 20.0  # samples that the prior mean counts for
 
 
 def new_tail(prior_mean: float, grain: float = 0.0) -> np.ndarray:
-    """State of a tail that has seen nothing yet; ``prior_mean`` is what a sample may well be,
-    ``grain`` the distance of the values that it may take."""
+    """State of a tail without samples; ``prior_mean`` of a sample, ``grain`` the resolution of its
+    values."""
     return np.array([0.0, 0.0, 0.0, 0.0, prior_mean, grain])
 
 
 @njit(cache=True)
 def tail_mean(tail):  # type: ignore[no-untyped-def]
-    """Mean of a sample, the prior's share in it."""
+    """Posterior mean of a sample."""
     return (tail[TOTAL] + PRIOR_COUNT * tail[PRIOR]) / (tail[COUNT] + PRIOR_COUNT)
 
 
 @njit(cache=True)
 def tail_take(tail, x):  # type: ignore[no-untyped-def]
-    """Learn from one healthy sample."""
+    """Update with one healthy sample."""
     edge = EDGE * tail_mean(tail)
     tail[COUNT] += 1.0
     tail[TOTAL] += x
     if x > edge:
-        tail[BEYOND] += 1.0
+        tail[EXCEEDING] += 1.0
         tail[EXCESS] += x - edge + tail[GRAIN]
 
 
 @njit(cache=True)
 def tail_bound(tail, samples):  # type: ignore[no-untyped-def]
-    """What ``samples`` healthy ones exceed once: peaks over a threshold, exponential beyond it.
+    """The value that ``samples`` healthy ones exceed once: peaks over threshold, exponential.
 
-    One imagined peak as large as the edge itself stands for what has not been seen yet.
+    One pseudo-peak with an excess as large as the edge is the prior.
     """
     edge = EDGE * tail_mean(tail)
-    share = (tail[BEYOND] + 1.0) / (tail[COUNT] + PRIOR_COUNT)
-    scale = (tail[EXCESS] + edge) / (tail[BEYOND] + 1.0)
+    share = (tail[EXCEEDING] + 1.0) / (tail[COUNT] + PRIOR_COUNT)
+    scale = (tail[EXCESS] + edge) / (tail[EXCEEDING] + 1.0)
     return edge + scale * max(np.log(max(samples * share, 1.0)), 0.0)
 
 
@@ -57,8 +58,8 @@ def tail_bound(tail, samples):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def cusum(gains, start, path, begun):  # type: ignore[no-untyped-def]
-    """Page's sum over log-likelihood ratios ``gains`` (n) from ``start`` on, into ``path`` (n);
-    ``begun`` (n) the sample with which the present climb began (−1: before the first)."""
+    """Page's sum of log-likelihood ratios ``gains`` (n) from ``start`` on, into ``path`` (n);
+    ``begun`` (n) the first sample since the last reset (−1: before the first of these)."""
     level, first = start, -1
     for k in range(len(gains)):
         if level <= 0.0:
@@ -68,16 +69,16 @@ def cusum(gains, start, path, begun):  # type: ignore[no-untyped-def]
     return max(level, 0.0)
 
 
-LEVEL, BEGUN, FAILING = range(3)  # of a climb; whoever carries more puts it behind
+LEVEL, BEGUN, FAILING = range(3)  # state of cusum_step; further entries belong to its caller
 
 
 @njit(cache=True)
-def climb(state, gain, bound, time, changes, n):  # type: ignore[no-untyped-def]
-    """Page's sum, one ``gain`` at ``time`` s at a time, at most twice its ``bound``: it fails above
-    it and heals at nought.
+def cusum_step(state, gain, bound, time, changes, n):  # type: ignore[no-untyped-def]
+    """One step of Page's sum with ``gain`` at ``time`` s, limited to twice its ``bound``: the test
+    fails above the bound and heals at 0.
 
-    ``state`` is carried on; of the n ``changes`` so far (·, 2), one more is (begun, time) where it
-    fails and (nan, time) where it heals.  Returns how many there are.
+    ``state`` is updated; the n-th row of ``changes`` (·, 2) becomes (begun, time) where the test
+    fails and (nan, time) where it heals.  Returns the number of changes.
     """
     if state[LEVEL] <= 0.0:
         state[LEVEL], state[BEGUN] = 0.0, time
@@ -95,9 +96,9 @@ def climb(state, gain, bound, time, changes, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def glr(score, information, low, high, one_sided, window, path, begun):  # type: ignore[no-untyped-def]
-    """The likeliest fault of a size from ``low`` to ``high``, either way unless ``one_sided``, that
-    began within the last ``window`` samples: its log-likelihood ratio ``path`` (n) and first sample
-    ``begun`` (n).
+    """Generalised likelihood ratio of a fault of size ``low`` to ``high``, of either sign unless
+    ``one_sided``, that began within the last ``window`` samples: ``path`` (n) and the maximising
+    onset ``begun`` (n).
 
     Sample k of ``score`` (n) has mean b·information and variance ``information`` (n) under a fault
     of size b.
@@ -119,24 +120,24 @@ def glr(score, information, low, high, one_sided, window, path, begun):  # type:
 
 @njit(cache=True)
 def debounced(z, threshold, count, path):  # type: ignore[no-untyped-def]
-    """The plain test: how many samples on end lie beyond a fixed threshold, into ``path`` (n);
-    it fails from ``count`` on."""
-    on_end = 0
+    """Fixed threshold with debouncing: consecutive samples beyond ``threshold`` over ``count``,
+    into ``path`` (n); the test fails from 1 on."""
+    consecutive = 0
     for k in range(len(z)):
-        on_end = on_end + 1 if abs(z[k]) > threshold else 0
-        path[k] = on_end / count
+        consecutive = consecutive + 1 if abs(z[k]) > threshold else 0
+        path[k] = consecutive / count
 
 
 @njit(cache=True)
 def peaks(path, threshold, apart):  # type: ignore[no-untyped-def]
-    """How high ``path`` rises each time that it exceeds ``threshold`` anew, at least ``apart``
-    samples after the last time that it did."""
-    found = np.zeros(len(path))
+    """Maxima of ``path`` over its excursions beyond ``threshold``; excursions less than ``apart``
+    samples apart count as one."""
+    maxima = np.zeros(len(path))
     n, last = 0, -apart - 1
     for k in range(len(path)):
         if path[k] > threshold:
             if k - last > apart:
                 n += 1
-            found[n - 1] = max(found[n - 1], path[k])
+            maxima[n - 1] = max(maxima[n - 1], path[k])
             last = k
-    return found[:n]
+    return maxima[:n]

@@ -1,4 +1,4 @@
-"""What the equations alone say: which sensors a fault can show in at all, and by which way."""
+"""Structural detectability: the sensors that a fault can affect, by the equations alone."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from clutchest.models.model import Model
 Bools = NDArray[np.bool_]
 
 
-def shown_in(
+def affected_sensors(
     model: Model, effects: Sequence[tuple[str, Effect, str]]
 ) -> Mapping[str, tuple[str, ...]]:
-    """Fault → the sensors that its gain reaches, each with the states through which it does.
+    """Fault → the sensors that its gain affects, each with the states through which it does.
 
-    ``effects``: (fault, effect, key of its gain).  A fault reaches a reading that depends on it,
-    and every one that depends on a state whose rate or start does, however indirectly and in
-    whatever mode.  Two faults that show in the same are told apart by how much and when, not by
-    where.
+    ``effects``: (fault, effect, key of its gain).  A fault affects a reading that depends on it,
+    and every one that depends on a state whose rate or initial value does, however indirectly and
+    in any mode.  Two faults that affect the same sensors can only be isolated by magnitude and
+    time, not by structure.
     """
     model = model.with_effects(tuple(dict.fromkeys(effect for _, effect, _ in effects)))
     e = model.expressions()
@@ -40,26 +40,26 @@ def shown_in(
         seen |= _depends(readings, e.x)
         modes.append((rate, readings, first))
     reach = np.linalg.matrix_power(flows.astype(float), n) > 0
-    found = {}
+    affected = {}
     for fault, effect, key in effects:
         g = e.g[numbers.index((effect.name, key))]
-        touched, direct = np.zeros(n, bool), np.zeros(len(model.sensors), bool)
+        changed, direct = np.zeros(n, bool), np.zeros(len(model.sensors), bool)
         for rate, readings, first in modes:
-            touched |= (_depends(rate, g) | _depends(first, g))[:, 0]
+            changed |= (_depends(rate, g) | _depends(first, g))[:, 0]
             direct |= _depends(readings, g)[:, 0]
-        shown = []
+        sensors = []
         for s, sensor in enumerate(model.sensors):
             through = [
                 state.name
                 for i, state in enumerate(model.states)
-                if touched[i] and (seen[s] & reach[:, i]).any()
+                if changed[i] and (seen[s] & reach[:, i]).any()
             ]
             if direct[s] or (sensor.name in model.renewed and sensor.name in through):
-                shown.append(sensor.name)
+                sensors.append(sensor.name)
             elif through:
-                shown.append(f"{sensor.name} through {', '.join(through)}")
-        found[fault] = tuple(shown)
-    return found
+                sensors.append(f"{sensor.name} through {', '.join(through)}")
+        affected[fault] = tuple(sensors)
+    return affected
 
 
 def _depends(expression: ca.SX, on: ca.SX) -> Bools:

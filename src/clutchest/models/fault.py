@@ -1,37 +1,37 @@
-"""Faults that a machine's equations show."""
+"""Faults of a machine, declared: what its equations show, and which signals follow which."""
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from clutchest.models.effects.effect import Effect, Number
 
 
+@dataclass(frozen=True, slots=True)
 class ModelFault:
-    """A fault that the equations show: one gain of an effect.
+    """A fault that the equations show: the gain ``key`` of ``effect`` is not 0.
 
-    Subclass it in a file of its own.  ``name`` as the output files name it; ``effect`` it is made
-    of and ``key`` of its gain; ``size`` the smallest that matters, in the gain's unit; ``fmi``
-    J1939's failure mode where it is too much and where it is too little.
+    ``name`` as the output files name it; ``size``, in the gain's unit, the smallest that matters;
+    ``fmi`` the failure mode identifiers (SAE J1939-73) where the gain is above and where it is
+    below 0.  ``grows_as``: fault → amount per hour and unit of this one: a rate that starts at the
+    hour h of a drive equals this rate from the drive's start less ``amount · h`` of that fault.
     """
 
-    name: ClassVar[str]
-    effect: ClassVar[Effect]
-    key: ClassVar[str]
-    size: ClassVar[float]
-    fmi: ClassVar[tuple[int, int]]
+    name: str
+    effect: Effect
+    key: str
+    size: float
+    fmi: tuple[int, int]
+    grows_as: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
-    def number(self) -> Number:
+    def gain(self) -> Number:
         """The gain: its unit and its largest plausible sizes."""
-        return next(n for n in self.effect.gains if n.key == self.key)
-
-    def onset(self, hours: float) -> Mapping[str, float]:
-        """Other faults, and how much of each per unit, that this one amounts to less of where it
-        begins ``hours`` after the drive."""
-        return {}
+        return next(number for number in self.effect.gains if number.key == self.key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,3 +43,10 @@ class Follower:
     leader: str
     follower: str
     stroke: float
+
+
+def faults_in(package: str) -> tuple[ModelFault, ...]:
+    """The declaration ``FAULT`` of every file of a package, in the order of the files' names."""
+    folder = importlib.import_module(package)
+    names = sorted(info.name for info in pkgutil.iter_modules(folder.__path__))
+    return tuple(importlib.import_module(f"{package}.{name}").FAULT for name in names)

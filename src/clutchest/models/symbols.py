@@ -22,6 +22,10 @@ class State:
     spread is where the state starts, relative to its value for a pure number.  A ``stiff`` state
     relaxes faster than the steps that everything else asks for.  A ``factor`` is always above 0,
     and measurements move its logarithm.
+
+    For fault tests: ``restart_std`` (unit) is how far from rest it may start in a healthy machine
+    that is restarted warm, 0 for no further than at any start; ``drift`` how far it drifts in a
+    healthy machine, in standard deviations of its start per √h.
     """
 
     name: str
@@ -40,6 +44,8 @@ class State:
     stiff: bool = False
     factor: bool = False
     prior: str = ""
+    restart_std: float = 0.0
+    drift: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,1 +1,1 @@
-"""Watching a clutch while it is driven: a bus in, estimates, events and a recording out."""
+"""Live: a bus in, estimates, events, fault tests and a recording out."""

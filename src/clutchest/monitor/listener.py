@@ -1,4 +1,4 @@
-"""A thread that does nothing but listen, so that no frame waits for an estimate."""
+"""A thread that only receives, so that no frame waits for an estimate."""
 
 from __future__ import annotations
 
@@ -15,36 +15,35 @@ from clutchest.can.frames import Frames
 if TYPE_CHECKING:
     import can
 
-WAIT = 0.1  # s after which the thread looks whether to stop
-RETRY = 0.5  # s between two attempts at an interface that is away
-_DOWN = 100  # ENETDOWN: the socket stays and hears again once the interface is up
+WAIT = 0.1  # s after which the thread checks whether to stop
+RETRY = 0.5  # s between two attempts to open an interface that is down
+_DOWN = 100  # ENETDOWN: the socket remains usable once the interface is up again
 
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
-    """The interface failed, ``what`` it said; or it is ``back``."""
+    """The interface failed with the error ``what``; or it is ``back``."""
 
     what: str
     back: bool = False
 
 
 class Listener(threading.Thread):
-    """Puts what a bus says into ``heard``: frames, and when the interface goes and comes back.
+    """Puts frames from a bus into the queue ``received``, and when the interface fails and returns.
 
-    ``reopen`` makes a new bus when the old one is beyond use; without it the old one is asked
-    again and again.
+    ``reopen`` opens a new bus when the old one is unusable; without it the old one is tried again.
     """
 
     def __init__(self, bus: can.BusABC, reopen: Callable[[], can.BusABC] | None) -> None:
         super().__init__(daemon=True, name="listener")
-        self.heard: queue.SimpleQueue[Received | Trouble] = queue.SimpleQueue()
+        self.received: queue.SimpleQueue[Received | Trouble] = queue.SimpleQueue()
         self._reader: BusReader = reader_of(bus)
         self._reopen = reopen
         self._done = threading.Event()
-        self._away = False
+        self._down = False
 
     def run(self) -> None:
-        """Listen until told to stop."""
+        """Receive until stopped."""
         import can
 
         while not self._done.is_set():
@@ -54,13 +53,13 @@ class Listener(threading.Thread):
                 self._trouble(problem)
                 continue
             if received is not None:
-                if self._away:
-                    self._away = False
-                    self.heard.put(Trouble("", back=True))
-                self.heard.put(received)
+                if self._down:
+                    self._down = False
+                    self.received.put(Trouble("", back=True))
+                self.received.put(received)
 
     def send(self, frames: Frames) -> None:
-        """Put frames on the bus, unless it is away."""
+        """Put frames on the bus, unless it is down."""
         import can
 
         with suppress(can.CanError, OSError, ValueError):
@@ -74,9 +73,9 @@ class Listener(threading.Thread):
         self._reader.bus.shutdown()
 
     def _trouble(self, problem: Exception) -> None:
-        if not self._away:
-            self._away = True
-            self.heard.put(Trouble(" ".join(str(problem).split()) or type(problem).__name__))
+        if not self._down:
+            self._down = True
+            self.received.put(Trouble(" ".join(str(problem).split()) or type(problem).__name__))
         code = getattr(problem, "errno", None) or getattr(problem, "error_code", None)
         self._done.wait(RETRY)
         if code == _DOWN or self._reopen is None or self._done.is_set():

@@ -1,4 +1,4 @@
-"""The terminal panel: the clutch at a glance, and how well the bus is heard."""
+"""The terminal panel: the estimates at a glance, events, and the state of the bus."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rich.text import Text
 
 from clutchest.estimate.run import Estimate
 from clutchest.models.machine import Machine
-from clutchest.monitor.monitor import Event, Status
+from clutchest.monitor.events import Event, SessionStatus
 from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
 from clutchest.record.report import plus_minus
 
@@ -23,11 +23,12 @@ _MODE = {
     "unknown": "yellow",
 }
 _KIND = {"warning": "yellow", "gap": "yellow", "reconnect": "yellow", "fault": "bold bright_red"}
-_HOT = 20  # characters of a bar
+_BAR, _BAR_END = 20, 300.0  # characters of a temperature bar and its end, °C
+_WARM, _HOT = 8, 14  # characters from which it is yellow, red
 
 
-def panel(status: Status, machine: Machine) -> RenderableType:
-    """What there is to see now."""
+def panel(status: SessionStatus, machine: Machine) -> RenderableType:
+    """The panel for the present state of a session."""
     return Panel(
         Group(_head(status), "", _estimates(status, machine), "", _events(status)),
         title=f"[bold]clutchest[/] · {escape(status.vehicle)}",
@@ -39,18 +40,18 @@ def panel(status: Status, machine: Machine) -> RenderableType:
     )
 
 
-def _head(status: Status) -> Text:
+def _head(status: SessionStatus) -> Text:
     text = Text()
     piece = status.piece
     if piece is None or not len(piece.track.time):
-        waiting = "listening" if status.frames else "no frame yet"
+        waiting = "receiving" if status.frames else "no frame yet"
         return text.append(f"{waiting} … {status.now:.0f} s", style="yellow")
     track = piece.track
     mode = track.mode_names[track.mode[-1]]
     text.append(f" {mode.upper()} ", style=f"reverse {_MODE.get(mode, '')}")
     text.append(f"  at {track.time[-1]:.1f} s")
     if status.away:
-        text.append(f"   bus away: {status.away}", style="yellow")
+        text.append(f"   interface down: {status.away}", style="yellow")
     elif status.silent_s > 1.0:
         text.append(f"   bus silent for {status.silent_s:.0f} s", style="yellow")
     if status.address:
@@ -58,7 +59,7 @@ def _head(status: Status) -> Text:
     return text
 
 
-def _estimates(status: Status, machine: Machine) -> Table:
+def _estimates(status: SessionStatus, machine: Machine) -> Table:
     table = Table("quantity", "value ± 1σ", "", box=None, pad_edge=False, padding=(0, 4, 0, 0))
     piece = status.piece
     if piece is None or not len(piece.track.time):
@@ -82,17 +83,17 @@ def _estimates(status: Status, machine: Machine) -> Table:
 
 
 def _note(estimate: Estimate, quantity: Quantity) -> Text:
-    """A bar for a temperature, words where an estimate is of no use."""
+    """A bar for a temperature; the reason why an estimate is not valid."""
     if not estimate.valid[-1]:
         return Text("too uncertain to be of use")
     if quantity.unit != "°C":
         return Text("")
-    full = int(np.clip(estimate.value[-1] / 300.0 * _HOT, 0, _HOT))
-    color = "green" if full < 8 else "yellow" if full < 14 else "bright_red"
-    return Text("█" * full + "·" * (_HOT - full), style=color)
+    full = int(np.clip(estimate.value[-1] / _BAR_END * _BAR, 0, _BAR))
+    style = "green" if full < _WARM else "yellow" if full < _HOT else "bright_red"
+    return Text("█" * full + "·" * (_BAR - full), style=style)
 
 
-def _events(status: Status) -> Table:
+def _events(status: SessionStatus) -> Table:
     table = Table("s", "event", "", box=None, pad_edge=False)
     for event in list(status.events)[-6:]:
         table.add_row(
@@ -108,13 +109,13 @@ def words(event: Event) -> str:
     data = event.data
     if event.kind == "engagement":
         return (
-            f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ, disc "
-            f"{data['peak_temp_disc']:.0f} °C"
+            f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ, peak "
+            f"temperature {data['peak_temp_disc']:.0f} °C"
         )
     if event.kind == "gap" and "over" in data:
         if not data["over"]:
             return f"{event.name}: silent since {data['since_s']:.1f} s"
-        return f"{event.name}: nothing heard for {data['duration_s']:.1f} s"
+        return f"{event.name}: no data for {data['duration_s']:.1f} s"
     if event.kind == "gap":
         return f"{event.name}: " + ", ".join(f"{v} {k.replace('_', ' ')}" for k, v in data.items())
     if event.kind == "fault":
@@ -124,11 +125,11 @@ def words(event: Event) -> str:
     return event.name
 
 
-def _foot(status: Status) -> str:
+def _foot(status: SessionStatus) -> str:
     parts = [f"{status.frames} frames", f"{status.lost} lost"]
     if len(status.latency_s) > 5:
         parts.append(
             f"estimates {1e3 * float(np.median(status.latency_s)):.0f} ms after the frame "
-            "that made them certain"
+            "that makes them final"
         )
     return " · ".join(parts)

@@ -1,4 +1,4 @@
-"""Holes in what a drive hears: told when they are noticed, and when they are over."""
+"""Gaps of a drive's signals and of its bus: reported when they are noticed, and when they end."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from clutchest.vehicle import Vehicle
 
 
 class Silence:
-    """Looks for signals that may not be missing for long, and for a bus that says nothing."""
+    """Detects gaps of signals that can be bridged for a short time only, and of the whole bus."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._gap = Thresholds.of(vehicle.modes).gap
         fast = {i.name for i in vehicle.machine.inputs if i.gap <= self._gap}
-        self._names = [name for name in vehicle.signals if name in fast or name == "engine_speed"]
+        fast.add(vehicle.machine.equations(vehicle.signals).anchor)
+        self._names = [name for name in vehicle.signals if name in fast]
         self._last: dict[str, float] = {}
         self._bus = 0.0
-        self._quiet = False
+        self._silent = False
 
     def of(
         self, frames: Frames, piece: Piece | None, now: float
     ) -> Iterator[tuple[float, str, Mapping[str, Any]]]:
-        """(time, name, data) of every hole that begins to matter or is over."""
+        """(time, name, data) of every gap that begins to matter or ends."""
         if len(frames):
-            if self._quiet:
+            if self._silent:
                 yield now, "bus", {"over": True, "duration_s": now - self._bus}
-            self._bus, self._quiet = now, False
-        elif not self._quiet and now - self._bus > self._gap:
-            self._quiet = True
+            self._bus, self._silent = now, False
+        elif not self._silent and now - self._bus > self._gap:
+            self._silent = True
             yield now, "bus", {"over": False, "since_s": self._bus}
         for name in self._names if piece else ():
             signal = piece.signals.get(name) if piece else None

@@ -1,4 +1,4 @@
-"""The stamps that the estimates use: of the interface's clock, but never back and never a jump."""
+"""Time stamps for the estimates: by the interface's clock, increasing and without jumps."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from clutchest.can.bus import Received
 from clutchest.can.frames import Frames
 
 JUMP_NS = 1_000_000_000  # a clock that differs by more from one moment to the next was set
-LATE_NS = 5_000_000_000  # for so long at most are frames handed over late, one like the other
-TICK_NS = 1000  # stamps are whole µs, no two alike: as a candump log keeps them
-ABSOLUTE_NS = 10**18  # September 2001; a clock that shows less counts from its own start
+LATE_NS = 5_000_000_000  # frames are received late for at most so long without a break
+TICK_NS = 1000  # stamps are whole µs, no two equal, as in a candump log
+ABSOLUTE_NS = 10**18  # September 2001; a clock below counts from its own start
 _FORGET = 0.01  # share by which the difference of two clocks follows each batch
 
 
 class Stamps:
-    """Makes one clock of an interface's stamps.
+    """Corrects an interface's stamps to one continuous clock.
 
-    A stamp is compared with the time at which the frame was handed over, on a clock that nobody
-    sets.  The difference is a latency, which is small most of the time and now and then is not; a
-    jump of it is one of the interface's clock, and is taken out.  ``jumps`` holds each, s, until it
-    is asked for.
+    A stamp is compared with the monotonic time at which the frame was received.  The difference is
+    a latency, small most of the time; a jump of it is one of the interface's clock, and is
+    corrected.  ``jumps`` collects these, s, for the caller to clear.
     """
 
     def __init__(
@@ -33,20 +32,20 @@ class Stamps:
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._monotonic_ns, self._clock_ns = monotonic_ns, clock_ns
-        self._offset: int | None = None  # of the interface's clock, where nothing was late
+        self._offset: int | None = None  # of the interface's clock, at no latency
         self._late_since: int | None = None
         self._correction = 0
         self._raw, self._last, self._last_at, self._floor = 0, 0, 0, 0
         self.jumps: list[float] = []
 
     def used(self, received: Received) -> Frames:
-        """The frames with stamps that rise, whole µs; in the order in which they came."""
+        """The frames with increasing stamps, whole µs; in the order of reception."""
         frames = received.frames
         if not len(frames):
             return frames
         raw, at = frames.t_ns, received.at_ns
         steps = np.diff(raw)
-        if np.any(np.abs(steps) > JUMP_NS):  # set within the batch: what came last counts
+        if np.any(np.abs(steps) > JUMP_NS):  # set within the batch: the last stamp counts
             steps = np.where((steps > JUMP_NS) | (steps < 0), TICK_NS, steps)
             raw = raw[-1] - np.concatenate((np.cumsum(steps[::-1])[::-1], [0]))
         self._follow(int(raw[0]), int(raw[-1]), at)
@@ -58,16 +57,16 @@ class Stamps:
         return replace(frames, t_ns=t * TICK_NS)
 
     def now(self, lag_ns: int) -> int:
-        """The present on this clock, less ``lag_ns`` for what may be on its way; ns."""
+        """The present on this clock, less ``lag_ns`` for frames in transit; ns."""
         return max(self._last, self._last + self._monotonic_ns() - self._last_at - lag_ns)
 
     def promised(self, lag_ns: int) -> int:
-        """As :meth:`now`; whatever comes later gets a later stamp."""
+        """As :meth:`now`; frames received afterwards get later stamps."""
         self._floor = self.now(lag_ns)
         return self._floor
 
     def _follow(self, first: int, last: int, at: int) -> None:
-        """Tell a clock that was set from frames that are late."""
+        """Distinguish a clock that was set from frames that are late."""
         if self._offset is None:
             self._offset = last - at
             if last < ABSOLUTE_NS:

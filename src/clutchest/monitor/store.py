@@ -1,7 +1,7 @@
-"""The files of a live session: whatever happens to the process, nothing that was told is lost.
+"""The files of a live session: whatever happens to the process, nothing that was reported is lost.
 
-What cannot be appended to grows beside its place in a form that can, and takes its final one at the
-end, or when the next session finds it.
+A format that cannot be appended to is first written in one that can, and converted at the end, or
+by the next session in the same folder.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from clutchest.record.files import json_text, plain
 
 RECEIVED, EVENTS, ESTIMATES = "received.log", "events.jsonl", "estimates.parquet"
 RECORDING, STATE = "recording.rrd", "state.json"
-GROWING = "estimates.growing"  # rows as they come, behind one line that says what they are
-RUNNING = "session.json"  # there while a session runs
+GROWING = "estimates.growing"  # rows so far, after one line with their layout
+RUNNING = "session.json"  # exists while a session runs
 _ROWS = 100_000  # rows of one group of the Parquet file
 
 
 class Session:
-    """The files of one session in ``out``, made if need be.
+    """The files of one session in ``out``, created if need be.
 
-    Files of an earlier session move into a folder of their own; ``notes`` says what was found.
+    Files of an earlier session are moved into a folder of their own; ``notes`` says which.
     Raises ClutchestError where ``out`` is no folder, or another session runs in it.
     """
 
@@ -43,7 +43,7 @@ class Session:
         out.mkdir(parents=True, exist_ok=True)
         self.out, self.provenance = out, dict(provenance)
         self._lock = _locked(out)
-        self.notes = _put_aside(out)
+        self.notes = _moved_aside(out)
         self._received: IO[bytes] = (out / RECEIVED).open("wb", buffering=0)
         self._events: IO[bytes] = (out / EVENTS).open("wb", buffering=0)
         self._rows: IO[bytes] | None = None
@@ -51,34 +51,34 @@ class Session:
 
     @property
     def recording(self) -> Path:
-        """Where the recording goes."""
+        """The path of the recording."""
         return self.out / RECORDING
 
     def receive(self, frames: Frames) -> None:
-        """Keep frames with the stamps that are used; on disk before anything is made of them."""
+        """Write frames with the stamps that are used, before they are processed."""
         if len(frames):
             self._received.write(b"".join(candump.write(frames)))
 
-    def tell(self, event: Mapping[str, Any]) -> None:
-        """Keep an event."""
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Write an event."""
         self._events.write(_line(event))
 
-    def keep(self, track: Track, drive: int, afresh: bool) -> None:
-        """Keep the rows of a track; ``afresh`` they replace those of the same drive."""
+    def keep(self, track: Track, drive: int, restarted: bool) -> None:
+        """Write the rows of a track; where ``restarted`` they replace those of the same drive."""
         columns = columns_of(track, drive)
         mode = np.asarray(track.mode, np.uint8)
         table = np.empty(len(track.time), _layout(columns))
         for name in columns:
             table[name] = mode if name == "mode" else columns[name]
-        if self._rows is None or (afresh and drive == 0):
+        if self._rows is None or (restarted and drive == 0):
             self._begin(table.dtype, track.mode_names)
-        elif afresh:
+        elif restarted:
             self._drop(table.dtype, drive)
         assert self._rows is not None
         self._rows.write(table.tobytes())
 
     def close(self, state: Mapping[str, Any] | None = None) -> list[str]:
-        """Give every file its final form; their names."""
+        """Give every file its final form; returns their names."""
         self._received.close()
         self._events.close()
         if self._rows is not None:
@@ -99,7 +99,7 @@ class Session:
         self._rows.write(json.dumps(head).encode() + b"\n")
 
     def _drop(self, layout: np.dtype, drive: int) -> None:
-        """Forget the rows of the last drive."""
+        """Remove the rows of the last drive."""
         assert self._rows is not None
         head, rows = read_growing(self.out / GROWING)
         keep = int(np.searchsorted(rows["drive"], drive))
@@ -120,7 +120,7 @@ def _line(value: Mapping[str, Any]) -> bytes:
 
 
 def read_growing(path: Path) -> tuple[int, np.ndarray]:
-    """Where the rows begin in a growing table, and the whole ones among them (memory-mapped)."""
+    """Offset of the first row in a growing table, and its complete rows (memory-mapped)."""
     with path.open("rb") as file:
         head = file.readline()
     layout = np.dtype([(name, kind) for name, kind in json.loads(head)["columns"]])
@@ -131,7 +131,7 @@ def read_growing(path: Path) -> tuple[int, np.ndarray]:
 
 
 def finish(out: Path) -> list[str]:
-    """Make what a session leaves, however it ended, into whole files; what was done, in words."""
+    """Complete the files of a session, however it ended; returns those that were, in words."""
     done = []
     if (out / GROWING).exists():
         _, rows = read_growing(out / GROWING)
@@ -160,8 +160,8 @@ def _to_parquet(out: Path, rows: np.ndarray) -> None:
         columns["mode"] = pd.Categorical.from_codes(columns["mode"], head["modes"])
         table = pa.Table.from_pandas(pd.DataFrame(columns), preserve_index=False)
         if writer is None:
-            told = {k.encode(): v.encode() for k, v in head["provenance"].items()}
-            schema = table.schema.with_metadata({**(table.schema.metadata or {}), **told})
+            origin = {k.encode(): v.encode() for k, v in head["provenance"].items()}
+            schema = table.schema.with_metadata({**(table.schema.metadata or {}), **origin})
             writer = pq.ParquetWriter(unfinished, schema)
         writer.write_table(table.cast(schema))
     assert writer is not None
@@ -170,7 +170,7 @@ def _to_parquet(out: Path, rows: np.ndarray) -> None:
 
 
 def _complete(recording: Path) -> bool:
-    """Write a recording anew with all that can be read of it and a proper end."""
+    """Rewrite a recording with all that can be read of it and a proper end."""
     whole = recording.with_name(f".{recording.name}")
     command = [
         sys.executable,
@@ -195,11 +195,11 @@ def _complete(recording: Path) -> bool:
 
 
 def _locked(out: Path) -> IO[str]:
-    """The file that says that a session runs here, locked for as long as it does."""
+    """The file that marks a running session, locked for as long as it runs."""
     file = (out / RUNNING).open("a+", encoding="utf-8")
     try:
         import fcntl
-    except ImportError:  # no locks here: who starts two sessions in one folder knows it
+    except ImportError:  # this platform has no such locks
         return file
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -212,8 +212,8 @@ def _locked(out: Path) -> IO[str]:
     return file
 
 
-def _put_aside(out: Path) -> list[str]:
-    """Move an earlier session's files into a folder named by when it began; what was found."""
+def _moved_aside(out: Path) -> list[str]:
+    """Move an earlier session's files into a folder named by when it ended; notes for the user."""
     running = out / RUNNING
     killed = bool(running.read_text(encoding="utf-8").strip())
     begun = datetime.now(UTC).isoformat(timespec="seconds")

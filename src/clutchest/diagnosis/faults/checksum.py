@@ -1,4 +1,4 @@
-"""Checksums do not fit."""
+"""Frames with a wrong checksum."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Checksum(WrongFrames):
     """The checksum is not that of the payload."""
 
     kind = "checksum"
-    behind = ("missing",)
+    masked_by = ("missing",)
 
-    def wrong(self, traffic: Traffic, alive: NDArray) -> tuple[NDArray, NDArray]:
+    def wrong(self, traffic: Traffic, bus_time: NDArray) -> tuple[NDArray, NDArray]:
         """See :meth:`WrongFrames.wrong`."""
         return np.arange(len(traffic)), ~traffic.sound

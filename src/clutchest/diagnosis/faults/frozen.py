@@ -1,4 +1,4 @@
-"""A message comes, but says the same again and again."""
+"""A message whose payload no longer changes."""
 
 from __future__ import annotations
 
@@ -6,54 +6,53 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.diagnosis.faults.fault import Batch, StreamTest
-from clutchest.diagnosis.faults.messages import lively, messages_of, moving
+from clutchest.diagnosis.faults.messages import fluctuating, messages_of, moving
 from clutchest.diagnosis.faults.repeats import SAMPLES, SPAN, RepeatTest
+from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
 from clutchest.vehicle import Vehicle
 
 
 class Frozen(RepeatTest):
-    """The payload, counter and checksum left out, repeats for longer than it does in health."""
+    """The payload, without counter and checksum, repeats for longer than in a healthy vehicle."""
 
     kind, fmi = "frozen", 19
     of_message = True
-    behind = ("missing",)
+    masked_by = ("missing",)
 
-    def __init__(self, subject: str, per_1000h: float, carries: Sequence[str]) -> None:
+    def __init__(self, vehicle: Vehicle, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.carries = tuple(carries)
+        self.vehicle = vehicle
+        self.carried = tuple(
+            name for name in fluctuating(vehicle) if vehicle.signals[name].bus.message == subject
+        )
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
         """See :meth:`StreamTest.of`."""
-        carried = {name: vehicle.signals[name].bus.message for name in lively(vehicle)}
-        return [
-            cls(message, per_1000h, [name for name, m in carried.items() if m == message])
-            for message in messages_of(vehicle)
-        ]
+        return [cls(vehicle, message, per_1000h) for message in messages_of(vehicle)]
 
     def take(self, batch: Batch) -> None:
         """See :meth:`StreamTest.take`."""
         traffic = batch.traffic[self.subject]
-        judged = np.zeros(len(traffic), bool)
-        for name in self.carries:
+        tested = np.zeros(len(traffic), bool)
+        for name in self.carried:
             if name in batch.signals:
                 signal = batch.signals[name].only_valid()
-                alive = signal.time[moving(name, signal.value)]
-                judged |= np.isin(traffic.time, alive)
+                times = signal.time[moving(self.vehicle, name, signal.value)]
+                tested |= np.isin(traffic.time, times)
 
         def what(begun: float, detected: float) -> str:
             state = self.repeats.state
             count = round((detected - begun) / max(state[SPAN], 1e-9) * state[SAMPLES])
-            return f"{count + 1} equal payloads on end"
+            return f"{count + 1} consecutive identical payloads"
 
-        self.judge(traffic.time, traffic.same, judged, what)
+        self.test(traffic.time, traffic.same, tested, what)
 
     @property
     def why(self) -> str:
         """See :meth:`StreamTest.why`."""
-        if not self.carries:
-            return "nothing in this message is bound to change from frame to frame"
+        if not self.carried:
+            return "no signal of this message changes from frame to frame in every healthy vehicle"
         if not self.enabled:
-            return "no frame in which anything moved"
-        return self.repeats.words().replace("samples", "payloads")
+            return "no frame in which a signal changed"
+        return self.repeats.words("payloads")

@@ -1,4 +1,4 @@
-"""A message comes more seldom than it should."""
+"""A message that is sent less often than it should be."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from clutchest.diagnosis.faults.fault import Batch, StreamTest
 from clutchest.diagnosis.faults.messages import messages_of
+from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
 from clutchest.diagnosis.sequential import (
     COUNT,
     FAILING,
-    climb,
+    cusum_step,
     new_tail,
     tail_bound,
     tail_mean,
@@ -21,24 +21,24 @@ from clutchest.diagnosis.sequential import (
 from clutchest.vehicle import Vehicle
 
 SMALLEST = 0.1  # of the period: the lateness that matters
-JITTER = 0.05  # of the period, before any has been seen
-LEARN = 20  # intervals whose median is the period where none is stated
-LOST = 1.75  # periods: a frame has been lost rather than late, unless it happens all the time
-FORGET = 0.05  # of what is known of that, per frame
-OFTEN = FAILING + 1  # of the state: how often frames have been lost of late
+PRIOR_JITTER = 0.05  # of the period, before any has been observed
+FIRST_GAPS = 20  # intervals whose median is the period where none is stated
+LOST = 1.75  # periods: a frame was lost rather than late, unless that is the rule
+FORGETTING = 0.05  # per frame, of the share of lost frames
+LOST_SHARE = FAILING + 1  # of the state: recent share of lost frames
 
 
 class Late(StreamTest):
-    """Page's sum over the lateness of frames against the stated period, less half of what matters;
-    it must leave what the jitter of this message reaches."""
+    """CUSUM (Page) of the lateness of frames against the stated period, less half of the smallest
+    lateness that matters; its threshold is the estimated tail of this message's jitter."""
 
     kind, fmi = "late", 9
     of_message = harmless = True
-    behind = ("missing",)
+    masked_by = ("missing",)
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.tail, self.state = new_tail(JITTER), np.zeros(OFTEN + 1)
+        self.tail, self.state = new_tail(PRIOR_JITTER), np.zeros(LOST_SHARE + 1)
         self.period: float | None = None
         self.first: list[float] = []
         self.last: float | None = None
@@ -50,21 +50,21 @@ class Late(StreamTest):
 
     def take(self, batch: Batch) -> None:
         """See :meth:`StreamTest.take`."""
-        traffic, alive = batch.traffic[self.subject], batch.alive[self.subject]
+        traffic, bus_time = batch.traffic[self.subject], batch.bus_time[self.subject]
         if not len(traffic):
             return
-        gaps = np.diff(alive, prepend=alive[0] if self.last is None else self.last)
+        gaps = np.diff(bus_time, prepend=bus_time[0] if self.last is None else self.last)
         time = traffic.time
         if self.last is None:
             gaps, time = gaps[1:], time[1:]
-        self.last = float(alive[-1])
+        self.last = float(bus_time[-1])
         if self.period is None:
             self.period = traffic.period
-        if self.period is None:  # learn it, and judge nothing meanwhile
-            need = LEARN - len(self.first)
+        if self.period is None:  # estimated from the first gaps, which are not tested
+            need = FIRST_GAPS - len(self.first)
             self.first += gaps[:need].tolist()
             gaps, time = gaps[need:], time[need:]
-            if len(self.first) < LEARN:
+            if len(self.first) < FIRST_GAPS:
                 return
             self.period = float(np.median(self.first))
         period = self.period
@@ -92,8 +92,8 @@ class Late(StreamTest):
         if not self.enabled:
             return "too few frames"
         return (
-            f"{SMALLEST:.0%} and more beyond a period of {1e3 * (self.period or 0.0):.4g} ms, "
-            f"added up to {self.threshold:.2g} periods; jitter {tail_mean(self.tail):.1%} "
+            f"{SMALLEST:.0%} and more above a period of {1e3 * (self.period or 0.0):.4g} ms, "
+            f"summed up to {self.threshold:.2g} periods; jitter {tail_mean(self.tail):.1%} "
             f"on average, from {int(self.tail[COUNT])} frames"
         )
 
@@ -103,11 +103,11 @@ def _late(time, ratio, tail, state, count, changes):  # type: ignore[no-untyped-
     n = 0
     for k in range(len(time)):
         lost = ratio[k] > LOST
-        state[OFTEN] += FORGET * (lost - state[OFTEN])
-        if lost and state[OFTEN] < 0.5:
+        state[LOST_SHARE] += FORGETTING * (lost - state[LOST_SHARE])
+        if lost and state[LOST_SHARE] < 0.5:
             continue
         late = min(ratio[k] - 1.0, 1.0)
-        n = climb(state, late - SMALLEST / 2.0, tail_bound(tail, count), time[k], changes, n)
+        n = cusum_step(state, late - SMALLEST / 2.0, tail_bound(tail, count), time[k], changes, n)
         if not state[FAILING]:
             tail_take(tail, abs(late))
     return n

@@ -1,4 +1,4 @@
-"""Which messages carry which signals, and when these can tell a stuck one from one at rest."""
+"""Which messages carry which signals, and when a healthy signal changes from sample to sample."""
 
 from __future__ import annotations
 
@@ -9,19 +9,8 @@ from clutchest.reading.wanted import parts
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
-AT_REST = (
-    "engine_speed",
-    "input_shaft_speed",
-    "vehicle_speed",
-    "motor_position",
-    "motor_speed",
-    "slip_speed",
-    "wheel_speed_left",
-    "wheel_speed_right",
-    "armature_current",
-    "armature_voltage",
-)
-SLOW = 30.0  # s; what may be bridged for longer may as well stand still
+TEMPERATURE = "°C"  # unit of signals that may be constant for minutes
+SLOW_S = 30.0  # s; a signal whose gaps may be bridged for longer may be constant for as long
 
 
 def messages_of(vehicle: Vehicle) -> tuple[str, ...]:
@@ -29,19 +18,15 @@ def messages_of(vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(dict.fromkeys(bus.message for s in vehicle.signals.values() for bus in parts(s)))
 
 
-def lively(vehicle: Vehicle) -> tuple[str, ...]:
-    """Signals that never stand still while they are true: noise moves them from sample to sample.
-
-    A temperature may well stand still.
-    """
-    inputs = {i.name: i.gap for i in vehicle.machine.inputs}
-    return tuple(
-        name
-        for name in vehicle.signals
-        if not name.endswith("_temp") and inputs.get(name, 0.0) < SLOW
-    )
+def fluctuating(vehicle: Vehicle) -> tuple[str, ...]:
+    """Signals whose healthy samples are never constant: noise changes them all the time."""
+    slow = {i.name for i in vehicle.machine.inputs if i.gap >= SLOW_S}
+    slow |= {column.name for column in vehicle.machine.columns if column.unit == TEMPERATURE}
+    return tuple(name for name in vehicle.signals if name not in slow)
 
 
-def moving(name: str, value: Floats) -> NDArray[np.bool_]:
-    """Where a sample (n) of a lively signal is not at rest: a speed of nought stays so."""
-    return value != 0.0 if name in AT_REST else np.ones(len(value), bool)
+def moving(vehicle: Vehicle, name: str, value: Floats) -> NDArray[np.bool_]:
+    """Where samples (n) of a fluctuating signal are not at rest, where some are exactly 0."""
+    column = vehicle.machine.column(name)
+    rests = column is not None and column.rests
+    return value != 0.0 if rests else np.ones(len(value), bool)

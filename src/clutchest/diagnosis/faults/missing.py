@@ -1,4 +1,4 @@
-"""A message stays away."""
+"""A message that is no longer sent."""
 
 from __future__ import annotations
 
@@ -7,28 +7,35 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
 from clutchest.diagnosis.faults.messages import messages_of
-from clutchest.diagnosis.sequential import BEYOND, COUNT, new_tail, tail_bound, tail_mean, tail_take
+from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
+from clutchest.diagnosis.sequential import (
+    COUNT,
+    EXCEEDING,
+    new_tail,
+    tail_bound,
+    tail_mean,
+    tail_take,
+)
 from clutchest.vehicle import Vehicle
 
-UNKNOWN = 1.0  # s, taken for the period of a message that states none and has not come yet
+PRIOR_PERIOD = 1.0  # s, of a message that states no period, before its first frame
 
 
 class Missing(StreamTest):
-    """No frame for longer than healthy gaps reach, as far as this message has shown them.
+    """No frame for longer than the estimated tail of this message's gaps.
 
-    While the whole bus is silent nothing is missed: that is a gap of the log.
+    While the whole bus is silent no message is missing: that is a gap of the log.
     """
 
     kind, fmi = "missing", 9
     of_message = True
-    behind = ()
+    masked_by = ()
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
         self.tail: np.ndarray | None = None
-        self.last, self.last_alive, self.frames = 0.0, 0.0, 0
+        self.last, self.last_bus_time = 0.0, 0.0
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
@@ -37,14 +44,14 @@ class Missing(StreamTest):
 
     def take(self, batch: Batch) -> None:
         """See :meth:`StreamTest.take`."""
-        traffic, alive = batch.traffic[self.subject], batch.alive[self.subject]
+        traffic, bus_time = batch.traffic[self.subject], batch.bus_time[self.subject]
         if self.tail is None:
-            self.tail = new_tail(traffic.period or UNKNOWN)
+            self.tail = new_tail(traffic.period or PRIOR_PERIOD)
         if len(traffic):
             if self.failing:
                 self.heal(float(traffic.time[0]))
-                self.last, self.last_alive = float(traffic.time[0]), float(alive[0])
-            gaps = np.diff(alive, prepend=self.last_alive)
+                self.last, self.last_bus_time = float(traffic.time[0]), float(bus_time[0])
+            gaps = np.diff(bus_time, prepend=self.last_bus_time)
             bounds = np.zeros(len(gaps))
             _gaps(gaps, self.tail, self.per_1000h, bounds)
             before = np.concatenate([[self.last], traffic.time[:-1]])
@@ -52,18 +59,17 @@ class Missing(StreamTest):
                 begun, end = float(before[k]), float(traffic.time[k])
                 words = _words(gaps[k], bounds[k])
                 self.fail(Alarm(begun, begun + float(bounds[k]), end, what=words))
-            self.last, self.last_alive = float(traffic.time[-1]), float(alive[-1])
-            self.frames += len(traffic)
-        gap, bound = batch.alive_until - self.last_alive, self.bound
+            self.last, self.last_bus_time = float(traffic.time[-1]), float(bus_time[-1])
+        gap, bound = batch.bus_until - self.last_bus_time, self.bound
         if gap > bound and not self.failing:
             self.fail(Alarm(self.last, self.last + bound, what=_words(gap, bound)))
-        self.enabled = batch.alive_until
+        self.enabled = batch.bus_until
 
     @property
     def bound(self) -> float:
         """The longest gap, s, that may be chance."""
         assert self.tail is not None
-        return float(tail_bound(self.tail, _per_1000h(tail_mean(self.tail)) / self.per_1000h))
+        return float(tail_bound(self.tail, 3.6e6 / tail_mean(self.tail) / self.per_1000h))
 
     @property
     def threshold(self) -> float | None:
@@ -75,15 +81,11 @@ class Missing(StreamTest):
         """See :meth:`StreamTest.why`."""
         if self.tail is None:
             return "no frames: these are decoded signals"
-        count, peaks = int(self.tail[COUNT]), int(self.tail[BEYOND])
+        count, long = int(self.tail[COUNT]), int(self.tail[EXCEEDING])
         return (
             f"a gap of more than {self.bound:.3g} s, from {count} gaps of "
-            f"{1e3 * tail_mean(self.tail):.3g} ms on average, {peaks} of them long"
+            f"{1e3 * tail_mean(self.tail):.3g} ms on average, {long} of them in the tail"
         )
-
-
-def _per_1000h(mean: float) -> float:
-    return 3.6e6 / mean
 
 
 def _words(gap: float, bound: float) -> str:

@@ -1,4 +1,4 @@
-"""A signal is noisier than it should be."""
+"""A signal with more noise than stated."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.diagnosis.faults.fault import Alarm, Batch, StreamTest
-from clutchest.diagnosis.faults.messages import lively
+from clutchest.diagnosis.faults.messages import fluctuating
+from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
 from clutchest.diagnosis.sequential import new_tail, tail_bound, tail_mean, tail_take
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
-ORDER = 4  # of the differences: what moves smoothly leaves nothing in them
+ORDER = 4  # of the differences: smooth motion vanishes in them
 BLOCK = 50  # differences whose median is one sample of the level
 MATTERS = 2.0  # times the usual variance: half of what twice the noise makes
-HOLE = 3.0  # sample periods
-SMOOTH = 4.0  # times what noise alone makes of second against fourth differences: motion
+GAP = 3.0  # sample periods
+SMOOTH = 4.0  # second over fourth differences, both relative to pure noise: more is motion
 _LONG = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _SHORT = np.array([1.0, -2.0, 1.0])
 _MEDIAN = 0.455  # of a chi-square of one degree of freedom
 
 
 class Noise(StreamTest):
-    """Page's sum over the level of noise beyond twice the usual variance; it must leave what the
-    level of this signal reaches.
+    """CUSUM (Page) of the noise level beyond twice its usual variance; its threshold is the
+    estimated tail of this signal's level.
 
-    The level is the median of squared fourth differences over what the stated noise makes of it.
-    Motion, too, leaves something in them, but more in second differences: where it does, noise
-    cannot be told.  Where the stated noise is a guess, more of it is no evidence: an engine's own
-    roughness, which rises with its speed, is then part of what nobody has measured.
+    The level is the median of squared fourth differences over its expectation for the stated
+    noise.  Motion contributes to them too, but more to second differences: blocks in which it does
+    are not tested.  Where the vehicle file guesses the noise, the test does not run: a higher level
+    is then no evidence of a fault.
     """
 
     kind, fmi = "noise", 2
@@ -39,14 +39,14 @@ class Noise(StreamTest):
     ) -> None:
         super().__init__(subject, per_1000h)
         self.std, self.ar, self.guessed, self.sum, self.begun = std, ar, guessed, 0.0, 0.0
-        self.tail, self.suspect = new_tail(1.0), list[float]()
-        self.kept = np.zeros((2, 0))
+        self.tail, self.pending = new_tail(1.0), list[float]()
+        self.rest = np.zeros((2, 0))
         self.step, self.period, self.blocks = np.inf, 0.0, 0
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
         """See :meth:`StreamTest.of`."""
-        mapped = [vehicle.signals[name] for name in lively(vehicle)]
+        mapped = [vehicle.signals[name] for name in fluctuating(vehicle)]
         return [
             cls(s.name, per_1000h, s.noise, s.noise_ar, s.noise_source.startswith("guess"))
             for s in mapped
@@ -57,13 +57,13 @@ class Noise(StreamTest):
         if self.guessed or self.subject not in batch.signals:
             return
         signal = batch.signals[self.subject].only_valid()
-        time, value = np.concatenate([self.kept, [signal.time, signal.value]], axis=1)
+        time, value = np.concatenate([self.rest, [signal.time, signal.value]], axis=1)
         count = (len(value) - ORDER) // BLOCK
         if count < 1:
-            self.kept = np.array([time, value])
+            self.rest = np.array([time, value])
             return
         used = count * BLOCK
-        self.kept = np.array([time[used:], value[used:]])
+        self.rest = np.array([time[used:], value[used:]])
         time, value = time[: used + ORDER], value[: used + ORDER]
         gaps, steps = np.diff(time), np.abs(np.diff(value))
         self.period = self.period or float(np.median(gaps[:BLOCK]))
@@ -75,13 +75,13 @@ class Noise(StreamTest):
         long = np.median(np.diff(value, 4).reshape(count, BLOCK) ** 2, axis=1)
         short = np.median(np.diff(value, 2)[1:-1].reshape(count, BLOCK) ** 2, axis=1)
         level, short = long / self._expected(_LONG, step), short / self._expected(_SHORT, step)
-        whole = gaps[ORDER - 1 :].reshape(count, BLOCK).max(axis=1) <= HOLE * self.period
+        whole = gaps[ORDER - 1 :].reshape(count, BLOCK).max(axis=1) <= GAP * self.period
         begin, end = time[:used:BLOCK], time[BLOCK + ORDER - 1 :: BLOCK]
         for k in np.flatnonzero(whole & (short <= SMOOTH * level)).tolist():
-            self._judge(float(begin[k]), float(end[k]), float(level[k]))
+            self._test(float(begin[k]), float(end[k]), float(level[k]))
 
-    def _judge(self, begin: float, end: float, level: float) -> None:
-        """One more block, from ``begin`` to ``end`` s."""
+    def _test(self, begin: float, end: float, level: float) -> None:
+        """Test one more block, from ``begin`` to ``end`` s."""
         self.blocks += 1
         self.enabled += BLOCK * self.period
         if self.sum <= 0.0:
@@ -92,14 +92,14 @@ class Noise(StreamTest):
             if self.sum <= 0.0:
                 self.heal(end)
             return
-        self.suspect.append(max(level, 1.0))  # learned once it is known to be healthy
+        self.pending.append(max(level, 1.0))  # enters the tail once known to be healthy
         if self.sum <= 0.0:
-            for usual in self.suspect:
+            for usual in self.pending:
                 tail_take(self.tail, usual)
-            self.suspect.clear()
+            self.pending.clear()
         elif self.sum > bound:
-            times = np.sqrt(np.mean(self.suspect))
-            self.suspect.clear()
+            times = np.sqrt(np.mean(self.pending))
+            self.pending.clear()
             self.fail(Alarm(self.begun, end, what=f"{times:.2g} times the stated noise"))
 
     def _expected(self, weights: Floats, step: Floats) -> Floats:
@@ -114,7 +114,7 @@ class Noise(StreamTest):
 
     @property
     def threshold(self) -> float | None:
-        """See :meth:`StreamTest.threshold`; variances, summed up."""
+        """See :meth:`StreamTest.threshold`; a sum of relative variances."""
         return self._bound() if self.blocks else None
 
     @property
@@ -122,15 +122,15 @@ class Noise(StreamTest):
         """See :meth:`StreamTest.why`."""
         if self.guessed:
             return (
-                f"its noise, {self.std:.3g}, is a guess of the vehicle file's: "
+                f"its noise, {self.std:.3g}, is a guess of the vehicle file: "
                 "`clutchest identify noise` measures it"
             )
         if not self.blocks:
             return "too few samples without motion"
-        return f"twice a noise of {self.std:.3g}, over {self.blocks} stretches of {BLOCK} samples"
+        return f"twice a noise of {self.std:.3g}, over {self.blocks} blocks of {BLOCK} samples"
 
 
 def _variance(weights: Floats, ar: float) -> float:
-    """Of a difference with these weights of noise of variance 1 that remembers itself by ``ar``."""
+    """Variance of a difference with these weights of AR(1) noise of variance 1."""
     lags = np.abs(np.subtract.outer(np.arange(len(weights)), np.arange(len(weights))))
     return float(weights @ ar**lags @ weights)

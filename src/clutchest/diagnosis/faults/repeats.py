@@ -1,4 +1,4 @@
-"""Runs of samples that are all the same, how long healthy ones get, and the tests on them."""
+"""Runs of identical samples: the tail of their lengths in a healthy vehicle, and the test on it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.diagnosis.faults.fault import Alarm, StreamTest
+from clutchest.diagnosis.faults.stream_test import Alarm, StreamTest
 from clutchest.diagnosis.sequential import (
     COUNT,
     EDGE,
@@ -19,28 +19,28 @@ from clutchest.diagnosis.sequential import (
 )
 from clutchest.signals import Floats
 
-USUAL = 2.0  # samples in a run of a lively signal, before any has been seen
+PRIOR_RUN = 2.0  # samples in a run of identical ones, before any has been observed
 RUN, BEGUN, LAST, SAMPLES, SPAN, STUCK = range(6)
 
 
 class Repeats:
-    """State of one count of repeats, carried from batch to batch."""
+    """State of a count of repeated samples, carried from batch to batch."""
 
     def __init__(self) -> None:
-        self.tail = new_tail(USUAL, grain=1.0)
+        self.tail = new_tail(PRIOR_RUN, grain=1.0)
         self.state = np.zeros(6)
 
     def take(
-        self, time: Floats, same: NDArray[np.bool_], judged: NDArray[np.bool_], per_1000h: float
+        self, time: Floats, same: NDArray[np.bool_], tested: NDArray[np.bool_], per_1000h: float
     ) -> list[tuple[float, float, float]]:
         """Runs that are too long: (begun, detected, ended) s, ended inf while it lasts and begun
         −inf where the run of an earlier batch ended.
 
-        ``same`` (n): as the sample before; ``judged`` (n): a repeat would mean something.
+        ``same`` (n): equal to the sample before; ``tested`` (n): a healthy sample would differ.
         """
-        found = np.zeros((len(time) + 1, 3))
-        n = _runs(time, same, judged, self.tail, self.state, per_1000h, found)
-        return [tuple(row) for row in found[:n].tolist()]
+        changes = np.zeros((len(time) + 1, 3))
+        n = _runs(time, same, tested, self.tail, self.state, per_1000h, changes)
+        return [tuple(row) for row in changes[:n].tolist()]
 
     @property
     def bound(self) -> float:
@@ -53,33 +53,34 @@ class Repeats:
 
     @property
     def enabled(self) -> float:
-        """s in which a repeat would have meant something."""
+        """s in which a repeated sample could have been detected."""
         return float(self.state[SPAN])
 
-    def words(self) -> str:
-        """What is known of healthy runs."""
+    def words(self, samples: str) -> str:
+        """The limit and the data that it rests on; ``samples`` or payloads."""
         return (
-            f"more than {self.bound:.3g} equal samples on end, from {int(self.tail[COUNT])} "
-            f"runs of {tail_mean(self.tail):.2g} on average"
+            f"more than {self.bound:.3g} consecutive identical {samples}, from "
+            f"{int(self.tail[COUNT])} runs of {tail_mean(self.tail):.2g} on average"
         )
 
 
 class RepeatTest(StreamTest):
-    """A test that fails where too many samples or payloads on end are all the same."""
+    """A test that fails where too many consecutive samples or payloads are identical."""
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
         self.repeats = Repeats()
 
-    def judge(
+    def test(
         self,
         time: Floats,
         same: NDArray[np.bool_],
-        judged: NDArray[np.bool_],
+        tested: NDArray[np.bool_],
         what: Callable[[float, float], str],
     ) -> None:
-        """Take what is new as :meth:`Repeats.take` does; ``what`` is wrong from … to, in words."""
-        for begun, detected, ended in self.repeats.take(time, same, judged, self.per_1000h):
+        """Test new samples as :meth:`Repeats.take` does; ``what(begun, detected)`` describes the
+        fault."""
+        for begun, detected, ended in self.repeats.take(time, same, tested, self.per_1000h):
             if ended < np.inf:
                 self.heal(ended)
             else:
@@ -93,12 +94,12 @@ class RepeatTest(StreamTest):
 
 
 @njit(cache=True)
-def _runs(time, same, judged, tail, state, per_1000h, found):  # type: ignore[no-untyped-def]
+def _runs(time, same, tested, tail, state, per_1000h, changes):  # type: ignore[no-untyped-def]
     n = 0
     for k in range(len(time)):
-        if not judged[k]:
+        if not tested[k]:
             if state[STUCK]:
-                found[n] = -np.inf, np.nan, time[k]
+                changes[n] = -np.inf, np.nan, time[k]
                 n += 1
             state[RUN], state[STUCK] = 0.0, 0.0
             continue
@@ -111,7 +112,7 @@ def _runs(time, same, judged, tail, state, per_1000h, found):  # type: ignore[no
                 state[SAMPLES] += 1.0
                 state[SPAN] += min(time[k] - state[LAST], 10.0)
                 if state[STUCK]:
-                    found[n] = -np.inf, np.nan, time[k]
+                    changes[n] = -np.inf, np.nan, time[k]
                     n += 1
                 else:
                     tail_take(tail, state[RUN])
@@ -122,6 +123,6 @@ def _runs(time, same, judged, tail, state, per_1000h, found):  # type: ignore[no
             period = state[SPAN] / max(state[SAMPLES], 1.0)
             if state[RUN] > tail_bound(tail, 3.6e6 / max(period * mean, 1e-9) / per_1000h):
                 state[STUCK] = 1.0
-                found[n] = state[BEGUN], time[k], np.inf
+                changes[n] = state[BEGUN], time[k], np.inf
                 n += 1
     return n

@@ -1,4 +1,4 @@
-"""A signal no longer moves."""
+"""A signal that no longer changes."""
 
 from __future__ import annotations
 
@@ -6,53 +6,53 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.diagnosis.faults.fault import Batch, StreamTest
-from clutchest.diagnosis.faults.messages import lively, moving
+from clutchest.diagnosis.faults.messages import fluctuating, moving
 from clutchest.diagnosis.faults.repeats import RepeatTest
+from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
 from clutchest.vehicle import Vehicle
 
 
 class Stuck(RepeatTest):
-    """The same value again and again, where noise alone would move it.
+    """Consecutive identical values of a signal that noise alone would change.
 
-    A speed of nought and a motor at its stop are at rest, and a temperature may stand still: there
-    nothing can be told.
+    Where a healthy signal may be constant, at standstill or as a slow temperature, it is not
+    tested.
     """
 
     kind, fmi = "stuck", 2
 
-    def __init__(self, subject: str, per_1000h: float, lively: bool) -> None:
+    def __init__(self, vehicle: Vehicle, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.lively, self.last = lively, np.nan
+        self.vehicle, self.fluctuates = vehicle, subject in fluctuating(vehicle)
+        self.last = np.nan
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
         """See :meth:`StreamTest.of`."""
-        moved = lively(vehicle)
-        return [cls(name, per_1000h, name in moved) for name in vehicle.signals]
+        return [cls(vehicle, name, per_1000h) for name in vehicle.signals]
 
     def take(self, batch: Batch) -> None:
         """See :meth:`StreamTest.take`."""
-        if not self.lively or self.subject not in batch.signals:
+        if not self.fluctuates or self.subject not in batch.signals:
             return
         signal = batch.signals[self.subject].only_valid()
         if not len(signal):
             return
         same = np.diff(signal.value, prepend=self.last) == 0.0
         self.last = float(signal.value[-1])
-        judged = moving(self.subject, signal.value)
+        tested = moving(self.vehicle, self.subject, signal.value)
 
         def what(begun: float, detected: float) -> str:
             value = signal.value[np.searchsorted(signal.time, detected)]
-            return f"stays at {value:.6g} {signal.unit}"
+            return f"constant at {value:.6g} {signal.unit}"
 
-        self.judge(signal.time, same, judged, what)
+        self.test(signal.time, same, tested, what)
 
     @property
     def why(self) -> str:
         """See :meth:`StreamTest.why`."""
-        if not self.lively:
-            return "a temperature may stand still"
+        if not self.fluctuates:
+            return "a healthy signal of this kind may be constant"
         if not self.enabled:
-            return "no sample of it away from rest"
-        return self.repeats.words()
+            return "no sample of it away from standstill"
+        return self.repeats.words("samples")

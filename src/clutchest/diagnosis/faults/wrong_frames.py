@@ -1,4 +1,4 @@
-"""Frames that are wrong, one by one: a test on how often."""
+"""Single frames that are wrong: a sequential test of their share."""
 
 from __future__ import annotations
 
@@ -10,44 +10,44 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.diagnosis.faults.fault import Batch, StreamTest
-from clutchest.diagnosis.sequential import FAILING, climb
+from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
+from clutchest.diagnosis.sequential import FAILING, cusum_step
 from clutchest.signals import Traffic
 from clutchest.vehicle import Vehicle
 
-OFTEN = 0.1  # share of wrong frames that matters
-SEEN = 1000.0  # frames that stand for what has not been seen yet: half of one of them wrong
-FRAMES, WRONG = FAILING + 1, FAILING + 2  # of the state: healthy ones so far
+FAULTY_SHARE = 0.1  # of wrong frames under the fault hypothesis
+PRIOR_FRAMES = 1000.0  # weight of the prior share of wrong frames, half a frame in so many
+FRAMES, WRONG = FAILING + 1, FAILING + 2  # of the state: healthy frames so far
 
 
 class WrongFrames(StreamTest):
-    """Likelihood ratio of "one frame in ten is wrong" to "as few as so far"; by Lorden's inequality
-    a threshold of ln(frames) is exceeded at most once in so many healthy frames."""
+    """Bernoulli CUSUM of "one frame in ten is wrong" against the share observed so far; by Lorden's
+    inequality a threshold of ln(n) is exceeded at most once in n healthy frames."""
 
     fmi = 19
     of_message = True
 
-    def __init__(self, subject: str, per_1000h: float, has: bool) -> None:
+    def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.has, self.state, self.period, self.last = has, np.zeros(WRONG + 1), 0.0, 0.0
+        self.state, self.period, self.last = np.zeros(WRONG + 1), 0.0, 0.0
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
-        """See :meth:`StreamTest.of`; only where the vehicle file says that they are checked."""
-        return [cls(message, per_1000h, True) for message in vehicle.checked]
+        """See :meth:`StreamTest.of`; only messages that the vehicle file lists as checked."""
+        return [cls(message, per_1000h) for message in vehicle.checked]
 
     @abstractmethod
-    def wrong(self, traffic: Traffic, alive: NDArray) -> tuple[NDArray, NDArray]:
-        """Rows that can be judged, and which of them are wrong."""
+    def wrong(self, traffic: Traffic, bus_time: NDArray) -> tuple[NDArray, NDArray]:
+        """Rows that can be tested, and which of them are wrong."""
 
     def take(self, batch: Batch) -> None:
         """See :meth:`StreamTest.take`."""
         traffic = batch.traffic[self.subject]
-        rows, wrong = self.wrong(traffic, batch.alive[self.subject])
+        rows, wrong = self.wrong(traffic, batch.bus_time[self.subject])
         if not len(rows):
             return
         time = traffic.time[rows]
-        self.enabled = batch.alive_until
+        self.enabled = batch.bus_until
         self.period = self.enabled / max(self.state[FRAMES] + len(rows), 1.0)
         changes = np.zeros((len(rows), 2))
         n = _bernoulli(time, wrong, self.state, self._bound(), changes)
@@ -70,7 +70,7 @@ class WrongFrames(StreamTest):
     def why(self) -> str:
         """See :meth:`StreamTest.why`."""
         if not self.enabled:
-            return "no frames with one" if self.has else "this message has none"
+            return "no frame of this message that can be tested"
         return f"{int(self.state[WRONG])} of {int(self.state[FRAMES])} frames wrong while healthy"
 
 
@@ -78,9 +78,9 @@ class WrongFrames(StreamTest):
 def _bernoulli(time, wrong, state, bound, changes):  # type: ignore[no-untyped-def]
     n = 0
     for k in range(len(time)):
-        usual = min((state[WRONG] + 0.5) / (state[FRAMES] + SEEN), OFTEN / 2.0)
-        share, before = (OFTEN, usual) if wrong[k] else (1.0 - OFTEN, 1.0 - usual)
-        n = climb(state, np.log(share / before), bound, time[k], changes, n)
+        usual = min((state[WRONG] + 0.5) / (state[FRAMES] + PRIOR_FRAMES), FAULTY_SHARE / 2.0)
+        share, before = (FAULTY_SHARE, usual) if wrong[k] else (1.0 - FAULTY_SHARE, 1.0 - usual)
+        n = cusum_step(state, np.log(share / before), bound, time[k], changes, n)
         if not state[FAILING]:
             state[FRAMES] += 1.0
             state[WRONG] += wrong[k]

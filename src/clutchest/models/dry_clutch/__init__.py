@@ -17,7 +17,7 @@ from clutchest.models.dry_clutch.error_terms import (
 from clutchest.models.dry_clutch.regimes import RULES
 from clutchest.models.dry_clutch.symbols import COLUMNS, SEPARATING_MANOEUVRES
 from clutchest.models.effects import effects_in
-from clutchest.models.fault import Follower
+from clutchest.models.fault import Follower, faults_in
 from clutchest.models.machine import Comparison, Event, Machine, Wear
 
 
@@ -65,6 +65,7 @@ MACHINE = Machine(
     sensor_for=SENSOR_FOR,
     compared=Comparison("measured_torque", "clutch_torque", "Nm", "clutch torque"),
     separating_manoeuvres=SEPARATING_MANOEUVRES,
+    faults=faults_in("clutchest.models.dry_clutch.faults"),
     fault_signals=("slave_position", "input_shaft_speed", "engine_torque", "engine_speed"),
     followers=(Follower("actuator", "motor_position", "slave_position", 1.5),),
     generate=_generate,

@@ -16,6 +16,7 @@ STATES = (
         25.0,
         "a standstill with the actuator retracted",
         0.15,
+        restart_std=40.0,
     ),
     State(
         "temp_housing",
@@ -27,6 +28,7 @@ STATES = (
         25.0,
         "a long cool-down with the actuator retracted",
         0.15,
+        restart_std=25.0,
     ),
     State(
         "temp_disc",
@@ -38,6 +40,7 @@ STATES = (
         40.0,
         "a slip, or the actuator retracted right after one",
         0.3,
+        restart_std=50.0,
     ),
     State(
         "zero_position",
@@ -61,6 +64,7 @@ STATES = (
         0.05,
         "a launch: torque through a slipping clutch",
         healthy_std=0.02,
+        drift=1.0,
     ),
     State(
         "engine_speed",
@@ -84,6 +88,7 @@ STATES = (
         "an open clutch with changing engine speed",
         carried=False,
         healthy_std=5.0,
+        drift=1.0,
     ),
     State(
         "wear_rate",

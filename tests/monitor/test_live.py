@@ -9,7 +9,7 @@ import pytest
 import clutchest
 from clutchest.can.files import read_frames
 from clutchest.can.frames import Frames
-from clutchest.estimate.live import Live
+from clutchest.monitor.live import LiveEstimator
 from clutchest.reading.log import load_database
 from clutchest.shipped import locate
 
@@ -26,15 +26,15 @@ def frames_of(log, seconds=np.inf) -> Frames:
 
 
 def live(vehicle, frames, batches, **more):
-    """All pieces of a drive whose frames come in ``batches`` (indices at which one ends)."""
-    pieces, come = [], 0
+    """All pieces of a drive whose frames taken in ``batches`` (indices at which one ends)."""
+    pieces, taken = [], 0
 
     def history():
-        return frames.take(np.arange(come))
+        return frames.take(np.arange(taken))
 
-    drive = Live(vehicle, load_database(vehicle, [DATA]), history=history, **more)
+    drive = LiveEstimator(vehicle, load_database(vehicle, [DATA]), history=history, **more)
     for a, b in zip([0, *batches], [*batches, len(frames)], strict=True):
-        part, come = frames.take(np.arange(a, b)), b
+        part, taken = frames.take(np.arange(a, b)), b
         if a and b > a:  # what a monitor sees of a silence: nothing, again and again
             for now in range(int(frames.t_ns[a - 1]), int(part.t_ns[0]), 700_000_000):
                 pieces.append(drive.take(Frames.empty(), now))
@@ -184,7 +184,7 @@ def test_a_spike_of_what_is_held(tmp_path):
 def test_the_end_of_a_silence(silence, tmp_path):
     """A session that ends while the bus says nothing has all that a replay has."""
     truck, frames = clutchest.load_vehicle("truck"), frames_of("demo", 20.0)
-    drive = Live(truck, load_database(truck))
+    drive = LiveEstimator(truck, load_database(truck))
     last = int(frames.t_ns[-1])
     pieces = [drive.take(frames, last)]
     for now in np.arange(0.25, silence, 0.25):
@@ -205,7 +205,7 @@ def test_the_end_of_a_silence(silence, tmp_path):
     ("vehicle", "log"), [("gt350", "gt350_launch.trc"), ("j1939_t270", "j1939_t270_drive.log")]
 )
 def test_real_drives(vehicle, log, tmp_path, monkeypatch):
-    """Inferred gears, a shuffling driveline, several senders, signals that come late."""
+    """Inferred gears, a shuffling driveline, several senders, signals that taken late."""
     monkeypatch.chdir(DATA)  # its DBC does not travel with the package
     car, frames = clutchest.load_vehicle(vehicle), frames_of(DATA / log)
     rng = np.random.default_rng(1)

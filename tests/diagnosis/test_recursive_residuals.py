@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from clutchest.diagnosis.blocks import Blocks, pieces
-from clutchest.diagnosis.predicted import nuisances, predicted, since
+from clutchest.diagnosis.blocks import Blocks, block_index
+from clutchest.diagnosis.recursive_residuals import nuisances, onset_scores, recursive_residuals
 from clutchest.inference.unknowns import Unknown
+from clutchest.models import machine_of
 
+STATES = machine_of("dry_clutch").states
 THETAS = (
     Unknown("parameter", "heat_capacity_body", 1.0),
     Unknown("parameter", "kiss_point", 1.0),
@@ -26,7 +28,7 @@ def problem(seed, size=None, onset=0, blocks=12, per_block=15):
     of = np.repeat(np.arange(blocks), per_block)
     psi[of < onset, 3:] = 0.0
     begin = 300.0 * np.arange(blocks)
-    walk = np.cumsum(np.r_[1.0, np.full(blocks - 1, 300.0 / 3600.0)])  # variance of what wanders
+    walk = np.cumsum(np.r_[1.0, np.full(blocks - 1, 300.0 / 3600.0)])  # variance of the random walk
     friction = np.minimum(*np.meshgrid(walk, walk))[np.ix_(of, of)]
     covariance = np.eye(count) + psi[:, :2] @ psi[:, :2].T
     covariance += friction * np.outer(psi[:, 2], psi[:, 2])
@@ -35,13 +37,13 @@ def problem(seed, size=None, onset=0, blocks=12, per_block=15):
         r = r - size * psi[:, 3]  # innovations fall as the number grows
     rows = np.column_stack([r, psi])
     gram = np.array([rows[of == k].T @ rows[of == k] for k in range(blocks)])
-    found = Blocks(THETAS, begin, begin + 1.0, np.full(blocks, per_block), gram)
-    return found, rows, covariance, of
+    drive = Blocks(STATES, THETAS, begin, begin + 1.0, np.full(blocks, per_block), gram)
+    return drive, rows, covariance, of
 
 
 def test_residuals_are_the_innovations_of_the_whole_problem():
     blocks, rows, covariance, of = problem(1)
-    found = predicted(blocks, FAULTS)
+    result = recursive_residuals(blocks, FAULTS)
     for k in (0, 1, 5, 11):
         before, own = of < k, of == k
         gain = np.linalg.solve(covariance[np.ix_(before, before)], covariance[np.ix_(before, own)])
@@ -50,37 +52,39 @@ def test_residuals_are_the_innovations_of_the_whole_problem():
         trace = rows[own][:, 1 + np.array(FAULTS)]
         information = np.diag(trace.T @ np.linalg.solve(S, trace))
         z = -trace.T @ np.linalg.solve(S, e) / np.sqrt(information)
-        assert found.z[k] == pytest.approx(z, abs=1e-8)
-        assert found.information[k] == pytest.approx(information, rel=1e-8)
-        assert found.surprise[k] == pytest.approx(e @ np.linalg.solve(S, e), rel=1e-8)
+        assert result.z[k] == pytest.approx(z, abs=1e-8)
+        assert result.information[k] == pytest.approx(information, rel=1e-8)
+        assert result.chi_square[k] == pytest.approx(e @ np.linalg.solve(S, e), rel=1e-8)
 
 
 @pytest.mark.parametrize("onset", [0, 5])
-def test_what_speaks_for_a_fault_since_its_onset_is_the_likelihood_of_all_readings(onset):
+def test_scores_since_the_onset_are_those_of_all_readings(onset):
     blocks, rows, covariance, _ = problem(2, size=0.4, onset=onset)
-    before = predicted(blocks, FAULTS).before
-    found = since(blocks, FAULTS, before, onset, len(blocks))
+    before = recursive_residuals(blocks, FAULTS).before
+    result = onset_scores(blocks, FAULTS, before, onset, len(blocks))
     trace = rows[:, 1 + np.array(FAULTS)]
-    weighed = np.linalg.solve(covariance, trace)
-    assert found.information[-1] == pytest.approx(trace.T @ weighed, rel=1e-7, abs=1e-7)
-    assert found.score[-1] == pytest.approx(-weighed.T @ rows[:, 0], rel=1e-7, abs=1e-7)
+    weighted = np.linalg.solve(covariance, trace)
+    assert result.information[-1] == pytest.approx(trace.T @ weighted, rel=1e-7, abs=1e-7)
+    assert result.score[-1] == pytest.approx(-weighted.T @ rows[:, 0], rel=1e-7, abs=1e-7)
 
 
 def test_healthy_residuals_are_white_and_of_variance_one():
-    z = np.concatenate([predicted(problem(seed)[0], FAULTS).z[:, 0] for seed in range(60)])
+    z = np.concatenate(
+        [recursive_residuals(problem(seed)[0], FAULTS).z[:, 0] for seed in range(60)]
+    )
     assert np.mean(z**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(z)))
     assert np.mean(z[1:] * z[:-1]) == pytest.approx(0.0, abs=4 / np.sqrt(len(z)))
 
 
 def test_a_healthy_clutch_may_wear():
     thetas = (*THETAS, Unknown("wear", "rate", 0.5, gain=True, healthy=0.1))
-    blocks = Blocks(thetas, np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros((0, 7, 7)))
-    free, variance, walk = nuisances(blocks)
+    blocks = Blocks(STATES, thetas, np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros((0, 7, 7)))
+    free, variance, per_hour = nuisances(blocks)
     assert free.tolist() == [0, 1, 2, 5]
     assert variance[-1] == pytest.approx(0.01)
-    assert walk.tolist() == [0.0, 0.0, 1.0, 0.0]
+    assert per_hour.tolist() == [0.0, 0.0, 1.0, 0.0]
 
 
 def test_a_pause_or_its_length_ends_a_block():
     t = np.array([0.0, 1.0, 2.5, 5.5, 6.0, 20.0, 5.6])
-    assert pieces(t).tolist() == [0, 0, 0, 1, 1, 2, 1]
+    assert block_index(t).tolist() == [0, 0, 0, 1, 1, 2, 1]

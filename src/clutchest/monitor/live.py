@@ -1,8 +1,9 @@
-"""A drive that is going on: the estimates of a replay, as soon as nothing can change them any more.
+"""Online estimation: the estimates of a replay, as soon as no later frame can change them.
 
-Frames go in as they come.  The same decoding, timeline and compiled filter as in a replay work on
-the last seconds only; an event is filtered once the look-ahead of everything that judges it is
-filled: samples that inputs run straight to, the modes' guards, averages at rest, inferred gears.
+Frames go in as they are received.  The same decoding, timeline and compiled filter as in a replay
+work on the last seconds only; an event is filtered once the look-ahead of everything that it
+depends on is filled: samples between which inputs are interpolated, guard bands of mode changes,
+averages at rest, inferred gears.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from clutchest.reading.incoming import Decoded, Incoming
 from clutchest.signals import HEAD, Signal
 from clutchest.vehicle import Vehicle
 
-ASK = 0.25  # s between two looks at whether a drive has begun
+CHECK_S = 0.25  # s between two checks whether a drive can begin
 
 
-def ready(vehicle: Vehicle, progress: Progress | None = None) -> None:
-    """Compile what a live drive with all mapped signals will need."""
+def compile_live(vehicle: Vehicle, progress: Progress | None = None) -> None:
+    """Compile what a live drive with all mapped signals needs."""
     compile_model(vehicle, vehicle.machine.equations(set(vehicle.signals)), progress=progress)
 
 
-class Live:
-    """Estimates over a drive while it lasts.
+class LiveEstimator:
+    """Estimates of one drive while it lasts.
 
-    ``rate`` Hz of the output grid; ``state`` as an earlier run left it; ``history`` gives all
-    frames so far, for the case that a signal is heard for the first time so late that its frames
-    are no longer held.  Frames come in order of time, no two with the same stamp.
+    ``rate`` Hz of the output grid; ``state`` as an earlier run left it; ``history`` returns all
+    frames so far, for a signal that is first received so late that its earlier frames are no
+    longer held.  Frames are given in order of time, no two with the same stamp.
     """
 
     def __init__(
@@ -47,87 +48,90 @@ class Live:
         self.vehicle, self.database, self.rate = vehicle, database, rate
         self.state, self.history = state, history
         self._waiting: list[Frames] = []
-        self._asked_ns = self._last_ns = self._now_ns = 0
-        self._going: tuple[Incoming, Drive] | None = None
-        self.arrived: Mapping[str, Signal] = {}  # the samples that the last frames brought
+        self._checked_ns = self._last_ns = self._now_ns = 0
+        self._running: tuple[Incoming, Drive] | None = None
+        self.new_signals: Mapping[str, Signal] = {}  # the samples in the last frames
 
     @property
     def begun(self) -> bool:
-        """Whether it is known what can be estimated, and estimates come."""
-        return self._going is not None
+        """Whether the signals at hand are known, and rows are being estimated."""
+        return self._running is not None
 
     @property
     def due_ns(self) -> int | None:
-        """When the next row may become certain; None while nobody can say."""
-        if self._going is None:
+        """When the next row may become final; None before the drive has begun."""
+        if self._running is None:
             return None
-        incoming, drive = self._going
+        incoming, drive = self._running
         return incoming.start_ns + round(drive.due_s * 1e9)
 
     @property
     def complete(self) -> bool:
-        """Whether nothing mapped is left to be heard for the first time."""
-        return self._going is not None and self._going[0].complete
+        """Whether every mapped signal has been received at least once."""
+        return self._running is not None and self._running[0].complete
 
     @property
     def late(self) -> bool:
-        """Whether something was heard for the first time that the estimates do not use."""
-        return self._going is not None and self._going[0].late
+        """Whether a signal was first received too late for the estimates to use it."""
+        return self._running is not None and self._running[0].late
 
     def take(self, frames: Frames, now_ns: int) -> Piece | None:
-        """What ``frames`` make certain; all up to ``now_ns`` have come, on their clock."""
+        """The rows that ``frames`` make final; every frame up to ``now_ns``, on their clock, has
+        been received."""
         self._now_ns = now_ns
         if len(frames):
             self._last_ns = int(frames.t_ns[-1])
-        if self._going is None:
+        if self._running is None:
             if len(frames):
                 self._waiting.append(frames)
             return self._begin(now_ns)
-        incoming, drive = self._going
+        incoming, drive = self._running
         new = incoming.take(frames, now_ns)
-        self.arrived = new.signals
+        self.new_signals = new.signals
         piece = drive.take(new.signals, new.settled)
         if incoming.late and self.history is not None:
-            self._going, self._waiting = None, [self.history()]
+            self._running, self._waiting = None, [self.history()]
             return self._begin(now_ns) or piece
         return piece
 
     def finish(self) -> Piece | None:
-        """The rest, up to the last frame, or as far as a silence behind it has been told of.
+        """The remaining rows, up to the last frame or to the end of a silence that is being
+        estimated.
 
-        Raises ClutchestError if a signal that the model needs never came.
+        Raises ClutchestError if a signal that the model needs was never received.
         """
-        if self._going is None:
+        if self._running is None:
             if not self._waiting:
                 return None
             return self._started(Frames.concatenate(self._waiting), last=True)
-        incoming, drive = self._going
+        incoming, drive = self._running
         silent = drive.done > (self._last_ns - incoming.start_ns) / 1e9
-        upto = self._now_ns if silent else self._last_ns
-        rest = incoming.take(Frames.empty(), upto, last=True)
-        self.arrived = rest.signals
+        end_ns = self._now_ns if silent else self._last_ns
+        rest = incoming.take(Frames.empty(), end_ns, last=True)
+        self.new_signals = rest.signals
         return drive.take(rest.signals, rest.settled, last=True)
 
     def final(self) -> dict[str, Any] | None:
         """What the next drive needs, as ``state.json`` holds it; None before the first estimate."""
-        return None if self._going is None else self._going[1].final()
+        return None if self._running is None else self._running[1].final()
 
     def _begin(self, now_ns: int) -> Piece | None:
-        """Begin once every mapped signal has been heard for ``HEAD`` s, or waiting is no use."""
-        if not self._waiting or now_ns - self._asked_ns < ASK * 1e9:
+        """Begin once every mapped signal has been received for ``HEAD`` s, or after ``2 HEAD`` s
+        without the optional ones."""
+        if not self._waiting or now_ns - self._checked_ns < CHECK_S * 1e9:
             return None
-        self._asked_ns = now_ns
+        self._checked_ns = now_ns
         frames = Frames.concatenate(self._waiting)
         self._waiting = [frames]
         incoming = Incoming(self.vehicle, self.database, frames)
-        heard, settled = incoming.heard_s, incoming.first.settled
-        model = self.vehicle.machine.equations(set(heard))
+        first_s, settled = incoming.heard_s, incoming.first.settled
+        model = self.vehicle.machine.equations(set(first_s))
         needed = {model.anchor, *(i.name for i in model.inputs if i.default is None)}
         needed -= set(model.slopes)
-        if not needed <= set(heard) or any(settled[n] < heard[n] + HEAD for n in heard):
+        if not needed <= set(first_s) or any(settled[n] < first_s[n] + HEAD for n in first_s):
             return None
-        waited = (now_ns - incoming.start_ns) / 1e9 - max(heard[name] for name in needed)
-        if not set(self.vehicle.signals) <= set(heard) and waited < 2 * HEAD:
+        waited = (now_ns - incoming.start_ns) / 1e9 - max(first_s[name] for name in needed)
+        if not set(self.vehicle.signals) <= set(first_s) and waited < 2 * HEAD:
             return None
         return self._started(frames, incoming)
 
@@ -136,10 +140,10 @@ class Live:
     ) -> Piece | None:
         incoming = incoming or Incoming(self.vehicle, self.database, frames)
         drive = Drive(self.vehicle, incoming.heard_s, incoming.start_ns, self.rate, self.state)
-        self._going = incoming, drive
+        self._running = incoming, drive
         self._waiting = []
         first = incoming.first
-        self.arrived = first.signals
+        self.new_signals = first.signals
         if last:
             rest = incoming.take(Frames.empty(), int(frames.t_ns[-1]), last=True)
             first = Decoded(

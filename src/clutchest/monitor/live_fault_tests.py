@@ -1,9 +1,10 @@
-"""Fault tests over a drive while it lasts.
+"""Fault tests of a drive while it lasts.
 
-Frames and signals are judged as they come.  What only the equations show is looked at in a process
-of its own: all of the drive so far, as a replay would, so that what is found live is what
-``diagnose`` finds in the log.  A look takes the longer the longer the drive is: the next one waits
-until all of them together take no more than a share of one processor.  The last one is at the end.
+Frames and single signals are tested as they are received.  The fault tests of the model equations
+run in a process of their own, on the whole drive so far and with the same code as ``diagnose``, so
+that a live session reports what ``diagnose`` reports of its log.  An analysis takes the longer the
+longer the drive is: the next one waits until all of them together take no more than a given share
+of one processor.  The last one runs at the end of the drive.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ from clutchest.can.database import Database
 from clutchest.can.dm1 import Code
 from clutchest.can.frames import Frames
 from clutchest.diagnosis.codes import number_of, number_of_set
-from clutchest.diagnosis.streams import Streams
+from clutchest.diagnosis.streams import StreamTests
 from clutchest.errors import ClutchestError
 from clutchest.reading.traffic import TrafficStream
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import LOST, Signal, Signals
 from clutchest.vehicle import Vehicle
 
-FIRST = 60.0  # s of driving before the first look at the equations
-SHARE = 0.1  # of one processor, that looks at the equations may take
+FIRST_S = 60.0  # s of driving before the first analysis of the equations
+SHARE = 0.1  # of one processor, for analyses of the equations
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
-    """A fault came (``failed``) or went at ``time`` s; ``set`` all that it may be."""
+class FaultChange:
+    """A fault was detected (``failed``) or has healed at ``time`` s; ``set`` all that it may be."""
 
     time: float
     fault: str
@@ -42,11 +43,20 @@ class Change:
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
-class FaultWatch:
+@dataclass(frozen=True, slots=True)
+class EquationFaults:
+    """``faults`` of a drive as ``diagnosis.json`` lists them, and the processor time ``cost`` of
+    the analysis, s."""
+
+    faults: list[dict[str, Any]]
+    cost: float
+
+
+class LiveFaultTests:
     """All monitors of one drive.  Call :meth:`take` with every batch, :meth:`finish` at its end.
 
-    ``share`` of one processor for looks at the equations while the drive lasts; None: none before
-    the end.  ``log`` is a file that holds every frame by the time it is taken here, with the same
+    ``share`` of one processor for analyses of the equations during the drive; None: none before
+    its end.  ``log`` is a file that holds every frame by the time it is taken here, with the same
     stamps; without one the drive's signals are held in memory.
     """
 
@@ -60,87 +70,88 @@ class FaultWatch:
     ) -> None:
         self.vehicle, self.share, self.log = vehicle, share, log
         messages = [database.message(name) for name in mapped_messages(vehicle, database)]
-        self.streams = Streams(vehicle)
-        self.active: dict[str, Change] = {}
+        self.streams = StreamTests(vehicle)
+        self.active: dict[str, FaultChange] = {}
         self._traffic = TrafficStream(messages, vehicle)
         self._kept: dict[str, list[Signal]] = {}
-        self._told: set[str] = set()
+        self._reported: set[str] = set()  # faults of the equations
         self._start_ns = 0
-        self._now = self._heard = self._looked = 0.0
-        self._due = FIRST
+        self._now = self._received = self._analysed = 0.0
+        self._due = FIRST_S
         self._pool: ProcessPoolExecutor | None = None
-        self._answer: Future[Look] | None = None
+        self._pending: Future[EquationFaults] | None = None
 
     def take(
         self, signals: Mapping[str, Signal], frames: Frames, start_ns: int, until: float
-    ) -> list[Change]:
-        """What new ``signals`` and ``frames`` give reason to say; all up to ``until`` s have come.
+    ) -> list[FaultChange]:
+        """Changes due to new ``signals`` and ``frames``, of which all up to ``until`` s have been
+        received.
 
         Times of signals count from ``start_ns``, the stamp of the drive's first frame.
         """
         self._now, self._start_ns = until, start_ns
         if len(frames):
-            self._heard = (int(frames.t_ns[-1]) - start_ns) / 1e9
+            self._received = (int(frames.t_ns[-1]) - start_ns) / 1e9
         if self.log is None:
             for name, signal in signals.items():
                 self._kept.setdefault(name, []).append(signal)
         new = Signals(signals, traffic=self._traffic.take(frames, start_ns), end=until)
         self.streams.take(new, until)
-        found = self._changes()
-        if self._answer is not None and self._answer.done():
-            found += self._answered()
-        if self._answer is None and self.share is not None and self._worth_a_look():
-            self._ask()
-        return found
+        changes = self._stream_changes()
+        if self._pending is not None and self._pending.done():
+            changes += self._result()
+        if self._pending is None and self.share is not None and self._is_due():
+            self._submit()
+        return changes
 
-    def finish(self) -> list[Change]:
-        """The equations' last word, on the whole drive."""
-        found = [] if self._answer is None else self._answered()
-        if self._heard > self._looked:
+    def finish(self) -> list[FaultChange]:
+        """Changes due to the equations' fault tests of the whole drive."""
+        changes = [] if self._pending is None else self._result()
+        if self._received > self._analysed:
             if self._pool is None:
-                found += self._equations(looked_at(*self._so_far()).faults)
+                changes += self._equation_changes(equation_faults(*self._so_far()).faults)
             else:
-                self._ask()
-                found += self._answered()
+                self._submit()
+                changes += self._result()
         self.close()
-        return found
+        return changes
 
     def close(self) -> None:
-        """Let go of the process that looks at the equations."""
+        """Shut down the process that analyses the equations."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
 
-    def _worth_a_look(self) -> bool:
-        """Whether it is time, or the vehicle rests and there is news of it."""
-        if self._heard <= self._looked or self._now < FIRST:
+    def _is_due(self) -> bool:
+        """Whether an analysis has news and its time has come, or the bus is silent."""
+        if self._received <= self._analysed or self._now < FIRST_S:
             return False
-        return self._now >= self._due or self._now - self._heard > LOST
+        return self._now >= self._due or self._now - self._received > LOST
 
-    def _ask(self) -> None:
+    def _submit(self) -> None:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, get_context("spawn"))
-        self._looked = self._heard
-        self._answer = self._pool.submit(looked_at, *self._so_far())
+        self._analysed = self._received
+        self._pending = self._pool.submit(equation_faults, *self._so_far())
 
-    def _answered(self) -> list[Change]:
-        assert self._answer is not None
-        look, self._answer = self._answer.result(), None
+    def _result(self) -> list[FaultChange]:
+        assert self._pending is not None
+        result, self._pending = self._pending.result(), None
         if self.share is not None:
-            self._due = self._looked + look.cost / self.share
-        return self._equations(look.faults)
+            self._due = self._analysed + result.cost / self.share
+        return self._equation_changes(result.faults)
 
     @property
     def codes(self) -> list[Code]:
-        """Trouble codes of what is active, for a DM1; a set has no component's."""
-        found = []
+        """Trouble codes of the active faults, for a DM1; a set has no component's code."""
+        codes = []
         for change in self.active.values():
             size = change.data.get("size", 0.0)
-            found.append(Code(*number_of_set(change.set, self.vehicle, size)))
-        return list(dict.fromkeys(found))
+            codes.append(Code(*number_of_set(change.set, self.vehicle, size)))
+        return list(dict.fromkeys(codes))
 
-    def _changes(self) -> list[Change]:
-        found = []
+    def _stream_changes(self) -> list[FaultChange]:
+        changes = []
         for test in self.streams.tests:
             name = test.name
             if test.failing and name not in self.active:
@@ -153,28 +164,29 @@ class FaultWatch:
                     "fmi": fmi,
                     "set": [name],
                 }
-                self.active[name] = Change(alarm.detected, name, True, (name,), data)
-                found.append(self.active[name])
+                self.active[name] = FaultChange(alarm.detected, name, True, (name,), data)
+                changes.append(self.active[name])
             elif not test.failing and name in self.active:
                 ended = test.alarms[-1].ended
+                time = self._now if ended is None else ended
                 del self.active[name]
-                found.append(Change(self._now if ended is None else ended, name, False, (name,)))
-        return found
+                changes.append(FaultChange(time, name, False, (name,)))
+        return changes
 
-    def _equations(self, faults: list[dict[str, Any]]) -> list[Change]:
-        found = []
+    def _equation_changes(self, faults: list[dict[str, Any]]) -> list[FaultChange]:
+        changes = []
         streams = {test.name for test in self.streams.tests}
         for fault in faults:
             name = fault["fault"]
-            if name in streams or name in self._told:
+            if name in streams or name in self._reported:
                 continue
-            self._told.add(name)
+            self._reported.add(name)
             causes = fault["causes"]
             data = {**fault, "size": causes[0]["size"] if causes else 0.0}
-            change = Change(fault["first_detected_s"], name, True, tuple(fault["set"]), data)
+            change = FaultChange(fault["first_detected_s"], name, True, tuple(fault["set"]), data)
             self.active[name] = change
-            found.append(change)
-        return found
+            changes.append(change)
+        return changes
 
     def _so_far(self) -> tuple[Vehicle, Signals | Path, int]:
         if self.log is not None:
@@ -184,18 +196,9 @@ class FaultWatch:
         return self.vehicle, Signals(whole, end=self._now), self._start_ns
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
-    """``faults`` of a drive as ``diagnosis.json`` lists them, and what it took, ``cost`` s of one
-    processor."""
-
-    faults: list[dict[str, Any]]
-    cost: float
-
-
-def looked_at(vehicle: Vehicle, drive: Signals | Path, start_ns: int) -> Look:
-    """The faults of a drive, or of what a log has from ``start_ns`` on; none where that tells too
-    little."""
+def equation_faults(vehicle: Vehicle, drive: Signals | Path, start_ns: int) -> EquationFaults:
+    """The faults of a drive, or of a log from ``start_ns`` on; none where that is too short for an
+    estimate."""
     from clutchest.can.files import read_frames
     from clutchest.diagnosis.diagnose import diagnose
     from clutchest.estimate.replay import replay
@@ -211,4 +214,4 @@ def looked_at(vehicle: Vehicle, drive: Signals | Path, start_ns: int) -> Look:
         faults = [fault.summary() for fault in diagnose(replay(drive, vehicle)).faults]
     except ClutchestError:
         faults = []
-    return Look(faults, process_time() - begun)
+    return EquationFaults(faults, process_time() - begun)

@@ -1,0 +1,146 @@
+"""One drive under all tests: of its frames and signals, of its equations, and its wear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from clutchest.diagnosis.blocks import blocks_of
+from clutchest.diagnosis.codes import WEAR
+from clutchest.diagnosis.fault_tests import SHORTEST_H, FaultTestResults, run_fault_tests
+from clutchest.diagnosis.faults import Alarm
+from clutchest.diagnosis.streams import StreamTests, between, false_alarms
+from clutchest.errors import ClutchestError
+from clutchest.estimate.run import Run, Track
+from clutchest.models.effects import Effect
+from clutchest.models.machine import Machine
+from clutchest.progress import Progress
+from clutchest.signals import Signals
+from clutchest.vehicle import Vehicle
+
+RECOVERY_S = 1.0  # s after the end of a signal's fault, until its samples count
+BRIDGED_S = 2.0  # s without valid samples that the equations' tests can bridge
+
+
+@dataclass(frozen=True, slots=True)
+class WearTest:
+    """Wear against its limit: ``status`` and ``why`` as of a monitor, ``alarm`` if it failed."""
+
+    alarm: Alarm | None
+    status: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class DriveDiagnosis:
+    """The results of one drive of ``length`` s; ``equations`` were tested on the ``valid`` signals,
+    None where they could not be, ``why_not`` says why."""
+
+    length: float
+    valid: Signals
+    streams: StreamTests
+    equations: FaultTestResults | None
+    why_not: str
+    wear: WearTest
+
+    @classmethod
+    def of(
+        cls, run: Run, signals: Signals, track: Track, progress: Progress | None = None
+    ) -> DriveDiagnosis:
+        """One of the drives of ``run``."""
+        per_1000h = false_alarms(run.vehicle)
+        length = max(signals.end, float(track.time[-1]) if len(track.time) else 0.0)
+        streams = StreamTests(run.vehicle)
+        streams.take(signals, length)
+        valid = _valid(signals, streams, run)
+        equations, why_not = _equations(run, valid, per_1000h, progress)
+        wear = _wear(run, track, per_1000h, length)
+        return cls(length, valid, streams, equations, why_not, wear)
+
+
+def _valid(signals: Signals, streams: StreamTests, run: Run) -> Signals:
+    """The signals without the stretches in which a test failed, and, for a signal that the
+    equations need, up to the first stretch too long to bridge."""
+    kept, end = dict(signals.signals), np.inf
+    for test in streams.tests:
+        if test.harmless:
+            continue
+        for name in _signals_of(test.subject, test.of_message, run.vehicle):
+            if name not in kept:
+                continue
+            for alarm in test.alarms:
+                over = np.inf if alarm.ended is None else alarm.ended + RECOVERY_S
+                if name in run.vehicle.machine.fault_signals and over - alarm.begun > BRIDGED_S:
+                    end = min(end, alarm.begun)
+                time = kept[name].time
+                kept[name] = kept[name].take((time < alarm.begun) | (time > over))
+    whole = replace(signals, signals={n: s for n, s in kept.items() if s.valid.any()})
+    if end == np.inf:
+        return whole
+    before = between(whole, 0.0, end)
+    usable = {n: s for n, s in before.signals.items() if s.valid.any()}
+    return replace(before, signals=usable, end=end)
+
+
+def _signals_of(subject: str, of_message: bool, vehicle: Vehicle) -> list[str]:
+    if not of_message:
+        return [subject]
+    return [name for name, s in vehicle.signals.items() if s.bus.message == subject]
+
+
+def effects_for(machine: Machine) -> tuple[Effect, ...]:
+    """The effects in the equations: of every fault, and those in which healthy vehicles differ."""
+    faults = [fault.effect for fault in machine.faults]
+    effects = {effect.name: machine.effects.get(effect.name, effect) for effect in faults}
+    for name, effect in machine.effects.items():
+        if any(gain.healthy for gain in effect.gains):
+            effects.setdefault(name, effect)
+    return tuple(effects.values())
+
+
+def _equations(
+    run: Run, signals: Signals, per_1000h: float, progress: Progress | None
+) -> tuple[FaultTestResults | None, str]:
+    machine = run.vehicle.machine
+    if not machine.faults:
+        return None, f"'{machine.name}' declares no faults of its equations"
+    lacking = [name for name in machine.fault_signals if name not in signals]
+    if lacking:
+        return None, f"without {', '.join(lacking)} the equations show no fault"
+    try:
+        blocks = blocks_of(signals, run.vehicle, effects_for(machine), progress)
+    except ClutchestError as problem:
+        return None, str(problem)
+    if not len(blocks):
+        return None, "no reading of a sensor that the equations predict"
+    if progress:
+        progress("testing", None)
+    return run_fault_tests(blocks, machine, per_1000h, signals.end / 3600.0), ""
+
+
+def _wear(run: Run, track: Track, per_1000h: float, length: float) -> WearTest:
+    """Whether wear is beyond its limit by more than the estimate's uncertainty explains."""
+    wear, limit = run.vehicle.machine.wear, run.vehicle.limits.get(WEAR)
+    if wear is None:
+        return WearTest(None, "not run", f"'{run.vehicle.machine.name}' declares no wear")
+    if limit is None:
+        return WearTest(None, "not run", "the vehicle file states no limit of wear")
+    state = track.states.get(wear.state)
+    if state is None or not state.valid.any():
+        name = wear.state.replace("_", " ")
+        return WearTest(None, "not run", f"the {name} is not identifiable from this log")
+    nominal = run.vehicle.parameters[wear.nominal].value
+    hours = max(length / 3600.0, SHORTEST_H)
+    reach = float(norm.isf(per_1000h * hours / 1000.0))
+    worn = wear.sign * (state.value - nominal)
+    exceeded = state.valid & (worn - limit.value > reach * state.std)
+    last = int(np.flatnonzero(state.valid)[-1])
+    words = f"{worn[last]:.2f} ± {state.std[last]:.2f} {wear.unit} of {limit.value:g} {wear.unit}"
+    if not exceeded.any():
+        return WearTest(None, "passed", words)
+    k = int(np.argmax(exceeded))
+    chance = float(norm.sf((worn[k] - limit.value) / state.std[k]))
+    alarm = Alarm(0.0, float(track.time[k]), chance=chance, what=f"worn by {words}")
+    return WearTest(alarm, "failed", words)

@@ -1,0 +1,113 @@
+"""The status of every monitor, with its reason and over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from clutchest.diagnosis.codes import MISFIT, WEAR
+from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis
+from clutchest.diagnosis.faults import Alarm, StreamTest
+from clutchest.diagnosis.result import MonitorStatus
+from clutchest.diagnosis.streams import false_alarms
+from clutchest.estimate.run import Run
+from clutchest.models.fault import ModelFault
+
+Lanes = dict[str, tuple[tuple[tuple[float, str], ...], ...]]
+
+
+def monitor_statuses(run: Run, drives: Sequence[DriveDiagnosis]) -> tuple[MonitorStatus, ...]:
+    """Every monitor with its status over all drives, and the reason of the most telling one."""
+    machine = run.vehicle.machine
+    monitors = []
+    for i, test in enumerate(drives[0].streams.tests):
+        each = [d.streams.tests[i] for d in drives]
+        words = [_stream_status(t, d) for t, d in zip(each, drives, strict=True)]
+        monitors.append(_monitor(run, test.name, words, [t.threshold for t in each]))
+    for k, fault in enumerate(machine.faults):
+        words = [_fault_status(fault, k, d) for d in drives]
+        at = [d.equations.faults[k].begins_at if d.equations else None for d in drives]
+        monitors.append(_monitor(run, fault.name, words, at))
+    words = [_misfit_status(d) for d in drives]
+    at = [d.equations.misfit_at if d.equations else None for d in drives]
+    monitors.append(_monitor(run, MISFIT, words, at))
+    if machine.wear is not None:
+        limit = run.vehicle.limits.get(WEAR)
+        words = [(d.wear.status, d.wear.why) for d in drives]
+        monitors.append(_monitor(run, WEAR, words, [limit.value if limit else None] * len(drives)))
+    return tuple(monitors)
+
+
+def _monitor(
+    run: Run, name: str, words: Sequence[tuple[str, str]], at: Sequence[float | None]
+) -> MonitorStatus:
+    """From status, reason and threshold of each drive; a failed drive comes before a passed one,
+    and that before one that was not run."""
+    statuses = tuple(status for status, _ in words)
+    chosen = min(
+        range(len(statuses)), key=lambda i: ("failed", "passed", "not run").index(statuses[i])
+    )
+    return MonitorStatus(name, *words[chosen], at[chosen], false_alarms(run.vehicle), statuses)
+
+
+def _stream_status(test: StreamTest, drive: DriveDiagnosis) -> tuple[str, str]:
+    if test.of_message and not drive.streams.frames:
+        return "not run", "no frames: these are decoded signals"
+    if test.alarms:
+        return "failed", "; ".join(a.what for a in test.alarms[:3])
+    return ("passed" if test.threshold is not None else "not run"), test.why
+
+
+def _fault_status(fault: ModelFault, k: int, drive: DriveDiagnosis) -> tuple[str, str]:
+    if drive.equations is None:
+        return "not run", drive.why_not
+    result = drive.equations.faults[k]
+    unit = "" if fault.gain.unit == "1" else f" {fault.gain.unit}"
+    if result.status == "not run":
+        return "not run", (
+            f"even the largest plausible size, {result.unit:g}{unit}, would give "
+            f"d′ = {result.d_prime:.2g}; {result.needed:.2g} is needed"
+        )
+    if result.status == "failed":
+        at = float(drive.equations.blocks.end[result.detected or 0])
+        return "failed", f"log-likelihood ratio above {result.begins_at:.1f} at {at:.1f} s"
+    return "passed", f"detectable from {result.detectable:.2g}{unit} (50 %)"
+
+
+def _misfit_status(drive: DriveDiagnosis) -> tuple[str, str]:
+    if drive.equations is None:
+        return "not run", drive.why_not
+    blocks, k = drive.equations.blocks, drive.equations.misfit_detected
+    if k is None:
+        return "passed", f"chi-square of each of {len(blocks)} blocks"
+    return "failed", f"chi-square above its threshold at {blocks.end[k]:.1f} s"
+
+
+def lanes(drives: Sequence[DriveDiagnosis]) -> Lanes:
+    """Monitor → (time s, status) per drive, of those that ran in every drive."""
+    changes: dict[str, list[tuple[tuple[float, str], ...]]] = {}
+    for i, test in enumerate(drives[0].streams.tests):
+        each = [d.streams.tests[i] for d in drives]
+        if any(t.threshold is not None for t in each):
+            changes[test.name] = [_changes(t.alarms) for t in each]
+    for d in drives:
+        if d.equations is not None:
+            end = d.equations.blocks.end
+            detected = {
+                r.fault.name: r.detected for r in d.equations.faults if r.status != "not run"
+            }
+            for name, k in {**detected, MISFIT: d.equations.misfit_detected}.items():
+                alarms = [] if k is None else [Alarm(0.0, float(end[k]))]
+                changes.setdefault(name, []).append(_changes(alarms))
+        if d.wear.status != "not run":
+            alarms = [d.wear.alarm] if d.wear.alarm else []
+            changes.setdefault(WEAR, []).append(_changes(alarms))
+    return {name: tuple(of) for name, of in changes.items() if len(of) == len(drives)}
+
+
+def _changes(alarms: Sequence[Alarm]) -> tuple[tuple[float, str], ...]:
+    changes = [(0.0, "passed")]
+    for alarm in alarms:
+        changes.append((alarm.detected, "failed"))
+        if alarm.ended is not None:
+            changes.append((alarm.ended, "passed"))
+    return tuple(changes)

@@ -1,0 +1,1 @@
+"""The faults that the equations of the dry clutch show, one file each."""
