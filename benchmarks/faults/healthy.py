@@ -115,9 +115,7 @@ def tally(folder: Path) -> dict[str, Any]:
                         "std": round(float(z.std()), 2),
                         "largest": round(float(np.abs(z).max()), 2),
                     }
-                    for fault, z in zip(
-                        machine_of("dry_clutch").faults, np.array(whole).T, strict=True
-                    )
+                    for fault, z in zip(faults, np.array(whole).T, strict=True)
                 },
             }
     return rows

@@ -77,7 +77,7 @@ def test_without_slip_nothing_is_told_of_friction(closed):
         told = closed.summary["states"][name]
         assert told["information_bits"]["total"] == 0.0
         assert told["informed_at_s"] is None
-        assert told["not_observable_now"].startswith("not observable: nothing in this drive")
+        assert told["not_observable_now"].startswith("not observable: no information in this drive")
         assert told["why"] == "nothing in this log informs it"
         assert told["needs"] == STATES[name].informed_by
     assert bits(closed, "zero_position")["retracted"] > 1.0
@@ -121,8 +121,7 @@ def test_what_would_tell_a_pair_apart():
     assert alone == STATES["temp_body"].informed_by
     pair = needs(TRUCK.machine, STATES["temp_body"], {"zero_position": -0.97})
     assert pair == (
-        "slow cooling with the actuator retracted: "
-        "it tells body temperature and zero position apart"
+        "slow cooling with the actuator retracted: it separates body temperature from zero position"
     )
     for separation in TRUCK.machine.separating_manoeuvres:
         assert set(separation.pair) <= set(STATES) and separation.by
@@ -164,8 +163,6 @@ def test_when_a_state_was_last_informed():
     assert many.informed_at("friction") == 15.0
     assert of([NOTHING / 5] * 4, [slip] * 4).informed_at("friction") is None
     away = of([1.0, 0.0, 0.0], [slip, home, home], [0.0, 10.0, 20.0])
-    assert not_observable_now(away, "friction") == (
-        "not observable now: nothing has informed it since 0 s"
-    )
+    assert not_observable_now(away, "friction") == ("not observable now: no information since 0 s")
     still = of([1.0, 0.0, 0.0], [slip, home, slip], [0.0, 10.0, 20.0])
     assert not_observable_now(still, "friction") is None

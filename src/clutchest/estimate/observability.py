@@ -1,7 +1,8 @@
-"""What the measurements told of each state, in which mode, and what would tell more.
+"""Observability: the information about each state by mode, correlated states, and excitations.
 
-Information is counted in bits: one halves a standard deviation.  A state that walks between its
-measurements forgets, so that it may be told far more bits in an hour than its spread has shrunk by.
+Information is counted in bits: one halves a standard deviation.  A state with process noise loses
+information between its measurements, so that the sum over an hour may be far more than its standard
+deviation has shrunk by.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ if TYPE_CHECKING:
     from clutchest.estimate.whole_log import Belief, Compiled
 
 NOTHING = 0.01  # bits; less narrows a standard deviation by under 1 %
-NOW = 10.0  # s; what was last informed longer ago is not observable now
-TOGETHER = 0.9  # correlation beyond which two states are known together, hardly one by one
+NOW_S = 10.0  # s; a state without information for longer is not observable now
+STRONG = 0.9  # correlation beyond which two states are hardly observable one by one
 
 
 @dataclass(frozen=True, slots=True)
 class Information:
-    """Bits that measurements gave of each state, interval by interval.
+    """Information of the measurements about each state, interval by interval.
 
-    ``names`` the n states that the signals can inform; ``time`` (r,) s at each interval's end,
-    ``mode`` (r,) in it, its place in ``mode_names``, ``bits`` (r, n).  The first interval ends at
+    ``names`` of the n states that the signals can observe; ``time`` (r,) s at each interval's end,
+    ``mode`` (r,) in it, its index in ``mode_names``, ``bits`` (r, n).  The first interval ends at
     the first output.
     """
 
@@ -53,15 +54,15 @@ class Information:
         """From the kernel's running sum ``gained`` (r, states), nats, ``before`` (states) the first
         row."""
         states, hidden = compiled.model.states, compiled.model.unobservable
-        told = [i for i, state in enumerate(states) if state.name not in hidden]
-        first = np.broadcast_to(before, len(states))[None, told]
-        bits = np.diff(gained[:, told], axis=0, prepend=first) / log(2.0)
-        names = tuple(states[i].name for i in told)
+        observable = [i for i, state in enumerate(states) if state.name not in hidden]
+        first = np.broadcast_to(before, len(states))[None, observable]
+        bits = np.diff(gained[:, observable], axis=0, prepend=first) / log(2.0)
+        names = tuple(states[i].name for i in observable)
         return cls(names, time, mode, bits, compiled.machine.regimes.modes)
 
     def between(self, start: float, end: float) -> Information:
         """The intervals that end after ``start`` and not after ``end``, s."""
-        # a start and its duration, added again, are the end only up to rounding
+        # start + duration equals the end only up to rounding
         a, b = np.searchsorted(self.time, [start + 1e-6, end + 1e-6])
         return replace(self, time=self.time[a:b], mode=self.mode[a:b], bits=self.bits[a:b])
 
@@ -79,17 +80,16 @@ class Information:
         }
 
     def informed_at(self, name: str) -> float | None:
-        """The time since which measurements told nothing of this state any more, s; None if they
-        never did."""
-        left = np.cumsum(self.bits[::-1, self.names.index(name)])[::-1]
-        told = np.flatnonzero(left >= NOTHING)
-        return float(self.time[told[-1]]) if len(told) else None
+        """The last time at which this state got information, s; None if it never did."""
+        still = np.cumsum(self.bits[::-1, self.names.index(name)])[::-1]
+        informed = np.flatnonzero(still >= NOTHING)
+        return float(self.time[informed[-1]]) if len(informed) else None
 
 
 def between_engagements(
     information: Information, engagements: Sequence[tuple[float, float]]
 ) -> list[dict[str, Any]]:
-    """What was told outside the slip events, whose (start, end) s are given in order: pieces with
+    """Information outside the events, whose (start, end) s are given in order: pieces with
     ``start_s``, ``duration_s``, and ``modes``: mode → ``seconds`` and ``information_bits``."""
     time = information.time
     if not len(time):
@@ -117,55 +117,55 @@ def covariance(compiled: Compiled, belief: Belief) -> Floats:
     return belief.P + across @ across.T
 
 
-def moving_together(compiled: Compiled, belief: Belief) -> dict[str, dict[str, float]]:
-    """State → other state → correlation, of the pairs hardly known one by one; first the partner
-    that the machine's separating manoeuvres name first."""
+def strong_correlations(compiled: Compiled, belief: Belief) -> dict[str, dict[str, float]]:
+    """State → other state → correlation, of the pairs hardly observable one by one; in the order of
+    the machine's separating manoeuvres."""
     model, P = compiled.model, covariance(compiled, belief)
     std = np.sqrt(np.diag(P))
     correlation = P / np.maximum(np.outer(std, std), 1e-300)
-    seen = [state.name for state in model.states if state.name not in model.unobservable]
+    names = [state.name for state in model.states if state.name not in model.unobservable]
     pairs = [separation.pair for separation in compiled.machine.separating_manoeuvres]
 
-    def found(name: str) -> dict[str, float]:
-        named = [other for pair in pairs if name in pair for other in pair if other != name]
+    def partners(name: str) -> dict[str, float]:
+        declared = [other for pair in pairs if name in pair for other in pair if other != name]
         row = correlation[model.state(name)]
         return {
             other: float(row[model.state(other)])
-            for other in dict.fromkeys((*named, *seen))
-            if other in seen and other != name and abs(row[model.state(other)]) > TOGETHER
+            for other in dict.fromkeys((*declared, *names))
+            if other in names and other != name and abs(row[model.state(other)]) > STRONG
         }
 
-    return {name: found(name) for name in seen}
+    return {name: partners(name) for name in names}
 
 
-def moves_with(partners: Mapping[str, float]) -> str | None:
-    """``moves with zero position (−0.97)``: the first partner; None without any."""
+def correlated_with(partners: Mapping[str, float]) -> str | None:
+    """The first of a state's correlated partners, in words; None without any."""
     for name, correlation in partners.items():
-        return f"moves with {_words(name)} ({correlation:+.2f})".replace("-", "−")
+        return f"strongly correlated with {_words(name)} ({correlation:+.2f})".replace("-", "−")
     return None
 
 
 def needs(machine: Machine, state: State, partners: Mapping[str, float]) -> str:
-    """What would make a state known that is not: what parts it from a partner, else what informs
-    it."""
+    """The manoeuvre that would make a state observable: one that separates it from a correlated
+    partner, else one that informs it."""
     for separation in machine.separating_manoeuvres:
         for name in partners:
             if set(separation.pair) == {state.name, name}:
-                return f"{separation.by}: it tells {_words(state.name)} and {_words(name)} apart"
+                return f"{separation.by}: it separates {_words(state.name)} from {_words(name)}"
     return state.informed_by
 
 
 def not_observable_now(information: Information, name: str) -> str | None:
-    """Since when nothing has informed a state; None while something does, or would if it were not
-    known already as well as the present mode can tell it."""
+    """Since when a state has had no information; None while it has, or where the present mode is
+    the one that informs it most."""
     informed_at = information.informed_at(name)
     if informed_at is None:
-        return "not observable: nothing in this drive informed it"
-    bits = {mode: told[name] for mode, told in information.by_mode().items()}
+        return "not observable: no information in this drive"
+    bits = {mode: by_state[name] for mode, by_state in information.by_mode().items()}
     now = information.mode_names[int(information.mode[-1])]
-    if now == max(bits, key=lambda mode: bits[mode]) or information.time[-1] - informed_at <= NOW:
+    if now == max(bits, key=lambda mode: bits[mode]) or information.time[-1] - informed_at <= NOW_S:
         return None
-    return f"not observable now: nothing has informed it since {informed_at:.0f} s"
+    return f"not observable now: no information since {informed_at:.0f} s"
 
 
 def _words(name: str) -> str:

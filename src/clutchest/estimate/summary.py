@@ -14,10 +14,10 @@ from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import (
     NOTHING,
     between_engagements,
-    moves_with,
-    moving_together,
+    correlated_with,
     needs,
     not_observable_now,
+    strong_correlations,
 )
 from clutchest.estimate.run import Track
 from clutchest.estimate.wear import wear_trend
@@ -105,7 +105,7 @@ def _modes(tracks: Sequence[Track]) -> dict[str, float]:
 def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, dict[str, Any]]:
     """Final values, standard deviations, whether to trust them, and what would tell more."""
     model, track = part.compiled.model, tracks[-1]
-    together = moving_together(part.compiled, part.final)
+    together = strong_correlations(part.compiled, part.final)
     found = {}
     for i, state in enumerate(model.states):
         estimate = track.states[state.name]
@@ -156,7 +156,7 @@ def _too_wide(
     """Why a standard deviation is too large to be of use."""
     if bits < NOTHING:
         return "nothing in this log informs it"
-    if together := moves_with(partners):
+    if together := correlated_with(partners):
         return together
     if std > 1.5 * own:
         return f"±{std:.2g} {state.unit}, most of it from the spread of the parameters"

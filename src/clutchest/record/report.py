@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.estimate.observability import NOTHING, moves_with
+from clutchest.estimate.observability import NOTHING, correlated_with
 from clutchest.estimate.run import Run
 from clutchest.record.quantities import Quantity, states_of
 
@@ -54,7 +54,7 @@ def informed(state: Mapping[str, Any]) -> str:
         mode = max((m for m in bits if m != "total"), key=lambda m: bits[m])
         shown = f"{bits['total']:.1f}" if bits["total"] < 100 else f"{bits['total']:.0f}"
         parts = [f"{shown} bits, mostly {mode}"]
-    parts += [words for words in (moves_with(state["moves_with"]), now) if words]
+    parts += [words for words in (correlated_with(state["moves_with"]), now) if words]
     return "; ".join(parts)
 
 
