@@ -78,11 +78,17 @@ def test_healthy_residuals_are_white_and_of_variance_one():
 
 def test_a_healthy_clutch_may_wear():
     thetas = (*THETAS, Unknown("wear", "rate", 0.5, gain=True, healthy=0.1))
-    blocks = Blocks(STATES, thetas, np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros((0, 7, 7)))
-    free, variance, per_hour = nuisances(blocks)
+    free, variance, per_hour = nuisances(thetas, STATES)
     assert free.tolist() == [0, 1, 2, 5]
     assert variance[-1] == pytest.approx(0.01)
     assert per_hour.tolist() == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_a_healthy_clutch_may_start_warm():
+    thetas = (Unknown("start", "temp_body", 8.0, drive=0), Unknown("start", "friction", 0.02))
+    _, variance, per_hour = nuisances(thetas, STATES)
+    assert variance.tolist() == [(40.0 / 8.0) ** 2, 1.0]
+    assert per_hour.tolist() == [0.0, 1.0]
 
 
 def test_a_pause_or_its_length_ends_a_block():

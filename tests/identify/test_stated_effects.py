@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -89,9 +88,9 @@ def test_what_is_exact_is_no_nuisance_of_a_diagnosis() -> None:
     for spread, counts in ((0.0, False), (0.01, True)):
         vehicle = stated("torque_gain", "change", 0.03, spread)
         thetas = Problem(signals, vehicle, LIBRARY).thetas
-        found, _, _ = nuisances(SimpleNamespace(thetas=thetas))
+        free, _, _ = nuisances(thetas, TRUCK.machine.states)
         assert (
-            ("torque_gain", "change") in [(thetas[i].owner, thetas[i].key) for i in found]
+            ("torque_gain", "change") in [(thetas[i].owner, thetas[i].key) for i in free]
         ) == counts
 
 

@@ -23,7 +23,7 @@ def truck():
     return clutchest.load_vehicle("truck")
 
 
-def tested(truck, frames, step, **options):
+def fed(truck, frames, step, **options):
     database = load_database(truck)
     signals = signals_of(frames, truck, database)
     live, changes = LiveFaultTests(truck, database, **options), []
@@ -39,7 +39,7 @@ def test_faults_begin_and_end_as_in_the_log(truck):
     frames, _ = simulate_frames(truck, "city", 5, duration=60.0)
     broken = mangled.without(frames, mangled.ETC1, 20.0, 30.0)
     broken = mangled.resummed(mangled.held(broken, mangled.ACTUATOR, 40.0, np.inf, slice(4, 5)))
-    live, changes, signals = tested(truck, broken, 0.5, share=None)
+    live, changes, signals = fed(truck, broken, 0.5, share=None)
     reported = [(c.fault, c.failed) for c in changes]
     assert reported == [
         ("missing:ETC1", True),
@@ -94,7 +94,7 @@ def test_analyses_take_no_more_than_their_share_of_a_processor(truck, monkeypatc
 def test_faults_of_the_equations_are_reported_at_the_end(truck, tmp_path):
     frames, _ = simulate_frames(truck, "city", 51, {"torque_bias": {"bias": 70.0}}, duration=400.0)
     write_frames(frames, tmp_path / "received.log")
-    live, changes, signals = tested(truck, frames, 10.0, share=None, log=tmp_path / "received.log")
+    live, changes, signals = fed(truck, frames, 10.0, share=None, log=tmp_path / "received.log")
     assert not changes
     last = live.finish()
     assert [c.fault for c in last] == ["torque_bias"]

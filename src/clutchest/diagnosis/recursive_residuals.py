@@ -61,15 +61,17 @@ class OnsetScores:
     information: Floats
 
 
-def nuisances(blocks: Blocks) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Indices (n) of the unknowns in which healthy vehicles differ, their prior variances (n) and
-    the increase of these per hour (n), all in units."""
-    free = [i for i, t in enumerate(blocks.thetas) if not t.exact and (not t.gain or t.healthy)]
-    states = {state.name: state for state in blocks.states}
-    unknowns = [blocks.thetas[i] for i in free]
-    thetas = [(t, states.get(t.key) if t.owner == "start" else None) for t in unknowns]
-    variance = [_variance(t, state) for t, state in thetas]
-    per_hour = [state.drift**2 if state else 0.0 for _, state in thetas]
+def nuisances(
+    thetas: Sequence[Unknown], states: Sequence[State]
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Indices (n) of those of the ``thetas`` in which healthy vehicles differ, their prior
+    variances (n) and the increase of these per hour (n), all in units; ``states`` of the machine,
+    whose initial values are among the thetas."""
+    free = [i for i, t in enumerate(thetas) if not t.exact and (not t.gain or t.healthy)]
+    known = {state.name: state for state in states}
+    initial = [known.get(thetas[i].key) if thetas[i].owner == "start" else None for i in free]
+    variance = [_variance(thetas[i], state) for i, state in zip(free, initial, strict=True)]
+    per_hour = [state.drift**2 if state else 0.0 for state in initial]
     return np.array(free, np.int64), np.array(variance), np.array(per_hour)
 
 
@@ -84,7 +86,7 @@ def _variance(unknown: Unknown, state: State | None) -> float:
 
 def recursive_residuals(blocks: Blocks, faults: Sequence[int]) -> RecursiveResiduals:
     """Residuals of the faults at these indices of ``blocks.thetas``."""
-    free, variance, per_hour = nuisances(blocks)
+    free, variance, per_hour = nuisances(blocks.thetas, blocks.states)
     n, f = 1 + free, 1 + np.array(faults, np.int64)
     mean, P = np.zeros(len(free)), np.diag(variance)
     z, information = np.zeros((len(blocks), len(f))), np.zeros((len(blocks), len(f)))
@@ -111,7 +113,7 @@ def onset_scores(
     """Scores by blocks ``onset`` to ``until`` (exclusive) of faults at these indices of
     ``blocks.thetas`` that begin with block ``onset``; ``before`` as :func:`recursive_residuals`
     returns it."""
-    free, _, per_hour = nuisances(blocks)
+    free, _, per_hour = nuisances(blocks.thetas, blocks.states)
     n, f = 1 + free, 1 + np.array(faults, np.int64)
     P, absorbed = before[onset].covariance, np.zeros((len(free), len(f)))
     score = np.zeros((until - onset, len(f)))
