@@ -180,3 +180,36 @@ def test_a_message_without_counter_is_always_right(truck):
     frames = encode(truck.message("ET1"), {"EngineCoolantTemperature": [80.0, 81.0]}, [0, 10**9])
     result = check(frames, np.arange(2), truck.message("ET1"))
     assert result.checksum.all() and result.jumps == 0
+
+
+COUNTERS = """VERSION ""
+BS_:
+BU_: A
+BO_ 1 ToFourteen: 8 A
+ SG_ ACounter : 4|4@1+ (1,0) [0|14] "" A
+BO_ 2 AllBits: 8 A
+ SG_ ACounter : 4|4@1+ (1,0) [0|0] "" A
+BO_ 3 Signed: 8 A
+ SG_ A : 0|12@1- (0.5,10) [0|0] "" A
+"""
+
+
+@pytest.mark.parametrize(("name", "turns"), [("ToFourteen", 15), ("AllBits", 16)])
+def test_a_counter_wraps_behind_its_maximum(name, turns, tmp_path):
+    (tmp_path / "a.dbc").write_text(COUNTERS)
+    message = load([tmp_path / "a.dbc"]).message(name)
+    frames = encode(message, {}, T)
+    counts = decode(frames, np.arange(50), message, ["ACounter"])["ACounter"].value
+    assert counts.tolist() == [i % turns for i in range(50)]
+    assert check(frames, np.arange(50), message).jumps == 0
+    one_lost = np.delete(np.arange(50), turns)  # the frame with a zero
+    assert check(frames, one_lost, message).jumps == 1
+
+
+def test_a_signed_value_saturates_at_both_ends(tmp_path):
+    (tmp_path / "a.dbc").write_text(COUNTERS)
+    message = load([tmp_path / "a.dbc"]).message("Signed")
+    frames = encode(message, {"A": [-2000.0, -1014.0, 9.5, 1033.5, 1034.0, 2000.0]}, np.arange(6))
+    column = decode(frames, np.arange(6), message, ["A"])["A"]
+    assert column.raw.tolist() == [-2048, -2048, -1, 2047, 2047, 2047]
+    assert column.value.tolist() == [-1014.0, -1014.0, 9.5, 1033.5, 1033.5, 1033.5]

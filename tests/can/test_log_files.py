@@ -251,6 +251,16 @@ def test_trc_without_a_start_is_relative(tmp_path):
     assert frames.t_ns.tolist() == [1_000_000, 3_000_000] and not frames.absolute
 
 
+def test_csv_stamps_as_python_writes_small_numbers(tmp_path):
+    stamps = ["0.0", "1.5e-07", "1e-06", "5.25e-05", "9.9E-05", "0.0001", "0.25"]
+    header = "timestamp,arbitration_id,extended,remote,error,dlc,data\n"
+    rows = [f"{stamp},0x123,0,0,0,1,Bw==\n" for stamp in stamps]
+    (tmp_path / "a.csv").write_text(header + "".join(rows))
+    frames = read_frames(tmp_path / "a.csv")
+    assert frames.t_ns.tolist() == [0, 150, 1000, 52_500, 99_000, 100_000, 250_000_000]
+    assert not frames.absolute and set(frames.data[:, 0]) == {7}
+
+
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".trc", ".csv"])
 @pytest.mark.parametrize("breakage", ["garbage", "hex", "cut"])
 def test_broken_lines_are_counted_and_the_rest_kept(suffix, breakage, tmp_path):

@@ -21,6 +21,11 @@ BLOCK = 100_000  # frames
 BROKEN = "file is damaged or ends early"
 _UNSOUND = "frame has no sound id, length or time"
 
+# Plain numbers: operators of an enumeration are slow.
+_EXTENDED, _REMOTE, _ERROR = int(Flag.EXTENDED), int(Flag.REMOTE), int(Flag.ERROR)
+_FD, _BITRATE_SWITCH = int(Flag.FD), int(Flag.BITRATE_SWITCH)
+_ERROR_STATE, _SENT = int(Flag.ERROR_STATE), int(Flag.SENT)
+
 
 class MessageColumns:
     """Messages of python-can, collected into the columns of Frames."""
@@ -76,16 +81,22 @@ class MessageColumns:
 
 
 def _flags(message: Message) -> int:
-    kind = Flag.ERROR if message.is_error_frame else Flag.EXTENDED
-    given = (
-        (kind, message.is_error_frame or message.is_extended_id),
-        (Flag.REMOTE, message.is_remote_frame),
-        (Flag.FD, message.is_fd),
-        (Flag.BITRATE_SWITCH, message.bitrate_switch),
-        (Flag.ERROR_STATE, message.error_state_indicator),
-        (Flag.SENT, not message.is_rx),
-    )
-    return sum(int(flag) for flag, holds in given if holds)
+    flags = 0
+    if message.is_error_frame:
+        flags |= _ERROR
+    elif message.is_extended_id:
+        flags |= _EXTENDED
+    if message.is_remote_frame:
+        flags |= _REMOTE
+    if message.is_fd:
+        flags |= _FD
+    if message.bitrate_switch:
+        flags |= _BITRATE_SWITCH
+    if message.error_state_indicator:
+        flags |= _ERROR_STATE
+    if not message.is_rx:
+        flags |= _SENT
+    return flags
 
 
 def blocks_of(messages: Iterable[Message]) -> Iterator[Frames]:
