@@ -42,10 +42,10 @@ def speed() -> None:
     compiled = whole_log.compile_model(vehicle, machine_of("alsd").equations(set(signals)))
     line = build(signals, vehicle, compiled.model, 10.0, {})
     start = fresh(vehicle, compiled, line)
-    whole_log.run(compiled, line, start, with_signature=False)  # compiles
+    whole_log.run(compiled, line, start, whole_log.FilterOptions(signature=False))  # compiles
     begun = process_time()
     for _ in range(20):
-        whole_log.run(compiled, line, start, with_signature=False)
+        whole_log.run(compiled, line, start, whole_log.FilterOptions(signature=False))
     ours = (process_time() - begun) / 20
     begun = process_time()
     OnlineFilter(compiled, start, line).run()

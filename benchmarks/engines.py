@@ -25,7 +25,7 @@ import clutchest
 from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.timeline import build
-from clutchest.estimate.whole_log import compile_model, delays, run
+from clutchest.estimate.whole_log import CONSIDERING, FilterOptions, compile_model, delays, run
 from clutchest.models import machine_of
 
 ONLINE, KERNEL, SPARSE = "online (filterpy)", "kernel", "kernel, output as replay"
@@ -47,9 +47,9 @@ def compare(drive: clutchest.Signals, vehicle: clutchest.Vehicle, repeats: int) 
 
     engines: dict[str, Callable[[], Any]] = {
         ONLINE: online,
-        KERNEL: lambda: run(compiled, line, start, with_signature=False),
-        SPARSE: lambda: run(compiled, sparse, start, with_signature=False),
-        SIGNATURES: lambda: run(compiled, line, start, consider=True),
+        KERNEL: lambda: run(compiled, line, start, FilterOptions(signature=False)),
+        SPARSE: lambda: run(compiled, sparse, start, FilterOptions(signature=False)),
+        SIGNATURES: lambda: run(compiled, line, start, CONSIDERING),
     }
     engines[SIGNATURES]()  # compiled before the clock starts, as is what both engines call
     x, P, _ = online()

@@ -17,7 +17,7 @@ from benches.third import THIRD
 from benches.truck import TRUCK
 from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled, Filtered
+from clutchest.estimate.whole_log import Belief, Compiled, Filtered, FilterOptions
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model
 from clutchest.signals import Signals
@@ -75,7 +75,7 @@ class Bench:
         """Every effect at gain 0: the drive's events, and the run with signatures and gains."""
         line = self.timeline(self.full)
         filtered = whole_log.run(
-            self.full, line, self.belief(self.full, line), keep_signature=True, keep_gains=True
+            self.full, line, self.belief(self.full, line), FilterOptions(keep=True)
         )
         return line, filtered
 

@@ -16,7 +16,8 @@ from multiprocessing import cpu_count
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent.parent))  # what benchmarks share is a file beside
+sys.path.insert(0, str(Path(__file__).parents[1]))  # what benchmarks share is a file beside
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # drives from the filter's own model
 
 import own_model
 import pictures

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from clutchest.estimate.drawn import ENGINE_DRIVER, Driver
 from clutchest.models.regimes import MODE_NAMES, Mode
+from drawn import ENGINE_DRIVER, Driver
 
 OPEN, SLIPPING = MODE_NAMES[Mode.open], MODE_NAMES[Mode.slipping]
 RETRACTED = MODE_NAMES[Mode.retracted]

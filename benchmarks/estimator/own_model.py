@@ -13,13 +13,13 @@ from scipy.stats import chi2
 from statistic import interval, line, shown
 
 import clutchest
-from clutchest.estimate.drawn import draw
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Belief, Compiled, compile_model, run
 from clutchest.models import machine_of
 from clutchest.models.regimes import MODE_NAMES, Mode, runs
 from clutchest.vehicle import Vehicle
+from drawn import draw
 
 
 def certain(vehicle: Vehicle) -> Vehicle:

@@ -9,8 +9,8 @@ import numpy as np
 from own_model import Plan
 from statistic import line, percentiles, shown
 
-from clutchest.estimate.drawn import draw
-from clutchest.estimate.whole_log import run
+from clutchest.estimate.whole_log import FilterOptions, copied, run
+from drawn import draw
 
 LEFT = 0.05  # share of a start's error that may be left
 
@@ -43,12 +43,12 @@ def starts(task: tuple[str, int, int, float]) -> dict[str, Any]:
         drawn = draw(
             plan.compiled, plan.line, plan.prior, 10_000 * seed + number, truth, plan.clutch.driver
         )
-        filtered = run(plan.compiled, drawn.timeline, plan.prior, keep_gains=True)
+        filtered = run(plan.compiled, drawn.timeline, plan.prior, FilterOptions(keep=True))
         for state, size in wrong.items():
             i = model.state(state)
-            moved = plan.prior.copy()
+            moved = copied(plan.prior)
             moved.x[i] += size / 100  # the response of the estimate to its start, gains held
-            other = run(plan.compiled, drawn.timeline, moved, frozen=filtered.gains)
+            other = run(plan.compiled, drawn.timeline, moved, FilterOptions(gains=filtered.gains))
             left = np.abs(other.x[grid, i] - filtered.x[grid, i]) / (size / 100)
             over = np.flatnonzero(left > LEFT)
             first = over[-1] + 1 if len(over) else 0

@@ -15,7 +15,7 @@ from clutchest.compute import build
 from clutchest.estimate import whole_log
 from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled
+from clutchest.estimate.whole_log import Belief, Compiled, FilterOptions, copied, first_belief
 
 from . import linear
 
@@ -169,7 +169,7 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
     return (
         compiled,
         line,
-        Belief.of(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]), np.zeros((2, 0))),
+        first_belief(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]), np.zeros((2, 0))),
     )
 
 
@@ -177,7 +177,7 @@ def test_on_a_linear_model_it_is_the_kalman_filter(
     tanks: tuple[Compiled, Timeline, Belief],
 ) -> None:
     compiled, line, belief = tanks
-    ours = whole_log.run(compiled, line, belief, limit=1e9)
+    ours = whole_log.run(compiled, line, belief, FilterOptions(limit=1e9))
     plain = Kalman(np.append(belief.x, 0.0), np.zeros((3, 3)))
     plain.P[:2, :2] = belief.P
     for k in range(len(line.t)):
@@ -231,15 +231,15 @@ def test_a_log_in_pieces_gives_the_same_bits(
 
 def test_frozen_gains_repeat_the_run(tanks: tuple[Compiled, Timeline, Belief]) -> None:
     compiled, line, belief = tanks
-    free = whole_log.run(compiled, line, belief, keep_gains=True)
-    frozen = whole_log.run(compiled, line, belief, frozen=free.gains)
+    free = whole_log.run(compiled, line, belief, FilterOptions(keep=True))
+    frozen = whole_log.run(compiled, line, belief, FilterOptions(gains=free.gains))
     assert np.array_equal(free.x, frozen.x)
     assert np.array_equal(free.innovation[:, 0], frozen.innovation[:, 0])
 
 
 def test_a_run_leaves_its_start_alone(tanks: tuple[Compiled, Timeline, Belief]) -> None:
     compiled, line, belief = tanks
-    before = belief.copy()
+    before = copied(belief)
     whole_log.run(compiled, line, belief)
     assert np.array_equal(belief.x, before.x)
     assert np.array_equal(belief.P, before.P)

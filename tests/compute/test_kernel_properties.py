@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from clutchest.estimate import whole_log
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled, Filtered
+from clutchest.estimate.whole_log import Belief, Compiled, Filtered, FilterOptions, first_belief
 from clutchest.signals import Floats
 
 from . import linear
@@ -56,7 +56,7 @@ def cases(draw: st.DrawFn) -> tuple[Compiled, Timeline, Belief]:
     )
     root = random.normal(size=(2, 2)) * 10.0 ** draw(st.floats(-4, 2))
     P = root @ root.T + 1e-12 * np.trace(root @ root.T) * np.eye(2)
-    return compiled, line, Belief.of(random.normal(size=2), (P + P.T) / 2, np.zeros((2, 0)))
+    return compiled, line, first_belief(random.normal(size=2), (P + P.T) / 2, np.zeros((2, 0)))
 
 
 def textbook(compiled: Compiled, line: Timeline, prior: Belief) -> tuple[Floats, Floats]:
@@ -88,14 +88,14 @@ def textbook(compiled: Compiled, line: Timeline, prior: Belief) -> tuple[Floats,
     return np.array(xs), np.array(Ps)
 
 
-def is_covariance(found: Filtered) -> None:
+def is_covariance(ours: Filtered) -> None:
     """Symmetric to the bit, no variance below zero, no correlation beyond one but for rounding."""
-    assert np.array_equal(found.P, found.P.transpose(0, 2, 1))
-    variance = np.einsum("kii->ki", found.P)
-    assert np.all(np.isfinite(found.P))
+    assert np.array_equal(ours.P, ours.P.transpose(0, 2, 1))
+    variance = np.einsum("kii->ki", ours.P)
+    assert np.all(np.isfinite(ours.P))
     assert np.all(variance >= 0.0)
     std = np.sqrt(np.maximum(variance, 1e-300))
-    smallest = np.linalg.eigvalsh(found.P / std[:, :, None] / std[:, None, :])[:, 0]
+    smallest = np.linalg.eigvalsh(ours.P / std[:, :, None] / std[:, None, :])[:, 0]
     # what rounding may do grows with how much of a variance the measurements took away
     taken = (np.maximum.accumulate(std, axis=0) / std).max(axis=1) ** 2
     assert np.all(smallest > -1e-12 - 10.0 * np.finfo(float).eps * taken)
@@ -104,14 +104,14 @@ def is_covariance(found: Filtered) -> None:
 @settings(max_examples=100, deadline=None)
 @given(cases())
 def test_it_is_kalmans_filter(case: tuple[Compiled, Timeline, Belief]) -> None:
-    found = whole_log.run(*case, limit=1e12)
+    ours = whole_log.run(*case, FilterOptions(limit=1e12))
     xs, Ps = textbook(*case)
-    is_covariance(found)
+    is_covariance(ours)
     scale = np.maximum.accumulate(np.sqrt(np.einsum("kii->ki", Ps)), axis=0)
-    assert np.all(np.abs(found.P - Ps) <= 1e-9 * scale[:, :, None] * scale[:, None, :])
+    assert np.all(np.abs(ours.P - Ps) <= 1e-9 * scale[:, :, None] * scale[:, None, :])
     size = np.maximum.accumulate(np.abs(xs), axis=0) + scale + np.abs(case[1].z).max()
     rounded = 10.0 * np.finfo(float).eps * scale.max() ** 2 / case[1].R.min()  # of a gain
-    assert np.all(np.abs(found.x - xs) <= (1e-9 + rounded) * size)
+    assert np.all(np.abs(ours.x - xs) <= (1e-9 + rounded) * size)
 
 
 @settings(max_examples=60, deadline=None)
@@ -127,8 +127,8 @@ def test_readings_of_one_moment_may_come_in_any_order(
     first = np.searchsorted(line.t, line.t)
     line = replace(line, u=line.u[first], row=line.row[first])
     moved = replace(line, sensor=line.sensor[order], z=line.z[order], R=line.R[order])
-    a = whole_log.run(compiled, line, prior, limit=1e12)
-    b = whole_log.run(compiled, moved, prior, limit=1e12)
+    a = whole_log.run(compiled, line, prior, FilterOptions(limit=1e12))
+    b = whole_log.run(compiled, moved, prior, FilterOptions(limit=1e12))
     std = np.sqrt(np.einsum("kii->ki", a.P)).max(axis=0) + 1e-300
     assert np.all(np.abs(a.final.P - b.final.P) <= 1e-7 * np.outer(std, std))
     size = np.abs(a.x).max(axis=0) + np.abs(line.z).max() + std
@@ -141,6 +141,6 @@ def test_outliers_leave_a_covariance(case: tuple[Compiled, Timeline, Belief]) ->
     compiled, line, prior = case
     far = line.z.copy()
     far[::3] += 1e6
-    found = whole_log.run(compiled, replace(line, z=far), prior)
-    is_covariance(found)
-    assert np.all(np.isfinite(found.x))
+    ours = whole_log.run(compiled, replace(line, z=far), prior)
+    is_covariance(ours)
+    assert np.all(np.isfinite(ours.x))

@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 
 from clutchest.compute.forward import forward
-from clutchest.estimate.drawn import draw
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
@@ -23,6 +22,7 @@ from clutchest.models.alsd import ALSD, at_rest, full
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
+from drawn import draw
 
 SEEDS = range(4)
 LENGTH = 12.0  # s

@@ -12,10 +12,10 @@ from scipy import stats
 from bench import Bench
 from clutchest.errors import ClutchestError
 from clutchest.estimate import whole_log
-from clutchest.estimate.drawn import Driver, draw
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled
+from clutchest.estimate.whole_log import Belief, Compiled, FilterOptions, first_belief
 from compute import linear
+from drawn import Driver, draw
 
 BenchOf = Callable[[str], Bench]
 DRAWS = 400
@@ -46,7 +46,7 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
         variance=np.array([0.2]),
         warnings=(),
     )
-    prior = Belief.of(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]), np.zeros((2, 0)))
+    prior = first_belief(np.array([2.0, 1.0]), np.array([[2.0, 0.3], [0.3, 1.0]]), np.zeros((2, 0)))
     return compiled, line, prior
 
 
@@ -73,7 +73,7 @@ def test_slip_energy_makes_noise(tanks: tuple[Compiled, Timeline, Belief]) -> No
         noise=np.zeros(1),
         Q=np.array([[0.0, 0.0, 0.02, 0.0]]),
     )
-    sure = Belief.of(prior.x, 1e-12 * np.eye(2), prior.S)
+    sure = first_belief(prior.x, 1e-12 * np.eye(2), prior.S)
     predicted = whole_log.run(compiled, quiet, sure)
     gathered = [
         draw(compiled, quiet, sure, s, driver=None).x[-1, 0] - predicted.x[-1, 0]
@@ -90,12 +90,12 @@ def test_on_a_linear_model_the_filter_attains_the_bound(
     errors, nis = [], []
     for seed in range(DRAWS):
         drawn = draw(compiled, line, prior, seed, driver=None)
-        found = whole_log.run(compiled, drawn.timeline, prior, limit=1e9)
-        np.testing.assert_allclose(drawn.bound, np.einsum("kii->ki", found.P), rtol=1e-9)
-        errors.append(found.x[-1] - drawn.x[-1])
+        filtered = whole_log.run(compiled, drawn.timeline, prior, FilterOptions(limit=1e9))
+        np.testing.assert_allclose(drawn.bound, np.einsum("kii->ki", filtered.P), rtol=1e-9)
+        errors.append(filtered.x[-1] - drawn.x[-1])
         seen = line.sensor >= 0
-        nis.append(np.mean(found.innovation[seen, 0] ** 2 / found.innovation[seen, 1]))
-    nees = np.mean(np.einsum("di,ij,dj->d", errors, np.linalg.inv(found.P[-1]), errors))
+        nis.append(np.mean(filtered.innovation[seen, 0] ** 2 / filtered.innovation[seen, 1]))
+    nees = np.mean(np.einsum("di,ij,dj->d", errors, np.linalg.inv(filtered.P[-1]), errors))
     low, high = stats.chi2.ppf([1e-3, 1 - 1e-3], 2 * DRAWS) / DRAWS
     assert low < nees < high
     low, high = stats.chi2.ppf([1e-3, 1 - 1e-3], DRAWS * seen.sum()) / (DRAWS * seen.sum())

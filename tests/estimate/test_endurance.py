@@ -10,7 +10,7 @@ import pytest
 import clutchest
 from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled, Filtered
+from clutchest.estimate.whole_log import CONSIDERING, Belief, Compiled, Filtered, FilterOptions
 from clutchest.models import machine_of
 from clutchest.signals import Floats, Signal, Signals
 
@@ -42,7 +42,7 @@ def test_ten_million_events(consider: bool) -> None:
     compiled, line, belief = made(clutchest.simulate(TRUCK, "city", 5))
     past = 0
     while past < EVENTS:
-        filtered = whole_log.run(compiled, line, belief, consider=consider)
+        filtered = whole_log.run(compiled, line, belief, FilterOptions(consider=consider))
         whole(compiled, filtered)
         belief, past = filtered.final, past + len(line.t)
     # what nothing pins down has spread, what is measured has not
@@ -91,4 +91,4 @@ def test_whatever_befalls_the_signals(how: str, drive: Signals) -> None:
         signals = {n: spoilt(s, random, how) if n in hit else s for n, s in drive.signals.items()}
         spoiled = replace(drive, signals=signals, end=float(times(signals).max()))
         compiled, line, belief = made(spoiled)
-        whole(compiled, whole_log.run(compiled, line, belief, consider=True))
+        whole(compiled, whole_log.run(compiled, line, belief, CONSIDERING))

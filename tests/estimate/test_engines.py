@@ -12,7 +12,7 @@ import pytest
 from bench import BENCHES, Bench
 from clutchest.estimate import initial_state, timeline, whole_log
 from clutchest.estimate.ekf import OnlineFilter
-from clutchest.estimate.whole_log import Compiled
+from clutchest.estimate.whole_log import CONSIDERING, Compiled, FilterOptions
 from clutchest.models.regimes import Mode
 from clutchest.signals import Signals
 from clutchest.simulated import simulate
@@ -26,7 +26,7 @@ def compare(compiled: Compiled, bench: Bench, signals: Signals) -> None:
     line = timeline.build(signals, bench.vehicle, compiled.model, 10.0, {})
     line = replace(line, emit=np.arange(len(line.t)))
     belief = initial_state.fresh(bench.vehicle, compiled, line)
-    ours = whole_log.run(compiled, line, belief, with_signature=False)
+    ours = whole_log.run(compiled, line, belief, FilterOptions(signature=False))
     xs, Ps, total = OnlineFilter(compiled, belief, line).run()
     std = np.sqrt(np.einsum("kii->ki", Ps))
     assert np.all(np.abs(ours.x - xs) <= 1e-9 * np.maximum(np.abs(xs), std))
@@ -44,7 +44,7 @@ def test_engines_agree_on_what_parameters_may_do(bench: BenchOf) -> None:
     line = timeline.build(noisy(made), vehicle, compiled.model, 10.0, {})
     line = replace(line, emit=np.arange(len(line.t)))
     belief = initial_state.fresh(vehicle, compiled, line)
-    ours = whole_log.run(compiled, line, belief, consider=True)
+    ours = whole_log.run(compiled, line, belief, CONSIDERING)
     xs, Ps, total = OnlineFilter(compiled, belief, line, consider=True).run()
     n = len(belief.x)
     std = np.sqrt(np.einsum("kii->ki", Ps))[:, :n]

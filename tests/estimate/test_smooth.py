@@ -13,12 +13,13 @@ from filterpy.kalman import KalmanFilter
 from scipy.stats import chi2
 
 import clutchest
+import drawn
 from clutchest.compute import build
-from clutchest.estimate import drawn, smooth, timeline, whole_log
+from clutchest.estimate import smooth, timeline, whole_log
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.smooth import Smoothed, smoothed
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled
+from clutchest.estimate.whole_log import CONSIDERING, Belief, Compiled, FilterOptions, first_belief
 from clutchest.models import machine_of
 from clutchest.models.model import Quantities
 from clutchest.models.symbols import Parameter
@@ -86,7 +87,7 @@ def tanks(spread: tuple[float, float], count: int = 600) -> tuple[Compiled, Time
     return (
         compiled,
         line,
-        Belief.of(
+        first_belief(
             np.array([2.0, 1.0]),
             np.array([[2.0, 0.3], [0.3, 1.0]]),
             np.array([[0.2, -0.1], [0.4, 0.0]]),
@@ -135,7 +136,7 @@ def textbook(
 def both(spread: tuple[float, float]) -> tuple[Smoothed, np.ndarray, np.ndarray]:
     """Ours, and the textbook's on the same rows."""
     compiled, line, start = tanks(spread)
-    filtered = whole_log.run(compiled, line, start, consider=True)
+    filtered = whole_log.run(compiled, line, start, CONSIDERING)
     _, predicted, used = filtered.innovation.T
     assert np.any(used > predicted)  # some readings are far off
     xs, Ps = textbook(compiled, line, start, line.R + (used - predicted))
@@ -171,7 +172,7 @@ def test_it_agrees_with_filterpy() -> None:
         mode=np.zeros(count, np.uint8),
     )
     line = replace(line, sensor=line.sensor.astype(np.int8))
-    filtered = whole_log.run(compiled, line, start, limit=1e9)
+    filtered = whole_log.run(compiled, line, start, FilterOptions(limit=1e9))
     ours = smoothed(compiled, line, start, filtered)
     A, dt = linear.A, 0.005
     F, Q = np.eye(2) + dt * A + dt**2 / 2 * A @ A, dt * np.diag(line.Q[1, :2])
@@ -182,7 +183,7 @@ def test_it_agrees_with_filterpy() -> None:
 
 def test_windows_leave_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
     compiled, line, start = tanks((0.3, 0.5))
-    filtered = whole_log.run(compiled, line, start, consider=True)
+    filtered = whole_log.run(compiled, line, start, CONSIDERING)
     whole = smoothed(compiled, line, start, filtered)
     for window in (1, 77, 600):
         monkeypatch.setattr(smooth, "WINDOW", window)
@@ -198,7 +199,7 @@ def test_memory_is_that_of_a_window(monkeypatch: pytest.MonkeyPatch) -> None:
     peaks = []
     for count in (5_000, 50_000):
         compiled, line, start = tanks((0.3, 0.5), count)
-        filtered = whole_log.run(compiled, line, start, consider=True)
+        filtered = whole_log.run(compiled, line, start, CONSIDERING)
         tracemalloc.start()
         result = smoothed(compiled, line, start, filtered)
         peaks.append(tracemalloc.get_traced_memory()[1] - result.x.nbytes - result.P.nbytes)
@@ -237,7 +238,7 @@ def test_on_its_own_model_it_is_consistent_and_never_less_sure() -> None:
     middle = len(rows) // 2
     for seed in range(draws):
         drive = drawn.draw(compiled, plan, prior, seed)
-        filtered = whole_log.run(compiled, drive.timeline, prior, consider=True)
+        filtered = whole_log.run(compiled, drive.timeline, prior, CONSIDERING)
         ours = smoothed(compiled, drive.timeline, prior, filtered)
         std = np.sqrt(ours.variance)
         assert np.all(std <= np.sqrt(filtered.total[rows]) * (1 + 1e-9))

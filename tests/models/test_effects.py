@@ -13,6 +13,7 @@ from bench import BENCHES, Bench, machine
 from clutchest.compute.step import heun
 from clutchest.estimate import whole_log
 from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.whole_log import FilterOptions
 from clutchest.models import names
 from clutchest.models.effects import Effect, Number
 from clutchest.models.model import Model
@@ -182,7 +183,7 @@ def test_the_signature_is_what_a_small_gain_does(
     frozen = np.zeros((len(shifted.t), base.gains.shape[1]))
     frozen[other] = base.gains[rows]
     small = whole_log.run(
-        moved, shifted, b.belief(moved, shifted), frozen=frozen, with_signature=False
+        moved, shifted, b.belief(moved, shifted), FilterOptions(gains=frozen, signature=False)
     )
 
     std = np.sqrt(base.innovation[rows, 1])

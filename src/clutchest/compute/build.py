@@ -25,12 +25,13 @@ from clutchest.models.model import Model
 
 _HEADER = '''"""Generated; do not edit."""
 from math import ceil, cos, exp, expm1, inf, log, nan, pi, sin, sqrt, tanh
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
 '''
-_MARK = "# --- the generated module goes on from here ---\n"
+MARK = "# --- the generated module goes on from here ---\n"
 
 
 _lowered: deque[tuple[Model, tuple[tuple[str, str], ...], str]] = deque(maxlen=8)
@@ -40,7 +41,9 @@ def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]
     """(hash, source) of the module for this model, with signatures of ``thetas``."""
     # numba compiles a function when it is first called: who does not draw or smooth does not wait
     parts = [_HEADER, _text_of("choices.py"), _lowered_once(model, tuple(thetas))]
-    parts += [_text_of(file) for file in ("kernel.py", "drawing.py", "smoother.py", "answers.py")]
+    parts += [
+        _text_of(file) for file in ("records.py", "kernel.py", "smoother.py", "sensitivities.py")
+    ]
     return named(parts)
 
 
@@ -74,7 +77,7 @@ def named(parts: Sequence[str]) -> tuple[str, str]:
 
 def _text_of(file: str) -> str:
     """What a file of this folder contributes to the generated module."""
-    return (Path(__file__).parent / file).read_text(encoding="utf-8").split(_MARK)[1]
+    return (Path(__file__).parent / file).read_text(encoding="utf-8").split(MARK)[1]
 
 
 @lru_cache(maxsize=32)
@@ -98,4 +101,7 @@ def load(digest: str, text: str) -> ModuleType:
 def is_compiled(digest: str) -> bool:
     """Whether this machine has run the module before, so that it starts at once."""
     folder = cache_folder() / "__pycache__"
-    return any(any(folder.glob(f"model_{digest}.{first}-*.nbi")) for first in ("run", "answer"))
+    return any(
+        any(folder.glob(f"model_{digest}.{first}-*.nbi"))
+        for first in ("run", "filter_sensitivities")
+    )

@@ -7,6 +7,7 @@ compiler unrolls, are the fastest form.
 """
 
 from math import ceil, log, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -26,8 +27,17 @@ from clutchest.compute.lowered import (
     step,
     step_signature,
 )
+from clutchest.compute.records import Work
 
 # --- the generated module goes on from here ---
+
+# Kernels get all their memory from outside, so that numba need not count references to it: a
+# record's arrays, counted at each access, made the filter three times as slow (0.50 µs an event of
+# a city drive became 1.5 µs; uncounted 0.48 µs).
+UNCOUNTED: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+compiled = njit(**UNCOUNTED)
+entry = njit(nogil=True, **UNCOUNTED)
+inlined = njit(inline="always", **UNCOUNTED)  # what takes records
 
 # A covariance with a state that is measured again and again, and fed by nothing, fades by a factor
 # at each reading.  Far below 1e-280 a processor takes a hundred times as long over every number;
@@ -35,7 +45,7 @@ from clutchest.compute.lowered import (
 TINY = 1e-280
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def add_product(F, X, T, columns):
     """T ← T + F X, the first ``columns`` of them; the zeros of F cost nothing."""
     for i in range(STATES):
@@ -46,7 +56,7 @@ def add_product(F, X, T, columns):
                     T[i, j] += a * X[k, j]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def propagate(P, F, Q, T):
     """P ← F P Fᵀ + Q, exactly symmetric; the zeros of F cost nothing."""
     for i in range(STATES):
@@ -67,7 +77,7 @@ def propagate(P, F, Q, T):
             P[j, i] = P[i, j]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def propagate_signature(S, F, G, T):
     """S ← F S + G: how the state answers to every θ."""
     for i in range(STATES):
@@ -79,14 +89,14 @@ def propagate_signature(S, F, G, T):
             S[i, c] = T[i, c]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def slopes(va, vb, dt, slope):
     """slope (nu) of inputs that go from ``va`` to ``vb`` in ``dt`` s."""
     for j in range(INPUTS):
         slope[j] = (vb[j] - va[j]) / dt
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG):
     """G (n, m) and eG (m): how a step from ``x`` to ``xn`` and its energy answer to every θ.
 
@@ -101,7 +111,7 @@ def step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG):
     step_signature(x, va, vb, dt, w, p, g, slope, G, eG)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def propagate_energy(E, cE, P, F, e, work):
     """The energy as a state that no measurement corrects: its variance and covariance with x."""
     for i in range(STATES):
@@ -118,7 +128,7 @@ def propagate_energy(E, cE, P, F, e, work):
         cE[i] = total
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def inputs_between(u, k, i, steps, ua, ub):
     """Inputs at both ends of the i-th of ``steps`` equal steps from event k − 1 to event k."""
     share = 1.0 / steps
@@ -128,14 +138,14 @@ def inputs_between(u, k, i, steps, ua, ub):
         ub[j] = u[k - 1, j] + (i + 1) * slope
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def doubt(P, held):
     """held ← the standard deviations that equations may use until the next reading."""
     for i in range(len(DOUBTED)):
         held[i] = sqrt(max(P[DOUBTED[i], DOUBTED[i]], 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def reading_answer(sensor, x, u, w, p, g, H, S, Hm):
     """Hm (m) ← how a sensor's reading answers to every θ, by itself and through the state."""
     reading_signature(sensor, x, u, w, p, g, Hm)
@@ -145,7 +155,7 @@ def reading_answer(sensor, x, u, w, p, g, H, S, Hm):
                 Hm[c] += H[i] * S[i, c]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def correct_signature(S, K, Hm):
     """S ← S − K Hmᵀ: what a measurement leaves of the state's answer to every θ."""
     for i in range(STATES):
@@ -153,7 +163,7 @@ def correct_signature(S, K, Hm):
             S[i, c] = S[i, c] - K[i] * Hm[c] + TINY - TINY
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def times(P, H, PH):
     """PH ← P H; a sensor sees few states, and the others cost nothing."""
     for i in range(STATES):
@@ -165,7 +175,7 @@ def times(P, H, PH):
                 PH[i] += P[i, j] * h
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     """One scalar measurement, Joseph's form; P stays exactly symmetric.
 
@@ -208,7 +218,7 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
     return innovation, predicted, used
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def in_proportion(x, P, cE, K, innovation):
     """What is known of factors, in proportion to where the last update has moved them.
 
@@ -227,195 +237,253 @@ def in_proportion(x, P, cE, K, innovation):
         cE[i] *= ratio
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def run(
-    x,
-    P,
-    S,
-    E,
-    cE,
-    sE,
-    held,
-    gained,
-    spread,
-    considered,
-    t,
-    sensor,
-    z,
-    R,
-    u,
-    row,
-    W,
-    Qs,
-    longest,
-    noise,
-    variance,
-    p,
-    g,
-    limit,
-    emit,
-    with_signature,
-    frozen,
-    gains,
-    out_x,
-    out_P,
-    out_total,
-    out_y,
-    out_energy,
-    out_gained,
-    out_innovation,
-    out_signature,
-):
-    """Filter a whole log.
+def workspace(flags):
+    """Memory for a run of the filter, with so many regime flags."""
+    n, m, nu, outputs = STATES, THETAS, INPUTS, OUTPUTS
+    return Work(
+        w=np.zeros(flags),
+        xn=np.zeros(n),
+        ua=np.zeros(nu),
+        ub=np.zeros(nu),
+        va=np.zeros(nu),
+        vb=np.zeros(nu),
+        slope=np.zeros(nu),
+        F=np.zeros((n, n)),
+        Q=np.zeros((n, n)),
+        T=np.zeros((n, n)),
+        e=np.zeros(n),
+        G=np.zeros((n, m)),
+        Tm=np.zeros((n, m)),
+        eG=np.zeros(m),
+        H=np.zeros(n),
+        Hm=np.zeros(m),
+        K=np.zeros(n),
+        PH=np.zeros(n),
+        y=np.zeros(outputs),
+        Y=np.zeros((outputs, n)),
+        Yu=np.zeros((outputs, nu)),
+        Ym=np.zeros((outputs, m)),
+        L=np.zeros((n, 1 + m)),
+        A=np.zeros((n, n)),
+        nothing=np.zeros(0),
+    )
 
-    Advanced in place, so that a log can be run piece by piece: state ``x`` (n), covariance ``P``
-    (n, n) and signatures ``S`` (n, m) at ``t[0]``; ``E`` (2), the slip energy and its variance,
-    with its covariance ``cE`` (n) with x and its own signature ``sE`` (m); ``held`` (n), whose
-    first ones are the standard deviations that equations use, as the last reading left them
-    (negative: as in P); ``gained`` (2, n), the information in nats that measurements gave of each
-    state up to the last output (½ log of its variance before over that after, summed up), and the
-    variance they took away since.
 
-    Events k = 0…K−1 at times ``t``: ``sensor`` index or −1, measurement ``z`` with variance
-    ``R``; ``u`` (K, nu) inputs, straight between events; ``row`` (K) the regime of the interval
-    that ends at k: a row of the flags ``W``, process noise ``Qs`` and step ``longest``; ``emit``
-    (K) output row, −1 for none.  ``noise`` (nu) input noise density, ``variance`` (nu) of one
-    input sample, ``spread`` (m) standard deviation of every θ, ``considered`` the variances that
-    gains weigh: (m), or (0) where they weigh none.  ``gains`` (K, n + doubted), behind each
-    the standard deviations that it leaves: with ``frozen`` they are used, else stored where it has
-    rows.
+@inlined
+def predict_signature(belief, dt, numbers, weighting, work):
+    """The response to every θ of state and energy, carried on over a step that ``work`` holds."""
+    w, p, g = work.w, numbers.p, numbers.g
+    if len(weighting.considered) > 0:
+        step_answer(
+            belief.x,
+            work.xn,
+            work.ua,
+            work.ub,
+            dt,
+            w,
+            p,
+            g,
+            work.va,
+            work.vb,
+            work.slope,
+            work.G,
+            work.eG,
+        )
+    else:
+        slopes(work.ua, work.ub, dt, work.slope)
+        step_signature(belief.x, work.ua, work.ub, dt, w, p, g, work.slope, work.G, work.eG)
+    S, sE = belief.S, belief.sE
+    for c in range(THETAS):
+        sE[c] += work.eG[c]
+        for j in range(STATES):
+            sE[c] += work.e[j] * S[j, c]
+    propagate_signature(S, work.F, work.G, work.Tm)
 
-    Outputs per emitted row: ``out_x`` (n), ``out_P`` (n, n), ``out_total`` (n) variance with the
-    spreads (where signatures are followed), ``out_y`` (outputs, value and variance),
-    ``out_energy`` (energy, variance, own part of it; then its response to each θ), ``out_gained``
-    (n).  Per event: ``out_innovation`` (innovation, predicted and used variance) and, where it has
-    rows, ``out_signature`` (m).  Returns the log-likelihood.
+
+@inlined
+def predict(k, span, belief, events, regimes, numbers, weighting, work):
+    """Carry the belief over the ``span`` s from event k − 1 to event k."""
+    x, P, E, cE, w, row = belief.x, belief.P, belief.E, belief.cE, work.w, events.row[k]
+    xn, F, Q, e = work.xn, work.F, work.Q, work.e
+    steps = ceil(span / regimes.longest[row])
+    dt = span / steps
+    for j in range(len(DOUBTED)):
+        w[len(w) - len(DOUBTED) + j] = belief.held[j]
+    for i in range(steps):
+        inputs_between(events.u, k, i, steps, work.ua, work.ub)
+        E[0] += step(
+            x,
+            work.ua,
+            work.ub,
+            dt,
+            w,
+            numbers.p,
+            numbers.g,
+            regimes.Q[row],
+            regimes.noise,
+            xn,
+            F,
+            Q,
+            e,
+        )
+        if weighting.signature:
+            predict_signature(belief, dt, numbers, weighting, work)
+        propagate_energy(E, cE, P, F, e, work.PH)
+        propagate(P, F, Q, work.T)
+        for j in range(STATES):
+            x[j] = xn[j]
+
+
+@inlined
+def correct(k, h, belief, gained, events, weighting, work):
+    """Take the reading of event k, predicted as ``h``; returns innovation, its predicted and its
+    used variance, and the log-likelihood."""
+    x, P, cE, held, K, H = belief.x, belief.P, belief.cE, belief.held, work.K, work.H
+    innovation, predicted, used = update(
+        x,
+        P,
+        belief.S,
+        h,
+        H,
+        work.Hm,
+        events.z[k],
+        events.R[k],
+        weighting.considered,
+        K,
+        work.PH,
+        weighting.limit,
+    )
+    correlated = 0.0
+    for i in range(STATES):
+        correlated += H[i] * cE[i]
+    for i in range(STATES):
+        cE[i] = cE[i] - K[i] * correlated + TINY - TINY
+        gained[1, i] += K[i] * K[i] * used
+    in_proportion(x, P, cE, K, innovation)
+    doubt(P, held)
+    gains = weighting.gains
+    if len(gains) > 0:
+        for i in range(STATES):
+            gains[k, i] = K[i]
+        for i in range(len(DOUBTED)):
+            gains[k, STATES + i] = sqrt(P[DOUBTED[i], DOUBTED[i]])
+    likelihood = -0.5 * (log(2.0 * pi * used) + innovation * innovation / used)
+    return innovation, predicted, used, likelihood
+
+
+@inlined
+def correct_frozen(k, h, belief, events, weighting, work):
+    """Take the reading of event k with the gain that is given; as :func:`correct` returns."""
+    innovation, gains = events.z[k] - h, weighting.gains
+    for i in range(STATES):
+        work.K[i] = gains[k, i]
+        belief.x[i] += work.K[i] * innovation
+    for i in range(len(DOUBTED)):
+        belief.held[i] = gains[k, STATES + i]
+    return innovation, 1.0, 1.0, 0.0
+
+
+@inlined
+def take_reading(k, belief, gained, events, numbers, weighting, results, work):
+    """What the reading of event k says of the belief; returns its log-likelihood."""
+    sensor, w, p, g = events.sensor[k], work.w, numbers.p, numbers.g
+    h = reading(sensor, belief.x, events.u[k], w, p, g, work.H)
+    if weighting.signature:
+        reading_answer(sensor, belief.x, events.u[k], w, p, g, work.H, belief.S, work.Hm)
+    if weighting.frozen:
+        innovation, predicted, used, likelihood = correct_frozen(
+            k, h, belief, events, weighting, work
+        )
+    else:
+        innovation, predicted, used, likelihood = correct(
+            k, h, belief, gained, events, weighting, work
+        )
+    if weighting.signature:
+        correct_signature(belief.S, work.K, work.Hm)
+        if len(results.signature) > 0:
+            for c in range(THETAS):
+                results.signature[k, c] = -work.Hm[c]
+    results.innovation[k, 0] = innovation
+    results.innovation[k, 1] = predicted
+    results.innovation[k, 2] = used
+    return likelihood
+
+
+@inlined
+def store_states(o, belief, gained, weighting, rows):
+    """Row o of the output: state, covariance, and what measurements gave so far."""
+    x, P, S, spread = belief.x, belief.P, belief.S, weighting.spread
+    followed = THETAS if weighting.signature else 0
+    for i in range(STATES):
+        rows.x[o, i] = x[i]
+        total = P[i, i]
+        for j in range(STATES):
+            rows.P[o, i, j] = P[i, j]
+        for c in range(followed):
+            total += (S[i, c] * spread[c]) ** 2
+        rows.total[o, i] = total
+        if gained[1, i] > 0.0:
+            gained[0, i] += 0.5 * log(1.0 + gained[1, i] / total)
+            gained[1, i] = 0.0
+        rows.gained[o, i] = gained[0, i]
+
+
+@inlined
+def store_outputs(o, u, belief, numbers, variance, weighting, rows, work):
+    """Row o of the output: the model's outputs and the energy, each with its variance."""
+    S, spread, w, p, g = belief.S, weighting.spread, work.w, numbers.p, numbers.g
+    y, Y, Yu, Ym, PH = work.y, work.Y, work.Yu, work.Ym, work.PH
+    followed = THETAS if weighting.signature else 0
+    outputs(belief.x, u, w, p, g, y, Y, Yu)
+    if weighting.signature:
+        outputs_signature(belief.x, u, w, p, g, Ym)
+    for i in range(OUTPUTS):
+        total = 0.0
+        times(belief.P, Y[i], PH)
+        for j in range(STATES):
+            total += Y[i, j] * PH[j]
+        for j in range(INPUTS):
+            total += Yu[i, j] * Yu[i, j] * variance[j]
+        for c in range(followed):
+            response = Ym[i, c]
+            for j in range(STATES):
+                response += Y[i, j] * S[j, c]
+            total += (response * spread[c]) ** 2
+        rows.outputs[o, i, 0] = y[i]
+        rows.outputs[o, i, 1] = total
+    energy, own = rows.energy[o], belief.E[1]
+    energy[0], energy[1], energy[2] = belief.E[0], own, own
+    for c in range(followed):
+        energy[1] += (belief.sE[c] * spread[c]) ** 2
+        energy[3 + c] = belief.sE[c]
+
+
+@entry
+def run(belief, gained, events, regimes, numbers, weighting, rows, results, work):
+    """Filter a whole log; returns its log-likelihood.
+
+    Advanced in place, so that a log can be run piece by piece: the ``belief`` at ``t[0]``, and
+    ``gained`` (2, n), the information in nats that measurements gave of each state up to the last
+    output (½ log of its variance before over that after, summed up), and the variance they took
+    away since.  Filled: ``rows`` per emitted row, ``results`` per event; ``work`` is memory.
     """
-    n, m = STATES, THETAS
-    F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    G, Tm, eG = np.zeros((n, m)), np.zeros((n, m)), np.zeros(m)
-    xn, e, K, PH, H, Hm = (
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(m),
-    )
-    ua, ub, va, vb = np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS), np.zeros(INPUTS)
-    slope, w = np.zeros(INPUTS), np.zeros(W.shape[1])
-    if len(DOUBTED) > 0 and held[0] < 0.0:
-        doubt(P, held)
-    y, Y, Yu, Ym = (
-        np.zeros(OUTPUTS),
-        np.zeros((OUTPUTS, n)),
-        np.zeros((OUTPUTS, INPUTS)),
-        np.zeros((OUTPUTS, m)),
-    )
+    t, sensor, emit, w = events.t, events.sensor, events.emit, work.w
+    if len(DOUBTED) > 0 and belief.held[0] < 0.0:
+        doubt(belief.P, belief.held)
     log_likelihood = 0.0
-    followed = m if with_signature else 0
-
     for k in range(len(t)):
         for j in range(len(w)):
-            w[j] = W[row[k], j]
+            w[j] = regimes.W[events.row[k], j]
         span = t[k] - t[k - 1] if k > 0 else 0.0
         if span > 0.0:
-            steps = ceil(span / longest[row[k]])
-            dt = span / steps
-            for j in range(len(DOUBTED)):
-                w[W.shape[1] - len(DOUBTED) + j] = held[j]
-            for i in range(steps):
-                inputs_between(u, k, i, steps, ua, ub)
-                E[0] += step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
-                if with_signature:
-                    if len(considered) > 0:
-                        step_answer(x, xn, ua, ub, dt, w, p, g, va, vb, slope, G, eG)
-                    else:
-                        slopes(ua, ub, dt, slope)
-                        step_signature(x, ua, ub, dt, w, p, g, slope, G, eG)
-                    for c in range(m):
-                        sE[c] += eG[c]
-                        for j in range(n):
-                            sE[c] += e[j] * S[j, c]
-                    propagate_signature(S, F, G, Tm)
-                propagate_energy(E, cE, P, F, e, PH)
-                propagate(P, F, Q, T)
-                for j in range(n):
-                    x[j] = xn[j]
-
+            predict(k, span, belief, events, regimes, numbers, weighting, work)
         if sensor[k] >= 0:
-            h = reading(sensor[k], x, u[k], w, p, g, H)
-            if with_signature:
-                reading_answer(sensor[k], x, u[k], w, p, g, H, S, Hm)
-            if frozen:
-                innovation = z[k] - h
-                for i in range(n):
-                    K[i] = gains[k, i]
-                    x[i] += K[i] * innovation
-                predicted, used = 1.0, 1.0
-                for i in range(len(DOUBTED)):
-                    held[i] = gains[k, n + i]
-            else:
-                innovation, predicted, used = update(
-                    x, P, S, h, H, Hm, z[k], R[k], considered, K, PH, limit
-                )
-                correlated = 0.0
-                for i in range(n):
-                    correlated += H[i] * cE[i]
-                for i in range(n):
-                    cE[i] = cE[i] - K[i] * correlated + TINY - TINY
-                    gained[1, i] += K[i] * K[i] * used
-                in_proportion(x, P, cE, K, innovation)
-                doubt(P, held)
-                log_likelihood -= 0.5 * (log(2.0 * pi * used) + innovation * innovation / used)
-                if len(gains) > 0:
-                    for i in range(n):
-                        gains[k, i] = K[i]
-                    for i in range(len(DOUBTED)):
-                        gains[k, n + i] = sqrt(P[DOUBTED[i], DOUBTED[i]])
-            if with_signature:
-                correct_signature(S, K, Hm)
-                if len(out_signature) > 0:
-                    for c in range(m):
-                        out_signature[k, c] = -Hm[c]
-            out_innovation[k, 0] = innovation
-            out_innovation[k, 1] = predicted
-            out_innovation[k, 2] = used
-
-        o = emit[k]
-        if o >= 0:
-            outputs(x, u[k], w, p, g, y, Y, Yu)
-            if with_signature:
-                outputs_signature(x, u[k], w, p, g, Ym)
-            for i in range(n):
-                out_x[o, i] = x[i]
-                out_total[o, i] = P[i, i]
-                for j in range(n):
-                    out_P[o, i, j] = P[i, j]
-                for c in range(followed):
-                    out_total[o, i] += (S[i, c] * spread[c]) ** 2
-                if gained[1, i] > 0.0:
-                    gained[0, i] += 0.5 * log(1.0 + gained[1, i] / out_total[o, i])
-                    gained[1, i] = 0.0
-                out_gained[o, i] = gained[0, i]
-            for i in range(OUTPUTS):
-                total = 0.0
-                times(P, Y[i], PH)
-                for j in range(n):
-                    total += Y[i, j] * PH[j]
-                for j in range(INPUTS):
-                    total += Yu[i, j] * Yu[i, j] * variance[j]
-                for c in range(followed):
-                    response = Ym[i, c]
-                    for j in range(n):
-                        response += Y[i, j] * S[j, c]
-                    total += (response * spread[c]) ** 2
-                out_y[o, i, 0] = y[i]
-                out_y[o, i, 1] = total
-            out_energy[o, 0] = E[0]
-            out_energy[o, 1] = E[1]
-            for c in range(followed):
-                out_energy[o, 1] += (sE[c] * spread[c]) ** 2
-                out_energy[o, 3 + c] = sE[c]
-            out_energy[o, 2] = E[1]
+            log_likelihood += take_reading(
+                k, belief, gained, events, numbers, weighting, results, work
+            )
+        if emit[k] >= 0:
+            store_states(emit[k], belief, gained, weighting, rows)
+            store_outputs(
+                emit[k], events.u[k], belief, numbers, regimes.variance, weighting, rows, work
+            )
     return log_likelihood

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchest.compute.records import Belief
 from clutchest.estimate.delay_equalisation import Clocks
 from clutchest.estimate.drive_setup import DriveSetup, held_on
 from clutchest.estimate.initial_state import History, carried_on, fresh, leave
@@ -27,10 +28,11 @@ from clutchest.estimate.timeline import (
 )
 from clutchest.estimate.track import Rows, engagements, track_of
 from clutchest.estimate.whole_log import (
-    Belief,
+    CONSIDERING,
     Compiled,
     Filtered,
     compile_model,
+    copied,
     delays,
     run,
 )
@@ -250,9 +252,9 @@ class Drive:
             self.belief, warnings = begun(
                 self.vehicle, self.compiled, found.line, self.state, self.start_ns
             )
-            self.start = self.belief.copy()
+            self.start = copied(self.belief)
             self.first_s = float(line.t[0])
-        filtered = run(self.compiled, line, self.belief, consider=True, gained=self.gained)
+        filtered = run(self.compiled, line, self.belief, CONSIDERING, gained=self.gained)
         self.belief, self.last = filtered.final, line
         rows = Rows.of(self.compiled, line, filtered)
         events = self._slips(rows, last)

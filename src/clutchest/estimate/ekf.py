@@ -11,9 +11,10 @@ from math import ceil, factorial
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
+from clutchest.compute.records import Belief
 from clutchest.compute.step import SMALL, TERMS
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import ROBUST_LIMIT, Belief, Compiled
+from clutchest.estimate.whole_log import ROBUST_LIMIT, Compiled
 from clutchest.signals import Floats
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from clutchest.errors import ClutchestError
 from clutchest.estimate.drive_setup import process_noise
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled, run
+from clutchest.estimate.whole_log import Belief, Compiled, copied, first_belief, run
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
@@ -87,7 +87,7 @@ def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
     x = nominal(compiled, timeline)
     xi, Si = np.zeros(len(x)), np.zeros((len(x), len(compiled.thetas)))
     compiled.functions.initial(x, compiled.p, compiled.g, xi, Si)
-    return Belief.of(xi, np.diag(prior_std(vehicle, compiled.model) ** 2), Si)
+    return first_belief(xi, np.diag(prior_std(vehicle, compiled.model) ** 2), Si)
 
 
 class StateError(ClutchestError):
@@ -135,7 +135,7 @@ def carried_on(
     )
     both = np.ix_(kept, kept)
     belief.P[both] = before.P[both]
-    belief.E, belief.sE = before.E, before.sE
+    belief.E[:], belief.sE[:] = before.E, before.sE
     return belief, warning
 
 
@@ -254,13 +254,13 @@ def _recalled(compiled: Compiled, state: Mapping[str, Any], fresh: Belief) -> Be
     there = [names.index(compiled.model.states[i].name) for i in here]
     k_here = [k for k, theta in enumerate(compiled.thetas) if theta in thetas]
     k_there = [thetas.index(compiled.thetas[k]) for k in k_here]
-    belief = fresh.copy()
+    belief = copied(fresh)
     signature = np.array(state["signature"]).reshape(len(names), len(thetas))
     belief.x[here] = np.array(state["x"])[there]
     belief.P[np.ix_(here, here)] = np.array(state["P"])[np.ix_(there, there)]
     belief.S[here] = 0.0
     belief.S[np.ix_(here, k_here)] = signature[np.ix_(there, k_there)]
-    belief.E = np.array(state["slip_energy"], np.float64)
+    belief.E[:] = state["slip_energy"]
     belief.cE[here] = np.array(state["slip_energy_covariance"])[there]
     belief.sE[k_here] = np.array(state["slip_energy_signature"])[k_there]
     return belief

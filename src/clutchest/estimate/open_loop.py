@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.timeline import build
-from clutchest.estimate.whole_log import Compiled, compile_model, delays, run
+from clutchest.estimate.whole_log import Compiled, FilterOptions, compile_model, delays, run
 from clutchest.models.model import Model
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
@@ -59,7 +59,7 @@ def open_loop(signals: Signals, vehicle: Vehicle, model: Model, rate: float = 10
     speed = compiled.model.sensor(model.anchor)
     gains[timeline.sensor == speed, compiled.model.state(model.anchor)] = 1.0
     start = fresh(vehicle, compiled, timeline)
-    result = run(compiled, timeline, start, frozen=gains, with_signature=False)
+    result = run(compiled, timeline, start, FilterOptions(gains=gains, signature=False))
     rows = np.flatnonzero(timeline.emit >= 0)[timeline.grid]
     torque = compiled.model.outputs.index("transmitted_torque")
     return OpenLoop(

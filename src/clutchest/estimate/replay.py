@@ -24,7 +24,7 @@ from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
-from clutchest.estimate.whole_log import compile_model, delays, run
+from clutchest.estimate.whole_log import CONSIDERING, compile_model, delays, run
 from clutchest.progress import Progress
 from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -157,7 +157,7 @@ def _whole(
     even = evenly_late(signals, vehicle)
     timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))
     start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)
-    filtered = run(compiled, timeline, start, consider=True, progress=progress)
+    filtered = run(compiled, timeline, start, CONSIDERING, progress=progress)
     track = track_of(vehicle, compiled, timeline, filtered)
     over = smoothed(compiled, timeline, start, filtered, progress)
     track = replace(track, smoothed=states_of(vehicle, compiled, over.x, over.variance))

@@ -29,8 +29,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.compute.records import Belief, Events, Linearisation, Window, Work
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled, Filtered
+from clutchest.estimate.whole_log import Compiled, Filtered, copied, events_of, regimes_of
 from clutchest.progress import Progress
 from clutchest.signals import Floats
 
@@ -65,15 +66,15 @@ def smoothed(
     windows = _Windows.of(compiled, timeline, filtered)
     n, m, count = len(start.x), len(compiled.thetas), len(timeline.t)
 
-    def tell(share: float) -> None:
+    def report(share: float) -> None:
         if progress:
             progress("smoothing", share)
 
-    belief, apart, checkpoints = start.copy(), np.zeros(n), []
+    belief, apart, checkpoints = copied(start), np.zeros(n), []
     products = np.zeros((1 + m, 1 + m))
     for begin in range(0, count, WINDOW):
-        tell(0.5 * begin / count)
-        checkpoints.append((belief.copy(), apart.copy()))
+        report(0.5 * begin / count)
+        checkpoints.append((copied(belief), apart.copy()))
         products += windows.filter(begin, belief, apart)
     theta, C = parameters(products, compiled.spread)
 
@@ -81,15 +82,15 @@ def smoothed(
     result = Smoothed(np.empty((rows, n)), np.empty((rows, n, n)))
     adjoint = np.zeros((n, 1 + m)), np.zeros((n, n))
     for begin in reversed(range(0, count, WINDOW)):
-        tell(1.0 - 0.5 * begin / count)
+        report(1.0 - 0.5 * begin / count)
         windows.filter(begin, *checkpoints.pop())
-        X, P = windows.look_back(begin, *adjoint)
+        X, P = windows.smooth(begin, *adjoint)
         S = X[:, :, 1:]
         here = slice(rows - len(X), rows)
         result.x[here] = X[:, :, 0] + S @ theta
         result.P[here] = P + S @ C @ S.transpose(0, 2, 1)
         rows -= len(X)
-    tell(1.0)
+    report(1.0)
     return result
 
 
@@ -107,16 +108,16 @@ def parameters(products: Floats, spread: Floats) -> tuple[Floats, Floats]:
 class _Windows:
     """One window's memory, used again for every window.
 
-    ``events`` and ``rows`` as the kernel's ``remember`` fills them; ``on_grid`` (K) marks events
-    after which there is a row.
+    ``window`` as the kernel's ``filter_window`` fills it; ``on_grid`` (K) marks events after which
+    there is a row.
     """
 
     compiled: Compiled
     timeline: Timeline
     filtered: Filtered
     on_grid: NDArray[np.bool_]
-    events: tuple[Floats, ...]
-    rows: tuple[Floats, Floats]
+    window: Window
+    work: Work
 
     @classmethod
     def of(cls, compiled: Compiled, timeline: Timeline, filtered: Filtered) -> _Windows:
@@ -124,81 +125,51 @@ class _Windows:
         on_grid = np.zeros(len(timeline.t), bool)
         on_grid[timeline.emit >= 0] = timeline.grid
         size = min(WINDOW, len(on_grid)) + 1
-        most = max(
-            (
-                int(np.sum(on_grid[begin : begin + WINDOW]))
-                for begin in range(0, len(on_grid), WINDOW)
-            ),
-            default=0,
+        begins = range(0, len(on_grid), WINDOW)
+        rows = max((int(np.sum(on_grid[begin : begin + WINDOW])) for begin in begins), default=0)
+        window = Window(
+            Phi=np.zeros((size, n, n)),
+            H=np.zeros((size, n)),
+            K=np.zeros((size, n)),
+            variance=np.ones(size),
+            innovation=np.zeros((size, 1 + m)),
+            X=np.zeros((rows, n, 1 + m)),
+            P=np.zeros((rows, n, n)),
         )
-        events = (
-            np.zeros((size, n, n)),
-            np.zeros((size, n)),
-            np.zeros((size, n)),
-            np.ones(size),
-            np.zeros((size, 1 + m)),
-        )
-        return cls(
-            compiled,
-            timeline,
-            filtered,
-            on_grid,
-            events,
-            (np.zeros((most, n, 1 + m)), np.zeros((most, n, n))),
-        )
+        work = compiled.functions.workspace(timeline.W.shape[1])
+        return cls(compiled, timeline, filtered, on_grid, window, work)
 
-    def _piece(self, begin: int) -> tuple[slice, NDArray[np.int8], NDArray[np.int64]]:
-        """The window's events, their sensors and rows.  It starts with the event before it,
+    def _events(self, begin: int) -> tuple[slice, Events]:
+        """The window's events, with rows on the grid alone.  It starts with the event before it,
         which has been taken already."""
-        piece = slice(max(begin - 1, 0), begin + WINDOW)
-        sensor, out = self.timeline.sensor[piece].copy(), self.on_grid[piece].copy()
-        if begin:
-            sensor[0], out[0] = -1, False
-        return piece, sensor, np.where(out, np.cumsum(out) - 1, -1)
+        piece, taken = slice(max(begin - 1, 0), begin + WINDOW), begin > 0
+        events, out = events_of(self.timeline, piece, taken), self.on_grid[piece].copy()
+        out[0] &= not taken
+        return piece, events._replace(emit=np.where(out, np.cumsum(out) - 1, -1))
 
     def filter(self, begin: int, belief: Belief, apart: Floats) -> Floats:
         """Advance ``belief`` and, from there to the estimate, ``apart`` (n) over one window;
         returns what it adds to the products that :func:`parameters` takes."""
-        piece, sensor, emit = self._piece(begin)
-        line, compiled, (_, predicted, used) = (
-            self.timeline,
-            self.compiled,
-            self.filtered.innovation[piece].T,
+        piece, events = self._events(begin)
+        _, predicted, used = self.filtered.innovation[piece].T
+        self.compiled.functions.filter_window(
+            belief,
+            events._replace(R=events.R + (used - predicted)),
+            regimes_of(self.timeline),
+            self.compiled.numbers,
+            Linearisation(self.filtered.x, self.timeline.emit[piece], apart),
+            self.window,
+            self.work,
         )
-        compiled.functions.remember(
-            belief.x,
-            apart,
-            belief.P,
-            belief.S,
-            line.t[piece],
-            sensor,
-            line.z[piece],
-            line.R[piece] + (used - predicted),
-            line.u[piece],
-            line.row[piece],
-            line.W,
-            line.Q,
-            line.longest,
-            line.noise,
-            compiled.p,
-            compiled.g,
-            self.filtered.x,
-            line.emit[piece],
-            emit,
-            *self.events,
-            *self.rows,
-        )
-        seen = np.flatnonzero(sensor >= 0)
-        variance, told = self.events[3][seen], self.events[4][seen]
-        return told.T @ (told / variance[:, None])
+        read = np.flatnonzero(events.sensor >= 0)
+        variance, innovation = self.window.variance[read], self.window.innovation[read]
+        return innovation.T @ (innovation / variance[:, None])
 
-    def look_back(self, begin: int, L: Floats, A: Floats) -> tuple[Floats, Floats]:
+    def smooth(self, begin: int, L: Floats, A: Floats) -> tuple[Floats, Floats]:
         """Smooth the window that was filtered last: states with their responses (r, n, 1 + m) and
         own covariance (r, n, n) on the grid, at θ's nominal value.  ``L`` and ``A`` as the
-        kernel's ``look_back`` has them."""
-        piece, sensor, emit = self._piece(begin)
-        self.compiled.functions.look_back(
-            L, A, self.timeline.t[piece], sensor, emit, *self.events, *self.rows
-        )
-        count = int(emit.max(initial=-1)) + 1
-        return self.rows[0][:count], self.rows[1][:count]
+        kernel's ``smooth_window`` has them."""
+        _, events = self._events(begin)
+        self.compiled.functions.smooth_window(L, A, events, self.window, self.work)
+        count = int(events.emit.max(initial=-1)) + 1
+        return self.window.X[:count], self.window.P[:count]

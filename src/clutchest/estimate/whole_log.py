@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
 
 from clutchest.compute import build
 from clutchest.compute.lower import NOISE, START
+from clutchest.compute.records import (
+    Belief,
+    EventResults,
+    Events,
+    Numbers,
+    Regimes,
+    RowResults,
+    Weighting,
+)
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.effects import Effect, effects_of_file
@@ -41,34 +50,33 @@ class Compiled:
     thetas: tuple[tuple[str, str], ...]
     spread: Floats
 
+    @property
+    def numbers(self) -> Numbers:
+        """Parameters and effect numbers as kernels take them."""
+        return Numbers(self.p, self.g)
 
-@dataclass(slots=True)
-class Belief:
-    """State ``x`` (n), covariance ``P`` (n, n), and the response ``S`` (n, m) to every theta.
 
-    The slip energy so far, which no measurement corrects: ``E`` (2) J and its variance, ``cE`` (n)
-    its covariance with x, ``sE`` (m) its response to every theta.  ``held`` (n): the standard
-    deviations that equations use, as the last reading left them; negative before the first.
+@dataclass(frozen=True, slots=True)
+class FilterOptions:
+    """How a filter weighs readings, and what it keeps.
+
+    Innovations beyond ``limit`` standard deviations count for less.  ``signature``: the responses
+    to the uncertain parameters are followed, and their spreads stand in the stated uncertainty.
+    With ``consider`` the gains take the spreads into account, and innovations are judged with
+    them; without, the filter takes the parameters for true.  ``keep``: gains and responses of all
+    innovations are returned.  ``gains`` (K, n + doubted) replace the filter's own, so that two
+    runs differ by the model alone.
     """
 
-    x: Floats
-    P: Floats
-    S: Floats
-    E: Floats
-    cE: Floats
-    sE: Floats
-    held: Floats
+    limit: float = ROBUST_LIMIT
+    signature: bool = True
+    consider: bool = False
+    keep: bool = False
+    gains: Floats | None = None
 
-    @classmethod
-    def of(cls, x: Floats, P: Floats, S: Floats) -> Belief:
-        """Before any slip."""
-        return cls(
-            x, P, S, np.zeros(2), np.zeros(len(x)), np.zeros(S.shape[1]), np.full(len(x), -1.0)
-        )
 
-    def copy(self) -> Belief:
-        """An independent copy."""
-        return Belief(*(getattr(self, f.name).copy() for f in fields(self)))
+PLAIN = FilterOptions()
+CONSIDERING = FilterOptions(consider=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +87,8 @@ class Filtered:
     ``outputs`` (r, outputs, 2) value and variance, ``energy`` (r, 3 + m),
     ``gained`` (r, n) the information in nats that measurements gave so far; per event
     ``innovation`` (K, 3): innovation, its predicted and its used variance.  ``final`` is the
-    belief after the last event; ``signature`` (K, m) the innovations' response, if asked for.
+    belief after the last event; ``signature`` (K, m) the innovations' response, and
+    ``gains``, where they are kept.
     """
 
     x: Floats
@@ -181,86 +190,104 @@ def run(
     compiled: Compiled,
     timeline: Timeline,
     start: Belief,
+    options: FilterOptions = PLAIN,
     *,
-    limit: float = ROBUST_LIMIT,
-    with_signature: bool = True,
-    keep_signature: bool = False,
-    consider: bool = False,
-    keep_gains: bool = False,
-    frozen: Floats | None = None,
     gained: Floats | None = None,
     progress: Progress | None = None,
 ) -> Filtered:
     """Filter one timeline from ``start``.
 
-    With ``consider`` the gains weigh the parameters' spreads, and innovations are judged with
-    them; without, the filter takes the parameters for true and only its stated uncertainty has
-    the spreads (``with_signature``).  ``frozen`` gains (K, n) replace the filter's own, so that
-    two runs differ by the model alone; ``keep_gains`` and ``keep_signature`` fill those arrays.
     ``gained`` (2, n), the kernel's information so far, is carried on in place.
     """
     n, m, K = len(start.x), len(compiled.thetas), len(timeline.t)
-    rows = int(timeline.emit.max(initial=-1)) + 1
-    outputs = len(compiled.model.outputs)
-    belief = start.copy()
+    belief = copied(start)
     gained = np.zeros((2, n)) if gained is None else gained
-    considered = compiled.spread**2 if consider and with_signature else np.zeros(0)
-    width = n + len(compiled.model.doubted)
-    gains = np.zeros((K if keep_gains else 0, width)) if frozen is None else frozen
-    out = (
-        np.zeros((rows, n)),
-        np.zeros((rows, n, n)),
-        np.zeros((rows, n)),
-        np.zeros((rows, outputs, 2)),
-        np.zeros((rows, 3 + m)),
-        np.zeros((rows, n)),
-    )
-    innovation = np.zeros((K, 3))
-    signature = np.zeros((K if keep_signature else 0, m))
+    rows = _empty_rows(compiled, timeline)
+    results = EventResults(np.zeros((K, 3)), np.zeros((K if options.keep else 0, m)))
+    weighting = _weighting(compiled, K, options)
+    regimes, work = regimes_of(timeline), compiled.functions.workspace(timeline.W.shape[1])
     total = 0.0
     for begin in range(0, K, CHUNK):
         if progress:
             progress("filtering", begin / K)
         # a piece starts with the event before it, which has been taken already
         piece = slice(max(begin - 1, 0), min(begin + CHUNK, K))
-        sensor, emit = timeline.sensor[piece].copy(), timeline.emit[piece].copy()
-        if begin:
-            sensor[0] = emit[0] = -1
+        events = events_of(timeline, piece, taken=begin > 0)
         total += compiled.functions.run(
-            belief.x,
-            belief.P,
-            belief.S,
-            belief.E,
-            belief.cE,
-            belief.sE,
-            belief.held,
+            belief,
             gained,
-            compiled.spread,
-            considered,
-            timeline.t[piece],
-            sensor,
-            timeline.z[piece],
-            timeline.R[piece],
-            timeline.u[piece],
-            timeline.row[piece],
-            timeline.W,
-            timeline.Q,
-            timeline.longest,
-            timeline.noise,
-            timeline.variance,
-            compiled.p,
-            compiled.g,
-            limit,
-            emit,
-            with_signature,
-            frozen is not None,
-            gains[piece] if len(gains) else gains,
-            *out,
-            innovation[piece],
-            signature[piece] if len(signature) else signature,
+            events,
+            regimes,
+            compiled.numbers,
+            weighting._replace(gains=_cut(weighting.gains, piece)),
+            rows,
+            EventResults(*(_cut(result, piece) for result in results)),
+            work,
         )
     if progress:
         progress("filtering", 1.0)
     if not np.all(np.isfinite(belief.x)):
         raise ClutchestError("the estimate left the finite numbers: see the parameters' values")
-    return Filtered(*out, innovation, signature, gains, belief, float(total))
+    return Filtered(*rows, *results, weighting.gains, belief, float(total))
+
+
+def copied(belief: Belief) -> Belief:
+    """An independent copy."""
+    return Belief(*(array.copy() for array in belief))
+
+
+def first_belief(x: Floats, P: Floats, S: Floats) -> Belief:
+    """The belief before any slip; arrays as :class:`Belief` has them."""
+    n, m = S.shape
+    return Belief(x, P, S, np.zeros(2), np.zeros(n), np.zeros(m), np.full(n, -1.0))
+
+
+def events_of(line: Timeline, piece: slice = slice(None), taken: bool = False) -> Events:
+    """A piece of a timeline's events as kernels take them; the first only leads to the others
+    where it has been ``taken`` already."""
+    sensor, emit = line.sensor[piece], line.emit[piece]
+    if taken:
+        sensor, emit = sensor.copy(), emit.copy()
+        sensor[0] = emit[0] = -1
+    return Events(
+        line.t[piece], sensor, line.z[piece], line.R[piece], line.u[piece], line.row[piece], emit
+    )
+
+
+def regimes_of(line: Timeline) -> Regimes:
+    """A timeline's regimes as kernels take them."""
+    return Regimes(line.W, line.Q, line.longest, line.noise, line.variance)
+
+
+def _weighting(compiled: Compiled, K: int, options: FilterOptions) -> Weighting:
+    """How ``K`` events are weighed."""
+    considers = options.consider and options.signature
+    width = len(compiled.model.states) + len(compiled.model.doubted)
+    gains = np.zeros((K if options.keep else 0, width)) if options.gains is None else options.gains
+    return Weighting(
+        spread=compiled.spread,
+        considered=compiled.spread**2 if considers else np.zeros(0),
+        limit=options.limit,
+        signature=options.signature,
+        gains=gains,
+        frozen=options.gains is not None,
+    )
+
+
+def _empty_rows(compiled: Compiled, timeline: Timeline) -> RowResults:
+    """Room for every row that the timeline emits."""
+    n, m = len(compiled.model.states), len(compiled.thetas)
+    rows = int(timeline.emit.max(initial=-1)) + 1
+    return RowResults(
+        x=np.zeros((rows, n)),
+        P=np.zeros((rows, n, n)),
+        total=np.zeros((rows, n)),
+        outputs=np.zeros((rows, len(compiled.model.outputs), 2)),
+        energy=np.zeros((rows, 3 + m)),
+        gained=np.zeros((rows, n)),
+    )
+
+
+def _cut(values: Floats, piece: slice) -> Floats:
+    """A piece of what there is per event; nothing of what is not kept."""
+    return values[piece] if len(values) else values

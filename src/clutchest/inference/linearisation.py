@@ -16,11 +16,20 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.compute.records import (
+    ActiveThetas,
+    Denoised,
+    MeasuredRates,
+    Numbers,
+    Sensitivities,
+    Start,
+    Tracking,
+)
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.initial_state import fresh, nominal
 from clutchest.estimate.samples import slope
 from clutchest.estimate.timeline import Timeline, build
-from clutchest.estimate.whole_log import Compiled, delays
+from clutchest.estimate.whole_log import Compiled, delays, events_of, regimes_of
 from clutchest.inference.decimation import decimated
 from clutchest.inference.denoising import calm, firm, path
 from clutchest.inference.input_interpolation import InterpolatedInput, apart
@@ -147,7 +156,7 @@ class LinearisedDrive:
 
         ``p`` parameters, ``g`` numbers of effects, ``x`` first states; ``late`` s by signal come
         on top of the effects' delays.  Derivatives are taken at the inputs that the run before
-        implied (see ``compute.answers``).
+        implied (see ``compute.sensitivities``).
         """
         shifts = self._shifts(g, late)
         uneven = {d.theta: d.size / d.reach for d in self.delays if np.ndim(d.size)}
@@ -207,37 +216,16 @@ class LinearisedDrive:
         place[self.rows] = np.arange(len(self.rows))
         slope = self._slopes(self.still, late)
         moves = slope if g[self.plays].any() else self._slopes(self.firm, late)
-        functions.answer(
-            started,
-            self.start.P.copy(),
-            S[:, active].copy(),
-            active,
-            basis,
-            which,
-            line.t,
-            line.sensor,
-            line.z,
-            line.R,
-            u,
-            true,
-            slope,
-            moves,
-            self.calm,
-            np.flatnonzero(self.tracked),
-            line.row,
-            line.W,
-            line.Q,
-            line.longest,
-            line.noise,
-            p,
-            g,
-            self.frozen,
-            self.gain,
-            self.variance,
-            place,
-            states,
-            innovations,
-            answers,
+        functions.filter_sensitivities(
+            Start(started, self.start.P.copy(), S[:, active].copy()),
+            ActiveThetas(active, basis, which),
+            events_of(line)._replace(u=u, emit=place),
+            Denoised(true, slope, moves, self.calm),
+            Tracking(np.flatnonzero(self.tracked), self.gain, self.variance, self.frozen),
+            regimes_of(line),
+            Numbers(p, g),
+            Sensitivities(states, innovations, answers),
+            functions.sensitivity_workspace(len(active)),
         )
         return innovations, answers, states
 
@@ -256,16 +244,12 @@ class LinearisedDrive:
         implied = measured.copy()
         for j, by in self.moved.items():
             implied[:, j] += by
-        self.compiled.functions.imply(
+        self.compiled.functions.imply_inputs(
             self.states,
-            self.slope,
-            np.flatnonzero(self.tracked),
             line.row,
-            self.acts,
-            line.W,
-            line.noise,
-            p,
-            g,
+            MeasuredRates(np.flatnonzero(self.tracked), self.slope, self.acts),
+            regimes_of(line),
+            Numbers(p, g),
             measured,
             implied,
         )

@@ -1,10 +1,12 @@
 """Drives drawn from the filter's own model, each with its Cramér–Rao bound.
 
-Like ``compute.kernel`` this text joins the model's lowered functions in the generated module.  It
-integrates by itself: Runge–Kutta's rule for the drift, Euler's and Maruyama's for the noise.
+Like ``compute.kernel`` this text joins the model's lowered functions in a generated module: one of
+its own, which :mod:`drawn` makes.  It integrates by itself: Runge–Kutta's rule for the drift,
+Euler's and Maruyama's for the noise.
 """
 
 from math import ceil, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -23,6 +25,17 @@ from clutchest.compute.lowered import (
 )
 
 # --- the generated module goes on from here ---
+
+
+class Plan(NamedTuple):
+    """The inputs keep the state near a plan: ``z`` (K) is the reading of ``sensor`` that was meant,
+    ``pull`` (nu) by how much each input goes up per unit that the last reading fell short of it.
+    ``finest`` s is the longest step of the truth."""
+
+    sensor: Any
+    z: Any
+    pull: Any
+    finest: Any
 
 
 @njit(cache=True, error_model="numpy")
@@ -53,102 +66,60 @@ def wander(x, ua, ub, dt, w, p, g, q, noise, random, k, A, B, y, Y, Yu):
 
 
 @njit(cache=True, error_model="numpy")
-def draw(
-    random,
-    x,
-    P,
-    t,
-    sensor,
-    R,
-    u,
-    row,
-    W,
-    Qs,
-    longest,
-    finest,
-    noise,
-    p,
-    g,
-    watched,
-    held,
-    pull,
-    emit,
-    z,
-    out_x,
-    out_bound,
-):
+def wander_finely(x, ua, ub, dt, finer, w, numbers, q, noise, random, work):
+    """:func:`wander` in so many ``finer`` steps, each with the step map behind it."""
+    k4, A, B, y, Y, Yu, at = work
+    for f in range(finer):
+        uf = ua + (ub - ua) * (f / finer)
+        ug = ua + (ub - ua) * ((f + 1) / finer)
+        wander(x, uf, ug, dt / finer, w, numbers.p, numbers.g, q, noise, random, k4, A, B, y, Y, Yu)
+        if HAS_MAP:
+            step_map(x, uf, ug, w, numbers.p, numbers.g, at, A)
+            x[:] = at
+
+
+@njit(cache=True, error_model="numpy")
+def draw(random, x, P, events, regimes, numbers, plan, z, out_x, out_bound):
     """Draw the truth from ``x`` (n) along a timeline, and everything that is measured of it.
 
-    Events as the filter's ``run`` takes them.  ``finest`` s is the longest step of the truth.
-    The inputs keep the state near a plan: ``held`` (K) is the reading of sensor ``watched`` that
-    was meant, ``pull`` (nu) by how much each input goes up per unit that the last reading fell
-    short of it.  So ``u`` (K, nu) is changed in place, by nothing but what was measured before;
-    ``z`` (K) is filled.
+    ``events`` as the filter's ``run`` takes them; ``u`` (K, nu) is changed in place, by nothing
+    but what was measured before, and ``z`` (K) is filled.
 
     ``P`` (n, n) becomes the posterior Cramér–Rao bound: Tichavský's recursion in its covariance
     form, which a singular process noise does not harm, is the filter's own with every derivative
     taken at the truth.  ``out_x`` (rows, n) truth and ``out_bound`` (rows, n) variance.
     """
-    n = STATES
-    F, Q, T = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    xn, e, K, PH, H, at = (
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-    )
-    k4, A, B = np.zeros((4, n)), np.zeros((n, n)), np.zeros((n, INPUTS))
+    n, t, u, p, g = STATES, events.t, events.u, numbers.p, numbers.g
+    F, Q, T, H, at = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    xn, e, K, PH, A = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, n))
     y, Y, Yu = np.zeros(OUTPUTS), np.zeros((OUTPUTS, n)), np.zeros((OUTPUTS, INPUTS))
+    work = np.zeros((4, n)), A, np.zeros((n, INPUTS)), y, Y, Yu, at
     nothing, none, few = np.zeros((n, 0)), np.zeros(0), np.zeros(0)
     behind = 0.0
     for k in range(len(t)):
         for j in range(INPUTS):
-            u[k, j] += pull[j] * behind
-        w = W[row[k]]
+            u[k, j] += plan.pull[j] * behind
+        row = events.row[k]
+        w, q = regimes.W[row], regimes.Q[row]
         span = t[k] - t[k - 1] if k > 0 else 0.0
         if span > 0.0:
-            steps = ceil(span / longest[row[k]])
+            steps = ceil(span / regimes.longest[row])
             dt = span / steps
-            finer = ceil(dt / finest)
+            finer = ceil(dt / plan.finest)
             for i in range(steps):
                 ua = u[k - 1] + (u[k] - u[k - 1]) * (i / steps)
                 ub = u[k - 1] + (u[k] - u[k - 1]) * ((i + 1) / steps)
-                step(x, ua, ub, dt, w, p, g, Qs[row[k]], noise, xn, F, Q, e)
+                step(x, ua, ub, dt, w, p, g, q, regimes.noise, xn, F, Q, e)
                 propagate(P, F, Q, T)
-                for f in range(finer):
-                    uf = ua + (ub - ua) * (f / finer)
-                    ug = ua + (ub - ua) * ((f + 1) / finer)
-                    wander(
-                        x,
-                        uf,
-                        ug,
-                        dt / finer,
-                        w,
-                        p,
-                        g,
-                        Qs[row[k]],
-                        noise,
-                        random,
-                        k4,
-                        A,
-                        B,
-                        y,
-                        Y,
-                        Yu,
-                    )
-                    if HAS_MAP:
-                        step_map(x, uf, ug, w, p, g, at, A)
-                        x[:] = at
-        if sensor[k] >= 0:
-            h = reading(sensor[k], x, u[k], w, p, g, H)
-            z[k] = h + sqrt(R[k]) * random.standard_normal()
+                wander_finely(x, ua, ub, dt, finer, w, numbers, q, regimes.noise, random, work)
+        if events.sensor[k] >= 0:
+            h = reading(events.sensor[k], x, u[k], w, p, g, H)
+            z[k] = h + sqrt(events.R[k]) * random.standard_normal()
             at[:] = x  # the bound's update must not move the truth
-            update(at, P, nothing, h, H, none, h, R[k], few, K, PH, 1e9)
-            if sensor[k] == watched:
-                behind = held[k] - z[k]
-        o = emit[k]
+            update(at, P, nothing, h, H, none, h, events.R[k], few, K, PH, 1e9)
+            if events.sensor[k] == plan.sensor:
+                behind = plan.z[k] - z[k]
+        o = events.emit[k]
         if o >= 0:
             for i in range(n):
                 out_x[o, i] = x[i]

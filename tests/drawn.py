@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
+import drawing
+from clutchest.compute import build
 from clutchest.errors import ClutchestError
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import Belief, Compiled
+from clutchest.estimate.whole_log import Belief, Compiled, events_of, regimes_of
 from clutchest.signals import Floats
 
 FINEST = 0.01  # s, longest step of the truth
@@ -73,28 +77,23 @@ def draw(
     rows = int(plan.emit.max()) + 1
     u, z = plan.u.copy(), np.zeros(len(plan.t))
     x, bound = np.zeros((rows, n)), np.zeros((rows, n))
-    compiled.functions.draw(
+    _drawing(compiled).draw(
         rng,
         start.copy(),
         prior.P.copy(),
-        plan.t,
-        plan.sensor,
-        plan.R,
-        u,
-        plan.row,
-        plan.W,
-        plan.Q,
-        plan.longest,
-        finest,
-        plan.noise,
-        compiled.p,
-        compiled.g,
-        watched,
-        plan.z,
-        pull,
-        plan.emit,
+        events_of(plan)._replace(u=u),
+        regimes_of(plan),
+        compiled.numbers,
+        drawing.Plan(watched, plan.z, pull, finest),
         z,
         x,
         bound,
     )
     return Drawn(replace(plan, u=u, z=z), x, bound)
+
+
+def _drawing(compiled: Compiled) -> ModuleType:
+    """The model's functions with those of :mod:`drawing` behind them."""
+    _, text = build.generate(compiled.model, compiled.thetas)
+    file = Path(drawing.__file__).read_text(encoding="utf-8")
+    return build.load(*build.named([text, file.split(build.MARK)[1]]))
