@@ -1,9 +1,9 @@
-"""Fault tests: false alarms in healthy drives, delays beside an oracle, and who is blamed.
+"""Fault tests: false alarms in healthy drives, detection delays beside an oracle, isolation.
 
     python benchmarks/faults --out faults-out
 
-keeps a record of every drive, so that it goes on where it was stopped, and counts all that are
-there (``--drives 0`` only counts); prints tables, writes them to ``faults.json`` and draws
+records every drive, continues where it was stopped, and counts all records in the folder
+(``--drives 0`` only counts); prints tables, writes them to ``faults.json`` and draws
 ``delays.png``.  An hour of driving takes about twenty-five seconds.
 """
 
@@ -38,13 +38,13 @@ def main() -> None:
         "--drives", type=int, default=1000, help="healthy drives, half an hour each"
     )
     parser.add_argument(
-        "--hot", type=int, default=20, help="drives of each kind that heat may lead astray"
+        "--hot", type=int, default=20, help="drives per heat condition and scenario"
     )
     parser.add_argument("--injected", type=int, default=10, help="drives per fault")
-    parser.add_argument("--hours", type=float, default=20_000.0, help="drawn at residual level")
-    parser.add_argument("--trials", type=int, default=400, help="faults drawn per size")
+    parser.add_argument("--hours", type=float, default=20_000.0, help="simulated at residual level")
+    parser.add_argument("--trials", type=int, default=400, help="faults simulated per size")
     parser.add_argument(
-        "--logs", type=Path, help="where the recorded drives and their DBCs are: without, none"
+        "--logs", type=Path, help="folder of the recorded drives and their DBCs; none without"
     )
     parser.add_argument("--onsets", type=int, default=5, help="recorded drives per fault")
     parser.add_argument("--first", type=int, default=2000, help="first seed")
@@ -54,33 +54,33 @@ def main() -> None:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / "faults.json"
-    found: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
+    results: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
     folder = given.out / "drives"
     folder.mkdir(exist_ok=True)
 
     if "healthy" in given.parts:
-        told = [
+        tasks = [
             (given.vehicle, healthy.SCENARIOS[i % 3], given.first + i, "within its spreads", folder)
             for i in range(given.drives)
         ]
-        ran("healthy", healthy.record, told, given.jobs)
-        found["healthy"] = healthy.tally(folder)
-        print(json.dumps(found["healthy"], indent=1))
+        ran("healthy", healthy.record, tasks, given.jobs)
+        results["healthy"] = healthy.tally(folder)
+        print(json.dumps(results["healthy"], indent=1))
     if "hot" in given.parts:
         hot = given.out / "hot"
         hot.mkdir(exist_ok=True)
-        told = [
+        tasks = [
             (given.vehicle, scenario, given.first + i, heat, hot)
             for i in range(given.hot)
             for heat in healthy.HEAT
             for scenario in healthy.scenarios(heat)
         ]
-        ran("hot", healthy.record, told, given.jobs)
-        found["hot"] = healthy.tally(hot)
-        print(json.dumps(found["hot"], indent=1))
+        ran("hot", healthy.record, tasks, given.jobs)
+        results["hot"] = healthy.tally(hot)
+        print(json.dumps(results["hot"], indent=1))
     if "residuals" in given.parts:
-        found["residuals"] = at_residual_level(given.vehicle, folder, given.hours, given.trials)
-        pictures.delays(found["residuals"], given.out / "delays.png")
+        results["residuals"] = at_residual_level(given.vehicle, folder, given.hours, given.trials)
+        pictures.delays(results["residuals"], given.out / "delays.png")
     if "injected" in given.parts:
         drives = given.out / "injected"
         drives.mkdir(exist_ok=True)
@@ -89,25 +89,25 @@ def main() -> None:
             for i in range(given.injected)
             for fault in injected.CASES
         ]
-        found["injected"] = injected.table(ran("injected", injected.judged, tasks, given.jobs))
-        print(json.dumps(found["injected"], indent=1))
+        results["injected"] = injected.table(ran("injected", injected.judged, tasks, given.jobs))
+        print(json.dumps(results["injected"], indent=1))
     if "recorded" in given.parts and given.logs is not None:
-        found["recorded"] = recorded.table(given.logs, given.onsets)
-    path.write_text(json.dumps(found, indent=1))
+        results["recorded"] = recorded.table(given.logs, given.onsets)
+    path.write_text(json.dumps(results, indent=1))
 
 
 def at_residual_level(vehicle: str, folder: Path, hours: float, trials: int) -> dict[str, Any]:
-    """Rates and delays of every fault by drawing; prints a line per fault and size."""
+    """Rates and delays of every fault by simulation; prints a line per fault and size."""
     truck = clutchest.load_vehicle(vehicle)
     records = residuals.loaded(folder)
     units = {(e.name, n.key): n.upper for e in effects_for(truck.machine) for n in e.gains}
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     for k, fault in enumerate(truck.machine.faults):
         unit = units[fault.effect.name, fault.key]
         of = residuals.rates(records, fault, k, unit, hours, seed=100 + k)
         of |= {"unit": fault.gain.unit, "measured": residuals.measured(records, k)}
         of["delays"] = residuals.delays(records, fault, k, unit, of, trials, seed=200 + k)
-        found[fault.name] = of
+        results[fault.name] = of
         for test in ("glr", "cusum"):
             print(
                 f"{fault.name}: {test} {of[test]['alarms']} alarms in {hours:.0f} h, "
@@ -121,7 +121,7 @@ def at_residual_level(vehicle: str, folder: Path, hours: float, trials: int) -> 
                 f"plain ×{row['plain_h'] / row['oracle_h']:.2f}",
                 flush=True,
             )
-    return found
+    return results
 
 
 if __name__ == "__main__":

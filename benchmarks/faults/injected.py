@@ -1,4 +1,4 @@
-"""Faults put into whole drives by the generator: detected, named, and their size estimated."""
+"""Faults injected into whole drives by the generator: detection, isolation and size estimates."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TRUE_SETS = {"wear": {"wear", "position_offset"}, "position_offset": {"position_
 
 
 def judged(task: tuple[str, str, int, Path]) -> dict[str, Any]:
-    """One drive with one fault; a record that is there already is taken as it is."""
+    """Test one drive with one fault and record the result; an existing record is kept."""
     vehicle, fault, seed, out = task
     path = out / f"{fault}-{seed}.json"
     if path.is_file():
@@ -32,31 +32,31 @@ def judged(task: tuple[str, str, int, Path]) -> dict[str, Any]:
     size = sizes[seed % len(sizes)]
     truck = clutchest.load_vehicle(vehicle)
     signals = clutchest.simulate(truck, scenario, seed, {effect: {key: size}}, duration=DURATION)
-    found = clutchest.diagnose(clutchest.replay(signals, truck))
-    told = found.isolability
-    d_prime = apart = None
-    if told is not None and fault in told.faults:
-        row = told.faults.index(fault)
-        scale = abs(size) / told.sizes[row]
-        d_prime = float(told.d_prime[row, -1] * scale)
+    diagnosis = clutchest.diagnose(clutchest.replay(signals, truck))
+    isolability = diagnosis.isolability
+    d_prime = nearest = None
+    if isolability is not None and fault in isolability.faults:
+        row = isolability.faults.index(fault)
+        scale = abs(size) / isolability.sizes[row]
+        d_prime = float(isolability.d_prime[row, -1] * scale)
         others = [
-            told.d_prime[row, k]
-            for k, f in enumerate(told.faults)
+            isolability.d_prime[row, k]
+            for k, f in enumerate(isolability.faults)
             if f != fault and f not in TRUE_SETS.get(fault, set())
         ]
-        apart = float(min(others) * scale)
+        nearest = float(min(others) * scale)
     record = {
         "fault": fault,
         "seed": seed,
         "size": size,
         "d_prime": d_prime,
-        "d_prime_nearest": apart,
-        "faults": [f.fault for f in found.faults],
-        "sets": [list(f.set) for f in found.faults],
-        "detected_s": found.faults[0].first_detected_s if found.faults else None,
+        "d_prime_nearest": nearest,
+        "faults": [f.fault for f in diagnosis.faults],
+        "sets": [list(f.set) for f in diagnosis.faults],
+        "detected_s": diagnosis.faults[0].first_detected_s if diagnosis.faults else None,
         "causes": [
             {"fault": c.fault, "size": c.size, "std": c.std, "behind": c.behind}
-            for f in found.faults
+            for f in diagnosis.faults
             for c in f.causes
         ],
     }
@@ -65,34 +65,34 @@ def judged(task: tuple[str, str, int, Path]) -> dict[str, Any]:
 
 
 def table(records: list[dict[str, Any]]) -> dict[str, Any]:
-    """Per fault: how many were detected, how many of them named rightly, how sizes came out."""
+    """Per fault: how many were detected, how many of them isolated, errors of the sizes."""
     rows: dict[str, Any] = {}
     for fault in CASES:
         own = [r for r in records if r["fault"] == fault]
-        found = [r for r in own if r["faults"]]
-        right = [r for r in found if _right(r)]
-        sure = [r for r in own if (r["d_prime_nearest"] or 0.0) >= 4.0]
-        sure_right = [r for r in sure if r["faults"] and _right(r)]
+        detected = [r for r in own if r["faults"]]
+        right = [r for r in detected if _right(r)]
+        separable = [r for r in own if (r["d_prime_nearest"] or 0.0) >= 4.0]
+        separable_right = [r for r in separable if r["faults"] and _right(r)]
         pulls = [
             (c["size"] - r["size"]) / c["std"]
-            for r in found
+            for r in detected
             for c in r["causes"][:3]
             if c["fault"] == fault and c["behind"] < NOT_EXCLUDED
         ]
         rows[fault] = {
             "drives": len(own),
-            "detected": len(found),
+            "detected": len(detected),
             "right": len(right),
-            "apart_by_4": len(sure),
-            "of_these_right": len(sure_right),
+            "separable": len(separable),
+            "of_these_right": len(separable_right),
             "mean_pull": sum(pulls) / len(pulls) if pulls else None,
-            "wrong": [(r["seed"], r["size"], r["sets"]) for r in found if not _right(r)],
+            "wrong": [(r["seed"], r["size"], r["sets"]) for r in detected if not _right(r)],
         }
     return rows
 
 
 def _right(record: dict[str, Any]) -> bool:
-    """One fault, it or the set that no signal can tell apart from it."""
+    """Whether one fault was reported: it, or the set that no signal distinguishes from it."""
     wanted = TRUE_SETS.get(record["fault"], {record["fault"]})
     return (
         len(record["sets"]) == 1

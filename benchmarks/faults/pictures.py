@@ -1,4 +1,4 @@
-"""Pictures of the benchmark: how soon faults are found, beside an oracle and the plain test."""
+"""Pictures of the benchmark: detection delays beside an oracle and a fixed threshold."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Any
 
 
-def delays(found: dict[str, Any], path: Path) -> None:
+def delays(results: dict[str, Any], path: Path) -> None:
     """Mean delay over size of every fault."""
     import matplotlib.pyplot as plt
 
-    shown = {name: of for name, of in found.items() if of.get("delays")}
+    shown = {name: of for name, of in results.items() if of.get("delays")}
     figure, axes = plt.subplots(1, len(shown), figsize=(3.2 * len(shown), 3.2), squeeze=False)
     for axis, (name, of) in zip(axes[0], shown.items(), strict=True):
         sizes = [row["size"] for row in of["delays"]]
         for test, label, style in (
-            ("plain", "fixed threshold, 3 on end", "s:"),
+            ("plain", "fixed threshold, 3 consecutive", "s:"),
             ("glr", "GLR, size unknown", "o-"),
             ("cusum", "CUSUM, size known", "^-"),
             ("oracle", "oracle", "k--"),

@@ -1,4 +1,4 @@
-"""Faults put into recorded drives, frame by frame: found, how soon, and what else is blamed."""
+"""Faults injected into recorded drives frame by frame: detection, delay, false isolation."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _since(frames: Frames, message: Message, onset: float) -> np.ndarray:
 
 
 def missing(message: Message) -> Fault:
-    """The message stays away."""
+    """The message is no longer sent."""
 
     def put(frames: Frames, rng: np.random.Generator, onset: float) -> Frames:
         keep = np.ones(len(frames), bool)
@@ -47,7 +47,7 @@ def missing(message: Message) -> Fault:
 
 
 def late(message: Message) -> Fault:
-    """The message comes more seldom."""
+    """The message is sent less often."""
 
     def put(frames: Frames, rng: np.random.Generator, onset: float) -> Frames:
         rows, t = _since(frames, message, onset), frames.t_ns.copy()
@@ -58,7 +58,7 @@ def late(message: Message) -> Fault:
 
 
 def frozen(message: Message) -> Fault:
-    """The payload stays as it was."""
+    """The payload no longer changes."""
 
     def put(frames: Frames, rng: np.random.Generator, onset: float) -> Frames:
         rows, data = _since(frames, message, onset), frames.data.copy()
@@ -71,7 +71,7 @@ def frozen(message: Message) -> Fault:
 def changed(
     message: Message, name: str, change: Callable[[np.ndarray, np.random.Generator], np.ndarray]
 ) -> Fault:
-    """One signal's values (n) become ``change`` of them; what is no value stays none."""
+    """``change`` is applied to one signal's valid values (n)."""
 
     def put(frames: Frames, rng: np.random.Generator, onset: float) -> Frames:
         column = decode(frames, _since(frames, message, onset), message, [name])[name]
@@ -83,7 +83,7 @@ def changed(
 
 
 def own_noise(value: np.ndarray) -> float:
-    """Standard deviation of what is left in fourth differences, at least a step of the bus."""
+    """Standard deviation from fourth differences, at least a step of the bus."""
     steps = np.abs(np.diff(value))
     least = float(steps[steps > 0].min(initial=np.inf))
     left = float(np.sqrt(np.median(np.diff(value, 4) ** 2) / 0.455 / 70.0))
@@ -92,10 +92,10 @@ def own_noise(value: np.ndarray) -> float:
 
 def faults_of(vehicle: Vehicle, messages: dict[str, Message]) -> dict[str, Fault]:
     """Every fault of frames and single signals that this vehicle can have, by its monitor."""
-    found: dict[str, Fault] = {}
+    faults: dict[str, Fault] = {}
     for name in messages_of(vehicle):
         for kind in (missing, late, frozen):
-            found[f"{kind.__name__}:{name}"] = kind(messages[name])
+            faults[f"{kind.__name__}:{name}"] = kind(messages[name])
     for name, signal in vehicle.signals.items():
         carried: tuple[BusSignal, ...] = (signal.bus, *([signal.other] if signal.other else []))
         cases = (
@@ -116,14 +116,14 @@ def faults_of(vehicle: Vehicle, messages: dict[str, Message]) -> dict[str, Fault
                     frames = one(frames, rng, onset)
                 return frames
 
-            found[f"{kind}:{name}"] = put
-    return found
+            faults[f"{kind}:{name}"] = put
+    return faults
 
 
 def table(folder: Path, onsets: int) -> dict[str, Any]:
-    """For every vehicle and fault: in how many of ``onsets`` drives it was found, how soon (s, the
-    median), and what else was said that the drive without it does not say; prints a line each."""
-    found: dict[str, Any] = {}
+    """For every vehicle and fault: in how many of ``onsets`` drives it was detected, the median
+    delay (s), and other faults that the drive without it does not have; prints a line each."""
+    tables: dict[str, Any] = {}
     for name, log in DRIVES.items():
         vehicle = clutchest.load_vehicle(name)
         database = load_database(vehicle, [folder])
@@ -131,7 +131,7 @@ def table(folder: Path, onsets: int) -> dict[str, Any]:
         messages = {m: database.message(m) for m in messages_of(vehicle)}
         length = float(frames.t_ns[-1] - frames.t_ns[0]) / 1e9
 
-        def told(
+        def detected(
             changed: Frames, vehicle: Vehicle = vehicle, database: Any = database
         ) -> dict[str, float]:
             try:
@@ -140,7 +140,7 @@ def table(folder: Path, onsets: int) -> dict[str, Any]:
                 return {}
             return {f.fault: f.first_detected_s for f in clutchest.diagnose(run).faults}
 
-        usual = set(told(frames))
+        usual = set(detected(frames))
         counted = [m for m in messages.values() if counter_of(m) and m.name in vehicle.checked]
         rows: dict[str, Any] = {"without": sorted(usual), "checked": [m.name for m in counted]}
         print(
@@ -152,14 +152,14 @@ def table(folder: Path, onsets: int) -> dict[str, Any]:
             rng = np.random.default_rng(1)
             delays, others, hidden = [], [], 0
             for onset in rng.uniform(WITHIN[0] * length, WITHIN[1] * length, onsets):
-                said = told(put(frames, rng, float(onset)))
+                times = detected(put(frames, rng, float(onset)))
                 hidden += fault in usual
-                if fault in said and (fault not in usual or said[fault] >= onset):
-                    delays.append(said[fault] - float(onset))
-                others += [f for f in said if f != fault and f not in usual]
+                if fault in times and (fault not in usual or times[fault] >= onset):
+                    delays.append(times[fault] - float(onset))
+                others += [f for f in times if f != fault and f not in usual]
             rows[fault] = {
                 "drives": onsets,
-                "found": len(delays),
+                "detected": len(delays),
                 "hidden": hidden,
                 "delay_s": float(np.median(delays)) if delays else None,
                 "others": sorted(others),
@@ -168,5 +168,5 @@ def table(folder: Path, onsets: int) -> dict[str, Any]:
             words += f" after {np.median(delays):.2f} s" if delays else ""
             words += f"; also {', '.join(sorted(set(others)))}" if others else ""
             print(f"  {fault}: {words}", flush=True)
-        found[name] = rows
-    return found
+        tables[name] = rows
+    return tables

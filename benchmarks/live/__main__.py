@@ -1,5 +1,5 @@
-"""A drive in real time over a bus, beside foreign traffic: what is lost, how late estimates come,
-how much memory grows, and whether a replay of what was received says the same.
+"""A drive in real time over a bus with foreign traffic: lost frames, latency of the estimates,
+growth of memory, and equality with a replay of the received frames.
 
     python benchmarks/live [--interface I --channel C] [--duration S] [--foreign N] [--silence S]
     python benchmarks/live --duration 2000 --speed 4        a million frames
@@ -30,20 +30,20 @@ FORK = multiprocessing.get_context("fork")
 
 
 class Timed(clutchest.Monitor):
-    """A monitor that tells what a row costs: processor time ``used``, s, since it took up the
-    frames that made the row certain."""
+    """A monitor that measures the cost of a row: processor time ``used``, s, since it took the
+    frames that made the row final."""
 
-    def _listen(self, *wait: float):
-        self._taken_up = time.thread_time()
-        return super()._listen(*wait)
+    def _receive(self, wait: float):
+        self._begun = time.thread_time()
+        return super()._receive(wait)
 
     @property
     def used(self) -> float:
-        return time.thread_time() - self._taken_up
+        return time.thread_time() - self._begun
 
 
 def memory_MiB() -> float:
-    """What this process holds in memory now."""
+    """Resident memory of this process."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -70,7 +70,7 @@ def drive(folder: Path, seconds: float) -> list[Path]:
     return halves
 
 
-def send(asked: argparse.Namespace, halves: list[Path], told) -> None:
+def send(asked: argparse.Namespace, halves: list[Path], lateness) -> None:
     bus = open_bus(asked.interface, asked.channel)
     late = []
     for k, half in enumerate(halves):
@@ -78,11 +78,11 @@ def send(asked: argparse.Namespace, halves: list[Path], told) -> None:
             time.sleep(asked.silence)
         late.append(play(half, bus, speed=asked.speed).late)
     bus.shutdown()
-    told.put(max(late))
+    lateness.put(max(late))
 
 
-def chatter(asked: argparse.Namespace) -> None:
-    """Frames that nobody asked for."""
+def foreign_traffic(asked: argparse.Namespace) -> None:
+    """Frames of messages that are not mapped."""
     import can
 
     bus = open_bus(asked.interface, asked.channel)
@@ -91,7 +91,7 @@ def chatter(asked: argparse.Namespace) -> None:
         while sent < asked.foreign * (time.monotonic() - begin):
             bus.send(
                 can.Message(
-                    arbitration_id=0x100 + sent % 0x300, is_extended_id=False, data=b"chatter!"
+                    arbitration_id=0x100 + sent % 0x300, is_extended_id=False, data=b"foreign!"
                 )
             )
             sent += 1
@@ -102,16 +102,16 @@ def same(out: Path) -> float:
     """The largest difference between the session and a replay, in standard deviations."""
     truck = clutchest.load_vehicle("truck")
     whole = clutchest.replay(clutchest.read_log(out / "received.log", truck), truck).to_pandas()
-    found = pd.read_parquet(out / "estimates.parquet")
-    rows = min(len(whole), len(found))
-    print(f"  rows: {len(found)} live, {len(whole)} in a replay of received.log")
+    live = pd.read_parquet(out / "estimates.parquet")
+    rows = min(len(whole), len(live))
+    print(f"  rows: {len(live)} live, {len(whole)} in a replay of received.log")
     worst = 0.0
     for name in whole.columns:
         if f"{name}_std" in whole.columns:
-            a, b = found[name].to_numpy()[:rows], whole[name].to_numpy()[:rows]
+            a, b = live[name].to_numpy()[:rows], whole[name].to_numpy()[:rows]
             apart = np.abs(a - b) / np.maximum(whole[f"{name}_std"].to_numpy()[:rows], 1e-300)
             worst = max(worst, float(np.nanmax(apart, initial=0.0)))
-    modes = (found["mode"].astype(str)[:rows] != whole["mode"].astype(str)[:rows]).sum()
+    modes = (live["mode"].astype(str)[:rows] != whole["mode"].astype(str)[:rows]).sum()
     print(f"  modes that differ: {modes}; largest difference {worst:.2g} standard deviations")
     return worst
 
@@ -120,15 +120,15 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
     halves = drive(folder, asked.duration)
     sent = sum(len(read_frames(half)) for half in halves)
     out = folder / "out"
-    told = FORK.Queue()
+    sent_late = FORK.Queue()
     truck = clutchest.load_vehicle("truck")
     faults = FaultWatcher(truck, load_database(truck), log=out / "received.log")
     monitor = Timed(open_bus(asked.interface, asked.channel), truck, out=out, watchers=[faults])
-    talkers = [FORK.Process(target=send, args=(asked, halves, told), daemon=True)]
+    senders = [FORK.Process(target=send, args=(asked, halves, sent_late), daemon=True)]
     if asked.foreign:
-        talkers.append(FORK.Process(target=chatter, args=(asked,), daemon=True))
-    for talker in talkers:
-        talker.start()
+        senders.append(FORK.Process(target=foreign_traffic, args=(asked,), daemon=True))
+    for sender in senders:
+        sender.start()
     lateness, effort, memory, begun = [], [], [], time.monotonic()
 
     def show(status, piece, events):
@@ -137,14 +137,14 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
             effort.append(1e3 * monitor.used)
         if len(memory) < (time.monotonic() - begun) / 5.0:
             memory.append(memory_MiB())
-        if not talkers[0].is_alive():
+        if not senders[0].is_alive():
             monitor.stop()
 
     used = time.process_time()
     status = monitor.run(None, show)
     used = (time.process_time() - used) / (time.monotonic() - begun)
-    for talker in talkers:
-        talker.kill()
+    for sender in senders:
+        sender.kill()
     late, effort = np.array(lateness), np.array(effort)
     received = read_frames(out / "received.log")
     print(
@@ -154,10 +154,10 @@ def real_time(asked: argparse.Namespace, folder: Path) -> None:
     )
     print(
         f"  frames: {sent} sent, {len(received)} received, {status.lost} dropped by the kernel; "
-        f"the latest was sent {1e3 * told.get():.1f} ms late"
+        f"the latest was sent {1e3 * sent_late.get():.1f} ms late"
     )
     print(
-        "  from the frame that made an estimate certain to its output: median "
+        "  from the frame that makes an estimate final to its output: median "
         f"{np.median(late):.1f} ms, p90 {np.percentile(late, 90):.1f} ms, p99 "
         f"{np.percentile(late, 99):.1f} ms, most {late.max():.1f} ms"
     )

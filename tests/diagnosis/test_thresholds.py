@@ -109,9 +109,3 @@ def test_an_estimated_tail_is_exceeded_as_seldom_as_stated():
             sequential.tail_take(tail, x)
         count += int(np.sum(rng.exponential(1.0, 500) > sequential.tail_bound(tail, 500.0)))
     assert count < 300  # at most once in each of 300
-
-
-def test_the_plain_test_waits_for_enough_samples_on_end():
-    path = np.zeros(6)
-    sequential.debounced(np.array([4.0, -4.0, 1.0, 4.0, 4.0, 4.0]), 3.0, 3, path)
-    assert path.tolist() == pytest.approx([1 / 3, 2 / 3, 0, 1 / 3, 2 / 3, 1])

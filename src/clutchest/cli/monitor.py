@@ -16,7 +16,7 @@ from clutchest.cli.terminal import progress
 
 if TYPE_CHECKING:
     from clutchest.estimate.drive import Piece
-    from clutchest.monitor.events import Event, SessionStatus
+    from clutchest.monitor.events import MonitorEvent, SessionStatus
     from clutchest.monitor.monitor import Monitor
 
 REDRAW = 0.2  # s between two pictures of the panel
@@ -121,7 +121,9 @@ def _watch(watching: Monitor, duration: float | None) -> None:
     drawn = 0.0
     with Screen(console=Console(), auto_refresh=False, transient=False) as screen:
 
-        def show(status: SessionStatus, piece: Piece | None, events: Sequence[Event]) -> None:
+        def show(
+            status: SessionStatus, piece: Piece | None, events: Sequence[MonitorEvent]
+        ) -> None:
             nonlocal drawn
             now = time.monotonic()
             if now - drawn > REDRAW and (piece is not None or now - drawn > 2 * REDRAW):
@@ -132,14 +134,14 @@ def _watch(watching: Monitor, duration: float | None) -> None:
         screen.update(panel(status, watching.vehicle.machine), refresh=True)
 
 
-def _words(status: SessionStatus, piece: Piece | None, events: Sequence[Event]) -> None:
+def _words(status: SessionStatus, piece: Piece | None, events: Sequence[MonitorEvent]) -> None:
     from clutchest.monitor.panel import words
 
     for event in events:
         print(f"{event.time:9.1f} s  {event.kind}: {words(event)}", flush=True)
 
 
-def _lines(status: SessionStatus, piece: Piece | None, events: Sequence[Event]) -> None:
+def _lines(status: SessionStatus, piece: Piece | None, events: Sequence[MonitorEvent]) -> None:
     """Events and estimates as they come, one object per line."""
     import json
     from dataclasses import asdict

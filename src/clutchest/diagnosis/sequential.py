@@ -119,16 +119,6 @@ def glr(score, information, low, high, one_sided, window, path, begun):  # type:
 
 
 @njit(cache=True)
-def debounced(z, threshold, count, path):  # type: ignore[no-untyped-def]
-    """Fixed threshold with debouncing: consecutive samples beyond ``threshold`` over ``count``,
-    into ``path`` (n); the test fails from 1 on."""
-    consecutive = 0
-    for k in range(len(z)):
-        consecutive = consecutive + 1 if abs(z[k]) > threshold else 0
-        path[k] = consecutive / count
-
-
-@njit(cache=True)
 def peaks(path, threshold, apart):  # type: ignore[no-untyped-def]
     """Maxima of ``path`` over its excursions beyond ``threshold``; excursions less than ``apart``
     samples apart count as one."""

@@ -15,7 +15,7 @@ SHOWN = 12  # latest events in a status
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class MonitorEvent:
     """Something that happened: ``time`` s from the drive's first frame, ``kind`` mode, engagement,
     fault, gap, reconnect or warning."""
 
@@ -30,7 +30,7 @@ class Watcher(Protocol):
 
     def watch(
         self, signals: Mapping[str, Signal], frames: Frames, start_ns: int, now: float
-    ) -> Iterable[Event]:
+    ) -> Iterable[MonitorEvent]:
         """Events due to new ``signals`` and ``frames``, of which all up to ``now`` s have been
         received.
 
@@ -39,7 +39,7 @@ class Watcher(Protocol):
         """
         ...
 
-    def finish(self, now: float) -> Iterable[Event]:
+    def finish(self, now: float) -> Iterable[MonitorEvent]:
         """Events due to the whole drive, which ends at ``now`` s; may take long."""
         ...
 
@@ -58,7 +58,7 @@ class SessionStatus:
     rows: int = 0
     now: float = 0.0
     piece: Piece | None = None
-    events: deque[Event] = field(default_factory=lambda: deque(maxlen=SHOWN))
+    events: deque[MonitorEvent] = field(default_factory=lambda: deque(maxlen=SHOWN))
     warnings: tuple[str, ...] = ()
     away: str = ""
     silent_s: float = 0.0
@@ -66,4 +66,4 @@ class SessionStatus:
     latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
 
-Show = Callable[[SessionStatus, Piece | None, Sequence[Event]], None]
+Show = Callable[[SessionStatus, Piece | None, Sequence[MonitorEvent]], None]

@@ -14,7 +14,7 @@ from clutchest.can.database import Database
 from clutchest.can.dm1 import EVERY_S, Code, frames_of
 from clutchest.can.frames import Frames
 from clutchest.diagnosis.streams import compile_stream_tests
-from clutchest.monitor.events import Event
+from clutchest.monitor.events import MonitorEvent
 from clutchest.monitor.live_fault_tests import SHARE, FaultChange, LiveFaultTests
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
@@ -52,7 +52,7 @@ class FaultWatcher:
 
     def watch(
         self, signals: Mapping[str, Signal], frames: Frames, start_ns: int, now: float
-    ) -> Iterable[Event]:
+    ) -> Iterable[MonitorEvent]:
         """See :class:`~clutchest.monitor.events.Watcher`."""
         if self._tests is None or start_ns != self._start_ns:
             self._begin(start_ns)
@@ -65,7 +65,7 @@ class FaultWatcher:
             self._broadcast(time.monotonic())
         return events
 
-    def finish(self, now: float) -> Iterable[Event]:
+    def finish(self, now: float) -> Iterable[MonitorEvent]:
         """See :class:`~clutchest.monitor.events.Watcher`."""
         if self._tests is None:
             return []
@@ -78,7 +78,7 @@ class FaultWatcher:
         if self._tests is not None:
             self._tests.close()
 
-    def _test(self, now: float) -> list[Event]:
+    def _test(self, now: float) -> list[MonitorEvent]:
         """Events due to all data since the last test, up to ``now`` s."""
         assert self._tests is not None
         frames = Frames.concatenate(self._frames)
@@ -105,6 +105,6 @@ class FaultWatcher:
             self._send(self._packets.popleft()[1])
 
 
-def _event(change: FaultChange) -> Event:
+def _event(change: FaultChange) -> MonitorEvent:
     data = {**asdict(change)["data"], "failed": change.failed, "set": list(change.set)}
-    return Event(change.time, "fault", change.fault, data)
+    return MonitorEvent(change.time, "fault", change.fault, data)

@@ -15,7 +15,7 @@ import numpy as np
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.estimate.drive import Piece
-from clutchest.monitor.events import Event, SessionStatus, Show, Watcher
+from clutchest.monitor.events import MonitorEvent, SessionStatus, Show, Watcher
 from clutchest.monitor.live import LiveEstimator, compile_live
 from clutchest.monitor.outputs import Outputs
 from clutchest.monitor.reception import CounterCheck, Reception
@@ -29,7 +29,7 @@ from clutchest.vehicle import Vehicle, load_vehicle
 if TYPE_CHECKING:
     import can
 
-__all__ = ["Event", "Monitor", "MonitorSettings", "SessionStatus", "Watcher"]
+__all__ = ["Monitor", "MonitorEvent", "MonitorSettings", "SessionStatus", "Watcher"]
 
 TICK_S = 0.25  # s without a frame, after which the time itself is processed
 KEPT_S = 600.0  # s for which frames are held, for a signal that is first received late
@@ -64,7 +64,7 @@ class Monitor:
         self._drive, self._offset, self._mode = 0, 0.0, ""
         self._start_ns: int | None = None
         self._last_ns, self._late_reported = 0, False
-        self._new: list[Event] = []
+        self._new: list[MonitorEvent] = []
         self._reception = Reception(bus, self.messages, self.settings.reopen, self._report)
         compile_live(self.vehicle, self.settings.progress)  # before the first estimate is due
         self._outputs = Outputs(self.settings.out, self.vehicle, self.settings.serve)
@@ -209,7 +209,7 @@ class Monitor:
             for name, jumps in self._counters.jumps(frames).items():
                 self._report("gap", name, {"counter_jumps": jumps})
         for since, name, data in self._silence.of(frames, piece, self.status.now):
-            self._put(Event(since, "gap", name, data))
+            self._put(MonitorEvent(since, "gap", name, data))
         self._collect(frames)
         # after a row there is time until the next one
         if piece is not None or self.status.now - self._watched_s >= WATCH_S:
@@ -233,11 +233,11 @@ class Monitor:
         for at, code in zip(track.time, track.mode, strict=True):
             mode = track.mode_names[code]
             if mode != self._mode:
-                self._put(Event(float(at), "mode", mode, {"before": self._mode or None}))
+                self._put(MonitorEvent(float(at), "mode", mode, {"before": self._mode or None}))
                 self._mode = mode
         for engagement in track.engagements:
             end = engagement.start_s + engagement.duration_s
-            self._put(Event(end, "engagement", "slip", asdict(engagement)))
+            self._put(MonitorEvent(end, "engagement", "slip", asdict(engagement)))
         self._outputs.keep(piece, self._drive)
 
     def _collect(self, frames: Frames) -> None:
@@ -264,9 +264,9 @@ class Monitor:
                 self._put(event)
 
     def _report(self, kind: str, name: str, data: Mapping[str, Any]) -> None:
-        self._put(Event(self.status.now, kind, name, data))
+        self._put(MonitorEvent(self.status.now, kind, name, data))
 
-    def _put(self, event: Event) -> None:
+    def _put(self, event: MonitorEvent) -> None:
         self._new.append(event)
         self.status.events.append(event)
         self._outputs.event({**asdict(event), "drive": self._drive}, self._offset)

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from clutchest.estimate.run import Estimate
 from clutchest.models.machine import Machine
-from clutchest.monitor.events import Event, SessionStatus
+from clutchest.monitor.events import MonitorEvent, SessionStatus
 from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
 from clutchest.record.report import plus_minus
 
@@ -104,7 +104,7 @@ def _events(status: SessionStatus) -> Table:
     return table
 
 
-def words(event: Event) -> str:
+def words(event: MonitorEvent) -> str:
     """An event in a few words."""
     data = event.data
     if event.kind == "engagement":
