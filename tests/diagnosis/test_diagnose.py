@@ -96,11 +96,6 @@ class TestEquations:
         assert fault.fmi == 11
         assert verdict(diagnosis, "wear").status == "passed"
 
-    def test_wear_beyond_its_limit(self, truck):
-        diagnosis = diagnosed(truck, {"wear": {"amount": 3.6}})
-        assert [f.fault for f in diagnosis.faults] == ["wear"]
-        assert set(diagnosis.faults[0].set) == {"wear", "position_offset"}
-
     def test_heat_is_no_fault(self, truck):
         effects = {
             "coolant_coupling": {"change": 0.2},
@@ -139,13 +134,20 @@ class TestEquations:
         assert "zero_position" in isolability.structure["position_offset"]
         assert isolability.structure["friction_level"] != isolability.structure["position_offset"]
 
-    def test_a_stuck_sensor_is_not_blamed_on_the_clutch(self, truck):
-        frames, _ = simulate_frames(truck, "city", 51, duration=600.0)
-        broken = mangled.resummed(mangled.held(frames, mangled.ACTUATOR, 200.0, 260.0, slice(0, 2)))
-        signals = signals_of(broken, truck, load_database(truck))
-        diagnosis = clutchest.diagnose(clutchest.replay(signals, truck))
-        assert [f.fault for f in diagnosis.faults] == ["stuck:slave_position"]
-        assert diagnosis.faults[0].began_s == pytest.approx(200.0, abs=0.1)
+
+def test_wear_beyond_its_limit(truck):
+    diagnosis = diagnosed(truck, {"wear": {"amount": 3.6}})
+    assert [f.fault for f in diagnosis.faults] == ["wear"]
+    assert set(diagnosis.faults[0].set) == {"wear", "position_offset"}
+
+
+def test_a_stuck_sensor_is_not_blamed_on_the_clutch(truck):
+    frames, _ = simulate_frames(truck, "city", 51, duration=600.0)
+    broken = mangled.resummed(mangled.held(frames, mangled.ACTUATOR, 200.0, 260.0, slice(0, 2)))
+    signals = signals_of(broken, truck, load_database(truck))
+    diagnosis = clutchest.diagnose(clutchest.replay(signals, truck))
+    assert [f.fault for f in diagnosis.faults] == ["stuck:slave_position"]
+    assert diagnosis.faults[0].began_s == pytest.approx(200.0, abs=0.1)
 
 
 @pytest.fixture(scope="module")

@@ -2,47 +2,15 @@
 
 import numpy as np
 import pytest
+from linear_drive import FAULTS, STATES, THETAS, linear_drive
 
-from clutchest.diagnosis.blocks import Blocks, block_index
+from clutchest.diagnosis.blocks import block_index
 from clutchest.diagnosis.recursive_residuals import nuisances, onset_scores, recursive_residuals
 from clutchest.inference.unknowns import Unknown
-from clutchest.models import machine_of
-
-STATES = machine_of("dry_clutch").states
-THETAS = (
-    Unknown("parameter", "heat_capacity_body", 1.0),
-    Unknown("parameter", "kiss_point", 1.0),
-    Unknown("start", "friction", 0.02, drive=0),
-    Unknown("friction_level", "change", 0.5, gain=True),
-    Unknown("torque_gain", "change", 0.3, gain=True),
-)
-FAULTS = (3, 4)
 
 
-def problem(seed, size=None, onset=0, blocks=12, per_block=15):
-    """Blocks of a random linear problem, its rows (K, 1 + m) and the covariance of the readings."""
-    rng = np.random.default_rng(seed)
-    count = blocks * per_block
-    psi = rng.standard_normal((count, len(THETAS)))
-    psi[:, 3] = psi[:, 2] + 0.3 * psi[:, 3]  # a fault that a nuisance resembles
-    of = np.repeat(np.arange(blocks), per_block)
-    psi[of < onset, 3:] = 0.0
-    begin = 300.0 * np.arange(blocks)
-    walk = np.cumsum(np.r_[1.0, np.full(blocks - 1, 300.0 / 3600.0)])  # variance of the random walk
-    friction = np.minimum(*np.meshgrid(walk, walk))[np.ix_(of, of)]
-    covariance = np.eye(count) + psi[:, :2] @ psi[:, :2].T
-    covariance += friction * np.outer(psi[:, 2], psi[:, 2])
-    r = np.linalg.cholesky(covariance) @ rng.standard_normal(count)
-    if size is not None:
-        r = r - size * psi[:, 3]  # innovations fall as the number grows
-    rows = np.column_stack([r, psi])
-    gram = np.array([rows[of == k].T @ rows[of == k] for k in range(blocks)])
-    drive = Blocks(STATES, THETAS, begin, begin + 1.0, np.full(blocks, per_block), gram)
-    return drive, rows, covariance, of
-
-
-def test_residuals_are_the_innovations_of_the_whole_problem():
-    blocks, rows, covariance, of = problem(1)
+def test_residuals_are_the_innovations_of_the_whole_linear_drive():
+    blocks, rows, covariance, of = linear_drive(1)
     result = recursive_residuals(blocks, FAULTS)
     for k in (0, 1, 5, 11):
         before, own = of < k, of == k
@@ -59,7 +27,7 @@ def test_residuals_are_the_innovations_of_the_whole_problem():
 
 @pytest.mark.parametrize("onset", [0, 5])
 def test_scores_since_the_onset_are_those_of_all_readings(onset):
-    blocks, rows, covariance, _ = problem(2, size=0.4, onset=onset)
+    blocks, rows, covariance, _ = linear_drive(2, size=0.4, onset=onset, masked=True)
     before = recursive_residuals(blocks, FAULTS).before
     result = onset_scores(blocks, FAULTS, before, onset, len(blocks))
     trace = rows[:, 1 + np.array(FAULTS)]
@@ -70,7 +38,7 @@ def test_scores_since_the_onset_are_those_of_all_readings(onset):
 
 def test_healthy_residuals_are_white_and_of_variance_one():
     z = np.concatenate(
-        [recursive_residuals(problem(seed)[0], FAULTS).z[:, 0] for seed in range(60)]
+        [recursive_residuals(linear_drive(seed)[0], FAULTS).z[:, 0] for seed in range(60)]
     )
     assert np.mean(z**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(z)))
     assert np.mean(z[1:] * z[:-1]) == pytest.approx(0.0, abs=4 / np.sqrt(len(z)))

@@ -160,7 +160,7 @@ def _result(
     )
     begins, onset = glr_path(z * np.sqrt(information), information, low, 1.0, one_sided)
     was_at = log(1.0 / chance)
-    ratio = _mixture(series.score / noise_model.level, series.total, one_sided)
+    ratio = mixture_ratio(series.score / noise_model.level, series.total, one_sided)
     # a fault of size b is detected in half of such drives where b² · information reaches this
     needed = float(np.sqrt(2.0 * min(begins_at, was_at + log(2.0))))
     d_prime = float(np.sqrt(max(series.total[-1], 0.0)))
@@ -179,7 +179,7 @@ def _result(
     )
 
 
-def _mixture(score: Floats, information: Floats, one_sided: bool) -> Floats:
+def mixture_ratio(score: Floats, information: Floats, one_sided: bool) -> Floats:
     """Log-likelihood ratio (n) to no fault of a fault whose size is normal with one unit."""
     spread = 1.0 + np.maximum(information, 0.0)
     ratio = (score**2 / spread - np.log(spread)) / 2.0

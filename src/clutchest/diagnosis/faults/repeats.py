@@ -24,14 +24,16 @@ RUN, BEGUN, LAST, SAMPLES, SPAN, STUCK = range(6)
 
 
 class Repeats:
-    """State of a count of repeated samples, carried from batch to batch."""
+    """State of a count of repeated samples, carried from batch to batch, for ``per_1000h`` false
+    alarms."""
 
-    def __init__(self) -> None:
+    def __init__(self, per_1000h: float) -> None:
+        self.per_1000h = per_1000h
         self.tail = new_tail(PRIOR_RUN, grain=1.0)
         self.state = np.zeros(6)
 
     def take(
-        self, time: Floats, same: NDArray[np.bool_], tested: NDArray[np.bool_], per_1000h: float
+        self, time: Floats, same: NDArray[np.bool_], tested: NDArray[np.bool_]
     ) -> list[tuple[float, float, float]]:
         """Runs that are too long: (begun, detected, ended) s, ended inf while it lasts and begun
         −inf where the run of an earlier batch ended.
@@ -39,17 +41,15 @@ class Repeats:
         ``same`` (n): equal to the sample before; ``tested`` (n): a healthy sample would differ.
         """
         changes = np.zeros((len(time) + 1, 3))
-        n = _runs(time, same, tested, self.tail, self.state, per_1000h, changes)
+        n = _runs(time, same, tested, self.tail, self.state, self.per_1000h, changes)
         return [tuple(row) for row in changes[:n].tolist()]
 
     @property
     def bound(self) -> float:
         """The longest run, samples, that may be chance."""
-        return float(tail_bound(self.tail, self._per_1000h()))
-
-    def _per_1000h(self) -> float:
         period = self.state[SPAN] / max(self.state[SAMPLES], 1.0)
-        return 3.6e6 / max(period * tail_mean(self.tail), 1e-9)
+        runs = 3.6e6 / max(period * tail_mean(self.tail), 1e-9)  # in 1000 h
+        return float(tail_bound(self.tail, runs / self.per_1000h))
 
     @property
     def enabled(self) -> float:
@@ -69,7 +69,7 @@ class RepeatTest(StreamTest):
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.repeats = Repeats()
+        self.repeats = Repeats(per_1000h)
 
     def test(
         self,
@@ -80,7 +80,7 @@ class RepeatTest(StreamTest):
     ) -> None:
         """Test new samples as :meth:`Repeats.take` does; ``what(begun, detected)`` describes the
         fault."""
-        for begun, detected, ended in self.repeats.take(time, same, tested, self.per_1000h):
+        for begun, detected, ended in self.repeats.take(time, same, tested):
             if ended < np.inf:
                 self.heal(ended)
             else:

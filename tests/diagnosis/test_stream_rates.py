@@ -1,0 +1,69 @@
+"""Thresholds of frame and signal tests follow the stated false-alarm rate."""
+
+from math import log
+
+import numpy as np
+import pytest
+
+from clutchest.diagnosis.faults import Batch
+from clutchest.diagnosis.faults.checksum import Checksum
+from clutchest.diagnosis.faults.missing import Missing
+from clutchest.diagnosis.faults.noise import BLOCK, Noise
+from clutchest.diagnosis.faults.repeats import Repeats
+from clutchest.diagnosis.sequential import tail_bound, tail_mean
+from clutchest.signals import Signal, Traffic
+
+H_1000 = 3.6e6  # s
+rates = pytest.mark.parametrize("rate", [1.0, 10.0, 1000.0])
+
+
+def traffic(time, sound=None):
+    no = np.zeros(len(time), bool)
+    return Traffic(time, no, np.full(len(time), -1, np.int16), 0, ~no if sound is None else sound)
+
+
+@rates
+@pytest.mark.parametrize("beyond", [0.99, 1.01])
+def test_a_message_is_missing_beyond_the_gap_that_its_tail_reaches(rate, beyond):
+    time = np.cumsum(np.random.default_rng(1).uniform(0.08, 0.12, 5000))
+    test = Missing("m", rate)
+    test.take(Batch({}, {"m": traffic(time)}, time[-1], {"m": time}, time[-1]))
+    assert test.threshold == tail_bound(test.tail, H_1000 / tail_mean(test.tail) / rate)
+    until = time[-1] + beyond * test.threshold
+    test.take(Batch({}, {"m": traffic(time[:0])}, until, {"m": time[:0]}, until))
+    assert test.failing == (beyond > 1.0)
+
+
+@rates
+def test_a_share_of_wrong_frames_is_held_against_lordens_bound(rate):
+    rng, time = np.random.default_rng(3), np.arange(0.0, 1000.0, 0.1)
+    test = Checksum("m", rate)
+    frames = traffic(time, rng.random(len(time)) > 0.01)
+    test.take(Batch({}, {"m": frames}, 1000.0, {"m": time}, 1000.0))
+    assert test.threshold == pytest.approx(log(H_1000 / 0.1 / rate), rel=1e-3)
+    assert not test.alarms
+
+
+@rates
+def test_noise_is_held_against_the_tail_of_its_level(rate):
+    time = np.arange(0.0, 600.0, 0.01)
+    value = 0.5 * np.random.default_rng(2).standard_normal(len(time))
+    test = Noise("s", rate, 0.5, 0.0)
+    test.take(Batch({"s": Signal.of("s", "", time, value)}, {}, time[-1]))
+    assert test.threshold == tail_bound(test.tail, H_1000 / (BLOCK * test.period) / rate)
+    assert not test.alarms
+
+
+@rates
+def test_equal_samples_fail_beyond_the_longest_run_that_chance_makes(rate):
+    """Coarse samples that repeat by chance, then the same one for good."""
+    rng = np.random.default_rng(5)
+    same = np.append(rng.random(20_000) < 0.3, np.ones(200, bool))
+    time = 0.01 * np.arange(len(same))
+    repeats = Repeats(rate)
+    (alarm,) = repeats.take(time, same, np.ones(len(same), bool))
+    begun, detected, ended = alarm
+    assert ended == np.inf
+    assert round((detected - begun) / 0.01) == pytest.approx(repeats.bound, abs=1.5)
+    runs = H_1000 / (0.01 * tail_mean(repeats.tail))
+    assert repeats.bound == pytest.approx(tail_bound(repeats.tail, runs / rate))
