@@ -12,7 +12,7 @@ from clutchest.estimate.drive_setup import process_noise
 from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import covariance
 from clutchest.estimate.whole_log import Belief, Compiled
-from clutchest.models.machine import Wear
+from clutchest.models.declarations import Wear
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 

@@ -33,15 +33,24 @@ def machine_of(name: str) -> Machine:
         return shipped
     from clutchest.models.machine import Machine
 
-    for entry in entry_points(group=GROUP, name=name):
+    entries = tuple(entry_points(group=GROUP, name=name))
+    if not entries:
+        raise ClutchestError(f"unknown model '{name}'" + nearest(name, names()))
+    if len(entries) > 1:
+        packages = ", ".join(entry.value for entry in entries)
+        raise ClutchestError(f"machine '{name}' is registered twice: {packages}")
+    (entry,) = entries
+    try:
         registered = entry.load()
-        if isinstance(registered, Machine):
-            return registered
+    except (Exception, SystemExit) as error:  # another package's code may raise anything
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ClutchestError(f"machine '{name}': {entry.value}: {text}") from error
+    if not isinstance(registered, Machine):
         raise ClutchestError(
             f"machine '{name}': {entry.value} is a {type(registered).__name__}, "
             "expected a clutchest.machine.Machine"
         )
-    raise ClutchestError(f"unknown model '{name}'" + nearest(name, names()))
+    return _with_valid_effects(registered)
 
 
 def shipped_machines() -> tuple[Machine, ...]:
@@ -73,6 +82,19 @@ def _in_file(path: Path, digest: str) -> Machine:
             f"{path}: expected one clutchest.machine.Machine at the top level, it defines {names}"
         )
     (machine,) = machines.values()
+    try:
+        return _with_valid_effects(machine)
+    except ClutchestError as error:
+        raise ClutchestError(f"{path}: {error}") from error
+
+
+def _with_valid_effects(machine: Machine) -> Machine:
+    """The same machine.  Raises ClutchestError for an effect that its equations cannot hold."""
+    from clutchest.models.validate_effect import why_invalid
+
+    for effect in (*machine.effects.values(), *(fault.effect for fault in machine.faults)):
+        if wrong := why_invalid(effect, machine, {}):
+            raise ClutchestError(f"machine '{machine.name}': effect '{effect.name}' {wrong}")
     return machine
 
 

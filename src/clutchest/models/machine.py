@@ -8,77 +8,43 @@ name: it asks a :class:`Machine` for the piece, and says in one line where there
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from itertools import chain
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
+import casadi as ca
+import numpy as np
+
+from clutchest import units
 from clutchest.errors import ClutchestError, nearest
+from clutchest.models.declarations import Comparison, Event, Separation, Wear
 from clutchest.models.effects.effect import TIME, Effect
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.fault import Follower, ModelFault
-from clutchest.models.model import Model
+from clutchest.models.model import Expressions, Model
 from clutchest.models.regimes import RegimeRules
 from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
+from clutchest.signals import Floats
 
 ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
+Excitation = Callable[
+    [np.random.Generator, Floats, Mapping[str, float]], Mapping[str, Floats]
+]  # random numbers, times (k,) s, parameters → inputs by name, (k,) each
+POINTS = 16  # at which the equations are tried
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True)
-class Wear:
-    """What wears, and how far.
-
-    ``state`` tells it by its distance from the parameter ``nominal``, which grows downwards
-    (``sign`` −1) or upwards (+1); ``rate_state`` is the wear per MJ of dissipated energy, "" where
-    it is no state; ``effect`` and its number ``rate`` state that rate in a vehicle file,
-    ``amount`` what was worn before.  ``unit`` of the amount; ``part`` that wears, in words.
-    ``same_as``: effects that no signal can tell from it.
-    """
-
-    state: str
-    nominal: str
-    unit: str
-    part: str
-    sign: float = -1.0
-    rate_state: str = ""
-    effect: str = "wear"
-    amount: str = "amount"
-    rate: str = "rate"
-    same_as: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """A stretch of the regimes' event mode, as ``summary.json`` reports it.
-
-    ``hottest``: state of the friction surface, whose peak is reported; ``words``: what one is
-    called, in singular and plural.
-    """
-
-    hottest: str
-    words: tuple[str, str] = ("slip event", "slip events")
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """A pair of quantities of the equations that should agree: as ``measured`` and as
-    ``simulated``, in ``unit``; ``what`` they are, in words."""
-
-    measured: str
-    simulated: str
-    unit: str
-    what: str
-
-
-@dataclass(frozen=True, slots=True)
-class Separation:
-    """What tells two errors or two states apart: the ``pair`` of names, and ``by`` which sensor or
-    manoeuvre, in words."""
-
-    pair: tuple[str, str]
-    by: str
+NEEDED: Mapping[str, tuple[tuple[Callable[[Machine], object], str], ...]] = {
+    "discover": (
+        (lambda machine: machine.error_terms, "error terms"),
+        (lambda machine: machine.effects, "effects"),
+    ),
+    "simulate": (
+        (lambda machine: machine.generate or machine.excitations, "generator and no excitations"),
+    ),
+}  # verb → pieces without which it cannot be asked, each in words
 
 
 @dataclass(frozen=True)
@@ -111,9 +77,11 @@ class Machine:
     ``followers``.  ``procedures`` and ``delay_relations`` for identification, ``pictures``.
 
     For simulation: ``generate``, a program of its own, and the names of its ``scenarios``; where
-    there is none, ``excitations`` drive the machine's own equations.  ``template``: the shipped
-    vehicle whose numbers a drafted one takes as guesses.  ``parts``: what reports call states.
-    ``unsupported``: verb → why it cannot be asked of this machine.
+    there is none, ``excitations`` drive the machine's own equations: scenario → function (random
+    numbers, times (k,) s, parameters by key) that gives the inputs by name, (k,) each, as the bus
+    reports them.  ``template``: the shipped vehicle whose numbers a drafted one takes as guesses.
+    ``parts``: what reports call states.  ``unsupported``: verb → why it cannot be asked of this
+    machine.
     """
 
     name: str
@@ -146,6 +114,7 @@ class Machine:
     followers: tuple[Follower, ...] = ()
     generate: Callable[..., Any] | None = None
     scenarios: Callable[[], Sequence[str]] = tuple
+    excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
     template: str = ""
     parts: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     unsupported: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
@@ -163,10 +132,54 @@ class Machine:
         """A canonical column by name; None where there is none."""
         return next((column for column in self.columns if column.name == name), None)
 
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        what: str,
+        *,
+        columns: Iterable[Column] = (),
+        error_terms: Iterable[ErrorTerm] = (),
+        effects: Iterable[Effect] = (),
+        **pieces: Any,
+    ) -> Machine:
+        """The machine of a single form of the equations, and whatever other ``pieces`` it has.
+
+        ``columns``: those of the model's inputs and sensors unless given.  Raises ClutchestError
+        naming the piece that is wrong.
+        """
+        known = {field.name for field in fields(cls)}
+        for piece in (name for name in pieces if name not in known):
+            raise ClutchestError(
+                f"machine '{model.name}': there is no piece '{piece}'" + nearest(piece, known)
+            )
+        units = {item.name: item.unit for item in model.inputs if item.name not in model.slopes}
+        units |= {sensor.column or sensor.name: sensor.unit for sensor in model.sensors}
+        return cls(
+            name=model.name,
+            what=what,
+            states=model.states,
+            parameters=model.parameters,
+            inputs=model.inputs,
+            sensors=model.sensors,
+            columns=tuple(columns) or tuple(Column(name, unit) for name, unit in units.items()),
+            equations=lambda signals: model,
+            error_terms=_by_name("error_terms", model, ((t.equation, t) for t in error_terms)),
+            effects=_by_name("effects", model, ((effect.name, effect) for effect in effects)),
+            **pieces,
+        )
+
+    @property
+    def scenario_names(self) -> tuple[str, ...]:
+        """Names of what it can be simulated in."""
+        return (*self.scenarios(), *self.excitations)
+
     def supports(self, verb: str) -> None:
         """Raises ClutchestError where this ``verb`` cannot be asked of the machine."""
         if verb in self.unsupported:
             raise ClutchestError(f"{verb}: not for '{self.name}': {self.unsupported[verb]}")
+        for lacking in (words for piece, words in NEEDED.get(verb, ()) if not piece(self)):
+            raise ClutchestError(f"{verb}: machine '{self.name}' declares no {lacking}")
 
     def sensor_to_separate(self, equations: Sequence[str]) -> str:
         """The sensor that would tell errors in these equations apart, in words."""
@@ -194,8 +207,19 @@ def _defects(machine: Machine) -> Iterator[tuple[str, str]]:
     ):
         for name in (n for n in names if names.count(n) > 1):
             yield piece, f"names '{name}' twice"
+    yield from _wrong_units(machine)
     yield from _unknown_names(machine)
     yield from _unknown_quantities(machine)
+
+
+def _wrong_units(machine: Machine) -> Iterator[tuple[str, str]]:
+    """Units that cannot be read."""
+    for piece in ("states", "parameters", "inputs", "sensors", "columns"):
+        for item in getattr(machine, piece):
+            try:
+                units.parse(item.unit)
+            except ClutchestError as error:
+                yield piece, f"has {getattr(item, 'name', None) or item.key} in {error}"
 
 
 def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
@@ -237,9 +261,20 @@ def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
     """What the fullest form of the equations lacks."""
     try:
         model = machine.equations(machine.units)
+        written = model.expressions()
     except AttributeError as error:
-        yield "equations", f"cannot be written out: {error}"
+        yield "equations", _lacking(machine, error)
         return
+    except ClutchestError:
+        raise
+    except Exception as error:  # whatever a user's equations do wrong
+        lines = str(error).strip().splitlines()
+        yield (
+            "equations",
+            f"cannot be written out: {type(error).__name__}: {lines[-1:] and lines[-1]}",
+        )
+        return
+    quantities = set(written.quantities.names())
     if model.name != machine.name:
         yield "equations", f"are of model '{model.name}'"
     if model.anchor not in machine.units:
@@ -247,20 +282,71 @@ def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
     for item in model.inputs:
         if item.default is None and item.name not in {*machine.units, *model.slopes}:
             yield "inputs", f"have no column '{item.name}'" + nearest(item.name, machine.units)
+    for name in _no_numbers(written):
+        yield "equations", f"make '{name}' something that is no number"
     if machine.output and machine.output not in model.outputs:
         yield "output", f"'{machine.output}' is none of the equations' outputs"
     for name, effect in machine.effects.items():
         if effect.name != name or effect.model != machine.name:
             yield "effects", f"has '{effect.name}' of model '{effect.model}' as '{name}'"
-    known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
-    known |= {*machine.rates, *machine.peaks, TIME, ENERGY}
-    for name, term in machine.error_terms.items():
-        for covariate in term.covariates:
-            if covariate not in known:
-                yield (
-                    f"error term '{name}'",
-                    f"has no covariate '{covariate}'" + nearest(covariate, known),
-                )
+    for name in machine.covariates:
+        if name not in quantities:
+            yield "covariates", f"has no quantity '{name}'" + nearest(name, quantities)
+    yield from _wrong_error_terms(machine, quantities)
     for fault in machine.faults:
         if not any(n.key == fault.key for n in fault.effect.gains):
             yield f"fault '{fault.name}'", f"has no gain '{fault.key}'"
+    for name in machine.excitations:
+        if name in machine.scenarios():
+            yield "excitations", f"names scenario '{name}' again"
+
+
+def _no_numbers(written: Expressions) -> list[str]:
+    """Quantities that are no number wherever they are tried."""
+    names = written.quantities.names()
+    symbols = [written.x, written.u, written.w, written.p, written.g]
+    made = ca.vertcat(*(getattr(written.quantities, name) for name in names))
+    rng = np.random.default_rng(0)
+    points = [rng.uniform(0.5, 50.0, (symbol.numel(), POINTS)) for symbol in symbols]
+    values = np.array(ca.Function("tried", symbols, [made])(*points))
+    return [name for name, row in zip(names, values, strict=True) if not np.isfinite(row).any()]
+
+
+def _lacking(machine: Machine, error: AttributeError) -> str:
+    """What the equations ask for that is not there."""
+    wanted = str(error.name or "")
+    for sensor in machine.sensors:
+        if wanted == f"{sensor.name}_reading":
+            return f"assign no '{wanted}', what the sensor '{sensor.name}' reads"
+    declared = [*(p.key for p in machine.parameters), *(i.name for i in machine.inputs)]
+    hint = nearest(wanted, [*declared, *(s.name for s in machine.states)])
+    return f"use '{wanted}', which is neither declared nor assigned before{hint}"
+
+
+def _wrong_error_terms(machine: Machine, quantities: Container[str]) -> Iterator[tuple[str, str]]:
+    known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
+    known |= {*machine.rates, *machine.peaks, TIME, ENERGY}
+    inputs = [item.name for item in machine.inputs]
+    for name, term in machine.error_terms.items():
+        piece = f"error term '{name}'"
+        for covariate in term.covariates:
+            if covariate not in known:
+                yield piece, f"has no covariate '{covariate}'" + nearest(covariate, known)
+        for quantity in term.changes:
+            if quantity not in quantities:
+                yield piece, f"changes '{quantity}', which the equations do not have"
+        if term.late is not None and term.late[0] not in machine.units:
+            yield piece, f"delays '{term.late[0]}'" + nearest(term.late[0], inputs)
+
+
+Piece = TypeVar("Piece")
+
+
+def _by_name(piece: str, model: Model, pairs: Iterable[tuple[str, Piece]]) -> Mapping[str, Piece]:
+    """Name → piece.  Raises ClutchestError for a name that occurs twice."""
+    named: dict[str, Piece] = {}
+    for name, value in pairs:
+        if name in named:
+            raise ClutchestError(f"machine '{model.name}': {piece} names '{name}' twice")
+        named[name] = value
+    return MappingProxyType(named)

@@ -37,7 +37,9 @@ class Quantities:
         try:
             return vars(self)["_values"][name]
         except KeyError:
-            raise AttributeError(f"the equations have no quantity '{name}' here") from None
+            raise AttributeError(
+                f"the equations have no quantity '{name}' here", name=name, obj=self
+            ) from None
 
     def names(self) -> tuple[str, ...]:
         """Names of all quantities so far."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
@@ -21,14 +22,15 @@ def load_module(path: Path, name: str, expected: str) -> ModuleType:
     if spec is None or spec.loader is None:
         raise ClutchestError(f"{path}: expected a Python file (.py) with {expected}")
     module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # where dataclasses look up annotations
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # the user's code may raise anything
+    except (Exception, SystemExit) as error:  # the user's code may raise anything
         raise ClutchestError(f"{path}:{_line(error, path)} {_words(error)}") from error
     return module
 
 
-def _line(error: Exception, path: Path) -> str:
+def _line(error: BaseException, path: Path) -> str:
     """``"12:"`` for the line of the file at which ``error`` was raised, empty if unknown."""
     if isinstance(error, SyntaxError):
         return f"{error.lineno}:" if error.lineno else ""
@@ -37,7 +39,7 @@ def _line(error: Exception, path: Path) -> str:
     return f"{lines[-1]}:" if lines else ""
 
 
-def _words(error: Exception) -> str:
+def _words(error: BaseException) -> str:
     """``error`` in one line; a ClutchestError speaks for itself."""
     if isinstance(error, ClutchestError):
         return str(error)

@@ -25,8 +25,9 @@ from clutchest.models.alsd.estimator import ALSD, at_rest, for_signals
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
+from clutchest.models.declarations import Event
 from clutchest.models.effects import effects_in
-from clutchest.models.machine import Event, Machine
+from clutchest.models.machine import Machine
 
 
 def _generate(*arguments: Any, **options: Any) -> Any:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from clutchest.models.declarations import Separation
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.machine import Separation
 
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "torque": ErrorTerm("torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from clutchest.models.machine import Separation
+from clutchest.models.declarations import Separation
 from clutchest.models.symbols import Column, Input, Sensor, State
 
 STATES = (

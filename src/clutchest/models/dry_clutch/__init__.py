@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from clutchest.models.declarations import Comparison, Event, Wear
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH, at_rest, for_signals
 from clutchest.models.dry_clutch.error_terms import (
     COVARIATES,
@@ -18,7 +19,7 @@ from clutchest.models.dry_clutch.regimes import RULES
 from clutchest.models.dry_clutch.symbols import COLUMNS, SEPARATING_MANOEUVRES
 from clutchest.models.effects import effects_in
 from clutchest.models.fault import Follower, faults_in
-from clutchest.models.machine import Comparison, Event, Machine, Wear
+from clutchest.models.machine import Machine
 
 
 def _generate(*arguments: Any, **options: Any) -> Any:

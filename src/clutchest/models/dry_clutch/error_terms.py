@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from clutchest.models.declarations import Separation
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.machine import Separation
 
 # A reading that the equations take as an input is corrected, so that there the sign turns.
 _ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")

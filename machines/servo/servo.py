@@ -1,0 +1,153 @@
+"""A DC motor that turns a load: a machine of one's own in one file.
+
+The equations are those of any textbook on electric drives, e.g. Krause, Wasynczuk, Sudhoff,
+"Analysis of Electric Machinery and Drive Systems", chapter 2.  ``docs/machine.md`` builds this file
+step by step.
+"""
+
+import casadi as ca
+import numpy as np
+
+from clutchest.machine import (
+    Column,
+    Effect,
+    ErrorTerm,
+    Input,
+    Machine,
+    Model,
+    ModelFault,
+    Number,
+    Parameter,
+    Sensor,
+    State,
+)
+
+STATES = (  # name, unit, symbol, what, process noise (unit/√s), initial std, useful std
+    State("current", "A", "i", "winding", 0.02, 1.0, 1.0, stiff=True),
+    State("speed", "rad/s", "ω", "shaft", 0.05, 1.0, 5.0),
+    State("temp_winding", "°C", "T", "winding", 0.01, 5.0, 10.0, parked_noise=0.1),
+)
+PARAMETERS = (
+    Parameter("resistance", "Ohm", "R", "of the winding at 25 °C", 0.01),
+    Parameter("inductance", "mH", "L", "of the winding", 0.01),
+    Parameter("torque_constant", "Nm/A", "K", "torque per current, voltage per speed", 0.001),
+    Parameter("inertia", "kg m^2", "J", "of rotor and load", 1e-6),
+    Parameter("coulomb_torque", "Nm", "T_C", "dry friction", 0.0),
+    Parameter("viscous", "Nm s/rad", "b", "viscous friction", 0.0),
+    Parameter("heat_capacity", "J/K", "C", "of the winding", 1.0),
+    Parameter("conductance", "W/K", "G", "from winding to air", 0.0),
+)
+INPUTS = (
+    Input("voltage", "V", "U", "at the terminals"),
+    Input("ambient_temp", "°C", "T_0", "air", default=25.0, gap=60.0),
+)
+SENSORS = (Sensor("speed", "rad/s", "ω", "shaft"), Sensor("current", "A", "i", "winding"))
+
+
+def electrical(q):
+    """L di/dt = U − R i − K ω."""
+    q.resistance_now = q.resistance * (1 + 0.0039 * (q.temp_winding - 25.0))  # copper
+    q.back_emf = q.torque_constant * q.speed
+    drop = q.resistance_now * q.current
+    q.current_rate = (q.voltage - drop - q.back_emf) / (1e-3 * q.inductance)
+    q.current_reading = q.current
+
+
+def mechanical(q):
+    """J dω/dt = K i − T_C sgn ω − b ω; the sign turns smoothly within 0.5 rad/s."""
+    q.coulomb_now = q.coulomb_torque
+    q.friction = q.coulomb_now * ca.tanh(q.speed / 0.5) + q.viscous * q.speed
+    q.motor_torque = q.torque_constant * q.current
+    q.speed_rate = (q.motor_torque - q.friction) / q.inertia
+    q.speed_reading = q.speed
+
+
+def thermal(q):
+    """C dT/dt = R i² − G (T − T_0)."""
+    q.heat = q.resistance_now * q.current**2
+    cooling = q.conductance * (q.temp_winding - q.ambient_temp)
+    q.temp_winding_rate = (q.heat - cooling) / q.heat_capacity
+
+
+MODEL = Model(
+    "servo",
+    STATES,
+    PARAMETERS,
+    INPUTS,
+    regime=(),
+    sensors=SENSORS,
+    outputs=("motor_torque", "friction"),
+    pieces=(electrical, mechanical, thermal),
+    anchor="speed",
+    longest=(0.002, 0.002),
+)
+
+
+class CoulombChange(Effect):
+    """T_C × (1 + ``change``): a bearing that runs dry, a brake that drags."""
+
+    name, model, equation = "coulomb_change", "servo", "friction"
+    parameters = (Number("change", "1", -0.5, 2.0, healthy=0.05),)
+
+    def terms(self, g):
+        return {"coulomb_now": lambda torque, q: torque * (1 + g.change)}
+
+
+class Stribeck(Effect):
+    """T_C × (1 + ``change`` · exp(−|ω|/``speed``)): more friction where the shaft turns slowly."""
+
+    name, model, equation = "stribeck", "servo", "friction"
+    parameters = (
+        Number("change", "1", -0.5, 2.0),
+        Number("speed", "rad/s", 2.0, 50.0, shape=True, default=10.0, grid=(5.0, 10.0, 20.0)),
+    )
+
+    def terms(self, g):
+        more = lambda q: g.change * ca.exp(-ca.fabs(q.speed) / g.speed)  # noqa: E731
+        return {"coulomb_now": lambda torque, q: torque * (1 + more(q))}
+
+
+class CurrentGain(Effect):
+    """The current sensor reads i × (1 + ``change``)."""
+
+    name, model, equation = "current_gain", "servo", "sensor:current"
+    parameters = (Number("change", "1", -0.3, 0.3),)
+
+    def terms(self, g):
+        return {"current_reading": lambda reading, q: reading * (1 + g.change)}
+
+
+class Dragging(ModelFault):
+    """Dry friction is off by a third."""
+
+    name, effect, key, size, fmi = "coulomb_change", CoulombChange(), "change", 0.3, (16, 18)
+
+
+def mixed(rng, time, parameters):
+    """Smooth random voltage, the shaft turning now one way and now the other."""
+    rate, phase = rng.uniform(0.05, 1.0, (8, 1)), rng.uniform(0.0, 2 * np.pi, (8, 1))
+    voltage = 5.0 * np.sin(2 * np.pi * rate * time + phase).sum(axis=0)
+    return {"voltage": voltage, "ambient_temp": np.full(len(time), 22.0)}
+
+
+MACHINE = Machine.of(
+    MODEL,
+    "DC motor with a load",
+    columns=(
+        Column("voltage", "V", (-60.0, 60.0, 1e4), rests=True, named="voltage"),
+        Column("current", "A", (-50.0, 50.0, 1e5), rests=True, named="current"),
+        Column("speed", "rad/s", (-1e3, 1e3, 1e5), rests=True, named="speed"),
+        Column("ambient_temp", "°C", (-50.0, 80.0, 10.0), named="ambient"),
+    ),
+    at_rest=lambda parameters, inputs: {"temp_winding": inputs["ambient_temp"]},
+    error_terms=(
+        ErrorTerm("current", {"back_emf": lambda value, g: value + 0.2 * g}),  # V
+        ErrorTerm("friction", {"friction": lambda value, g: value + 0.01 * g}),  # Nm
+        ErrorTerm("heat", {"heat": lambda value, g: value + 2.0 * g}, slow=True),  # W
+        ErrorTerm("timing:voltage", late=("voltage", 0.005)),
+    ),
+    covariates=("motor_torque",),
+    effects=(CoulombChange(), Stribeck(), CurrentGain()),
+    faults=(Dragging(),),
+    excitations={"mixed": mixed},
+)

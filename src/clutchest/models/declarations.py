@@ -1,0 +1,60 @@
+"""Small parts of what a machine declares: what wears, what an event reports, what is compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Wear:
+    """What wears, and how far.
+
+    ``state`` tells it by its distance from the parameter ``nominal``, which grows downwards
+    (``sign`` −1) or upwards (+1); ``rate_state`` is the wear per MJ of dissipated energy, "" where
+    it is no state; ``effect`` and its number ``rate`` state that rate in a vehicle file,
+    ``amount`` what was worn before.  ``unit`` of the amount; ``part`` that wears, in words.
+    ``same_as``: effects that no signal can tell from it.
+    """
+
+    state: str
+    nominal: str
+    unit: str
+    part: str
+    sign: float = -1.0
+    rate_state: str = ""
+    effect: str = "wear"
+    amount: str = "amount"
+    rate: str = "rate"
+    same_as: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A stretch of the regimes' event mode, as ``summary.json`` reports it.
+
+    ``hottest``: state of the friction surface, whose peak is reported; ``words``: what one is
+    called, in singular and plural.
+    """
+
+    hottest: str
+    words: tuple[str, str] = ("slip event", "slip events")
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A pair of quantities of the equations that should agree: as ``measured`` and as
+    ``simulated``, in ``unit``; ``what`` they are, in words."""
+
+    measured: str
+    simulated: str
+    unit: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """What tells two errors or two states apart: the ``pair`` of names, and ``by`` which sensor or
+    manoeuvre, in words."""
+
+    pair: tuple[str, str]
+    by: str
