@@ -117,12 +117,6 @@ class CurrentGain(Effect):
         return {"current_reading": lambda reading, q: reading * (1 + g.change)}
 
 
-class Dragging(ModelFault):
-    """Dry friction is off by a third."""
-
-    name, effect, key, size, fmi = "coulomb_change", CoulombChange(), "change", 0.3, (16, 18)
-
-
 def mixed(rng, time, parameters):
     """Smooth random voltage, the shaft turning now one way and now the other."""
     rate, phase = rng.uniform(0.05, 1.0, (8, 1)), rng.uniform(0.0, 2 * np.pi, (8, 1))
@@ -148,6 +142,6 @@ MACHINE = Machine.of(
     ),
     covariates=("motor_torque",),
     effects=(CoulombChange(), Stribeck(), CurrentGain()),
-    faults=(Dragging(),),
+    faults=(ModelFault("coulomb_change", CoulombChange(), "change", 0.3, (16, 18)),),
     excitations={"mixed": mixed},
 )
