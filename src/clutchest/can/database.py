@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.can import j1939
+from clutchest.can.layout_cache import recalled, remember
 from clutchest.errors import ClutchestError, nearest
 
 if TYPE_CHECKING:
@@ -123,19 +124,46 @@ def load(paths: Sequence[Path]) -> Database:
 
 
 def _load_one(path: Path, warnings: list[str]) -> list[Message]:
-    from clutchest.can.layout_cache import recalled, remember
-
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ClutchestError(f"{path}: cannot be read ({error.strerror})") from None
-    known = recalled(content)
+    this = Path(__file__)
+    known = _of_plain(recalled(content, this))
     messages, complaint = known or _read(path, content)
     if known is None:
-        remember(content, messages, complaint)
+        remember(content, this, _plain(messages, complaint))
     if complaint:
         warnings.append(f"{path}: {complaint}")
     return messages
+
+
+def _plain(messages: Sequence[Message], complaint: str) -> dict[str, Any]:
+    """What was read of a DBC, as JSON can hold it."""
+    plain = []
+    for message in messages:
+        signals = [
+            {**asdict(signal), "multiplexer_ids": sorted(signal.multiplexer_ids)}
+            for signal in message.signals.values()
+        ]
+        plain.append({**asdict(message), "signals": signals})
+    return {"complaint": complaint, "messages": plain}
+
+
+def _of_plain(given: Any) -> tuple[list[Message], str] | None:
+    """What :func:`_plain` was made of; None if it is nothing of that kind."""
+    try:
+        messages = []
+        for message in given["messages"]:
+            signals = [
+                SignalLayout(**{**signal, "multiplexer_ids": frozenset(signal["multiplexer_ids"])})
+                for signal in message["signals"]
+            ]
+            named = {signal.name: signal for signal in signals}
+            messages.append(Message(**{**message, "signals": named}))
+        return messages, str(given["complaint"])
+    except (TypeError, KeyError):
+        return None
 
 
 def _read(path: Path, content: bytes) -> tuple[list[Message], str]:

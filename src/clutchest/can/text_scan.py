@@ -58,16 +58,22 @@ _OPTIONS: Any = {
 compiled = njit(**_OPTIONS)
 
 
-def _forget_older_than(source: Path) -> None:
-    """Drops what numba has compiled before ``source`` changed: it asks only whether the file of a
-    function itself is still the same, not those of the functions that were compiled into it."""
+def drop_stale_code() -> None:
+    """Delete what numba has compiled of the readers before this file changed.
+
+    numba asks only whether the file of a function itself is still the same, not those of the
+    functions that were compiled into it, so an edit here would go unnoticed by the formats.  The
+    question takes 0.4 ms; to keep nothing compiled would make reading the shipped log take 1.7 s
+    instead of 0.34 s at every start (``benchmarks/startup.py``).
+    """
     with suppress(OSError):
-        for index in source.parent.glob("__pycache__/*.nbi"):
-            if index.stat().st_mtime < source.stat().st_mtime:
+        changed = Path(__file__).stat().st_mtime
+        for index in Path(__file__).parent.glob("**/__pycache__/*.nbi"):
+            if index.stat().st_mtime < changed:
                 index.unlink()
 
 
-_forget_older_than(Path(__file__))
+drop_stale_code()
 
 
 class Table(NamedTuple):

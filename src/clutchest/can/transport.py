@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -48,37 +49,24 @@ def reassembled(frames: Frames, messages: Sequence[Message]) -> Frames:
     pair = frames.channel[packets].astype(np.int64) << 16 | frames.id[packets] & 0xFFFF
     packets = packets[np.argsort(pair, kind="stable")]
     pgns = np.array(sorted(wanted), np.int64)
-    width = max(m.length for m in wanted.values())
-    most = int(np.count_nonzero((frames.id[packets] & _PF) == _CM))
-    rows, found = np.zeros(most, np.int64), np.zeros(most, np.int64)
-    length, data = np.zeros(most, np.uint16), np.zeros((most, width), np.uint8)
-    n, lost = _collect(
-        packets,
-        frames.t_ns,
-        frames.channel,
-        frames.id,
-        frames.length,
-        frames.data,
-        pgns,
-        rows,
-        found,
-        length,
-        data,
-    )
+    given = _Packets(packets, frames.t_ns, frames.channel, frames.id, frames.length, frames.data)
+    room = int(np.count_nonzero((frames.id[packets] & _PF) == _CM))
+    out = _Assembled.room_for(room, max(m.length for m in wanted.values()))
+    n, lost = _assemble(given, pgns, out)
     if lost:
-        told = (("transport protocol message is not complete", int(lost)),)
-        frames = replace(frames, rejected=added_up((frames.rejected, told)))
+        incomplete = (("transport protocol message is not complete", int(lost)),)
+        frames = replace(frames, rejected=added_up((frames.rejected, incomplete)))
     if not n:
         return frames
-    rows, found = rows[:n], found[:n]
+    rows, group = out.row[:n], out.group[:n]
     bases = np.array([j1939.with_source(wanted[pgn].id, 0) for pgn in sorted(wanted)], np.uint32)
     together = Frames(
         frames.t_ns[rows],
         frames.channel[rows],
-        bases[found] | frames.id[rows] & np.uint32(0xFF),
+        bases[group] | frames.id[rows] & np.uint32(0xFF),
         frames.flags[rows],
-        length[:n],
-        data[:n],
+        out.length[:n],
+        out.data[:n],
         frames.absolute,
     )
     others = np.ones(len(frames), bool)
@@ -86,23 +74,54 @@ def reassembled(frames: Frames, messages: Sequence[Message]) -> Frames:
     return Frames.concatenate([frames.take(others), together]).sorted()
 
 
+class _Packets(NamedTuple):
+    """The ``rows`` of TP.CM and TP.DT, sorted by sender and receiver, among the frames' columns."""
+
+    rows: NDArray[np.intp]
+    t_ns: NDArray[np.int64]
+    channel: NDArray[np.uint8]
+    id: NDArray[np.uint32]
+    length: NDArray[np.unsignedinteger]
+    data: NDArray[np.uint8]
+
+
+class _Assembled(NamedTuple):
+    """Whole messages, (n,) and ``data`` (n, width): the ``row`` of the last packet, the parameter
+    ``group`` as an index, ``length`` in bytes."""
+
+    row: NDArray[np.int64]
+    group: NDArray[np.int64]
+    length: NDArray[np.uint16]
+    data: NDArray[np.uint8]
+
+    @classmethod
+    def room_for(cls, n: int, width: int) -> _Assembled:
+        return cls(
+            np.zeros(n, np.int64),
+            np.zeros(n, np.int64),
+            np.zeros(n, np.uint16),
+            np.zeros((n, width), np.uint8),
+        )
+
+
 @njit(cache=True)
-def _collect(packets, t_ns, channel, ids, lengths, data, pgns, rows, found, length, out):  # type: ignore[no-untyped-def]
-    """Walks the packets, sorted by sender and receiver; gives (messages, incomplete ones)."""
+def _assemble(packets, pgns, out):  # type: ignore[no-untyped-def]
+    """Fills ``out`` (:class:`_Assembled`) from ``packets`` (:class:`_Packets`) of the groups
+    ``pgns``, sorted; gives (messages, incomplete ones)."""
     n = lost = 0
     pair = size = count = have = 0
-    which, last = -1, 0  # index of the wanted group that is under way, -1 for none
+    which, last = -1, 0  # index of the wanted group that is being received, -1 for none
     seen = np.zeros(256, np.bool_)
-    for row in packets:
-        if lengths[row] < 8:
+    for row in packets.rows:
+        if packets.length[row] < 8:
             continue
-        this = np.int64(channel[row]) << 16 | np.int64(ids[row]) & 0xFFFF
-        late = this != pair or t_ns[row] - last > _SILENCE_NS
+        this = np.int64(packets.channel[row]) << 16 | np.int64(packets.id[row]) & 0xFFFF
+        late = this != pair or packets.t_ns[row] - last > _SILENCE_NS
         if which >= 0 and late:
             lost, which = lost + 1, -1
-        pair, last = this, t_ns[row]
-        packet = data[row]
-        if ids[row] & _PF == _CM:
+        pair, last = this, packets.t_ns[row]
+        packet = packets.data[row]
+        if packets.id[row] & _PF == _CM:
             if packet[0] not in (_RTS, _BAM, _ABORT):
                 continue
             if which >= 0:
@@ -116,16 +135,16 @@ def _collect(packets, t_ns, channel, ids, lengths, data, pgns, rows, found, leng
             if place < len(pgns) and pgns[place] == pgn and 8 < size <= 7 * count:
                 which, have = place, 0
                 seen[:] = False
-                out[n, :] = 0
+                out.data[n, :] = 0
         elif which >= 0 and 1 <= packet[0] <= count:
             number = np.int64(packet[0]) - 1
             have += not seen[number]
             seen[number] = True
             for byte in range(7):
                 at = 7 * number + byte
-                if at < min(size, out.shape[1]):
-                    out[n, at] = packet[1 + byte]
+                if at < min(size, out.data.shape[1]):
+                    out.data[n, at] = packet[1 + byte]
             if have == count:
-                rows[n], found[n], length[n] = row, which, size
+                out.row[n], out.group[n], out.length[n] = row, which, size
                 n, which = n + 1, -1
     return n, lost + (which >= 0)
