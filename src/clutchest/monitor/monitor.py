@@ -21,7 +21,7 @@ from clutchest.monitor.outputs import Outputs
 from clutchest.monitor.reception import CounterCheck, Reception
 from clutchest.monitor.settings import MonitorSettings
 from clutchest.monitor.silence import Silence
-from clutchest.reading.log import HOLE_S, load_database
+from clutchest.reading.log import SPLIT_S, load_database
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -158,7 +158,7 @@ class Monitor:
     def _estimate(self, frames: Frames) -> Piece | None:
         """The rows that have become final."""
         if len(frames):
-            if self._start_ns is not None and frames.t_ns[0] - self._last_ns > HOLE_S * 1e9:
+            if self._start_ns is not None and frames.t_ns[0] - self._last_ns > SPLIT_S * 1e9:
                 self._end_drive(None)  # parked: the next drive begins as it would in a replay
                 self._offset += self.status.now
                 self._drive += 1

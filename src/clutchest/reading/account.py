@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.can.database import Message
+from clutchest.can.database import Database, Message
 from clutchest.can.decode import Column
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.transport import belongs, may_carry
@@ -18,8 +18,8 @@ from clutchest.signals import Why
 
 @dataclass
 class Account:
-    """``messages``: of each mapped one, its frames, those decoded, and by reason those of which a
-    signal was not; ``rejected``: frames of which nothing was taken, by reason."""
+    """``messages``: of each mapped one its frames, those decoded, and by reason those with an
+    invalid signal; ``rejected``: frames without any valid signal, by reason."""
 
     messages: dict[str, dict[str, int]] = field(default_factory=dict)
     rejected: Counter[str] = field(default_factory=Counter)
@@ -27,8 +27,7 @@ class Account:
     def of_message(
         self, rows: NDArray[np.intp], columns: Mapping[str, Column], counts: dict[str, int]
     ) -> None:
-        """Count what became of the frames of one message, ``rows`` (n,) of the log, in its
-        ``counts``."""
+        """Count the frames of one message, ``rows`` (n,) of the log, in its ``counts``."""
         good = np.zeros(len(rows), bool)
         reason = np.zeros(len(rows), np.uint8)
         seen: dict[Why, NDArray[np.bool_]] = {}
@@ -63,6 +62,18 @@ class Account:
         self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
 
 
+def contents_of(frames: Frames, database: Database) -> str:
+    """What a log holds of the messages of a DBC, else which ids, in words."""
+    extended = (frames.flags & Flag.EXTENDED) != 0
+    pairs = np.unique(np.stack((frames.id, extended.astype(np.uint32))), axis=1)
+    known = {m.name for i, e in pairs.T if (m := database.find(int(i), bool(e)))}
+    if known:
+        names = sorted(known)
+        return "of this DBC the log holds " + ", ".join(names[:8]) + ", …" * (len(names) > 8)
+    ids = [f"0x{i:03X}" for i, _ in pairs.T[:6]]
+    return "the log holds " + ", ".join(ids) + ", …" * (pairs.shape[1] > 6)
+
+
 def words(why: Why) -> str:
-    """A reason as people read it."""
+    """A reason in words."""
     return why.name.lower().replace("_", " ")

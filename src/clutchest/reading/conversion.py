@@ -1,4 +1,4 @@
-"""Logs rewritten in another format: frames as frames, signals as signals, frames decoded."""
+"""Logs converted to another format: frames, signals, or frames decoded to signals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from clutchest.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What was read, not yet written: ``content`` frames, or the signals of one drive."""
+    """What was read: ``content`` is frames, or the signals of one drive."""
 
     content: Frames | Signals
 
@@ -28,10 +28,10 @@ class Conversion:
     def of(
         cls, logs: Sequence[str], out: Path, vehicle: Vehicle | None, window: Window = EVERYTHING
     ) -> Conversion:
-        """Read what lies in ``window`` of ``logs`` as what ``out`` can hold.
+        """The part of ``logs`` in ``window``, as frames or signals, whichever ``out`` can hold.
 
         With a ``vehicle`` CAN logs are decoded; decoded tables need none.  Raises ClutchestError
-        where the logs and the suffix of ``out`` do not go together.
+        where the suffix of ``out`` cannot hold what the logs contain.
         """
         paths = [locate(log, "logs") for log in logs]
         tables = [is_table(path) for path in paths]
@@ -45,17 +45,17 @@ class Conversion:
             return cls(signals)
         if any(tables):
             raise ClutchestError(
-                f"{paths[tables.index(True)]}: holds decoded signals, the others "
-                "frames; name a vehicle to decode those"
+                f"{paths[tables.index(True)]}: holds decoded signals, the others hold frames; "
+                "name a vehicle to decode those"
             )
         if out.suffix.lower() == ".parquet":
-            raise ClutchestError(f"{out}: holds decoded signals; name a vehicle to decode by")
+            raise ClutchestError(f"{out}: holds decoded signals; name a vehicle to decode the logs")
         parts = [files.read_frames(path) for path in paths]
         if len(parts) > 1 and not all(part.absolute for part in parts):
             which = next(log for log, part in zip(logs, parts, strict=True) if not part.absolute)
             raise ClutchestError(
-                f"{which}: its clock only counts from its own start, so it cannot "
-                "be put in order with the others; convert it alone"
+                f"{which}: its clock only counts from its own start, so it cannot be put in order "
+                "with the others; convert it alone"
             )
         frames = Frames.concatenate(parts).sorted() if len(parts) > 1 or window else parts[0]
         frames = window.of_frames(frames, tuple(logs))
@@ -64,7 +64,7 @@ class Conversion:
         return cls(frames)
 
     def write(self, path: Path) -> tuple[str, ...]:
-        """Write to ``path``; returns what its format could not keep, in words."""
+        """Write to ``path``; returns what its format cannot hold, in words."""
         if isinstance(self.content, Frames):
             return files.write_frames(self.content, path)
         write_signals(self.content, path)
@@ -72,19 +72,19 @@ class Conversion:
 
     @property
     def decoded(self) -> bool:
-        """Whether it is signals."""
+        """Whether ``content`` is signals."""
         return isinstance(self.content, Signals)
 
     @property
     def count(self) -> int:
-        """Frames, or samples."""
+        """Number of frames, or of samples."""
         if isinstance(self.content, Frames):
             return len(self.content)
         return sum(len(signal) for signal in self.content.values())
 
     @property
     def rejected(self) -> dict[str, int]:
-        """What was not read: reason → number."""
+        """Frames that were rejected: reason → number."""
         if isinstance(self.content, Frames):
             return dict(self.content.rejected)
         return dict(self.content.counts.rejected)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.signals import Floats, Signal
+from clutchest.signals import Floats, Signal, Why
 
 TOLERANCE = 0.04  # of the ratio; neighbouring gears are at least 20 % apart
 WINDOW = 0.3  # s; averages out the driveline's shuffle, ±8 % at several Hz
-HOLD = 0.5  # s; an engine that merely passes through a gear's speed is quicker
+HOLD = 0.5  # s; an engine that passes through a gear's speed is quicker
 AHEAD = 3.0  # s, by which a gear counts before it is locked: a launch slips in the gear it ends in
-LOOK_AHEAD = AHEAD + HOLD + WINDOW / 2  # s; what comes later does not change a gear
+SETTLED = AHEAD + HOLD + WINDOW / 2  # s; later samples do not change a gear
 _ENGINE_RUNS = 30.0  # rad/s
 _WHEEL_TURNS = 1.0  # rad/s
 
@@ -72,10 +72,20 @@ def engaged_gear(
     stood = np.maximum.accumulate(np.where(wheel <= _WHEEL_TURNS, rows, -1))
     held = np.where(last >= 0, locked[last], before)
     held = np.where(stood > last, 0, held)
-    coming = np.append(starts[lasting], n)[np.searchsorted(starts[lasting], rows)]
-    soon = np.minimum(coming, n - 1)
-    counts = (coming < n) & (time[soon] - time <= AHEAD) & (locked < 0)
-    return Engaged(np.where(counts, locked[soon], held), held, bool(lasting.any()))
+    next_start = np.append(starts[lasting], n)[np.searchsorted(starts[lasting], rows)]
+    row = np.minimum(next_start, n - 1)
+    counts = (next_start < n) & (time[row] - time <= AHEAD) & (locked < 0)
+    return Engaged(np.where(counts, locked[row], held), held, bool(lasting.any()))
+
+
+def through_sent_gear(
+    wheel: Floats, why: NDArray[np.uint8], gear: Floats, ratios: Sequence[float]
+) -> tuple[Floats, NDArray[np.uint8]]:
+    """Wheel speed (n) times the ratio of the ``gear`` (n) that the bus sends, first gear 1, and
+    ``why`` (n) not: in neutral and reverse there is none."""
+    inside = (gear >= 1) & (gear <= len(ratios))
+    index = np.where(inside, gear, 1).astype(np.intp) - 1
+    return wheel * np.array(ratios)[index], np.where(inside, why, np.uint8(Why.NOT_AVAILABLE))
 
 
 def through_gear(
@@ -83,7 +93,7 @@ def through_gear(
 ) -> tuple[Signal, bool]:
     """Wheel speed times the ratio of the engaged gear, and whether any gear was ever locked.
 
-    Without an engine speed it is taken as the first one.
+    Without an engine speed it is the first one.
     """
     known = None if engine is None else engine.only_valid()
     if known is None or not len(known):

@@ -1,4 +1,4 @@
-"""Decoding of a drive that is going on, frames by frames, to the same numbers as at its end."""
+"""Decoding of a drive in progress, batch by batch of frames, to the same numbers as at its end."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from clutchest.can import transport
 from clutchest.can.database import Database
 from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
-from clutchest.reading.gears import LOOK_AHEAD, engaged_gear
+from clutchest.reading.gears import SETTLED, engaged_gear
 from clutchest.reading.mapping import Decoding
 from clutchest.reading.wanted import mapped_messages, parts
 from clutchest.signals import LOST, Signal
 from clutchest.vehicle import BusSignal, Vehicle
 
 TRANSFER = 10_000_000_000  # ns; a message in packets takes no longer
-BEFORE = 1.0  # s kept behind the last gear that is known: pieces and averages reach that far
+BEFORE = 1.0  # s kept before the last gear that is known: pieces and averages reach that far
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +32,9 @@ class Decoded:
 class Incoming:
     """Decodes ``frames``, the drive so far, when it is made, and what follows by :meth:`take`.
 
-    Whom a signal is taken from, and how its gear is known, is decided by the drive so far; ``late``
-    turns True when something is heard for the first time later.  Frames come in order of time, no
-    two with the same stamp; t = 0 is at the first one.
+    The sender of each signal, and whether its gear is sent, are chosen by the drive so far;
+    ``late`` turns True when a further one is heard for the first time.  Frames come in order of
+    time, no two with the same stamp; t = 0 is at the first one.
     """
 
     def __init__(self, vehicle: Vehicle, database: Database, frames: Frames) -> None:
@@ -45,8 +45,7 @@ class Incoming:
         self._long = any(transport.may_carry(message) for message in self._wanted)
         self.late = False
         self._senders: dict[tuple[str, BusSignal], int] = {}
-        self._decided = False
-        self._remembered = frames.take(slice(0))  # what the frames to come may need
+        self._kept = frames.take(slice(0))  # frames that later ones may need
         self._last: dict[tuple[str, BusSignal], int] = {}  # rows of these, of each companion
         self._geared: dict[str, _Geared] = {}
         self.first = self.take(frames, int(frames.t_ns[-1]))
@@ -55,7 +54,7 @@ class Incoming:
             for name, s in self.first.signals.items()
             if s.valid.any()
         }
-        self._decided = True
+        self.late = False  # the senders of the drive so far are those to expect
 
     @property
     def complete(self) -> bool:
@@ -64,12 +63,9 @@ class Incoming:
         return set(wanted) <= set(self._senders)
 
     def take(self, frames: Frames, now_ns: int, last: bool = False) -> Decoded:
-        """What ``frames`` add; everything up to ``now_ns`` has come, and nothing will after the
-        ``last``."""
-        known = len(self._senders)
+        """What ``frames`` add: all up to ``now_ns``; after the ``last`` there are no more."""
         after = (int(frames.t_ns[0]) - self.start_ns) / 1e9 if len(frames) else np.inf
-        before = self._remembered
-        drive = Frames.concatenate([before, frames])
+        drive = Frames.concatenate([self._kept, frames])
         whole = reassembled(drive, self._wanted) if self._long else drive
         decoding = Decoding(
             whole,
@@ -80,19 +76,32 @@ class Incoming:
             account=None,
             wanted=self._mapped,
         )
-        decoding.decode()
-        names = decoding.touched(0 if self._long else len(before))
-        made, wheels = decoding.canonical(names)
-        self.late |= self._decided and len(self._senders) != known
-        self._remember(whole, decoding.remembered(names))
+        decoding.locate_messages()
+        names = decoding.carried_from(0 if self._long else len(self._kept))
+        made, wheel_speeds = decoding.canonical(names)
+        self._keep(whole, decoding.last_valid_rows(names))
         if self._long:
             packets = transport.belongs(drive) & (drive.t_ns > now_ns - TRANSFER)
-            self._remembered = Frames.concatenate([self._remembered, drive.take(packets)]).sorted()
-            self._last = {}  # where everything is decoded anew every time
+            self._kept = Frames.concatenate([self._kept, drive.take(packets)]).sorted()
+            self._last = {}  # everything is decoded anew every time
+        self.late |= len(decoding.senders) != len(self._senders)
+        self._senders = decoding.senders
         now = (now_ns - self.start_ns) / 1e9
         signals = {name: _since(signal, after) for name, signal in made.items()}
+        return self._with_geared(signals, wheel_speeds, after, now, last)
+
+    def _with_geared(
+        self,
+        signals: dict[str, Signal],
+        wheel_speeds: Mapping[str, Signal],
+        after: float,
+        now: float,
+        last: bool,
+    ) -> Decoded:
+        """The new ``signals`` and those that inferred gears make of ``wheel_speeds`` from ``after``
+        s on, with all known up to ``now`` s."""
         settled = dict.fromkeys(self.vehicle.signals, now)
-        for name, wheel in wheels.items():
+        for name, wheel in wheel_speeds.items():
             self._geared.setdefault(name, _Geared(self.vehicle.signals[name].gears))
             self._geared[name].wheel.append(_since(wheel, after))
         for name, geared in self._geared.items():
@@ -102,23 +111,23 @@ class Incoming:
             signals[name], settled[name] = geared.take(now, last)
         return Decoded(signals, settled)
 
-    def _remember(self, frames: Frames, last: dict[tuple[str, BusSignal], int]) -> None:
-        """Keep the rows in which companions said something at last; those of which nothing came
-        are among ``frames`` where they were."""
-        last = {**self._last, **last}
-        rows = sorted(set(last.values()))
-        self._last = {key: rows.index(row) for key, row in last.items()}
-        self._remembered = frames.take(np.array(rows, np.intp))
+    def _keep(self, frames: Frames, last: Mapping[tuple[str, BusSignal], int]) -> None:
+        """Keep the frames with the last valid sample of each companion: these ``last`` rows of
+        ``frames``, and the rows known before of those without a new one."""
+        rows_of = {**self._last, **last}
+        rows = sorted(set(rows_of.values()))
+        self._last = {key: rows.index(row) for key, row in rows_of.items()}
+        self._kept = frames.take(np.array(rows, np.intp))
 
 
 def _since(signal: Signal, time: float) -> Signal:
-    """The samples from ``time`` s on: what was remembered has been taken already."""
+    """The samples from ``time`` s on."""
     first = int(np.searchsorted(signal.time, time))
     return signal.take(slice(first, None)) if first else signal
 
 
 class _Samples:
-    """Samples of one signal, of which the older ones are forgotten."""
+    """The latest samples of one signal."""
 
     def __init__(self) -> None:
         self.signal: Signal | None = None
@@ -126,38 +135,38 @@ class _Samples:
     def append(self, new: Signal) -> None:
         self.signal = new if self.signal is None else self.signal.then(new)
 
-    def forget(self, before: float) -> None:
-        """All but the last sample before ``before`` s."""
+    def drop(self, before: float) -> None:
+        """Drop all but the last sample before ``before`` s."""
         if self.signal is not None and len(self.signal):
             first = max(int(np.searchsorted(self.signal.time, before)) - 1, 0)
             self.signal = _since(self.signal, float(self.signal.time[first]))
 
 
 class _Geared:
-    """A wheel speed that waits until its gear is known."""
+    """A wheel speed, kept until its gear is known."""
 
     def __init__(self, gears: tuple[float, ...]) -> None:
         self.gears = np.array(gears)
         self.wheel, self.engine = _Samples(), _Samples()
-        self.before, self.done = 0, -np.inf
+        self.held, self.done = 0, -np.inf  # the gear at the first sample kept; s
 
     def take(self, now: float, last: bool) -> tuple[Signal, float]:
         """The shaft speed that is new, and up to when it is complete, s."""
         wheel, engine = self.wheel.signal, self.engine.signal
         assert wheel is not None
         if engine is None or not len(engine):
-            seen, speed = now - LOST, np.full(len(wheel), np.nan)
-        else:  # behind the last engine speed nobody knows yet how it goes on
-            quiet = now - engine.time[-1] > LOST
-            seen, speed = now if quiet else float(engine.time[-1]), engine.at(wheel.time)
-        upto = now if last else max(seen - LOOK_AHEAD, self.done)
-        found = engaged_gear(wheel.time, wheel.value, speed, self.gears.tolist(), self.before)
-        new = slice(*np.searchsorted(wheel.time, [self.done, upto], side="right"))
-        shaft = replace(wheel, value=wheel.value * self.gears[found.gear]).take(new)
-        keep = max(int(np.searchsorted(wheel.time, upto - BEFORE)) - 1, 0)
-        if len(found.held):
-            self.before = int(found.held[keep])
-            self.wheel.forget(upto - BEFORE)
-        self.engine.forget(upto - BEFORE)
-        self.done = upto
-        return shaft, upto
+            known, speed = now - LOST, np.full(len(wheel), np.nan)
+        else:  # beyond its last sample the engine speed is unknown until the next, or lost
+            lost = now - engine.time[-1] > LOST
+            known, speed = now if lost else float(engine.time[-1]), engine.at(wheel.time)
+        until = now if last else max(known - SETTLED, self.done)
+        engaged = engaged_gear(wheel.time, wheel.value, speed, self.gears.tolist(), self.held)
+        new = slice(*np.searchsorted(wheel.time, [self.done, until], side="right"))
+        shaft = replace(wheel, value=wheel.value * self.gears[engaged.gear]).take(new)
+        keep = max(int(np.searchsorted(wheel.time, until - BEFORE)) - 1, 0)
+        if len(engaged.held):
+            self.held = int(engaged.held[keep])
+            self.wheel.drop(until - BEFORE)
+        self.engine.drop(until - BEFORE)
+        self.done = until
+        return shaft, until

@@ -26,8 +26,8 @@ from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
 JOIN_S = 60.0  # pieces of one drive lie no further apart
-_PIECE = 1 << 18  # frames that are put away together: each column of them is a large array
-HOLE_S = 3600.0  # a longer silence inside a log starts a new drive
+SPLIT_S = 3600.0  # a longer gap without any frame in a log starts a new drive
+_PIECE = 1 << 18  # frames kept in one piece: each of its columns is a large array
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,81 +51,109 @@ def read_log(
 ) -> Signals:
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
-    CAN logs are decoded through the vehicle's DBC, ``.csv`` and ``.parquet`` with canonical columns
-    are taken as they are within the file's min … max.  Logs on absolute clocks that overlap or lie
-    less than a minute apart are pieces of one drive; all others are drives of their own, on
-    ``later`` in order of time.
-    Of each drive only what lies in ``window`` is kept.  Times are s from the start of what is kept.
-    Delays that the vehicle file states are not applied.  Without ``traffic`` nothing is kept of
-    when frames came and whether they were whole, which fault tests need.
+    CAN logs are decoded with the vehicle's DBC; of ``.csv`` and ``.parquet`` with canonical columns
+    the values within the vehicle file's min … max are valid.  Logs on absolute clocks that overlap
+    or lie less than a minute apart are pieces of one drive; all others are drives of their own, in
+    ``later`` in order of time.  Of each drive only what lies in ``window`` is kept, with times in s
+    from its start.  Delays that the vehicle file states are not applied.  Without ``traffic`` the
+    times and the integrity of frames, which fault tests need, are left out.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
     """
     vehicle = load_vehicle(vehicle)
-    found = _located([paths] if isinstance(paths, str | Path) else list(paths))
-    tabular = [is_table(path) for path in found]
-    folders = [path.parent for path in found]
+    logs = _located([paths] if isinstance(paths, str | Path) else list(paths))
+    tabular = [is_table(path) for path in logs]
+    folders = [path.parent for path in logs]
     if all(tabular):
-        database, wanted = _if_there(vehicle, folders), []
+        database, wanted = _database_if_available(vehicle, folders), []
     else:
         database = load_database(vehicle, folders)
         wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
     columns = vehicle.machine.units
     pieces = [
         _table(path, columns) if is_table else _frames(path, wanted)
-        for path, is_table in zip(found, tabular, strict=True)
+        for path, is_table in zip(logs, tabular, strict=True)
     ]
-    drives: list[Signals] = []
-    empty: list[NoMappedFrame] = []
-    warnings: list[str] = []
-    for group in _groups(pieces):
-        tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
-        if tables:
-            mapped = _only_mapped(joined(tables), vehicle)
-            cut = window.of_signals(plausible(mapped, vehicle, database))
-            drives += [cut] if cut else []
-            continue
-        sources = tuple(str(piece.path) for piece in group)
-        frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
-        frames = without_duplicates(frames.sorted())
-        warnings += [piece.warning for piece in group if piece.warning]
-        for part in _split(frames):
-            inside = window.of_frames(part, sources)
-            if not len(inside):
-                continue
-            try:
-                drives.append(signals_of(inside, vehicle, database, sources, traffic))
-            except NoMappedFrame as problem:
-                empty.append(problem)
-    if not drives and empty:
-        raise empty[0]
+    groups = [
+        _tables_drive(group, vehicle, database, window)
+        if isinstance(group[0].content, Signals)
+        else _frames_drives(group, vehicle, database, window, traffic)
+        for group in _groups(pieces)
+    ]
+    drives = [drive for group in groups for drive in group.drives]
+    unmapped = [problem for group in groups for problem in group.unmapped]
+    if not drives and unmapped:
+        raise unmapped[0]
     if not drives:
         raise ClutchestError(
-            f"{' '.join(map(str, found))}: no data in the time window; " + _spans(pieces)
+            f"{' '.join(map(str, logs))}: no data in the time window; " + _spans(pieces)
         )
     first, *later = drives
-    told = (*warnings, *first.warnings, *(str(problem) for problem in empty))
-    return replace(first, later=tuple(later), warnings=told)
+    warnings = (
+        *(warning for group in groups for warning in group.warnings),
+        *first.warnings,
+        *map(str, unmapped),
+    )
+    return replace(first, later=tuple(later), warnings=warnings)
+
+
+@dataclass(frozen=True, slots=True)
+class _Drives:
+    """The drives in a group of pieces, and its parts without any mapped message."""
+
+    drives: tuple[Signals, ...] = ()
+    unmapped: tuple[NoMappedFrame, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def _tables_drive(
+    group: Sequence[_Piece], vehicle: Vehicle, database: Database, window: Window
+) -> _Drives:
+    """The one drive whose pieces are tables, as far as it lies in the ``window``."""
+    tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
+    mapped = _only_mapped(joined(tables), vehicle)
+    drive = window.of_signals(plausible(mapped, vehicle, database))
+    return _Drives((drive,) if drive else ())
+
+
+def _frames_drives(
+    group: Sequence[_Piece],
+    vehicle: Vehicle,
+    database: Database,
+    window: Window,
+    traffic: bool,
+) -> _Drives:
+    """The drives in pieces of one CAN log, cut at its long gaps and by the ``window``."""
+    sources = tuple(str(piece.path) for piece in group)
+    frames = Frames.concatenate([p.content for p in group if isinstance(p.content, Frames)])
+    drives, unmapped = [], []
+    for part in _split(without_duplicates(frames.sorted())):
+        inside = window.of_frames(part, sources)
+        if not len(inside):
+            continue
+        try:
+            drives.append(signals_of(inside, vehicle, database, sources, traffic))
+        except NoMappedFrame as problem:
+            unmapped.append(problem)
+    warnings = tuple(piece.warning for piece in group if piece.warning)
+    return _Drives(tuple(drives), tuple(unmapped), warnings)
 
 
 def _located(given: list[Path | str]) -> list[Path]:
     if not given:
         raise ClutchestError("no log to read")
-    found = [locate(str(path), "logs") for path in given]
-    once = dict.fromkeys(path.resolve() for path in found)
-    if len(once) < len(found):
-        twice = next(
-            p
-            for i, p in enumerate(found)
-            if p.resolve() in {other.resolve() for other in found[:i]}
-        )
-        raise ClutchestError(f"{twice}: given twice; each log counts once")
-    return found
+    logs = [locate(str(path), "logs") for path in given]
+    once: set[Path] = set()
+    for path in logs:
+        if path.resolve() in once:
+            raise ClutchestError(f"{path}: given twice; expected each log once")
+        once.add(path.resolve())
+    return logs
 
 
 def _spans(pieces: Sequence[_Piece]) -> str:
-    """From when to when logs go, in words."""
+    """The time that logs cover, in words."""
     first = min(pieces, key=lambda piece: piece.start)
     if not first.absolute:
         return f"it is {(first.end - first.start) / 1e9:.3f} s long"
@@ -133,21 +161,22 @@ def _spans(pieces: Sequence[_Piece]) -> str:
         datetime.fromtimestamp(ns / 1e9).astimezone()
         for ns in (first.start, max(piece.end for piece in pieces))
     )
-    return f"the log goes from {start.isoformat(' ', 'seconds')} to {end.isoformat(' ', 'seconds')}"
+    return f"the log is from {start.isoformat(' ', 'seconds')} to {end.isoformat(' ', 'seconds')}"
 
 
 def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
-    """The vehicle's DBCs; one that is still missing is looked for in ``folders`` and here.
+    """The vehicle's DBCs; one that is still missing is searched for in ``folders`` and here.
 
-    Raises ClutchestError naming the file and where it was looked for.
+    Raises ClutchestError naming the file and the folders searched.
     """
     if not vehicle.dbc:
         raise ClutchestError(f"{vehicle.path.name}: no 'dbc', so CAN logs cannot be decoded")
     return load([_dbc(vehicle, path, [*folders, Path.cwd()]) for path in vehicle.dbc])
 
 
-def _if_there(vehicle: Vehicle, folders: Sequence[Path]) -> Database:
-    """The vehicle's DBCs where they are at hand and fit it; tables do without them."""
+def _database_if_available(vehicle: Vehicle, folders: Sequence[Path]) -> Database:
+    """The vehicle's DBCs; an empty database where one is missing or contradicts the vehicle file,
+    since tables can be read without."""
     try:
         database = load_database(vehicle, folders)
         mapped_messages(vehicle, database)
@@ -162,8 +191,8 @@ def _dbc(vehicle: Vehicle, path: Path, folders: Sequence[Path]) -> Path:
             return candidate
     places = ", ".join(dict.fromkeys(str(folder.resolve()) for folder in folders))
     raise ClutchestError(
-        f"{vehicle.path.name}: no such DBC: {path}; looked beside the vehicle "
-        f"file, among the shipped ones and in {places}"
+        f"{vehicle.path.name}: no such DBC: {path}; searched: the vehicle file's folder, the "
+        f"shipped DBCs, {places}"
     )
 
 
@@ -171,12 +200,13 @@ def _table(path: Path, columns: dict[str, str]) -> _Piece:
     signals = read_table(path, columns)
     if signals.start_ns is None:
         return _Piece(path, signals, False, 0, int(signals.end * 1e9))
-    return _Piece(path, signals, True, signals.start_ns, signals.start_ns + int(signals.end * 1e9))
+    end = signals.start_ns + int(signals.end * 1e9)
+    return _Piece(path, signals, True, signals.start_ns, end)
 
 
 def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
-    """What is wanted of a log, which itself may be larger than memory."""
-    needed = FrameFilter(wanted, int(HOLE_S * 1e9))
+    """The frames of a log that carry ``wanted`` messages; the log may be larger than memory."""
+    needed = FrameFilter(wanted, int(SPLIT_S * 1e9))
     kept = _in_pieces(needed.kept(block) for block in files.read_blocks(path))
     frames = Frames.concatenate(kept)
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
@@ -191,7 +221,7 @@ def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
 
 
 def _in_pieces(blocks: Iterable[Frames]) -> Iterator[Frames]:
-    """The frames of many blocks together, as many as make a large array."""
+    """The frames of ``blocks`` in pieces of at least ``_PIECE`` frames, but for the last one."""
     held: list[Frames] = []
     for block in blocks:
         held.append(block)
@@ -202,7 +232,7 @@ def _in_pieces(blocks: Iterable[Frames]) -> Iterator[Frames]:
 
 
 def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
-    """Pieces of one drive together; drives in order of time, as read where no clock tells it."""
+    """Pieces of one drive together; drives in order of time, of relative clocks as read."""
     groups: list[list[_Piece]] = [[piece] for piece in pieces if not piece.absolute]
     for kind in (Frames, Signals):
         end = None
@@ -221,16 +251,16 @@ def _groups(pieces: Sequence[_Piece]) -> list[list[_Piece]]:
 
 
 def _split(frames: Frames) -> list[Frames]:
-    """The frames (sorted) cut at long silences: a clock that was set, or a parked vehicle."""
+    """The frames (sorted) cut at long gaps: a clock that was set, or a parked vehicle."""
     cuts = [
         first + 1 + int(row)
         for first, step in frames.steps()
-        for row in np.flatnonzero(step > HOLE_S * 1e9)
+        for row in np.flatnonzero(step > SPLIT_S * 1e9)
     ]
     if not cuts:
         return [frames]
     parts = [frames.take(slice(a, b)) for a, b in pairwise([0, *cuts, len(frames)])]
-    # What the file as a whole lost is told once, with the longest part: that one is a drive.
+    # What the file as a whole lost is counted once, with the longest part, which is a drive.
     longest = max(parts, key=len)
     return [
         part if part is longest else replace(part, rejected=(), passed_over=()) for part in parts
@@ -238,8 +268,8 @@ def _split(frames: Frames) -> list[Frames]:
 
 
 def _only_mapped(signals: Signals, vehicle: Vehicle) -> Signals:
-    """Without columns for which the vehicle file declares no noise: nothing could be made of
-    them, except inputs that have a default anyway."""
+    """Without columns for which the vehicle file states no noise, except inputs that have a
+    default."""
     inputs = {i.name for i in vehicle.machine.inputs if i.default is not None}
     kept = {
         name: signal

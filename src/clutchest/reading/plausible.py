@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import units
-from clutchest.can.database import Database
+from clutchest.can.database import Database, SignalLayout
 from clutchest.signals import Floats, Signal, Signals, Why
 from clutchest.vehicle import SignalMap, Vehicle
 
@@ -49,6 +49,26 @@ def excluded(
         return why, None
     words = f"{outside.sum()} samples outside the vehicle file's min … max"
     return np.where(outside, np.uint8(Why.OUT_OF_RANGE), why), words
+
+
+def clipped(value: Floats, layout: SignalLayout) -> list[str]:
+    """In words, how many samples ``value`` (n) lie at the ends of the range that the DBC states.
+
+    Zero is no sign of clipping, and a switch has nothing but ends.
+    """
+    if layout.width <= 4 or layout.maximum == layout.minimum:
+        return []
+    words = []
+    for end, edge in ((layout.maximum, "upper"), (layout.minimum, "lower")):
+        if not end:
+            continue
+        count = int(np.count_nonzero(value >= end if edge == "upper" else value <= end))
+        if count:
+            words.append(
+                f"{count} samples at the {edge} end of the DBC's range "
+                f"({end:g} {layout.unit})".rstrip()
+            )
+    return words
 
 
 def _within_file(signal: Signal, how: SignalMap) -> tuple[Signal, list[str]]:
