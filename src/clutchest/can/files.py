@@ -22,6 +22,8 @@ from clutchest.can.log_format import LogFormat
 from clutchest.can.log_source import LogSource
 from clutchest.errors import ClutchestError, nearest
 
+_FIRST = 4096  # bytes in which most formats show; to search all of the head takes milliseconds
+
 
 def read_blocks(path: Path) -> Iterator[Frames]:
     """The frames of a log block by block, in the order of the file (mf4: of time).
@@ -115,16 +117,16 @@ def format_of(source: LogSource) -> LogFormat:
 
     Raises ClutchestError where neither is known.
     """
-    head = source.head
-    places = [(at, entry) for entry in log_formats() if (at := entry.sniff(head)) is not None]
-    if places:
-        return min(places, key=lambda place: place[0])[1]
+    for head in (source.head[:_FIRST], source.head):
+        places = [(at, entry) for entry in log_formats() if (at := entry.sniff(head)) is not None]
+        if places:
+            return min(places, key=lambda place: place[0])[1]
     suffix = source.path.suffix.lower()
     own = [entry for entry in log_formats() if entry.suffix == suffix]
     for entry in own or log_formats():
         if entry.by_suffix(suffix):
             return entry
-    first = head.lstrip()[:60].splitlines()[0].decode("utf-8", "replace")
+    first = source.head.lstrip()[:60].splitlines()[0].decode("utf-8", "replace")
     raise ClutchestError(
         f"{source.path}: not a CAN log that is known; it begins with {first!r}; "
         f"expected {_expected()}"
