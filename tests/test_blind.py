@@ -243,7 +243,7 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
     from blind.oracle import Oracle
 
     from clutchest.discovery.search import Search
-    from clutchest.inference.unknowns import Problem
+    from clutchest.inference.problem import Problem
 
     gains = (
         "expansion_body.change",
@@ -261,7 +261,7 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
         size = min(5.0 / oracle.per_largest(gain), 1.0) * number.upper
         hidden = {name: {key: size}}
         search = Search.begin(
-            Problem(drive.signals(hidden), drive.vehicle, tuple(effects.values()))
+            Problem.of(drive.signals(hidden), drive.vehicle, tuple(effects.values()))
         )
         own = [i for i, candidate in enumerate(search.all) if candidate.name == name]
         promised = oracle.distance(oracle.twin(hidden))

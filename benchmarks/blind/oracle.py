@@ -23,9 +23,10 @@ from blind.drives import Drive
 from blind.outsiders import Outsider
 from clutchest.errors import ClutchestError
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance
-from clutchest.inference.linearisation import LinearisedDrive
 from clutchest.inference.noise_model import NoiseModel
-from clutchest.inference.unknowns import Problem, Shapes
+from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.inference.problem import Problem
+from clutchest.inference.unknowns import Gain, Shapes
 from clutchest.models import machine_of
 from clutchest.models.effects import Effect
 from clutchest.signals import Floats, Signals
@@ -89,7 +90,7 @@ class Oracle:
         self.clean = self._look(self.exact, settled.theta, NOMINAL)
 
     def _problem(self, signals: Signals) -> Problem:
-        return Problem(signals, self.vehicle, tuple(self.effects.values()))
+        return Problem.of(signals, self.vehicle, tuple(self.effects.values()))
 
     def _extended(self, vehicle: Vehicle, signals: Signals) -> tuple[Oracle, Problem]:
         """One that has another model of the same truck and no cause to free; and its drive."""
@@ -105,11 +106,11 @@ class Oracle:
     def _taken(self, other: Oracle, theta: Floats) -> Floats:
         """What another oracle has at ``theta``, its causes aside."""
         own = {
-            (t.owner, t.key): value
+            str(t): value
             for t, value in zip(other.thetas, theta, strict=True)
-            if not t.gain
+            if not isinstance(t, Gain)
         }
-        return np.array([own.get((t.owner, t.key), 0.0) for t in self.thetas])
+        return np.array([own.get(str(t), 0.0) for t in self.thetas])
 
     def _exact(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Signals:
         return self.drive.signals(effects, outsider, noiseless=True, scenario=self.scenario)
@@ -123,7 +124,7 @@ class Oracle:
         self, effects: Effects | None, outsider: Outsider | None, share: float
     ) -> tuple[Effects, Outsider | None]:
         """``share`` of a cause: its gains, not its shapes."""
-        gains = {(theta.owner, theta.key) for theta in self.thetas if theta.gain}
+        gains = {(t.effect, t.key) for t in self.thetas if isinstance(t, Gain)}
         less = {
             name: {
                 key: value * (share if (name, key) in gains else 1.0)
@@ -143,15 +144,15 @@ class Oracle:
     ) -> Look:
         """A drive at ``theta``; of gains, derivatives by those of ``causes``, all unless given."""
         active = None if causes is None else np.append(self.nuisances, self._columns(causes))
-        [rows], [drive] = problem.linearise(theta, shapes, active), problem.drives
+        at = problem.implied(theta, shapes)
+        [rows], [drive] = problem.linearise(theta, shapes, active, at), problem.drives
+        readings = drive.readings
         white = np.column_stack([rows.r, rows.psi])
         if self.noise_model is not None:
-            both = np.column_stack([drive.input_noise_directions, white])
-            both = self.noise_model.whiten(drive.stretches, both)[_telling(drive)]
-            input_noise_directions, white = np.split(
-                both, [drive.input_noise_directions.shape[1]], axis=1
-            )
-            InputNoiseCovariance.of(input_noise_directions).whiten_in_place(white)
+            both = np.column_stack([readings.input_noise, white])
+            both = self.noise_model.whiten(readings.stretches, both)[_telling(drive)]
+            directions, white = np.split(both, [readings.input_noise.shape[1]], axis=1)
+            InputNoiseCovariance.of(directions).whiten_in_place(white)
         white /= np.sqrt(heat)
         pull = np.zeros(len(theta))
         pull[self.nuisances] = (theta - self.centre)[self.nuisances]
@@ -159,8 +160,9 @@ class Oracle:
 
     def _colour_of(self, problem: Problem, theta: Floats) -> NoiseModel:
         """That of the noise: of what no nuisance explains of a drive without a cause."""
-        [drive], [rows] = problem.drives, problem.linearise(theta, NOMINAL)
-        return NoiseModel.fit([drive.stretches], [np.clip(rows.r, -FAR, FAR)])
+        none = np.zeros(0, np.int64)
+        [drive], [rows] = problem.drives, problem.linearise(theta, NOMINAL, none)
+        return NoiseModel.fit([drive.readings.stretches], [np.clip(rows.r, -FAR, FAR)])
 
     # --- distances ---------------------------------------------------------------------------
 
@@ -309,8 +311,7 @@ class Oracle:
         return self._left(look, gain, [beside] if beside else [])
 
     def _left(self, look: Look, gain: str, beside: Sequence[str] = ()) -> float:
-        owner, key = gain.split(".")
-        index = next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == (owner, key))
+        index = next(i for i, t in enumerate(self.thetas) if str(t) == gain)
         others = self._columns(beside)
         free = np.concatenate([self.nuisances, others])
         own, column = look.psi[:, free], look.psi[:, index]
@@ -332,27 +333,30 @@ class Oracle:
 
     def _range(self, index: int) -> tuple[float, float]:
         """The plausible range of a gain in its own unit."""
-        theta = self.thetas[index]
-        number = next(n for n in self.effects[theta.owner].gains if n.key == theta.key)
-        return number.lower / theta.unit, number.upper / theta.unit
+        gain = self.thetas[index]
+        assert isinstance(gain, Gain)
+        return gain.lower, gain.upper
 
     def _columns(self, causes: Sequence[str]) -> NDArray[np.int64]:
         """The gains of these effects."""
-        owners = [i for i, theta in enumerate(self.thetas) if theta.owner in causes and theta.gain]
-        return np.array(owners, np.int64)
+        columns = [
+            i for i, t in enumerate(self.thetas) if isinstance(t, Gain) and t.effect in causes
+        ]
+        return np.array(columns, np.int64)
 
 
-def _telling(drive: LinearisedDrive) -> NDArray[np.bool_]:
+def _telling(drive: PreparedDrive) -> NDArray[np.bool_]:
     """Which readings tell of the clutch, shape (K,): all but speeds while it is locked, and those
     just after, when the straight lines between samples have yet to catch up with the kink."""
+    readings = drive.readings
     free = drive.compiled.model.regime.index("free_running")
     flags = drive.line.W[drive.line.row, free] > 0
     begins = drive.line.t[1:][flags[1:] & ~flags[:-1]]
-    last = np.searchsorted(begins, drive.t, side="right") - 1
-    since = drive.t - np.where(last >= 0, begins[np.maximum(last, 0)], -np.inf)
+    last = np.searchsorted(begins, readings.t, side="right") - 1
+    since = readings.t - np.where(last >= 0, begins[np.maximum(last, 0)], -np.inf)
     slow = drive.line.W[drive.row, free] == 0
     renewed = np.isin(
-        drive.sensor, [drive.compiled.model.sensor(n) for n in drive.compiled.model.renewed]
+        readings.sensor, [drive.compiled.model.sensor(n) for n in drive.compiled.model.renewed]
     )
     return ~renewed | (~slow & (since > KINK))
 

@@ -3,16 +3,16 @@
 import numpy as np
 
 from clutchest.diagnosis.blocks import Blocks
-from clutchest.inference.unknowns import Unknown
+from clutchest.inference.unknowns import Gain, InitialState, Parameter
 from clutchest.models import machine_of
 
 STATES = machine_of("dry_clutch").states
 THETAS = (
-    Unknown("parameter", "heat_capacity_body", 1.0),
-    Unknown("parameter", "kiss_point", 1.0),
-    Unknown("start", "friction", 0.02, drive=0),
-    Unknown("friction_level", "change", 0.5, gain=True),
-    Unknown("torque_gain", "change", 0.3, gain=True),
+    Parameter("heat_capacity_body", 1.0),
+    Parameter("kiss_point", 1.0),
+    InitialState("friction", 0.02),
+    Gain("friction_level", "change", 0.5),
+    Gain("torque_gain", "change", 0.3),
 )
 FAULTS = (3, 4)
 

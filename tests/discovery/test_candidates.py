@@ -29,10 +29,8 @@ class Bumpy(Effect):
 
 def problem(*effects: Effect) -> Any:
     """As much of a problem as candidates look at: gains in order."""
-    order = [(e.name, n.key) for e in effects for n in e.gains]
-    return SimpleNamespace(
-        effects={e.name: e for e in effects}, index=lambda name, key: order.index((name, key))
-    )
+    order = [f"{e.name}.{n.key}" for e in effects for n in e.gains]
+    return SimpleNamespace(effects={e.name: e for e in effects}, index=order.index)
 
 
 def test_every_gain_at_every_value_of_every_shape():

@@ -7,7 +7,7 @@ import pytest
 import clutchest
 from clutchest.discovery.covariates import at_rest, drivers
 from clutchest.discovery.discover import discover
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.problem import Problem
 
 TRUCK = clutchest.load_vehicle("truck")
 
@@ -15,12 +15,14 @@ TRUCK = clutchest.load_vehicle("truck")
 def test_an_input_at_rest_is_told_and_still_has_values():
     """Curves found in another drive ask for them."""
     rest, moves = (
-        Problem(clutchest.simulate(TRUCK, scenario, 1, duration=200.0), TRUCK, ()).drives[0]
+        Problem.of(clutchest.simulate(TRUCK, scenario, 1, duration=200.0), TRUCK, ()).drives[0]
         for scenario in ("closed", "launches")
     )
-    assert {"slave_position", "position_rate"} <= at_rest(rest)
-    assert not {"slave_position", "position_rate", "engine_torque"} & at_rest(moves)
-    assert {"slave_position", "position_rate"} <= set(drivers(rest))
+    assert {"slave_position", "position_rate"} <= at_rest(rest, rest.at_nominal)
+    assert not {"slave_position", "position_rate", "engine_torque"} & at_rest(
+        moves, moves.at_nominal
+    )
+    assert {"slave_position", "position_rate"} <= set(drivers(rest, rest.at_nominal))
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from clutchest.discovery import verdict
 from clutchest.discovery.discover import discover
 from clutchest.discovery.result import Discovery
 from clutchest.errors import ClutchestError
-from clutchest.inference.unknowns import CLOCK, TIMING, Problem
+from clutchest.inference.problem import CLOCK, TIMING, Problem
 from clutchest.models import machine_of
 from clutchest.models.effects import effects_of_file
 from clutchest.record.discovery import write_discovery
@@ -101,8 +101,8 @@ def test_a_delay_that_is_found_holds_the_tolerance_of_its_signal(effect, signal)
         signals = {**TRUCK.signals, signal: replace(TRUCK.signals[signal], noise_ar=ar)}
         truck = replace(TRUCK, signals=signals)
         made = clutchest.simulate(truck, "slip-steps", 71, {effect: {"delay": late}})
-        problem = Problem(made, truck, (machine_of("dry_clutch").effects[effect],))
-        best.append(problem.clock(problem.index(effect, "delay")))
+        problem = Problem.of(made, truck, (machine_of("dry_clutch").effects[effect],))
+        best.append(problem.clock(problem.index(f"{effect}.delay")))
         if ar == 0.0:
             (cause,) = discover(made, truck).causes
             assert cause.effect == effect

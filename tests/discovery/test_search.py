@@ -14,7 +14,7 @@ from clutchest.discovery import discover as discovering
 from clutchest.discovery.search import LEVEL, Hypothesis, Search
 from clutchest.discovery.shape_profile import refine
 from clutchest.discovery.verdict import Judged
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.signals import Floats
 
@@ -34,20 +34,20 @@ def searched(
     """A drive of a truck drawn by ``seed`` with ``effects`` hidden in it, searched."""
     truck = clutchest.load_vehicle("truck")
     drive = clutchest.simulate(truck, scenario, seed, effects, nominal=nominal, duration=duration)
-    search = Search.begin(Problem(drive, truck, LIBRARY))
+    search = Search.begin(Problem.of(drive, truck, LIBRARY))
     search.run()
     return search
 
 
 def sizes(search: Search, found: Hypothesis) -> tuple[Floats, Floats]:
     """Fitted gains and their standard deviations, in the units of the effects."""
-    look = search.fitter.look(found.look.theta, found.look.shapes)
+    fit = search.objective.linearise_at(found.fit.theta, found.fit.shapes)
     free = search.free(found.chosen)
-    precision = look.information[np.ix_(free, free)] + np.diag(search.fitter.prior[free] + 1e-9)
+    precision = fit.information[np.ix_(free, free)] + np.diag(search.objective.prior[free] + 1e-9)
     at = [c.index for c in found.chosen]
     units = search.problem.units[at]
     std = np.sqrt(np.diag(np.linalg.inv(precision)))[len(free) - len(at) :]
-    return look.theta[at] * units, std * units
+    return fit.theta[at] * units, std * units
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_what_equations_leave_of_a_strong_cause_is_not_another_one(hidden):
     noise = hidden.least_gain()
     assert hidden.least_gain(null) == noise
     assert hidden.least_gain(best) == noise  # of ten standard deviations, one per cent is little
-    strong = replace(best, look=replace(best.look, cost=null.cost - 1e6))
+    strong = replace(best, fit=replace(best.fit, cost=null.cost - 1e6))
     assert hidden.least_gain(strong) == pytest.approx(2.0 * 1e6 * 0.01**2, rel=0.01)
 
 
@@ -107,23 +107,22 @@ def test_rivals_are_fits_that_lost(hidden):
     assert best.cost < hidden.null.cost - 10.0
     for h in [best, *rivals]:
         others = [i for i in hidden.problem.gains if i not in {c.index for c in h.chosen}]
-        assert not h.look.theta[others].any()
+        assert not h.fit.theta[others].any()
         number = h.chosen[0].gain
         unit = hidden.problem.units[h.chosen[0].index]
-        assert number.lower <= h.look.theta[h.chosen[0].index] * unit <= number.upper
+        assert number.lower <= h.fit.theta[h.chosen[0].index] * unit <= number.upper
 
 
 def test_every_cause_is_scored_at_its_own_shapes(hidden):
     nothing = np.zeros(len(hidden.problem.thetas))
-    hidden.fitter.look(nothing)  # derivatives are taken at the inputs that this run implies
-    look = hidden.fitter.look(nothing)
+    fit = hidden.objective.linearise_at(nothing)
     shaped = [c for c in hidden.all if c.name in ("friction_slip", "friction_fade")]
     plain = next(c for c in hidden.all if c.name == "viscous_drag")
     wanted = [*shaped[::-1], plain]
-    columns = hidden.columns(look, wanted)
+    columns = hidden.columns(fit, wanted)
     for column, c in zip(columns.T, wanted, strict=True):
         shapes = {(c.name, key): value for key, value in c.shapes}
-        alone = hidden.fitter.look(look.theta, shapes).psi[:, c.index]
+        alone = hidden.objective.relinearise(fit, fit.theta, shapes).psi[:, c.index]
         np.testing.assert_allclose(column, alone, atol=1e-6 * np.abs(alone).max(initial=1.0))
     slip = [k for k, c in enumerate(wanted) if c.name == "friction_slip"]
     assert np.linalg.matrix_rank(columns[:, slip]) == len(slip)
@@ -164,7 +163,7 @@ def test_a_clean_drive_has_no_cause():
     assert search.best is search.null
     assert search.best.chosen == () and search.rivals == [] and search.tied() == []
     assert search.p_of == {}
-    white = search.fitter.arrive(search.null.look.theta).r
+    white = search.objective.linearise_at(search.null.fit.theta).r
     assert np.mean(white**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(white)))
 
 

@@ -13,8 +13,8 @@ import clutchest
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.search import Hypothesis, Search
 from clutchest.discovery.shape_profile import FINER, HALVED, refine
-from clutchest.inference.map_fit import Look
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.objective import Linearisation
+from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 
 LIBRARY = tuple(machine_of("dry_clutch").effects.values())
@@ -26,19 +26,20 @@ def begun(seed: int, cause: str) -> Search:
     truck = clutchest.load_vehicle("truck")
     hidden = {"friction_slip": {"change": CHANGE, "speed": SPEED}}
     drive = clutchest.simulate(truck, "city", seed, hidden, duration=400.0)
-    search = Search.begin(Problem(drive, truck, LIBRARY))
+    search = Search.begin(Problem.of(drive, truck, LIBRARY))
     tried = [c for c in search.all if c.name == cause]
-    fits = [search.fitted((c,), search.null.look).bare for c in tried]
+    fits = [search.fitted((c,), search.null.fit).bare for c in tried]
     search.best, *search.rivals = sorted(fits, key=lambda h: h.cost)
     return search
 
 
 def gain(search: Search, h: Hypothesis) -> tuple[float, float]:
     """The size of the one cause, and its standard deviation were the shape known."""
-    look, free = search.fitter.arrive(h.look.theta, h.look.shapes), search.free(h.chosen)
-    precision = look.information[np.ix_(free, free)] + np.diag(search.fitter.prior[free] + 1e-9)
+    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
+    free = search.free(h.chosen)
+    precision = fit.information[np.ix_(free, free)] + np.diag(search.objective.prior[free] + 1e-9)
     unit = float(search.problem.units[h.chosen[0].index])
-    return look.theta[h.chosen[0].index] * unit, np.sqrt(np.linalg.inv(precision)[-1, -1]) * unit
+    return fit.theta[h.chosen[0].index] * unit, np.sqrt(np.linalg.inv(precision)[-1, -1]) * unit
 
 
 def test_what_a_shape_leaves_open_is_not_known_of_the_gain() -> None:
@@ -66,11 +67,11 @@ def test_values_are_tried_as_close_as_the_data_tell_them_apart(std: float) -> No
     effect = machine_of("dry_clutch").effects["friction_slip"]
     cause = Candidate(effect, effect.gains[0], 0, (("speed", 10.0),))
 
-    def fitted(chosen: tuple[Candidate, ...], near: Look) -> Hypothesis:
+    def fitted(chosen: tuple[Candidate, ...], near: Linearisation) -> Hypothesis:
         off = dict(chosen[0].shapes)["speed"] - 13.8
         return Hypothesis(chosen, replace(near, theta=np.array([0.2 * off]), cost=(off / std) ** 2))
 
-    nowhere = Look(np.zeros(1), {}, np.zeros(0), np.zeros((0, 1)), 0.0, ())
+    nowhere = Linearisation(np.zeros(1), {}, np.zeros(0), np.zeros((0, 1)), 0.0, (), ())
     search = SimpleNamespace(fitted=fitted, best=fitted((cause,), nowhere), rivals=[])
     spread = refine(search)[search.best.names]  # type: ignore[arg-type]
     found = dict(search.best.chosen[0].shapes)["speed"]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from clutchest.identify.likelihood import widened
-from clutchest.inference.map_fit import Look
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.objective import Linearisation
+from clutchest.inference.problem import Problem
 
 BLOCKS, LENGTH = 200, 25
 
@@ -30,15 +30,18 @@ def test_noise_that_is_louder_where_it_matters_widens_the_interval(
         true = rng.standard_normal(2)
         r = level * rng.standard_normal(len(psi)) - psi @ true
         theta = -covariance @ (psi.T @ r)
-        look = Look(theta, {}, r + psi @ theta, psi, 0.0, ())
+        fit = Linearisation(theta, {}, r + psi @ theta, psi, 0.0, (), ())
         found.append(theta - true)
-        stated.append(np.diag(widened(covariance, look, np.arange(2), blocks)))
+        stated.append(np.diag(widened(covariance, fit, np.arange(2), blocks)))
     scatter, told = np.std(found, axis=0), np.sqrt(np.mean(stated, axis=0))
     assert np.all(told > 0.99 * least * np.sqrt(np.diag(covariance)))
     np.testing.assert_allclose(told, scatter, rtol=0.12)  # of 400 draws: ± 3.5 %
 
 
 def test_blocks_number_what_lies_together() -> None:
-    drives = [SimpleNamespace(t=np.array(t)) for t in ([0.2, 1.5, 0.9, 7.0], [], [0.1, 1.1])]
+    drives = [
+        SimpleNamespace(readings=SimpleNamespace(t=np.array(t)))
+        for t in ([0.2, 1.5, 0.9, 7.0], [], [0.1, 1.1])
+    ]
     numbered = Problem.blocks(SimpleNamespace(drives=drives), 1.0)  # type: ignore[arg-type]
     assert numbered.tolist() == [0, 1, 0, 2, 3, 4]

@@ -15,7 +15,7 @@ from clutchest.errors import ClutchestError
 from clutchest.generator.generate import draw
 from clutchest.identify import PROCEDURES, procedure
 from clutchest.identify.fit import Fit
-from clutchest.identify.likelihood import bounds, hold, most_probable, problem_of
+from clutchest.identify.likelihood import bounds, most_probable, problem_of
 from clutchest.vehicle import load_vehicle
 
 SEED, OTHER = 3001, 3002
@@ -95,8 +95,8 @@ def test_found_numbers_pay_on_another_drive(ramps):
 
 
 def test_numbers_that_are_held_stay(ramps):
-    problem = problem_of(ramps, TRUCK)
-    (held,) = hold(problem, ("parameter", "conductance_disc_body"))
+    problem = problem_of(ramps, TRUCK).holding("conductance_disc_body")
+    held = problem.index("conductance_disc_body")
     posterior = most_probable(problem)
     assert posterior.theta[held] == 0.0 and posterior.covariance[held, held] == 0.0
     assert posterior.of("conductance_disc_body") == (126.0, 0.0)
@@ -106,7 +106,7 @@ def test_numbers_that_are_held_stay(ramps):
 def test_bounds_are_those_of_the_equations(ramps):
     problem = problem_of(ramps, TRUCK)
     low, high = bounds(problem)
-    at = [t.key for t in problem.thetas if t.owner == "parameter"].index("torque_cubic")
+    at = problem.index("torque_cubic")
     assert high[at] == pytest.approx(21.0 / 0.42) and low[at] == -np.inf  # the curve rises
 
 

@@ -12,7 +12,7 @@ import clutchest
 from clutchest.discovery.search import Search
 from clutchest.estimate.timeline import Timeline
 from clutchest.inference.decimation import BENT, NEAR, RESTED, SOON, decimated
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH
 from clutchest.models.regimes import Mode
@@ -199,16 +199,16 @@ def test_samples_of_inputs_tell_nothing_beside_readings(scenario, monkeypatch):
     """Every cause's score and information are what they are with all the samples."""
     truck = clutchest.load_vehicle("truck")
     signals = clutchest.simulate(truck, scenario, 3, duration=300.0)
-    boards, events = [], []
+    tests, events = [], []
     for soon in (0.0, SOON):
         monkeypatch.setattr("clutchest.inference.decimation.SOON", soon)
         search = Search.begin(
-            Problem(signals, truck, tuple(machine_of("dry_clutch").effects.values()))
+            Problem.of(signals, truck, tuple(machine_of("dry_clutch").effects.values()))
         )
-        boards.append(search.first)
+        tests.append(search.first)
         events.append(len(search.problem.drives[0].line.t))
-    whole, short = (np.sqrt(np.diag(score_test.information)) for score_test in boards)
+    whole, short = (np.sqrt(np.diag(score_test.information)) for score_test in tests)
     told = whole > 0.1
     assert events[1] < 0.6 * events[0]
     np.testing.assert_allclose(short[told], whole[told], rtol=0.05)
-    np.testing.assert_allclose(boards[1].z[told], boards[0].z[told], atol=0.25)
+    np.testing.assert_allclose(tests[1].z[told], tests[0].z[told], atol=0.25)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from clutchest.inference.denoising import REACH, calm, firm, pace, path
+from clutchest.inference.denoising import (
+    REACH,
+    adaptive_mean,
+    deadband,
+    deadband_of_mean,
+    denoised_rate,
+)
 
 T = np.arange(0.0, 60.0, 0.01)
 ALWAYS = np.ones(len(T), bool)
@@ -23,7 +29,7 @@ def coloured(rng: np.random.Generator, ar: float) -> np.ndarray:
 
 
 def test_without_noise_nothing_changes():
-    np.testing.assert_allclose(calm(T, trapezium(), ALWAYS), trapezium(), atol=1e-9)
+    np.testing.assert_allclose(deadband(T, trapezium(), ALWAYS), trapezium(), atol=1e-9)
 
 
 @pytest.mark.parametrize("ar", [0.0, 0.5, 0.9])
@@ -32,7 +38,7 @@ def test_noise_hardly_moves_it(ar):
     rng = np.random.default_rng(1)
     moved = []
     for _ in range(20):
-        held = calm(T, 5.0 + coloured(rng, ar), ALWAYS)
+        held = deadband(T, 5.0 + coloured(rng, ar), ALWAYS)
         moved.append(np.mean(np.diff(held) != 0.0))
     assert np.mean(moved) < 0.03
 
@@ -40,7 +46,7 @@ def test_noise_hardly_moves_it(ar):
 @pytest.mark.parametrize("ar", [0.0, 0.9])
 def test_it_goes_where_the_signal_goes(ar):
     noise = coloured(np.random.default_rng(2), ar)
-    held = calm(T, trapezium() + 0.5 * noise, ALWAYS)
+    held = deadband(T, trapezium() + 0.5 * noise, ALWAYS)
     assert np.abs(held - trapezium()).max() < 0.5 * 4.5 * REACH
     assert abs(held[2050] - 25.0) < 0.5 * 3.0 * REACH
 
@@ -49,14 +55,14 @@ def test_it_is_the_noise_where_the_signal_matters_that_counts():
     noise = coloured(np.random.default_rng(3), 0.0) * (T < 30.0)
     quiet = T >= 30.0
     np.testing.assert_allclose(
-        calm(T, noise + trapezium(), quiet)[quiet], trapezium()[quiet], atol=1e-6
+        deadband(T, noise + trapezium(), quiet)[quiet], trapezium()[quiet], atol=1e-6
     )
 
 
 @pytest.mark.parametrize("ar", [0.0, 0.9])
 def test_what_is_dragged_along_travels_less_than_the_reading_at_rest(ar):
     noise = coloured(np.random.default_rng(4), ar)
-    follows = path(T, 5.0 + noise, 1.0, ar)
+    follows = adaptive_mean(T, 5.0 + noise, 1.0, ar)
     assert np.abs(np.diff(follows)).sum() < 0.2 * np.abs(np.diff(noise)).sum()
 
 
@@ -66,7 +72,7 @@ def test_a_play_below_the_noise_hangs_back_where_the_plate_does(ar):
     creeps = 4.0 * np.sin(2.0 * np.pi * T / 12.0) + 3000.0 * (np.abs(T - 30.0) < 2.0)
     hangs = lag(creeps, 0.8)
     seen = [
-        lag(path(T, creeps + coloured(rng, ar), 1.0, ar), 0.8) @ hangs / (hangs @ hangs)
+        lag(adaptive_mean(T, creeps + coloured(rng, ar), 1.0, ar), 0.8) @ hangs / (hangs @ hangs)
         for rng in np.random.default_rng(5).spawn(10)
     ]
     read = [
@@ -83,8 +89,11 @@ def test_a_play_of_nothing_hangs_back_where_a_small_one_does(ar):
     alike: dict[str, list[float]] = {"path": [], "firm": []}
     for rng in np.random.default_rng(7).spawn(10):
         read = trapezium() + 0.1 * coloured(rng, ar)
-        follows = path(T, read, 0.1, ar)
-        for name, moves in (("path", follows), ("firm", firm(T, read, follows, ALWAYS, 0.1, ar))):
+        follows = adaptive_mean(T, read, 0.1, ar)
+        for name, moves in (
+            ("path", follows),
+            ("firm", deadband_of_mean(T, read, follows, ALWAYS, 0.1, ar)),
+        ):
             alike[name].append(np.mean(lag(moves, 1e-6) * hangs) / np.mean(hangs**2))
     assert np.mean(alike["firm"]) > np.mean(alike["path"]) + 0.1
     assert np.mean(alike["firm"]) > 0.8
@@ -92,8 +101,8 @@ def test_a_play_of_nothing_hangs_back_where_a_small_one_does(ar):
 
 def test_a_path_without_noise_is_firm():
     """Whatever the vehicle file says of the sensor."""
-    follows = path(T, trapezium(), 0.1, 0.0)
-    firmer = firm(T, trapezium(), follows, ALWAYS, 0.1, 0.0)
+    follows = adaptive_mean(T, trapezium(), 0.1, 0.0)
+    firmer = deadband_of_mean(T, trapezium(), follows, ALWAYS, 0.1, 0.0)
     np.testing.assert_allclose(firmer, follows, atol=1e-9)
 
 
@@ -107,13 +116,13 @@ def lag(x: np.ndarray, play: float) -> np.ndarray:
 
 def test_a_path_turns_where_the_signal_turns():
     noise = 0.1 * coloured(np.random.default_rng(6), 0.0)
-    follows = path(T, trapezium() + noise, 0.1, 0.0)
+    follows = adaptive_mean(T, trapezium() + noise, 0.1, 0.0)
     assert np.abs(follows - trapezium()).max() < 5.0 * 0.1  # a mean over 1.6 s is off by 8
 
 
 def test_a_path_without_noise_is_the_reading():
-    np.testing.assert_array_equal(path(T, trapezium(), 0.0, 0.0), trapezium())
-    np.testing.assert_array_equal(path(T[:1], T[:1], 1.0, 0.0), T[:1])
+    np.testing.assert_array_equal(adaptive_mean(T, trapezium(), 0.0, 0.0), trapezium())
+    np.testing.assert_array_equal(adaptive_mean(T[:1], T[:1], 1.0, 0.0), T[:1])
 
 
 def test_short_pulses_are_no_more_noise_than_the_sensor_has():
@@ -122,7 +131,7 @@ def test_short_pulses_are_no_more_noise_than_the_sensor_has():
 
     def share(**options: float) -> float:
         """Of the pulses that is left, by regression."""
-        left = calm(T, noisy, ALWAYS, narrow=0.6, wide=1.2, **options)
+        left = deadband(T, noisy, ALWAYS, narrow=0.6, wide=1.2, **options)
         return float(left @ pulses / (pulses @ pulses))
 
     assert share() < 0.6  # much of them passes for noise
@@ -132,7 +141,7 @@ def test_short_pulses_are_no_more_noise_than_the_sensor_has():
 def test_a_pace_is_that_of_a_signal_and_none_of_its_noise():
     rising = 5.0 * np.clip(T - 2.0, 0.0, 1.0)
     noisy = rising + 0.001 * np.random.default_rng(7).normal(size=len(T))
-    found = pace(T, noisy, ALWAYS)
+    found = denoised_rate(T, noisy, ALWAYS)
     inside = (T > 2.1) & (T < 2.9)
     np.testing.assert_allclose(found[inside], 5.0, atol=0.7)
     assert np.mean(found[(T < 1.8) | (T > 3.2)] == 0.0) > 0.95
@@ -140,7 +149,7 @@ def test_a_pace_is_that_of_a_signal_and_none_of_its_noise():
 
 def test_events_at_one_instant_have_no_pace():
     t = np.array([0.0, 0.01, 0.01, 0.02])
-    assert not pace(t, np.arange(4.0), np.ones(4, bool)).any()
+    assert not denoised_rate(t, np.arange(4.0), np.ones(4, bool)).any()
 
 
 @pytest.mark.parametrize("period", [0.02, 0.034, 0.05, 0.1, 0.5])
@@ -148,4 +157,6 @@ def test_a_slow_signal_has_a_path_too(period):
     t = np.arange(0.0, 60.0, period)
     true = np.interp(t, T, trapezium())
     read = true + 0.1 * np.random.default_rng(3).normal(size=len(t))
-    np.testing.assert_allclose(path(t, read, 0.1, 0.0), true, atol=0.5 + 40.0 * period / 3.0)
+    np.testing.assert_allclose(
+        adaptive_mean(t, read, 0.1, 0.0), true, atol=0.5 + 40.0 * period / 3.0
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from clutchest.inference.input_interpolation import InterpolatedInput, apart
+from clutchest.inference.input_interpolation import InterpolatedInput, spacing
 from clutchest.signals import Floats
 
 PERIOD, NOISE = 0.01, 0.02  # s, mm: those of a piston's position
@@ -26,7 +26,7 @@ def test_the_integral_is_that_of_the_curve(phase):
     lines = np.interp(t, own, release_memory(own))
     lost = np.trapezoid(lines, t) - exact
     left = lost - np.trapezoid(
-        InterpolatedInput.of(own, release_memory(own), NOISE).off(t, apart(t)), t
+        InterpolatedInput.of(own, release_memory(own), NOISE).off(t, spacing(t)), t
     )
     assert lost > 1e-4
     assert abs(left) < 0.2 * lost

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 import clutchest
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance, taken_in
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.models.regimes import Mode
 from clutchest.signals import Signal, Signals
@@ -48,7 +48,7 @@ def drive() -> Signals:
 
 @pytest.fixture(scope="module")
 def problem(drive: Signals) -> Problem:
-    return Problem(drive, TRUCK, ())
+    return Problem.of(drive, TRUCK, ())
 
 
 def test_noise_that_heats_the_clutch_scatters_readings_as_foreseen(drive, problem):
@@ -57,20 +57,20 @@ def test_noise_that_heats_the_clutch_scatters_readings_as_foreseen(drive, proble
     those say."""
     [own] = problem.drives
     sensor = own.compiled.model.sensor("zero_position")
-    zero = own.sensor == sensor
+    zero = own.readings.sensor == sensor
     time = drive["slave_position"].time
     before = np.clip(np.searchsorted(own.line.t, time), 0, len(own.line.t) - 1)
     slips = own.line.mode[before] == Mode.slipping
     theta, none = np.zeros(len(problem.thetas)), np.zeros(0, int)
     base = problem.linearise(theta, {}, none)[0].r[zero]
-    seen = InputNoiseCovariance.of(own.input_noise_directions[zero])
+    seen = InputNoiseCovariance.of(own.readings.input_noise[zero])
     main = np.argsort(seen.strong)[-MAIN:]
     squares = []
     for seed in range(DRAWS):
-        again = Problem(shaken(drive, slips, seed), TRUCK, ())
+        again = Problem.of(shaken(drive, slips, seed), TRUCK, ())
         [other] = again.drives
-        same = other.sensor == sensor
-        np.testing.assert_array_equal(other.t[same], own.t[zero])
+        same = other.readings.sensor == sensor
+        np.testing.assert_array_equal(other.readings.t[same], own.readings.t[zero])
         moved = again.linearise(theta, {}, none)[0].r[same] - base
         along = seen.along[:, main].T @ moved / seen.strong[main]
         squares.append(along @ along)

@@ -2,94 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
 import clutchest
-from clutchest.inference.map_fit import SETTLED, Fitter
-from clutchest.inference.noise_model import Stretches
-from clutchest.inference.unknowns import Problem, Rows, Unknown
+from clutchest.inference.map_fit import SETTLED, improve, most_probable, settle
+from clutchest.inference.objective import NO_DERIVATIVES, Objective
+from clutchest.inference.problem import Problem
+from clutchest.inference.unknowns import Parameter
 from clutchest.models import machine_of
-from clutchest.models.effects import Number
 from clutchest.signals import Floats
-
-PERIOD = 0.01
-
-
-@dataclass
-class MadeUp:
-    """A problem of one drive whose innovations are ``data`` (K) less ``law(θ)``.
-
-    ``names`` of its numbers: those in ``bounds`` (lower, upper) are gains, the rest nuisances.
-    """
-
-    law: Callable[[Floats], Floats]
-    data: Floats
-    names: tuple[str, ...]
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.thetas = tuple(Unknown(n, n, 1.0, gain=n in self.bounds) for n in self.names)
-        gain = np.array([t.gain for t in self.thetas])
-        self.gains, self.nuisances = np.flatnonzero(gain), np.flatnonzero(~gain)
-        self.effects = {
-            name: SimpleNamespace(gains=(Number(name, "1", *ends),))
-            for name, ends in self.bounds.items()
-        }
-        count = len(self.data)
-        nothing = np.zeros(count, int)
-        time = np.arange(count) * PERIOD
-        self.drives = [
-            SimpleNamespace(
-                t=time,
-                stretches=Stretches.of(time, nothing, nothing),
-                input_noise_directions=np.zeros((count, 0)),
-            )
-        ]
-
-    def linearise(
-        self, theta: Floats, shapes: object, active: NDArray[np.int64] | None = None
-    ) -> list[Rows]:
-        psi = np.zeros((len(self.data), len(theta)))
-        for k in range(len(theta)) if active is None else active:
-            step = np.zeros(len(theta))
-            step[k] = 1e-6
-            psi[:, k] = (self.law(theta - step) - self.law(theta + step)) / 2e-6
-        return [Rows(np.column_stack([self.data - self.law(theta), psi]), len(theta))]
-
-    @property
-    def fitter(self) -> Fitter:
-        return Fitter(cast(Problem, self))
-
-    def reference(self, begin: Floats) -> OptimizeResult:
-        """The same optimum by SciPy; half its cost is what it calls ``cost``."""
-        prior = self.nuisances
-        low, high = np.full((2, len(self.names)), np.inf) * np.array([[-1.0], [1.0]])
-        for k in self.gains:
-            low[k], high[k] = self.bounds[self.names[k]]
-        return least_squares(
-            lambda theta: np.concatenate([self.data - self.law(theta), theta[prior]]),
-            begin,
-            bounds=(low, high),
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-            max_nfev=10_000,
-        )
-
-    @property
-    def all(self) -> NDArray[np.int64]:
-        return np.arange(len(self.names))
-
+from made_up import PERIOD, MadeUp, objective_of
 
 TIME = np.arange(400) * PERIOD
 
@@ -106,11 +34,11 @@ def test_optimum_is_that_of_least_squares(seed):
     true = np.array([*rng.standard_normal(2), rng.uniform(-1.5, 1.5)])
     data = decay(true) + rng.standard_normal(len(TIME))
     problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)})
-    look = problem.fitter.most_probable(problem.all, np.zeros(3))
+    fit = most_probable(problem.objective, problem.all, np.zeros(3))
     best = problem.reference(np.zeros(3))
-    assert 2 * best.cost - 1e-9 <= look.cost < 2 * best.cost + SETTLED
+    assert 2 * best.cost - 1e-9 <= fit.cost < 2 * best.cost + SETTLED
     # what is left to gain is worth less than that many standard deviations of anything
-    off = look.theta - best.x
+    off = fit.theta - best.x
     assert off @ (best.jac.T @ best.jac) @ off < 2 * SETTLED
 
 
@@ -119,10 +47,10 @@ def test_numbers_that_are_not_free_stay():
     data = decay(np.array([1.0, -1.0, 1.0])) + rng.standard_normal(len(TIME))
     problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)})
     begin = np.array([0.0, 0.3, 2.5])  # the last one further than is plausible
-    look = problem.fitter.most_probable(np.array([0]), begin)
-    np.testing.assert_array_equal(look.theta[1:], begin[1:])
+    fit = most_probable(problem.objective, np.array([0]), begin)
+    np.testing.assert_array_equal(fit.theta[1:], begin[1:])
     alone = MadeUp(lambda a: decay(np.array([a[0], 0.3, 2.5])), data, ("amplitude",))
-    assert look.theta[0] == pytest.approx(alone.reference(np.zeros(1)).x[0], abs=0.05)
+    assert fit.theta[0] == pytest.approx(alone.reference(np.zeros(1)).x[0], abs=0.05)
 
 
 @pytest.mark.parametrize("end", [-1.0, 1.0])
@@ -131,20 +59,20 @@ def test_a_gain_stops_at_its_bound(end):
     rng = np.random.default_rng(8)
     data = decay(np.array([0.0, 0.0, 3.0 * end])) + rng.standard_normal(len(TIME))
     problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-1.0, 1.0)})
-    look = problem.fitter.most_probable(problem.all, np.zeros(3))
+    fit = most_probable(problem.objective, problem.all, np.zeros(3))
     best = problem.reference(np.zeros(3))
-    assert look.theta[2] == end
+    assert fit.theta[2] == end
     assert best.x[2] == pytest.approx(end)
-    np.testing.assert_allclose(look.theta, best.x, atol=0.1)
-    assert look.cost < 2 * best.cost + SETTLED
+    np.testing.assert_allclose(fit.theta, best.x, atol=0.1)
+    assert fit.cost < 2 * best.cost + SETTLED
 
 
 def test_a_one_sided_gain_stays_absent():
     rng = np.random.default_rng(9)
     data = decay(np.array([0.0, 0.0, -1.0])) + rng.standard_normal(len(TIME))
     problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (0.0, 1.0)})
-    look = problem.fitter.most_probable(problem.all, np.zeros(3))
-    assert look.theta[2] == 0.0
+    fit = most_probable(problem.objective, problem.all, np.zeros(3))
+    assert fit.theta[2] == 0.0
 
 
 def friction(theta: Floats) -> Floats:
@@ -160,10 +88,10 @@ def test_a_bent_valley_is_followed_to_its_end(begin):
     rng = np.random.default_rng(10)
     data = friction(np.array([0.0, -0.6])) + rng.standard_normal(len(TIME))
     problem = MadeUp(friction, data, ("start", "change"), {"change": (-1.0, 1.0)})
-    look = problem.fitter.most_probable(problem.all, np.array(begin))
+    fit = most_probable(problem.objective, problem.all, np.array(begin))
     best = problem.reference(np.zeros(2))
-    assert look.cost < 2 * best.cost + SETTLED
-    np.testing.assert_allclose(look.theta, best.x, atol=0.25)
+    assert fit.cost < 2 * best.cost + SETTLED
+    np.testing.assert_allclose(fit.theta, best.x, atol=0.25)
 
 
 def banana(theta: Floats) -> Floats:
@@ -178,9 +106,9 @@ def test_rosenbrocks_valley(begin):
     problem = MadeUp(
         banana, np.zeros(16), ("across", "along"), {"across": (-9, 9), "along": (-9, 9)}
     )
-    look = problem.fitter.most_probable(problem.all, np.array(begin))
-    assert look.cost < SETTLED
-    np.testing.assert_allclose(look.theta, [2.0, 4.0], atol=0.2)
+    fit = most_probable(problem.objective, problem.all, np.array(begin))
+    assert fit.cost < SETTLED
+    np.testing.assert_allclose(fit.theta, [2.0, 4.0], atol=0.2)
 
 
 def coloured(n: int, seed: int) -> Floats:
@@ -197,13 +125,13 @@ def test_settling_learns_the_colour():
     for seed in range(20):
         data = 2.0 * wave + 0.5 * coloured(n, seed)
         problem = MadeUp(lambda theta: 5.0 * theta[0] * wave, data, ("size",))
-        look = problem.fitter.settle(np.zeros(1))
-        white = look.r
+        _, fit = settle(problem.objective, np.zeros(1))
+        white = fit.r
         assert np.mean(white**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / n))
         assert abs(white[1:] @ white[:-1]) / (white @ white) < 4 / np.sqrt(n)
-        std = 1 / np.sqrt(look.information[0, 0] + 1.0)
+        std = 1 / np.sqrt(fit.information[0, 0] + 1.0)
         assert std == pytest.approx(clean, rel=0.1)
-        total += ((look.theta[0] - 0.4) / std) ** 2
+        total += ((fit.theta[0] - 0.4) / std) ** 2
     assert chi2.ppf(0.0005, 20) < total < chi2.ppf(0.9995, 20)
 
 
@@ -213,14 +141,13 @@ def test_readings_far_off_are_left_out():
     spikes = rng.choice(n // 20, 10, replace=False) * 20
     noise[spikes] += 40.0
     law = MadeUp(lambda theta: 5.0 * theta[0] * wave, 2.0 * wave + 0.5 * noise, ("size",))
-    fitter = law.fitter
-    look = fitter.settle(np.zeros(1))
-    weights = fitter.weights[0]
-    assert np.all(weights[spikes] == 0.0) and np.all(look.r[spikes] == 0.0)
+    objective, fit = settle(law.objective, np.zeros(1))
+    weights = objective.weights[0]
+    assert np.all(weights[spikes] == 0.0) and np.all(fit.r[spikes] == 0.0)
     echoes = np.unique(np.clip(np.add.outer(spikes, np.arange(13)), 0, n - 1))
     assert np.all(np.delete(weights, echoes) == 1.0)
-    std = 1 / np.sqrt(look.information[0, 0] + 1.0)
-    assert abs(look.theta[0] - 0.4) < 3.3 * std
+    std = 1 / np.sqrt(fit.information[0, 0] + 1.0)
+    assert abs(fit.theta[0] - 0.4) < 3.3 * std
 
 
 def test_a_fit_is_judged_within_its_span():
@@ -228,12 +155,12 @@ def test_a_fit_is_judged_within_its_span():
     rng = np.random.default_rng(12)
     data = decay(np.array([0.5, 0.5, 0.0])) + rng.standard_normal(len(TIME))
     problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)})
-    fitter = problem.fitter
-    free = fitter.most_probable(problem.all, np.zeros(3))
-    fitter.focus([fitter.look(free.theta).psi])
-    span = cast(Floats, fitter.span)
+    objective = problem.objective
+    free = most_probable(objective, problem.all, np.zeros(3))
+    objective = objective.with_span([objective.linearise_at(free.theta).psi])
+    span = cast(Floats, objective.span)
     np.testing.assert_allclose(span.T @ span, np.eye(span.shape[1]), atol=1e-9)
-    again = fitter.most_probable(problem.all, free.theta)
+    again = most_probable(objective, problem.all, free.theta)
     # as many numbers as the span has: all within it is explained, but for the priors
     assert again.cost < 3.0 + np.sum(again.theta[:2] ** 2)
     assert free.cost > 300.0
@@ -244,24 +171,23 @@ def test_a_fit_is_judged_within_its_span():
 def drive() -> Problem:
     truck = clutchest.load_vehicle("truck")
     signals = clutchest.simulate(truck, "city", 4, duration=300.0)
-    return Problem(signals, truck, tuple(machine_of("dry_clutch").effects.values()))
+    return Problem.of(signals, truck, tuple(machine_of("dry_clutch").effects.values()))
 
 
 def test_nuisances_of_a_drive_reach_the_same_optimum_from_elsewhere(drive):
     """From where the file stands, and from two standard deviations off in every number."""
-    fitter = Fitter(drive)
-    home = fitter.settle(np.zeros(len(drive.thetas)))
-    best = fitter.most_probable(drive.nuisances, home.theta)
-    assert fitter.look(np.zeros(len(drive.thetas))).cost > best.cost + 50.0
-    precision = fitter.look(best.theta).information + np.diag(fitter.prior)
+    objective, home = settle(Objective.of(drive), np.zeros(len(drive.thetas)))
+    best = most_probable(objective, drive.nuisances, home.theta)
+    assert objective.linearise_at(np.zeros(len(drive.thetas))).cost > best.cost + 50.0
+    precision = objective.linearise_at(best.theta).information + np.diag(objective.prior)
     free = np.ix_(drive.nuisances, drive.nuisances)
     rng = np.random.default_rng(1)
     for _ in range(2):
         begin = np.zeros(len(drive.thetas))
         begin[drive.nuisances] = rng.choice([-2.0, 2.0], len(drive.nuisances))
-        look = fitter.most_probable(drive.nuisances, begin)
-        off = (look.theta - best.theta)[drive.nuisances]
-        assert abs(look.cost - best.cost) < 4 * SETTLED
+        fit = most_probable(objective, drive.nuisances, begin)
+        off = (fit.theta - best.theta)[drive.nuisances]
+        assert abs(fit.cost - best.cost) < 4 * SETTLED
         assert off @ precision[free] @ off < 4 * SETTLED
 
 
@@ -273,74 +199,72 @@ def test_a_ridge_is_not_crept_along():
         total, difference = theta[0] + theta[1], theta[0] - theta[1]
         return np.concatenate([np.full(200, 3.0 * total), np.full(200, 0.5 * difference)])
 
-    looks = 0
-
-    class Ridge(MadeUp):
-        def linearise(
-            self, theta: Floats, shapes: object, active: NDArray[np.int64] | None = None
-        ) -> list[Rows]:
-            nonlocal looks
-            looks += 1
-            (rows,) = super().linearise(theta, shapes, active)
-            off = 1.118 * (-1.0) ** np.arange(200)
-            rows.psi[200:] += off[:, None] * np.array([1.0, -1.0])
-            return [rows]
-
     data = law(np.array([2.0, -2.0])) + np.random.default_rng(3).standard_normal(400)
-    problem = Ridge(law, data, ("one", "other"))
-    look = problem.fitter.most_probable(problem.all, np.zeros(2))
-    assert looks <= 8
-    assert look.cost < 2 * problem.reference(np.zeros(2)).cost + 2 * SETTLED
+    problem, evaluations = MadeUp(law, data, ("one", "other")), 0
+
+    def residuals(theta: Floats) -> tuple[Floats, Floats]:
+        nonlocal evaluations
+        evaluations += 1
+        r, psi = problem.residuals(theta)
+        off = 1.118 * (-1.0) ** np.arange(200)
+        psi[200:] += off[:, None] * np.array([1.0, -1.0])
+        return r, psi
+
+    objective = objective_of(residuals, (Parameter("one", 1.0), Parameter("other", 1.0)))
+    begin = objective.linearise_at(np.zeros(2))
+    evaluations = 0
+    fit = improve(objective, begin, problem.all)
+    assert evaluations <= 7
+    assert fit.cost < 2 * problem.reference(np.zeros(2)).cost + 2 * SETTLED
 
 
 def test_a_drives_optimum_is_that_of_least_squares(drive):
     """SciPy's own steps and differences, on the innovations as they come."""
-    fitter = Fitter(drive)
+    objective = Objective.of(drive)
     wanted = {
-        ("start", "temp_body"),
-        ("start", "zero_position"),
-        ("start", "friction"),
-        ("friction_speed", "slope"),
+        "start of temp_body",
+        "start of zero_position",
+        "start of friction",
+        "friction_speed.slope",
     }
-    free = np.array([k for k, t in enumerate(drive.thetas) if (t.owner, t.key) in wanted])
-
-    input_noise_directions = drive.drives[
-        0
-    ].input_noise_directions  # unknown numbers of their own, to SciPy
+    free = np.array([k for k, t in enumerate(drive.thetas) if str(t) in wanted])
+    directions = drive.drives[0].readings.input_noise  # unknown numbers of their own, to SciPy
     n = len(free)
 
     def residuals(part: Floats) -> Floats:
         theta = np.zeros(len(drive.thetas))
         theta[free] = part[:n]
-        (rows,) = drive.linearise(theta, {}, np.zeros(0, int))
-        left = rows.r + input_noise_directions @ part[n:]
-        return np.concatenate([left, np.sqrt(fitter.prior[free]) * part[:n], part[n:]])
+        (rows,) = drive.linearise(theta, {}, NO_DERIVATIVES)
+        left = rows.r + directions @ part[n:]
+        return np.concatenate([left, np.sqrt(objective.prior[free]) * part[:n], part[n:]])
 
-    look = fitter.most_probable(free, np.zeros(len(drive.thetas)))
-    begin = np.concatenate([look.theta[free] + 0.5, np.zeros(input_noise_directions.shape[1])])
+    fit = most_probable(objective, free, np.zeros(len(drive.thetas)))
+    begin = np.concatenate([fit.theta[free] + 0.5, np.zeros(directions.shape[1])])
     best = least_squares(residuals, begin, x_scale="jac", ftol=1e-6)
-    off = look.theta[free] - best.x[:n]
-    assert look.cost < 2 * best.cost + 2 * SETTLED
+    off = fit.theta[free] - best.x[:n]
+    assert fit.cost < 2 * best.cost + 2 * SETTLED
     assert off @ np.linalg.inv(np.linalg.inv(best.jac.T @ best.jac)[:n, :n]) @ off < 4 * SETTLED
 
 
-def test_derivatives_do_not_remember_where_a_fit_has_been(drive):
-    """Where a number is far off, the inputs that would explain the data are others; once somebody
-    has looked there, a plain look at home is taken in by them, an arrival is not."""
-    fitter, home = Fitter(drive), np.zeros(len(drive.thetas))
-    far, gain = home.copy(), drive.index("friction_level", "change")
+def test_a_linearisation_is_a_function_of_what_is_handed_over(drive):
+    """Whatever was linearised before: derivatives at the same numbers and operating point are the
+    same to the last digit, and those at an operating point of other numbers are others."""
+    objective, home = Objective.of(drive), np.zeros(len(drive.thetas))
+    far, gain = home.copy(), drive.index("friction_level.change")
     far[gain] = -0.4 / drive.units[gain]
     gains = drive.gains
-    right = fitter.arrive(home).psi[:, gains]
-    fitter.look(far)
-    taken_in = fitter.look(home).psi[:, gains]
-    fitter.look(far)
-    arrived = fitter.arrive(home).psi[:, gains]
-    length = np.linalg.norm(right, axis=0)
-    seen = length > 0.0
+    first = objective.linearise_at(home)
+    away = objective.linearise_at(far)
+    np.testing.assert_array_equal(objective.linearise_at(home).psi, first.psi)
+    again = objective.relinearise(first, home)
+    taken_in = objective.relinearise(away, home)
+    np.testing.assert_array_equal(taken_in.r, first.r)  # innovations depend on the numbers alone
+    length = np.linalg.norm(first.psi[:, gains], axis=0)
+    responds = length > 0.0
 
     def off(psi: Floats) -> float:
-        return float(np.max(np.linalg.norm(psi - right, axis=0)[seen] / length[seen]))
+        difference = np.linalg.norm((psi - first.psi)[:, gains], axis=0)
+        return float(np.max(difference[responds] / length[responds]))
 
-    assert off(arrived) < 0.2 * off(taken_in)
-    assert off(taken_in) > 0.01
+    assert off(taken_in.psi) > 0.01
+    assert off(again.psi) < 0.2 * off(taken_in.psi)

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from clutchest.inference.noise_model import FEWEST, HOLE, ORDER, NoiseModel, Stretches
+from clutchest.inference.noise_model import FEWEST, GAP, ORDER, NoiseModel, Stretches
 from clutchest.signals import Floats
 
 FIRST, SECOND = 1.2, -0.4  # x_k = FIRST x_{k−1} + SECOND x_{k−2} + e_k
@@ -101,8 +101,8 @@ def test_columns_are_whitened_alike():
 
 def test_holes_break_stretches():
     t = np.arange(3000) * PERIOD
-    t[1000:] += (HOLE - 1.1) * PERIOD  # a few readings lost
-    t[2000:] += (HOLE - 0.9) * PERIOD
+    t[1000:] += (GAP - 1.1) * PERIOD  # a few readings lost
+    t[2000:] += (GAP - 0.9) * PERIOD
     broken = Stretches.of(t, np.zeros(3000, int), np.zeros(3000, int))
     assert broken.place[1000] == 1000
     assert broken.place[2000] == 0 and broken.place[2999] == 999

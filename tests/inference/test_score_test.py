@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from clutchest.inference.map_fit import Look
+from clutchest.inference.objective import Linearisation
 from clutchest.inference.score_test import DRAWS, ScoreTest, score_test
 from clutchest.signals import Floats
 
@@ -37,22 +37,22 @@ class Regression:
         columns += psi @ rng.normal(size=(NUISANCES, len(ONE_SIDED))) * 3.0
         return cls(psi, 0.3 * columns + 0.1 * rng.standard_normal(columns.shape))
 
-    def look(self, r: Floats, theta: Floats) -> Look:
-        return Look(theta, {}, r, self.psi, 0.0, [])
+    def at(self, r: Floats, theta: Floats) -> Linearisation:
+        return Linearisation(theta, {}, r, self.psi, 0.0, (), ())
 
-    def score_test(self, look: Look, draws: int = DRAWS) -> ScoreTest:
+    def score_test(self, fit: Linearisation, draws: int = DRAWS) -> ScoreTest:
         every = np.arange(NUISANCES)
-        return score_test(look, every, PRIOR, self.columns, ONE_SIDED, 3, draws)
+        return score_test(fit, every, PRIOR, self.columns, ONE_SIDED, 3, draws)
 
-    def fitted(self, noise: Floats, true: Floats) -> Look:
+    def fitted(self, noise: Floats, true: Floats) -> Linearisation:
         """At the most probable nuisances, where the truth is ``true`` (n)."""
         r = noise - self.psi @ true  # at θ = 0; ψ is the derivative of r
         inner = self.psi.T @ self.psi + np.diag(PRIOR)
         theta = -np.linalg.solve(inner, self.psi.T @ r)
-        return self.look(r + self.psi @ theta, theta)
+        return self.at(r + self.psi @ theta, theta)
 
 
-def generalised(regression: Regression, look: Look) -> tuple[Floats, Floats]:
+def generalised(regression: Regression, fit: Linearisation) -> tuple[Floats, Floats]:
     """Score and information where nuisances with a prior are part of the noise, V = 1 + ψψᵀ, and
     the others are estimated: generalised least squares, written down."""
     known, free = PRIOR > 0, PRIOR == 0
@@ -62,7 +62,7 @@ def generalised(regression: Regression, look: Look) -> tuple[Floats, Floats]:
     U = psi[:, free]
     weighed = inverse @ U
     left = inverse - weighed @ np.linalg.solve(U.T @ weighed, weighed.T)
-    at_zero = look.r - psi @ look.theta
+    at_zero = fit.r - psi @ fit.theta
     return -regression.columns.T @ left @ at_zero, regression.columns.T @ left @ regression.columns
 
 
@@ -72,9 +72,9 @@ def test_what_nuisances_all_but_take_up_keeps_its_digits():
     regression = Regression.of(2000, 2)
     own = 0.1 * rng.standard_normal(regression.columns.shape)
     columns = 1e5 * regression.psi @ rng.normal(size=(NUISANCES, len(ONE_SIDED))) + own
-    look = regression.look(rng.standard_normal(2000), rng.standard_normal(NUISANCES))
+    fit = regression.at(rng.standard_normal(2000), rng.standard_normal(NUISANCES))
     every = np.arange(NUISANCES)
-    found = score_test(look, every, np.zeros(NUISANCES), columns, ONE_SIDED, 3, 10)
+    found = score_test(fit, every, np.zeros(NUISANCES), columns, ONE_SIDED, 3, 10)
     q, _ = np.linalg.qr(regression.psi)
     left = own - q @ (q.T @ own)
     np.testing.assert_allclose(found.information, left.T @ left, rtol=1e-4, atol=1e-4)
@@ -86,12 +86,12 @@ def test_scores_are_those_of_generalised_least_squares(where):
     rng = np.random.default_rng(1)
     regression = Regression.of(300, 1)
     noise, true = rng.standard_normal(300), rng.standard_normal(NUISANCES)
-    look = regression.fitted(noise, true)
+    fit = regression.fitted(noise, true)
     if where != "fitted":
         theta = np.zeros(NUISANCES) if where == "zero" else rng.standard_normal(NUISANCES)
-        look = regression.look(noise - regression.psi @ (true - theta), theta)
-    found = regression.score_test(look, draws=10)
-    score, information = generalised(regression, look)
+        fit = regression.at(noise - regression.psi @ (true - theta), theta)
+    found = regression.score_test(fit, draws=10)
+    score, information = generalised(regression, fit)
     np.testing.assert_allclose(found.score, score, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(found.information, information, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(found.z, score / np.sqrt(np.diag(information)), atol=1e-6)
@@ -101,12 +101,12 @@ def test_a_score_points_to_the_cause():
     """Score over information estimates a cause's size, as a fit of it with all nuisances does."""
     regression, size = Regression.of(3000, 2), 0.4
     noise = np.random.default_rng(2).standard_normal(3000)
-    look = regression.fitted(noise - regression.columns[:, 4] * size, np.zeros(NUISANCES))
-    found = regression.score_test(look, draws=10)
+    fit = regression.fitted(noise - regression.columns[:, 4] * size, np.zeros(NUISANCES))
+    found = regression.score_test(fit, draws=10)
     estimate = found.score[4] / found.information[4, 4]
     table = np.column_stack([regression.psi, regression.columns[:, 4]])
     inner = table.T @ table + np.diag([*PRIOR, 0.0])
-    at_zero = look.r - regression.psi @ look.theta
+    at_zero = fit.r - regression.psi @ fit.theta
     assert estimate == pytest.approx(-np.linalg.solve(inner, table.T @ at_zero)[-1], rel=1e-6)
     assert abs(estimate - size) < 3.3 / found.std[4]
 
@@ -117,7 +117,7 @@ def test_null_draws_scatter_as_the_information_says():
     r = np.random.default_rng(3).standard_normal(3000)
     r = (r - r.mean()) / r.std()
     draws = 10_000
-    found = regression.score_test(regression.look(r, np.zeros(NUISANCES)), draws)
+    found = regression.score_test(regression.at(r, np.zeros(NUISANCES)), draws)
     white = np.linalg.solve(np.linalg.cholesky(found.information), found.null.T)
     count = len(ONE_SIDED)
     assert np.all(np.abs(white.mean(axis=1)) < 4 / np.sqrt(draws))
@@ -125,7 +125,7 @@ def test_null_draws_scatter_as_the_information_says():
     assert np.all(np.abs(off) < 4 * np.sqrt((1 + np.eye(count)) / draws))
     # and the priors are a part of it that matters
     apart = replace(regression, psi=np.zeros_like(regression.psi))
-    alone = apart.score_test(apart.look(r, np.zeros(NUISANCES)), 10).information
+    alone = apart.score_test(apart.at(r, np.zeros(NUISANCES)), 10).information
     assert np.all(np.diag(found.information) < 0.9 * np.diag(alone))
 
 
@@ -135,8 +135,8 @@ def test_null_draws_have_the_tails_of_the_innovations():
     r = rng.standard_t(3, 4000) / np.sqrt(3)
     columns = np.zeros((4000, 2))
     columns[7, 0], columns[:, 1] = 1.0, 1.0
-    look = Look(np.zeros(1), {}, r - r.mean(), np.zeros((4000, 1)), 0.0, [])
-    found = score_test(look, np.array([0]), np.ones(1), columns, (False, False), 5, 20_000)
+    fit = Linearisation(np.zeros(1), {}, r - r.mean(), np.zeros((4000, 1)), 0.0, (), ())
+    found = score_test(fit, np.array([0]), np.ones(1), columns, (False, False), 5, 20_000)
     far = np.mean(np.abs(found.null / found.std) > 4.0, axis=0)
     assert far[0] == pytest.approx(np.mean(np.abs(r - r.mean()) > 4.0), abs=3e-3)
     assert far[0] > 10 * far[1]
@@ -144,14 +144,12 @@ def test_null_draws_have_the_tails_of_the_innovations():
 
 def test_draws_repeat_themselves():
     regression = Regression.of(300, 5)
-    look = regression.fitted(np.random.default_rng(5).standard_normal(300), np.zeros(NUISANCES))
-    np.testing.assert_array_equal(
-        regression.score_test(look).null, regression.score_test(look).null
-    )
-    assert regression.score_test(look).null.shape == (DRAWS, len(ONE_SIDED))
+    fit = regression.fitted(np.random.default_rng(5).standard_normal(300), np.zeros(NUISANCES))
+    np.testing.assert_array_equal(regression.score_test(fit).null, regression.score_test(fit).null)
+    assert regression.score_test(fit).null.shape == (DRAWS, len(ONE_SIDED))
 
 
-def test_p_among_all_is_uniform_where_nothing_acts():
+def test_p_family_wise_is_uniform_where_nothing_acts():
     """400 made-up drives, nuisances drawn from their priors or wherever they like."""
     rng, count = np.random.default_rng(6), 400
     regression = Regression.of(400, 6)
@@ -159,7 +157,7 @@ def test_p_among_all_is_uniform_where_nothing_acts():
     for _ in range(count):
         true = rng.standard_normal(NUISANCES) * np.where(PRIOR > 0, 1.0, 20.0)
         scores = regression.score_test(regression.fitted(rng.standard_normal(400), true), draws=400)
-        found.append(float(scores.p_among_all(scores.p_alone(scores.z).min())))
+        found.append(float(scores.p_family_wise(scores.p_alone(scores.z).min())))
     assert kstest(found, "uniform").pvalue > 1e-3
     assert np.mean(np.array(found) < 0.05) == pytest.approx(0.05, abs=3.3 * np.sqrt(0.05 / count))
 
@@ -180,21 +178,21 @@ def test_p_values_of_independent_causes():
         (1e-8, 1.0),
     ]:
         expected = -np.expm1(10 * np.log1p(-p))
-        assert scores.p_among_all(p) == pytest.approx(expected, rel=wide)
+        assert scores.p_family_wise(p) == pytest.approx(expected, rel=wide)
 
 
-def test_p_among_all_is_carried_on_without_a_jump():
+def test_p_family_wise_is_carried_on_without_a_jump():
     scores = normal_board()
     p = np.concatenate([np.geomspace(1e-200, 1e-6, 500), np.geomspace(1e-6, 1.0, 20_000)])
-    found = scores.p_among_all(p)
+    found = scores.p_family_wise(p)
     assert np.all(np.diff(found) >= 0.0) and np.all((found >= 0.0) & (found <= 1.0))
     assert np.all(found >= p * (1 - 1e-9))  # more causes, more chances
     last = scores.least[DRAWS // 100 - 1]  # the smallest share that is counted
-    assert scores.p_among_all(last) == 0.01
-    assert scores.p_among_all(last * (1 - 1e-9)) == pytest.approx(0.01)
+    assert scores.p_family_wise(last) == 0.01
+    assert scores.p_family_wise(last * (1 - 1e-9)) == pytest.approx(0.01)
     tiny = p < 1e-6
     np.testing.assert_allclose(found[tiny] / p[tiny], found[0] / p[0])
-    assert scores.p_among_all(0.0) == 0.0
+    assert scores.p_family_wise(0.0) == 0.0
 
 
 @pytest.mark.parametrize("one_sided", [False, True])
@@ -204,7 +202,7 @@ def test_a_threshold_is_where_the_level_is_reached(level, one_sided):
     z = scores.threshold(level)
     for cause in range(len(z)):
         p = scores.p_alone(np.where(np.arange(len(z)) == cause, z, 0.0))[cause]
-        assert scores.p_among_all(p * (1 + 1e-6)) == pytest.approx(level, abs=1.5 / DRAWS)
+        assert scores.p_family_wise(p * (1 + 1e-6)) == pytest.approx(level, abs=1.5 / DRAWS)
     sides = 1 if one_sided else 2
     exact = norm.isf(-np.expm1(np.log1p(-level) / 10) / sides)
     assert z[0] == pytest.approx(exact, abs=0.15)
@@ -220,7 +218,7 @@ def test_one_sided_causes_take_no_negative_score():
     p = scores.p_alone(scores.z)
     assert p[0] > 0.999 and p[1] < 1e-15
     assert p[2] == pytest.approx(norm.sf(2.0))
-    assert scores.p_among_all(p[0]) == pytest.approx(1.0)
+    assert scores.p_family_wise(p[0]) == pytest.approx(1.0)
     assert scores.threshold(0.01)[0] < scores.threshold(0.01)[1]
 
 
@@ -228,8 +226,8 @@ def test_causes_without_a_trace_never_win():
     """Their score is no more than rounding, however small its own unit; others do not notice."""
     regression = Regression.of(600, 9)
     rng = np.random.default_rng(9)
-    look = regression.fitted(rng.standard_normal(600), rng.standard_normal(NUISANCES))
-    plain = regression.score_test(look)
+    fit = regression.fitted(rng.standard_normal(600), rng.standard_normal(NUISANCES))
+    plain = regression.score_test(fit)
     dead = np.column_stack(
         [
             np.zeros(600),
@@ -238,7 +236,7 @@ def test_causes_without_a_trace_never_win():
         ]
     )  # nothing at all, next to nothing, and what a free nuisance does as well
     more = score_test(
-        look,
+        fit,
         np.arange(NUISANCES),
         PRIOR,
         np.column_stack([regression.columns, dead]),
@@ -253,10 +251,10 @@ def test_causes_without_a_trace_never_win():
         np.testing.assert_allclose(
             more.threshold(level)[:-3], plain.threshold(level), atol=0.25
         )  # other draws
-    assert more.p_among_all(p[-3:]).min() > 0.9
+    assert more.p_family_wise(p[-3:]).min() > 0.9
 
 
 def test_without_readings_nothing_is_claimed():
     nothing = Regression(np.zeros((0, NUISANCES)), np.zeros((0, len(ONE_SIDED))))
-    found = nothing.score_test(nothing.look(np.zeros(0), np.zeros(NUISANCES)), 10)
+    found = nothing.score_test(nothing.at(np.zeros(0), np.zeros(NUISANCES)), 10)
     assert not found.z.any() and not found.null.any()

@@ -10,6 +10,7 @@ import casadi as ca
 from clutchest.compute.step import Step, decays, heun
 from clutchest.models.model import Expressions, Model
 
+PARAMETER = "parameter"  # owner of a theta that is a parameter of the vehicle file
 START = "start"  # owner of a theta that is a state's first value
 NOISE = "input_noise"  # owner of one that an input is off by, where untracked states take it in
 _SCALARS = ("dt",)  # arguments that are plain numbers
@@ -292,6 +293,6 @@ def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
 def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
     if owner in (START, NOISE):
         return ca.SX.sym(key)  # the equations know it by what it leads to only
-    if owner == "parameter":
+    if owner == PARAMETER:
         return e.p[[p.key for p in model.parameters].index(key)]
     return e.g[[(effect.name, number) for effect, number in model.numbers].index((owner, key))]

@@ -15,10 +15,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.linearisation import LinearisedDrive
-from clutchest.inference.map_fit import Fitter
+from clutchest.inference.map_fit import most_probable, settle
 from clutchest.inference.noise_model import NoiseModel
-from clutchest.inference.unknowns import Problem, Rows, Unknown
+from clutchest.inference.objective import Objective
+from clutchest.inference.prepared_drive import Readings
+from clutchest.inference.problem import Innovations, Problem
+from clutchest.inference.unknowns import Unknown
 from clutchest.models.effects import Effect
 from clutchest.models.symbols import State
 from clutchest.progress import Progress
@@ -53,9 +55,9 @@ class Blocks:
         """Time from the block before to block ``k``, s."""
         return float(self.begin[k] - self.begin[k - 1]) if k else 0.0
 
-    def index(self, owner: str, key: str) -> int:
-        """The index of an unknown in ``thetas``."""
-        return next(i for i, t in enumerate(self.thetas) if (t.owner, t.key) == (owner, key))
+    def index(self, name: str) -> int:
+        """The index of an unknown in ``thetas``, by its name: ``str`` of it."""
+        return next(i for i, t in enumerate(self.thetas) if str(t) == name)
 
 
 def blocks_of(
@@ -72,32 +74,31 @@ def blocks_of(
     before alone.  Gains are 0 at the operating point but for those ``present``: index among the
     thetas → initial size, in units, of the fit.
     """
-    problem = Problem(signals, vehicle, effects, progress)
-    drive = problem.drives[0]
+    problem = Problem.of(signals, vehicle, effects, progress)
+    readings = problem.drives[0].readings
     thetas = problem.thetas
-    if not len(drive.t):
+    if not len(readings.t):
         nothing = np.zeros(0)
         size = 1 + len(thetas)
         gram = np.zeros((0, size, size))
         return Blocks(vehicle.machine.states, thetas, nothing, nothing, np.zeros(0, int), gram)
     if progress:
         progress("linearising", None)
-    fitter = Fitter(problem)
     start = np.zeros(len(thetas))
     start[list(present)] = list(present.values())
-    theta = fitter.settle(start).theta
+    objective, fit = settle(Objective.of(problem), start)
     if present:
-        theta = fitter.most_probable(np.append(problem.nuisances, list(present)), theta).theta
-    rows = problem.linearise(theta, {})[0]
-    rows.r[:] -= rows.psi @ theta  # at θ = 0
-    return _blocks(drive, vehicle.machine.states, thetas, rows)
+        free = np.append(problem.nuisances, list(present))
+        fit = most_probable(objective, free, fit.theta)
+    [rows] = objective.relinearise(fit, fit.theta).raw
+    rows.r[:] -= rows.psi @ fit.theta  # at θ = 0
+    return _blocks(readings, vehicle.machine.states, thetas, rows)
 
 
 def _blocks(
-    drive: LinearisedDrive, states: tuple[State, ...], thetas: tuple[Unknown, ...], rows: Rows
+    readings: Readings, states: tuple[State, ...], thetas: tuple[Unknown, ...], rows: Innovations
 ) -> Blocks:
-    which = block_index(drive.t)
-    stretches = drive.stretches
+    which, stretches = block_index(readings.t), readings.stretches
     rest, level = _local_residuals(rows, which)
     noise_model = NoiseModel.fit([stretches], [rest * level])
     inlier = np.abs(noise_model.whiten(stretches, rest)) < OUTLIER
@@ -108,8 +109,8 @@ def _blocks(
     for a, b in pairwise(edges.tolist()):
         own = order[a:b]
         gram.append(white[own].T @ white[own])
-        begin.append(drive.t[own].min())
-        end.append(drive.t[own].max())
+        begin.append(readings.t[own].min())
+        end.append(readings.t[own].max())
     return Blocks(states, thetas, np.array(begin), np.array(end), np.diff(edges), np.array(gram))
 
 
@@ -125,7 +126,7 @@ def block_index(t: Floats) -> NDArray[np.int64]:
     return index
 
 
-def _local_residuals(rows: Rows, which: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _local_residuals(rows: Innovations, which: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Residuals (K) after fitting θ to each stretch of blocks by itself, and the factor (K) that
     makes up for the fitted degrees of freedom: their autocorrelation is that of the noise alone,
     whatever drifts or jumps from stretch to stretch."""

@@ -104,7 +104,7 @@ def run_fault_tests(
 ) -> FaultTestResults:
     """Test every block of a drive of ``hours`` h for every fault of its ``machine``."""
     faults = machine.faults
-    columns = tuple(blocks.index(f.effect.name, f.key) for f in faults)
+    columns = tuple(blocks.index(f"{f.effect.name}.{f.key}") for f in faults)
     residuals = recursive_residuals(blocks, columns)
     if not len(blocks):
         return FaultTestResults(

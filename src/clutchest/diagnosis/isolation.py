@@ -54,7 +54,7 @@ def hypotheses(results: FaultTestResults) -> tuple[FaultHypothesis, ...]:
     worn = [
         FaultHypothesis(WEAR, i, wear.unit, t.unit, one_sided=True, only_from_start=True)
         for i, t in enumerate(thetas)
-        if wear is not None and (t.owner, t.key) == (wear.effect, wear.amount)
+        if wear is not None and str(t) == f"{wear.effect}.{wear.amount}"
     ]
     return (*tested, *worn)
 

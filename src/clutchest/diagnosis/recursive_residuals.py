@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.diagnosis.blocks import Blocks
-from clutchest.inference.unknowns import Unknown
+from clutchest.inference.unknowns import Gain, InitialState, StatedGain, Unknown
 from clutchest.models.symbols import State
 from clutchest.signals import Floats
 
@@ -67,20 +67,23 @@ def nuisances(
     """Indices (n) of those of the ``thetas`` in which healthy vehicles differ, their prior
     variances (n) and the increase of these per hour (n), all in units; ``states`` of the machine,
     whose initial values are among the thetas."""
-    free = [i for i, t in enumerate(thetas) if not t.exact and (not t.gain or t.healthy)]
     known = {state.name: state for state in states}
-    initial = [known.get(thetas[i].key) if thetas[i].owner == "start" else None for i in free]
-    variance = [_variance(thetas[i], state) for i, state in zip(free, initial, strict=True)]
-    per_hour = [state.drift**2 if state else 0.0 for state in initial]
-    return np.array(free, np.int64), np.array(variance), np.array(per_hour)
+    initial = [known.get(t.state) if isinstance(t, InitialState) else None for t in thetas]
+    variance = np.array([_variance(t, state) for t, state in zip(thetas, initial, strict=True)])
+    per_hour = np.array([state.drift**2 if state else 0.0 for state in initial])
+    free = np.flatnonzero(variance)
+    return free, variance[free], per_hour[free]
 
 
 def _variance(unknown: Unknown, state: State | None) -> float:
-    """Prior variance of a nuisance, in units; ``state`` whose start it is."""
-    if unknown.gain:
-        return unknown.healthy**2
-    if state is not None and state.restart_std:
-        return (state.restart_std / unknown.unit) ** 2
+    """Prior variance in units, 0 of what does not vary; ``state`` whose start it is."""
+    match unknown:
+        case Gain():
+            return unknown.healthy**2
+        case StatedGain(exact=True):
+            return 0.0
+        case InitialState() if state is not None and state.restart_std:
+            return (state.restart_std / unknown.unit) ** 2
     return 1.0
 
 

@@ -8,11 +8,11 @@ from clutchest.inference.multistart import multistart
 
 def model_in_alternative_mode(search: Search) -> bool:
     """Whether the model as it is explains the data better past a threshold: then it is there."""
-    null = search.fitter.arrive(search.null.look.theta)
-    look = multistart(search.fitter, null, search.free(()))
-    if look is not None:
-        search.move_to(Hypothesis((), look))
-    return look is not None
+    null = search.objective.linearise_at(search.null.fit.theta)
+    fit = multistart(search.objective, null, search.free(()))
+    if fit is not None:
+        search.move_to(Hypothesis((), fit))
+    return fit is not None
 
 
 def cause_in_alternative_mode(search: Search) -> bool:
@@ -20,10 +20,10 @@ def cause_in_alternative_mode(search: Search) -> bool:
     goes, and there may be others to find."""
     for cause in search.best.chosen:
         fewer = search.without(cause)
-        look = multistart(search.fitter, fewer.look, search.free(fewer.chosen))
-        if look is None:
+        fit = multistart(search.objective, fewer.fit, search.free(fewer.chosen))
+        if fit is None:
             continue
-        there, again = Hypothesis(fewer.chosen, look), search.fitted(search.best.chosen, look)
+        there, again = Hypothesis(fewer.chosen, fit), search.fitted(search.best.chosen, fit)
         search.best = best = min(search.best, again, key=lambda h: h.cost)
         if there.cost - best.cost < search.least_gain(there):
             search.move_to(there)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from clutchest.discovery.error_term_effects import PREFIX
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.problem import Problem
 from clutchest.models.effects import Effect, Number
 
 
@@ -25,11 +25,16 @@ class Candidate:
         """The effect's name."""
         return self.effect.name
 
+    @property
+    def gain_name(self) -> str:
+        """The gain's, as :meth:`Problem.index` knows it."""
+        return f"{self.name}.{self.gain.key}"
+
 
 def candidates(problem: Problem) -> tuple[Candidate, ...]:
     """Every gain of every effect, at every value of the grids of its shapes."""
     return tuple(
-        Candidate(effect, gain, problem.index(effect.name, gain.key), shapes)
+        Candidate(effect, gain, problem.index(f"{effect.name}.{gain.key}"), shapes)
         for effect in problem.effects.values()
         if not effect.name.startswith(PREFIX)
         for gain in effect.gains

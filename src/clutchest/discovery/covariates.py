@@ -6,8 +6,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from clutchest.inference.denoising import calm, pace
-from clutchest.inference.linearisation import LinearisedDrive
+from clutchest.inference.denoising import deadband, denoised_rate
+from clutchest.inference.operating_point import OperatingPoint
+from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a driver
@@ -16,25 +17,25 @@ AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highes
 STILL = 1e-9  # of its own size; a driver that moves less is none
 
 
-def drivers(drive: LinearisedDrive) -> dict[str, Floats]:
-    """Name → value at every event (K) of the drive as it was last linearised."""
+def drivers(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
+    """Name → value at every event (K) of the drive at an operating point."""
     model, line = drive.compiled.model, drive.line
     machine = drive.compiled.machine
     quantities, rates = machine.covariates, machine.rates
     found = {
-        item.name: drive.expected[:, j]
+        item.name: at.inputs[:, j]
         for j, item in enumerate(model.inputs)
         if item.name not in model.slopes
     }
-    found |= {state.name: drive.states[:, i] for i, state in enumerate(model.states)}
+    found |= {state.name: at.states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]
     power = e.outputs[model.outputs.index("power")]
     values = e.along(
         ca.vertcat(*wanted, power),
-        drive.states,
-        drive.expected,
+        at.states,
+        at.inputs,
         line.W[line.row],
         drive.compiled.p,
         drive.compiled.g,
@@ -42,9 +43,9 @@ def drivers(drive: LinearisedDrive) -> dict[str, Floats]:
     found |= dict(zip(quantities, values, strict=False))
     spans = np.diff(line.t, prepend=line.t[0])
     # what goes with the noise of a driver is no error
-    found = {name: calm(line.t, value, drive.acts) for name, value in found.items()}
+    found = {name: deadband(line.t, value, drive.tracked.act) for name, value in found.items()}
     found |= {
-        name: pace(line.t, drive.expected[:, model.input(of)], drive.acts)
+        name: denoised_rate(line.t, at.inputs[:, model.input(of)], drive.tracked.act)
         for name, of in rates.items()
         if of in found
     }
@@ -54,11 +55,11 @@ def drivers(drive: LinearisedDrive) -> dict[str, Floats]:
     return found
 
 
-def at_rest(drive: LinearisedDrive) -> set[str]:
+def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:
     """The inputs that move no further than their noise, and their rates: what goes with them goes
     with noise."""
     model = drive.compiled.model
-    still = np.ptp(drive.expected, axis=0) <= AT_REST * np.sqrt(drive.line.variance)
+    still = np.ptp(at.inputs, axis=0) <= AT_REST * np.sqrt(drive.line.variance)
     found = {item.name for item, rests in zip(model.inputs, still, strict=True) if rests}
     rates = drive.compiled.machine.rates
     return found | {name for name, of in rates.items() if of in found}

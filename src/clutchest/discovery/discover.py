@@ -37,7 +37,9 @@ from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.verdict import HeldOut, Judged, judge, rejected_by_holdout
 from clutchest.errors import ClutchestError
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.map_fit import covariance
+from clutchest.inference.problem import Problem
+from clutchest.inference.unknowns import InitialState
 from clutchest.models.effects import Effect
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
@@ -88,7 +90,8 @@ class _Finding:
     told: Tells | None
 
     def problem(self, signals: Signals) -> Problem:
-        return Problem(segmented(signals, self.vehicle), self.vehicle, self.effects, self.progress)
+        drives = segmented(signals, self.vehicle)
+        return Problem.of(drives, self.vehicle, self.effects, self.progress)
 
     def answer(self) -> Discovery:
         """The four questions in order."""
@@ -131,7 +134,7 @@ class _Finding:
                 "vehicle as it was"
             )
             extended, text = self.vehicle, None
-        before = search.fitter.arrive(search.null.look.theta)
+        before = search.objective.linearise_at(search.null.fit.theta)
         return Discovery(
             vehicle=self.vehicle,
             verdict=verdict,
@@ -143,7 +146,7 @@ class _Finding:
             identifiability=tells,
             gain=gained,
             experiment=self._experiment(judged) if verdict == "ambiguous" else None,
-            misfit=misfit(problem, search.fitter, before, judged.best.look if named else before),
+            misfit=misfit(search.objective, before, judged.best.fit if named else before),
             extended=extended,
             patch=text,
             counts=sum((drive.counts for drive in self.signals.drives), Counts()),
@@ -176,10 +179,11 @@ class _Finding:
                 "what comes after one is taken for a drive of its own"
             )
         # without a cause, a start may stand in for it
-        for i in (i for i in search.running if abs(best.look.theta[i]) > ODD):
-            start, off = problem.thetas[i], best.look.theta[i] * problem.units[i]
+        for i in (i for i in search.running if abs(best.fit.theta[i]) > ODD):
+            start, off = problem.thetas[i], best.fit.theta[i] * problem.units[i]
+            assert isinstance(start, InitialState)
             words.append(
-                f"{start.key} starts {off:+.0f} K from that of a clutch at rest: the log "
+                f"{start.state} starts {off:+.0f} K from that of a clutch at rest: the log "
                 "begins in the middle of a drive"
             )
         return words
@@ -196,17 +200,17 @@ class _Finding:
         found: dict[str, Cause] = {}
         for h in judged.sets:
             spread = judged.spreads[h.names]
-            look = search.fitter.arrive(h.look.theta, h.look.shapes)
+            fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
             # of a signal that is late, the tolerance is part of what was found
             within = search.problem.tolerances(c.index for c in h.chosen)
             free = np.setdiff1d(search.free(h.chosen), within)
-            std = np.sqrt(np.diag(search.fitter.covariance(look, free)) + spread.variance[free])
+            std = np.sqrt(np.diag(covariance(search.objective, fit, free)) + spread.variance[free])
             for c in h.chosen:
                 unit = search.problem.units[c.index]
                 of_noise, clock = std[free == c.index][0] * unit, search.problem.clock(c.index)
                 numbers = {
                     c.gain.key: Found(
-                        float(look.theta[c.index] * unit), float(np.hypot(of_noise, clock))
+                        float(fit.theta[c.index] * unit), float(np.hypot(of_noise, clock))
                     )
                 }
                 numbers |= {
@@ -253,7 +257,7 @@ class _Finding:
         from clutchest.simulated import simulate
 
         common = set.intersection(*({c.index for c in h.chosen} for h in judged.sets))
-        sized = [[(c, float(h.look.theta[c.index])) for c in h.chosen] for h in judged.sets]
+        sized = [[(c, float(h.fit.theta[c.index])) for c in h.chosen] for h in judged.sets]
         rivals = [
             next((one for one in each if one[0].index not in common), each[0]) for each in sized
         ]
@@ -329,7 +333,7 @@ def _names(drives: Sequence[Signals]) -> str:
 
 def _rivals(problem: Problem, judged: Judged) -> tuple[Rival, ...]:
     """Those that lost, the likeliest first; one of whose causes nothing is left is none."""
-    lost = [h for h in judged.lost if all(h.look.theta[c.index] != 0.0 for c in h.chosen)]
+    lost = [h for h in judged.lost if all(h.fit.theta[c.index] != 0.0 for c in h.chosen)]
     return tuple(
         Rival(
             " and ".join(_names_of(h)),
@@ -338,7 +342,7 @@ def _rivals(problem: Problem, judged: Judged) -> tuple[Rival, ...]:
                 f"{c.name}.{key}" if len(h.chosen) > 1 else key: value
                 for c in h.chosen
                 for key, value in (
-                    (c.gain.key, float(h.look.theta[c.index] * problem.units[c.index])),
+                    (c.gain.key, float(h.fit.theta[c.index] * problem.units[c.index])),
                     *c.shapes,
                 )
             },

@@ -9,9 +9,9 @@ import numpy as np
 from clutchest.discovery.candidates import Candidate, settings
 from clutchest.discovery.result import Experiment
 from clutchest.errors import ClutchestError
-from clutchest.inference.map_fit import Fitter
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ScoreTest, d_prime, score_test
-from clutchest.inference.unknowns import Problem
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
@@ -63,21 +63,22 @@ def propose(
 
 def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: Problem) -> float:
     """Between the closest two, by first order at the numbers that the drive was simulated with."""
-    fitter = Fitter(problem)
     theta = np.zeros(len(problem.thetas))
     for c, size in (rivals[0], *beside):
-        theta[problem.index(c.name, c.gain.key)] = size
+        theta[problem.index(c.gain_name)] = size
     shapes = settings(tuple(c for c, _ in (*rivals, *beside)))
-    gains = [problem.index(c.name, c.gain.key) for c, _ in rivals]
-    certain = [problem.index(c.name, c.gain.key) for c, _ in beside]
+    gains = [problem.index(c.gain_name) for c, _ in rivals]
+    certain = [problem.index(c.gain_name) for c, _ in beside]
     free = np.concatenate([problem.nuisances, certain]).astype(int)
-    fitter.come(theta, shapes)
-    look = fitter.lesson(theta, shapes, np.union1d(free, gains))
+    objective = Objective.of(problem)
+    fit = objective.linearise_at(theta, shapes, np.union1d(free, gains))
+    objective = objective.with_noise_of(fit)
+    fit = objective.whitened(fit)
     scores: ScoreTest = score_test(
-        look,
+        fit,
         free,
-        fitter.prior,
-        look.psi[:, gains],
+        objective.prior,
+        fit.psi[:, gains],
         [c.gain.one_sided for c, _ in rivals],
         SEED,
         draws=1,

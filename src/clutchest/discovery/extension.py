@@ -13,7 +13,9 @@ from clutchest.discovery import patch
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Found
 from clutchest.discovery.search import Hypothesis, Search
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.map_fit import covariance
+from clutchest.inference.problem import Problem
+from clutchest.inference.unknowns import StatedGain
 from clutchest.models.effects import effects_of_file
 from clutchest.vehicle import Vehicle
 
@@ -54,16 +56,17 @@ def corrected(search: Search, h: Hypothesis) -> dict[str, dict[str, Found]]:
     hypothesis: their sizes hold beside no other."""
     problem = search.problem
     stated, free = problem.vehicle.effects, search.free(h.chosen)
-    wanted = [i for i in problem.nuisances if problem.thetas[i].owner in stated]
+    wanted = {
+        int(i): t for i in problem.nuisances if isinstance(t := problem.thetas[i], StatedGain)
+    }
     if not wanted:
         return {}
-    look = search.fitter.arrive(h.look.theta, h.look.shapes)
-    variance = np.diag(search.fitter.covariance(look, free))
+    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
+    variance = np.diag(covariance(search.objective, fit, free))
     least = {(e.name, n.key): n.least for e in problem.compiled.model.effects for n in e.gains}
     found: dict[str, dict[str, Found]] = {}
-    for i in wanted:
-        t, unit = problem.thetas[i], problem.units[i]
-        value = stated[t.owner].get(t.key, 0.0) + float(look.theta[i] * unit)
-        std = float(np.sqrt(variance[free == i][0]) * unit)
-        found.setdefault(t.owner, {})[t.key] = Found(max(value, least[t.owner, t.key]), std)
+    for i, t in wanted.items():
+        value = stated[t.effect].get(t.key, 0.0) + float(fit.theta[i] * t.unit)
+        std = float(np.sqrt(variance[free == i][0]) * t.unit)
+        found.setdefault(t.effect, {})[t.key] = Found(max(value, least[t.effect, t.key]), std)
     return found

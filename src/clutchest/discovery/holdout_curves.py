@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.covariates import drivers, hats
-from clutchest.discovery.error_term_effects import PREFIX
 from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction, between, carried, fitted
-from clutchest.discovery.residual_curves import Curve
+from clutchest.discovery.residual_curves import Curve, places
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Search
-from clutchest.inference.map_fit import Fitter
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.linearisation import Modulation
+from clutchest.inference.map_fit import improve, with_noise_estimated
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import Problem
 from clutchest.signals import Floats
 
 
@@ -40,34 +41,35 @@ class Transfer:
     @classmethod
     def of(cls, search: Search, curves: Sequence[Curve], other: Problem) -> Transfer:
         """Curves of a search on the drives of another problem."""
-        fitter, free = Fitter(other), other.nuisances
-        look = fitter.taught(fitted(fitter, carried(search, search.null.look, other)))
-        fitter.focus([look.psi])
-        look = fitter.improve(fitter.again(look), free)
-        fitter.come(look.theta, look.shapes)
-        place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(other.thetas)}
-        values = [drivers(drive) for drive in other.drives]
-        changes = np.zeros((len(look.r), len(curves)))
+        objective, free = Objective.of(other), other.nuisances
+        fit = fitted(objective, carried(search, search.null.fit, other))
+        objective, fit = with_noise_estimated(objective, fit)
+        objective = objective.with_span([fit.psi])
+        fit = improve(objective, objective.whitened(fit), free)
+        place = places(other)
+        values = [drivers(*each) for each in zip(other.drives, fit.implied, strict=True)]
+        changes = np.zeros((len(fit.r), len(curves)))
         for change, curve in zip(changes.T, curves, strict=True):
             count = len(curve.at)
             bases = [hats(value[curve.driver], curve.at) for value in values]
             thetas = np.full(count, place[curve.error_term])
-            acts = fitter.modulated(look, thetas, bases, np.arange(count))
+            modulations = [Modulation(basis, np.arange(count)) for basis in bases]
+            acts = objective.modulated(fit, thetas, modulations)
             change[:] = acts @ curve.coefficients
-        fitter.focus([look.psi, changes])
-        assert fitter.span is not None
-        own, among = look.psi[:, free], HeldOutPrediction.of(other, fitter, look)
+        objective = objective.with_span([fit.psi, changes])
+        assert objective.span is not None
+        own, among = fit.psi[:, free], HeldOutPrediction.of(objective, fit)
         curvature = own.T @ own + np.eye(len(free))
 
         def refitted(r: Floats) -> HeldOutPrediction:
-            step = np.linalg.solve(curvature, own.T @ r + look.theta[free])
+            step = np.linalg.solve(curvature, own.T @ r + fit.theta[free])
             white = r - own @ step
-            shrunk = float(np.sqrt(np.sum(white**2) / np.sum(look.r**2)))
-            cost = float(np.sum((look.theta[free] - step) ** 2))
+            shrunk = float(np.sqrt(np.sum(white**2) / np.sum(fit.r**2)))
+            cost = float(np.sum((fit.theta[free] - step) ** 2))
             return replace(among, white=white, own=among.own * shrunk, cost=cost)
 
-        after = tuple(refitted(look.r + change).without_torque for change in changes.T)
-        return cls(tuple(curves), fitter.span, refitted(look.r), after)
+        after = tuple(refitted(fit.r + change).without_torque for change in changes.T)
+        return cls(tuple(curves), objective.span, refitted(fit.r), after)
 
     def ranked(self) -> list[Curve]:
         """The likeliest first, by both problems."""

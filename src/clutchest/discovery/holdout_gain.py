@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import BEYOND, Hypothesis, Search
 from clutchest.discovery.torque import torques
-from clutchest.inference.map_fit import NO_SHAPES, Fitter, Look
-from clutchest.inference.unknowns import Problem, Shapes
+from clutchest.inference.map_fit import cooled, improve, most_probable, with_noise_estimated
+from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
+from clutchest.inference.problem import Problem
+from clutchest.inference.unknowns import InitialState, Shapes
 from clutchest.signals import Floats
 
 BLOCK = 20.0  # s; what lies closer together is not independent
@@ -31,40 +33,41 @@ def on_another(
     without the causes, and costs what its prior makes it cost: the vehicle file says nothing of it,
     and a number far off what is stated would be the same finding by another name.
     """
-    fitter, than = Fitter(other), than or search.null
-    with_, without = (carried(search, h.look, other) for h in (best, than))
-    shapes, fewer = best.look.shapes, than.look.shapes
-    after = fitter.taught(fitted(fitter, with_, shapes))  # noise as what was found leaves it
-    fitter.focus([after.psi])
-    known, gains = fitter.prior > 0.0, fitter.prior == 0.0
+    objective, than = Objective.of(other), than or search.null
+    with_, without = (carried(search, h.fit, other) for h in (best, than))
+    shapes, fewer = best.fit.shapes, than.fit.shapes
+    # noise as what was found leaves it
+    objective, after = with_noise_estimated(objective, fitted(objective, with_, shapes))
+    objective = objective.with_span([after.psi])
+    known, gains = objective.prior > 0.0, objective.prior == 0.0
     begun = after.theta * known + without * gains
-    before = min(fitted(fitter, without, fewer), fitted(fitter, begun, fewer), key=_cost)
+    before = min(fitted(objective, without, fewer), fitted(objective, begun, fewer), key=_cost)
     again = before.theta * known + with_ * gains
-    after = min(fitted(fitter, after.theta, shapes), fitted(fitter, again, shapes), key=_cost)
-    assert fitter.span is not None
+    after = min(fitted(objective, after.theta, shapes), fitted(objective, again, shapes), key=_cost)
+    assert objective.span is not None
     return between(
-        HeldOutPrediction.of(other, fitter, before),
-        HeldOutPrediction.of(other, fitter, after),
-        fitter.span,
+        HeldOutPrediction.of(objective, before),
+        HeldOutPrediction.of(objective, after),
+        objective.span,
     )
 
 
-def fitted(fitter: Fitter, theta: Floats, shapes: Shapes = NO_SHAPES) -> Look:
+def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
     """The most probable nuisances, from ``theta`` on, which may be far off; gains as there."""
-    free = fitter.problem.nuisances
-    return fitter.improve(fitter.cooled(fitter.arrive(theta, shapes), free), free)
+    free = objective.problem.nuisances
+    return improve(objective, cooled(objective, objective.linearise_at(theta, shapes), free), free)
 
 
-def _cost(look: Look) -> float:
-    return look.cost
+def _cost(fit: Linearisation) -> float:
+    return fit.cost
 
 
-def carried(search: Search, look: Look, other: Problem) -> Floats:
-    """θ of another problem, with what a look at the first one says of the vehicle."""
+def carried(search: Search, fit: Linearisation, other: Problem) -> Floats:
+    """θ of another problem, with what a fit of the first one says of the vehicle."""
     theta = np.zeros(len(other.thetas))
-    theta[: other.shared] = look.theta[: search.problem.shared]
-    if late := len(search.problem.timing):
-        theta[-late:] = look.theta[-late:]
+    theta[: other.shared] = fit.theta[: search.problem.shared]
+    if late := len(search.problem.delayed):
+        theta[-late:] = fit.theta[-late:]
     return theta
 
 
@@ -72,27 +75,26 @@ def in_turns(search: Search, best: Hypothesis) -> Gain:
     """Of a hypothesis on the log in which it was found, where there is no other: each part of the
     log in turn is foretold by numbers of the vehicle fitted to the rest, what the drive started
     from anew.  Which causes they are numbers of was decided on all of it."""
-    problem, fitter = search.problem, search.fitter.roomier(BEYOND)  # sizes are as released
-    times = _one_after_another(problem, [d.t for d in problem.drives])
+    problem, objective = (
+        search.problem,
+        search.objective.with_bounds(BEYOND),
+    )  # sizes are as released
+    times = _one_after_another(problem, [d.readings.t for d in problem.drives])
     edges = np.quantile(times, np.linspace(0.0, 1.0, PARTS + 1))[1:-1]
     part = np.searchsorted(edges, times)
     found: list[HeldOutPrediction] = []
     for hypothesis in (search.null, best):
-        look = fitter.arrive(hypothesis.look.theta, hypothesis.look.shapes)
+        fit = objective.linearise_at(hypothesis.fit.theta, hypothesis.fit.shapes)
         parts: list[HeldOutPrediction] = []
         for k in range(PARTS):
-            rest = fitter.without(part == k)
-            rest.focus([rest.again(look).psi])
-            fit = rest.improve(rest.again(look), search.free(hypothesis.chosen)).theta
-            held_out_prediction = fitter.most_probable(_starts(problem), fit, look.shapes)
-            parts.append(
-                HeldOutPrediction.of(problem, fitter, held_out_prediction).only(
-                    partial(_lies, edges, k)
-                )
-            )
+            rest = objective.without(part == k)
+            rest = rest.with_span([rest.whitened(fit).psi])
+            theta = improve(rest, rest.whitened(fit), search.free(hypothesis.chosen)).theta
+            held_out = most_probable(objective, _starts(problem), theta, fit.shapes)
+            parts.append(HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k)))
         found.append(HeldOutPrediction.joined(parts))
-    assert fitter.span is not None
-    return replace(between(found[0], found[1], fitter.span), other_logs=False)
+    assert objective.span is not None
+    return replace(between(found[0], found[1], objective.span), other_logs=False)
 
 
 def _lies(edges: Floats, k: int, t: Floats) -> NDArray[np.bool_]:
@@ -102,7 +104,9 @@ def _lies(edges: Floats, k: int, t: Floats) -> NDArray[np.bool_]:
 
 def _starts(problem: Problem) -> NDArray[np.int64]:
     """Indices of what drives start from."""
-    return np.array([k for k, t in enumerate(problem.thetas) if t.drive >= 0], np.int64)
+    return np.array(
+        [k for k, t in enumerate(problem.thetas) if isinstance(t, InitialState)], np.int64
+    )
 
 
 def _one_after_another(problem: Problem, times: Sequence[Floats]) -> Floats:
@@ -126,16 +130,17 @@ class HeldOutPrediction:
     cost: float
 
     @classmethod
-    def of(cls, problem: Problem, fitter: Fitter, look: Look) -> HeldOutPrediction:
-        """At one look."""
-        simulated = torques(problem, look)
+    def of(cls, objective: Objective, fit: Linearisation) -> HeldOutPrediction:
+        """At one fit."""
+        problem = objective.problem
+        simulated = torques(problem, fit)
         return cls(
-            _one_after_another(problem, [d.t for d in problem.drives]),
-            look.r,
-            np.concatenate([rows.r for rows in look.raw]),
+            _one_after_another(problem, [d.readings.t for d in problem.drives]),
+            fit.r,
+            np.concatenate([rows.r for rows in fit.raw]),
             _one_after_another(problem, [t for t, _, _ in simulated]),
             np.concatenate([measured - made for _, measured, made in simulated]),
-            float(np.sum(fitter.prior * look.theta**2)),
+            float(np.sum(objective.prior * fit.theta**2)),
         )
 
     @property

@@ -8,8 +8,8 @@ import numpy as np
 
 from clutchest.discovery.candidates import Candidate
 from clutchest.discovery.result import Identifiable
+from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ScoreTest, d_prime
-from clutchest.inference.unknowns import Problem
 from clutchest.models.effects import Effect
 from clutchest.signals import Floats
 

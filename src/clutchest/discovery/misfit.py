@@ -7,25 +7,25 @@ import numpy as np
 from clutchest.discovery.covariates import drivers
 from clutchest.discovery.result import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
-from clutchest.inference.map_fit import Fitter, Look
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.objective import Linearisation, Objective
 
 BINS = 8
 FEWEST = 40  # readings in a mode that are worth a picture
 
 
-def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfit:
+def misfit(objective: Objective, before: Linearisation, after: Linearisation) -> Misfit:
     """What the model as it is misses, over every state, input and rate, and what is left with what
     was found."""
+    problem = objective.problem
     sensors = tuple(sensor.name for sensor in problem.compiled.model.sensors)
     modes = problem.compiled.machine.regimes.modes
     simulated = torques(problem, before)
-    values = [drivers(drive) for drive in problem.drives]
+    values = [drivers(*each) for each in zip(problem.drives, before.implied, strict=True)]
     bins: list[Bins] = []
     levels: list[Level] = []
-    white = fitter.again(before).r
-    sensor = np.concatenate([d.sensor for d in problem.drives])
-    mode = np.concatenate([d.mode for d in problem.drives])
+    white = objective.whitened(before).r
+    sensor = np.concatenate([d.readings.sensor for d in problem.drives])
+    mode = np.concatenate([d.readings.mode for d in problem.drives])
     for s, name in enumerate(sensors):
         for m in np.unique(mode[sensor == s]):
             rows = np.flatnonzero((sensor == s) & (mode == m))
@@ -36,7 +36,10 @@ def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfi
             levels.append(Level(name, modes[m], level, lag / level, len(r)))
             for driver in [name for name in values[0] if all(name in v for v in values)]:
                 joined = np.concatenate(
-                    [v[driver][d.rows] for v, d in zip(values, problem.drives, strict=True)]
+                    [
+                        v[driver][d.readings.event]
+                        for v, d in zip(values, problem.drives, strict=True)
+                    ]
                 )[rows]
                 edges = np.unique(np.quantile(joined, np.linspace(0.0, 1.0, BINS + 1)))
                 if len(edges) < 3:
@@ -51,8 +54,8 @@ def misfit(problem: Problem, fitter: Fitter, before: Look, after: Look) -> Misfi
     extended = simulated if after is before else torques(problem, after)
     return Misfit(
         sensors,
-        tuple(d.t for d in problem.drives),
-        tuple(d.sensor for d in problem.drives),
+        tuple(d.readings.t for d in problem.drives),
+        tuple(d.readings.sensor for d in problem.drives),
         tuple(rows.r for rows in before.raw),
         tuple(rows.r for rows in after.raw),
         tuple((*old, new) for old, (_, _, new) in zip(simulated, extended, strict=True)),

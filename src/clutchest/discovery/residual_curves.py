@@ -18,9 +18,11 @@ from scipy.special import softmax
 
 from clutchest.discovery.covariates import TIME_KNOTS, at_rest, drivers, hats, knots
 from clutchest.discovery.error_term_effects import PREFIX
-from clutchest.inference.map_fit import Fitter, Look
-from clutchest.inference.score_test import among, cleared, redrawn
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.linearisation import Modulation
+from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.problem import Problem
+from clutchest.inference.score_test import family_wise, projected_out, resampled_scores
+from clutchest.inference.unknowns import Gain
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.signals import Floats
 
@@ -56,27 +58,27 @@ class Curve:
 
 
 def curves(
-    problem: Problem, fitter: Fitter, look: Look, free: NDArray[np.int64], seed: int
+    objective: Objective, fit: Linearisation, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
-    """Every curve over every driver, the likeliest first, beside what is ``free`` at ``look``."""
-    place = {t.owner.removeprefix(PREFIX): k for k, t in enumerate(problem.thetas)}
+    """Every curve over every driver, the likeliest first, beside what is ``free`` at a fit."""
+    problem, place = objective.problem, places(objective.problem)
     # without a signal, some equations are others
     error_terms = {k: v for k, v in problem.compiled.machine.error_terms.items() if k in place}
-    values = [drivers(drive) for drive in problem.drives]
+    values = [drivers(*each) for each in zip(problem.drives, fit.implied, strict=True)]
     tables = [
         (name, driver, at)
-        for driver, at in _bent(problem, values)
+        for driver, at in _bent(problem, fit, values)
         for name, error_term in error_terms.items()
         if _may_go_with(error_term, driver, at)
     ]
     choices = Counter(error_terms[name].equation for name, _, _ in tables)
     found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
-    for left, some in _left_over(problem, fitter, look, values, tables, place):
+    for left, some in _left_over(objective, fit, values, tables, place):
         whole = [left[:, columns].T @ left[:, columns] for _, columns in some]
-        c = cleared(look, free, fitter.prior, left)
+        c = projected_out(fit, free, objective.prior, left)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
-        null += redrawn(look.r, c.pure, DRAWS, rng)
+        null += resampled_scores(fit.r, c.pure, DRAWS, rng)
         for ((name, driver, at), columns), gram in zip(some, whole, strict=True):
             pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
             score, equation = c.score[columns], error_terms[name].equation
@@ -88,7 +90,7 @@ def curves(
             most = np.maximum(most, evidence(null[:, columns], information, faint) - rare)
             best, unrest = covariance @ score, 1.0
             if evidence(score, information, faint) > 0.0:
-                unrest = _unrest(pure, look.r + pure @ best, blocks, covariance, rank)
+                unrest = _unrest(pure, fit.r + pure @ best, blocks, covariance, rank)
             told = score / unrest, information / unrest, faint / unrest
             found.append(
                 Curve(
@@ -106,7 +108,7 @@ def curves(
     # a Bayes factor of B is given to noise once in B times at most
     least = np.sort(np.exp(-most / 2.0))
     named = [
-        replace(curve, p_value=float(among(least, np.exp(-curve.evidence / 2.0))))
+        replace(curve, p_value=float(family_wise(least, np.exp(-curve.evidence / 2.0))))
         for curve in found
     ]
     return sorted(named, key=lambda curve: -curve.evidence)
@@ -158,14 +160,27 @@ def _unrest(
     return max(1.0, float(np.trace(covariance @ (each.T @ each))) / rank)
 
 
+def places(problem: Problem) -> dict[str, int]:
+    """Index of every error term in θ."""
+    return {
+        t.effect.removeprefix(PREFIX): k
+        for k, t in enumerate(problem.thetas)
+        if isinstance(t, Gain)
+    }
+
+
 Table = tuple[str, str, Floats]  # flaw, driver, knots
 
 
-def _bent(problem: Problem, values: Sequence[Mapping[str, Floats]]) -> list[tuple[str, Floats]]:
+def _bent(
+    problem: Problem, fit: Linearisation, values: Sequence[Mapping[str, Floats]]
+) -> list[tuple[str, Floats]]:
     """What errors may go with in every drive, and where curves over it bend."""
-    acts = np.concatenate([drive.acts for drive in problem.drives]).astype(float)
+    acts = np.concatenate([drive.tracked.act for drive in problem.drives]).astype(float)
     acts = acts if acts.any() else np.ones(len(acts))
-    still = set.intersection(*(at_rest(drive) for drive in problem.drives))
+    still = set.intersection(
+        *(at_rest(*each) for each in zip(problem.drives, fit.implied, strict=True))
+    )
     return [
         (name, at)
         for name in values[0]
@@ -183,16 +198,15 @@ def _may_go_with(error_term: ErrorTerm, driver: str, at: Floats) -> bool:
 
 
 def _left_over(
-    problem: Problem,
-    fitter: Fitter,
-    look: Look,
+    objective: Objective,
+    fit: Linearisation,
     values: Sequence[Mapping[str, Floats]],
     tables: Sequence[Table],
     place: Mapping[str, int],
 ) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:
     """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
     of each curve; some drivers at a time, as many as memory likes.  ``place`` of each flaw in θ."""
-    readings = sum(len(drive.rows) for drive in problem.drives)
+    readings = len(fit.r)
     for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
         begins: dict[tuple[str, int], int] = {}
         bases: list[list[Floats]] = [[] for _ in values]
@@ -204,7 +218,9 @@ def _left_over(
         columns = np.concatenate([begins[d, len(at)] + np.arange(len(at)) for _, d, at in some])
         thetas = np.concatenate([np.full(len(at), place[name]) for name, _, at in some])
         ends = np.cumsum([len(at) for _, _, at in some])
-        left = fitter.modulated(look, thetas, [np.column_stack(b) for b in bases], columns)
+        left = objective.modulated(
+            fit, thetas, [Modulation(np.column_stack(b), columns) for b in bases]
+        )
         yield (
             left,
             [

@@ -11,15 +11,17 @@ from scipy.stats import norm
 
 from clutchest.discovery.candidates import Candidate, candidates, settings
 from clutchest.inference.continuation import continue_towards_prior
-from clutchest.inference.map_fit import SAME, Fitter, Look
+from clutchest.inference.map_fit import improve, settle
+from clutchest.inference.objective import NO_DERIVATIVES, SAME, Linearisation, Objective
+from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import (
     ABSENT,
     NOT_EXCLUDED,
     ScoreTest,
-    cleared,
+    projected_out,
     score_test,
 )
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.unknowns import InitialState
 from clutchest.progress import Progress
 from clutchest.signals import Floats
 
@@ -37,21 +39,21 @@ PER_SHAPE = 1.0  # the same: what the choice among the values of a shape gains b
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """Causes acting together, fitted; ``cost`` −2 ln(probability) up to a constant.  The ``look``
+    """Causes acting together, fitted; ``cost`` −2 ln(probability) up to a constant.  The ``fit``
     may be bare."""
 
     chosen: tuple[Candidate, ...]
-    look: Look
+    fit: Linearisation
 
     @property
     def cost(self) -> float:
         """Of the fit, with what the choice of shapes is worth by itself."""
-        return self.look.cost + PER_SHAPE * sum(bool(c.shapes) for c in self.chosen)
+        return self.fit.cost + PER_SHAPE * sum(bool(c.shapes) for c in self.chosen)
 
     @property
     def bare(self) -> Hypothesis:
-        """The same with a bare look."""
-        return replace(self, look=self.look.bare)
+        """The same with a bare fit."""
+        return replace(self, fit=self.fit.bare)
 
     @property
     def names(self) -> frozenset[str]:
@@ -71,7 +73,7 @@ class Search:
     """
 
     problem: Problem
-    fitter: Fitter
+    objective: Objective
     all: tuple[Candidate, ...]
     null: Hypothesis
     first: ScoreTest
@@ -87,33 +89,31 @@ class Search:
         """The model as it is, fitted to its priors, and every cause's score."""
         if progress:
             progress("fitting the model as it is", None)
-        fitter = Fitter(problem)
-        theta = fitter.settle(np.zeros(len(problem.thetas))).theta
-        running = _running(problem, theta)
+        objective, fit = settle(Objective.of(problem), np.zeros(len(problem.thetas)))
+        running = _running(problem, fit.theta)
         if len(running):
-            fitter.prior[running] = 1.0 / WARM**2
-            theta = fitter.settle(theta).theta
-        null, every = Hypothesis((), fitter.look(theta)), candidates(problem)
-        search = cls(problem, fitter, every, null, None, null, running)  # type: ignore[arg-type]
-        columns = search.columns(null.look, every)
-        fitter.focus([null.look.psi, columns])
-        search.null = search.best = null = Hypothesis((), fitter.again(null.look))
+            objective, fit = settle(objective.with_prior(running, WARM), fit.theta)
+        null, every = Hypothesis((), objective.relinearise(fit, fit.theta)), candidates(problem)
+        search = cls(problem, objective, every, null, None, null, running)  # type: ignore[arg-type]
+        columns = search.columns(null.fit, every)
+        search.objective = objective = objective.with_span([null.fit.psi, columns])
+        search.null = search.best = null = Hypothesis((), objective.whitened(null.fit))
         search.first = search.scored(null, every, columns, seed=1)
         search.null = search.best = null.bare
         return search
 
-    def columns(self, look: Look, wanted: Sequence[Candidate]) -> Floats:
-        """Derivatives (K, C) of the innovations by each candidate's gain at ``look``."""
-        found = np.zeros((len(look.r), len(wanted)))
+    def columns(self, fit: Linearisation, wanted: Sequence[Candidate]) -> Floats:
+        """Derivatives (K, C) of the innovations by each candidate's gain at a fit."""
+        found = np.zeros((len(fit.r), len(wanted)))
         plain = [i for i, c in enumerate(wanted) if not c.shapes]
-        found[:, plain] = look.psi[:, [wanted[i].index for i in plain]]
+        found[:, plain] = fit.psi[:, [wanted[i].index for i in plain]]
         rest = [i for i, c in enumerate(wanted) if c.shapes]
-        while rest:  # one look serves one value of every effect's shapes
+        while rest:  # one linearisation serves one value of every effect's shapes
             now = {wanted[i].name: i for i in reversed(rest)}
             some = [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]
             shapes = settings(tuple(wanted[i] for i in now.values()))
             active = np.array([wanted[i].index for i in some])
-            shaped = self.fitter.look(look.theta, {**shapes, **look.shapes}, active)
+            shaped = self.objective.relinearise(fit, fit.theta, {**shapes, **fit.shapes}, active)
             found[:, some] = shaped.psi[:, active]
             rest = [i for i in rest if i not in some]
             del shaped  # before the next one is made
@@ -121,17 +121,17 @@ class Search:
 
     def scores(self, base: Hypothesis, wanted: Sequence[Candidate], seed: int) -> ScoreTest:
         """Scores of ``wanted`` beside the causes in ``base``."""
-        look = self.fitter.arrive(base.look.theta, base.look.shapes)
-        return self.scored(replace(base, look=look), wanted, self.columns(look, wanted), seed)
+        fit = self.objective.linearise_at(base.fit.theta, base.fit.shapes)
+        return self.scored(replace(base, fit=fit), wanted, self.columns(fit, wanted), seed)
 
     def scored(
         self, base: Hypothesis, wanted: Sequence[Candidate], columns: Floats, seed: int
     ) -> ScoreTest:
         """The same where derivatives ``columns`` (K, C) of the innovations are known."""
         return score_test(
-            base.look,
+            base.fit,
             self.free(base.chosen),
-            self.fitter.prior,
+            self.objective.prior,
             columns,
             [c.gain.one_sided for c in wanted],
             seed,
@@ -141,24 +141,24 @@ class Search:
         """Indices of nuisances and of the gains of ``chosen``."""
         return np.concatenate([self.problem.nuisances, [c.index for c in chosen]]).astype(int)
 
-    def fitted(self, chosen: tuple[Candidate, ...], begin: Look) -> Hypothesis:
+    def fitted(self, chosen: tuple[Candidate, ...], begin: Linearisation) -> Hypothesis:
         """These causes, most probable sizes, from ``begin`` on."""
         free, shapes = self.free(chosen), settings(chosen)
         kept = {c.index for c in chosen}
         bent = begin.theta.copy()
         bent[[i for i in self.problem.gains if i not in kept]] = 0.0
-        best = self.fitter.improve(self.fitter.arrive(bent, shapes, free), free)
-        return Hypothesis(chosen, continue_towards_prior(self.fitter, best, free))
+        best = improve(self.objective, self.objective.linearise_at(bent, shapes, free), free)
+        return Hypothesis(chosen, continue_towards_prior(self.objective, best, free))
 
     def released(self, h: Hypothesis) -> Hypothesis:
-        """A hypothesis with a look that is not bare, and sizes that need not be plausible: that
+        """A hypothesis with a fit that is not bare, and sizes that need not be plausible: that
         decides which causes there are, and the data how much there is of them."""
-        look = self.fitter.arrive(h.look.theta, h.look.shapes)
+        fit, objective = self.objective.linearise_at(h.fit.theta, h.fit.shapes), self.objective
         gains = [c.index for c in h.chosen]
-        sizes = look.theta[gains]
-        if np.any((sizes <= self.fitter.low[gains]) | (sizes >= self.fitter.high[gains])):
-            look = self.fitter.roomier(BEYOND).improve(look, self.free(h.chosen))
-        return replace(h, look=look)
+        sizes = fit.theta[gains]
+        if np.any((sizes <= objective.low[gains]) | (sizes >= objective.high[gains])):
+            fit = improve(objective.with_bounds(BEYOND), fit, self.free(h.chosen))
+        return replace(h, fit=fit)
 
     def run(self, progress: Progress | None = None) -> None:
         """Find what there is to find: ``best``, ``rivals``, ``p_of``."""
@@ -190,7 +190,7 @@ class Search:
         """The best, or another hypothesis, less one of its causes."""
         of = of or self.best
         rest = tuple(c for c in of.chosen if c is not cause)
-        return self.fitted(rest, of.look)
+        return self.fitted(rest, of.fit)
 
     def established(self, cause: Candidate, of: Hypothesis) -> tuple[float, float]:
         """What a cause of a hypothesis brings beside its others, in −2 ln(probability), and the
@@ -200,7 +200,7 @@ class Search:
         brings = self.released(self.without(cause, of)).cost - of.cost
         one_sided = 1.0 if cause.gain.one_sided else 2.0
         p = one_sided * norm.sf(np.sqrt(max(brings, 0.0)))
-        return brings, float(self.first.p_among_all(p))
+        return brings, float(self.first.p_family_wise(p))
 
     def settle_for(self, fewer: Hypothesis) -> None:
         """Take a hypothesis with fewer causes for the best."""
@@ -213,7 +213,7 @@ class Search:
         that is better there."""
         size = len(there.chosen)
         rivals = [
-            self.fitted(h.chosen, there.look).bare
+            self.fitted(h.chosen, there.fit).bare
             for h in self.sizes.get(size, [])
             if h.names != there.names
         ]
@@ -245,7 +245,7 @@ class Search:
             others = [c for c in self.all if _may_join(c, parent)]
             scores = self.scores(parent, others, seed=2) if parent.chosen else self.first
             z, p = scores.z, scores.p_alone(scores.z)
-            if not others or scores.p_among_all(p.min()) > LEVEL:
+            if not others or scores.p_family_wise(p.min()) > LEVEL:
                 continue
             begins = self._afar(parent, others, z) if (z**2).max() > STRONG else {}
             p, squares = scores.p_alone(z), np.where(scores.one_sided, np.maximum(z, 0.0), z) ** 2
@@ -256,24 +256,27 @@ class Search:
                 if frozenset(chosen) in self.tried:
                     continue
                 self.tried.add(frozenset(chosen))
-                fits = [self.fitted(chosen, parent.look)]
+                fits = [self.fitted(chosen, parent.fit)]
                 fits += [self.fitted(chosen, begins[i])] if i in begins else []
                 found.append(min(fits, key=lambda h: h.cost).bare)
-                self.p_of.setdefault(others[i].name, float(scores.p_among_all(p[i])))
+                self.p_of.setdefault(others[i].name, float(scores.p_family_wise(p[i])))
         return found
 
-    def _afar(self, parent: Hypothesis, others: Sequence[Candidate], z: Floats) -> dict[int, Look]:
+    def _afar(
+        self, parent: Hypothesis, others: Sequence[Candidate], z: Floats
+    ) -> dict[int, Linearisation]:
         """Where else to begin, for those of the ``others`` of which a size that may be tried shows
         more than the slope at 0 does; their scores ``z`` (C) become those of the secants."""
-        free, nothing = self.free(parent.chosen), np.zeros(0, np.int64)
-        look, begins = self.fitter.arrive(parent.look.theta, parent.look.shapes, free), {}
+        free, objective = self.free(parent.chosen), self.objective
+        fit, begins = objective.linearise_at(parent.fit.theta, parent.fit.shapes, free), {}
         for i, cause in enumerate(others):
             for size in cause.gain.trials:
-                theta = look.theta.copy()
+                theta = fit.theta.copy()
                 theta[cause.index] = size / cause.gain.upper
-                there = self.fitter.arrive(theta, {**settings((cause,)), **look.shapes}, nothing)
-                secant = (there.r - look.r)[:, None]
-                of = cleared(look, free, self.fitter.prior, secant)
+                shapes = {**settings((cause,)), **fit.shapes}
+                there = objective.linearise_at(theta, shapes, NO_DERIVATIVES)
+                secant = (there.r - fit.r)[:, None]
+                of = projected_out(fit, free, objective.prior, secant)
                 (score,), ((information,),) = of.score, of.information
                 if score > max(z[i], 0.0) * (std := max(information, ABSENT) ** 0.5):
                     z[i], begins[i] = score / std, there.bare
@@ -283,14 +286,16 @@ class Search:
         """The same fits with the noise that the best of them leaves over: what a cause explains
         is none."""
         best = min(grown, key=lambda h: h.cost)
-        self.fitter.come(best.look.theta, best.look.shapes)
-        at = self.fitter.taught(best.look)
+        at = self.objective.linearise_at(best.fit.theta, best.fit.shapes)
+        self.objective = self.objective.with_noise_of(at)
+        at = self.objective.whitened(at)
         known = [at.psi, self.columns(at, self.all)]
-        null = self.fitter.arrive(self.null.look.theta)
-        self.fitter.focus([*known, null.psi, self.columns(null, self.all)], SAME)
-        null = self.fitter.improve(self.fitter.again(null), self.free(()))
-        self.null = self.best = Hypothesis((), self.fitter.look(null.theta).bare)
-        return [self.fitted(h.chosen, h.look).bare for h in grown]
+        null = self.objective.linearise_at(self.null.fit.theta)
+        known += [null.psi, self.columns(null, self.all)]
+        self.objective = self.objective.with_span(known, SAME)
+        null = improve(self.objective, self.objective.whitened(null), self.free(()))
+        self.null = self.best = Hypothesis((), null.bare)
+        return [self.fitted(h.chosen, h.fit).bare for h in grown]
 
     def tied(self) -> list[Hypothesis]:
         """Rivals of the same size that the data do not exclude."""
@@ -305,7 +310,7 @@ def _running(problem: Problem, theta: Floats) -> NDArray[np.int64]:
     """Which temperatures in ``theta`` (m) drives start from that no clutch at rest has."""
     warm = {state.name for state in problem.compiled.model.states if state.unit == "°C"}
     odd = [
-        t.drive >= 0 and t.key in warm and abs(value) > ODD
+        isinstance(t, InitialState) and t.state in warm and abs(value) > ODD
         for t, value in zip(problem.thetas, theta, strict=True)
     ]
     return np.flatnonzero(odd)

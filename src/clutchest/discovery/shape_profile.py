@@ -50,7 +50,7 @@ def refine(search: Search) -> dict[frozenset[str], Spread]:
 
 
 def _refined(search: Search, h: Hypothesis) -> tuple[Hypothesis, Spread]:
-    variance, std = np.zeros(len(h.look.theta)), dict[tuple[str, str], float]()
+    variance, std = np.zeros(len(h.fit.theta)), dict[tuple[str, str], float]()
     for i, cause in enumerate(h.chosen):
         for key, _ in cause.shapes:
             if len(_number(cause, key).grid) > 1 and len(tried := _tried(search, h, i, key)) > 1:
@@ -60,8 +60,8 @@ def _refined(search: Search, h: Hypothesis) -> tuple[Hypothesis, Spread]:
                 cost = PchipInterpolator(at, [other.cost for other in tried.values()])(value)
                 share = np.exp(-(cost - cost.min()) / 2.0)
                 share /= share.sum()
-                theta = np.array([other.look.theta for other in tried.values()])
-                off = PchipInterpolator(at, theta)(value) - h.look.theta
+                theta = np.array([other.fit.theta for other in tried.values()])
+                off = PchipInterpolator(at, theta)(value) - h.fit.theta
                 variance += share @ off**2
                 std[cause.name, key] = float(np.sqrt(share @ (value - best) ** 2))
     return h, Spread(variance, std)
@@ -87,7 +87,7 @@ def _tried(search: Search, h: Hypothesis, i: int, key: str) -> dict[float, Hypot
         cause = near.chosen[i]
         shapes = tuple((k, value if k == key else v) for k, v in cause.shapes)
         chosen = (*near.chosen[:i], replace(cause, shapes=shapes), *near.chosen[i + 1 :])
-        tried[place] = search.fitted(chosen, near.look).bare
+        tried[place] = search.fitted(chosen, near.fit).bare
         return tried[place].cost
 
     for side in (-step, step):

@@ -15,7 +15,7 @@ from clutchest.discovery.residual_curves import Curve, curves
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import MOST, Hypothesis, Search
 from clutchest.discovery.shape_profile import Spread, refine
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.problem import Problem
 from clutchest.progress import Progress
 
 # Family-wise chance that noise is taken for a cause without a name; several times as much in truth,
@@ -130,5 +130,6 @@ def _significant(errors: Sequence[Curve]) -> bool:
 
 def _left_over(search: Search, h: Hypothesis) -> list[Curve]:
     """What neither nuisances nor the causes of a hypothesis explain."""
-    look = replace(search.fitter.arrive(h.look.theta, h.look.shapes), raw=())  # room for the curves
-    return curves(search.problem, search.fitter, look, search.free(h.chosen), seed=3)
+    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
+    fit = replace(fit, raw=())  # room for the curves
+    return curves(search.objective, fit, search.free(h.chosen), seed=3)

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 
 from clutchest.compute import build
-from clutchest.compute.lower import NOISE, START
+from clutchest.compute.lower import NOISE, PARAMETER, START
 from clutchest.compute.records import (
     Belief,
     EventResults,
@@ -161,7 +161,7 @@ def compile_model(
     # the spread of a state's nominal value is that state's prior
     priors = {state.prior for state in model.states}
     uncertain = [key for key, s in spreads.items() if s > 0 and key not in priors]
-    thetas = [("parameter", key) for key in uncertain]
+    thetas = [(PARAMETER, key) for key in uncertain]
     spread = [spreads[key] for key in uncertain]
     for effect in effects:
         stated: Mapping[str, float] = vehicle.effects_spread.get(effect.name, {})

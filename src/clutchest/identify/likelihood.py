@@ -1,9 +1,9 @@
 """Parameters of the equations from logs: the most probable values, given the vehicle file's.
 
 The joint likelihood is that of the filter's innovations, see
-:class:`~clutchest.inference.map_fit.Fitter`; every number that has a spread and every drive's first
-states are estimated along, within their priors.  So the standard deviation of what a procedure is
-after contains what is not known of everything else.
+:class:`~clutchest.inference.objective.Objective`; every number that has a spread and every drive's
+first states are estimated along, within their priors.  So the standard deviation of what a
+procedure is after contains what is not known of everything else.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from clutchest.errors import ClutchestError
-from clutchest.inference.map_fit import Fitter, Look
-from clutchest.inference.unknowns import Problem
+from clutchest.inference.map_fit import settle
+from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.problem import Problem
+from clutchest.inference.unknowns import Parameter
 from clutchest.inference.while_sliding import while_sliding
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains
@@ -35,18 +37,22 @@ BLOCK = 1.0  # s; noise of one block says nothing of the next
 @dataclass(frozen=True, slots=True)
 class Posterior:
     """What is probable: ``theta`` (m) in units of the priors' standard deviations, ``covariance``
-    (m, m), and the ``problem`` whose numbers they are; its drives stand at ``theta``."""
+    (m, m), and the ``objective`` that they make least, linearised at the ``fit``."""
 
-    problem: Problem
-    fitter: Fitter
-    look: Look
+    objective: Objective
+    fit: Linearisation
     theta: Floats
     covariance: Floats
+
+    @property
+    def problem(self) -> Problem:
+        """The drives, and what is unknown of them."""
+        return self.objective.problem
 
     def of(self, key: str) -> tuple[float, float] | None:
         """Value and standard deviation of a parameter; None where the file gives it no spread."""
         for i, t in enumerate(self.problem.thetas):
-            if (t.owner, t.key) == ("parameter", key):
+            if isinstance(t, Parameter) and t.key == key:
                 nominal = self.problem.vehicle.parameters[key].value
                 std = float(np.sqrt(self.covariance[i, i]))
                 return nominal + float(self.theta[i] * t.unit), std * t.unit
@@ -79,50 +85,40 @@ def problem_of(
     """
     if sensor and not all("slave_position" in drive for drive in signals.drives):
         raise ClutchestError("no signal 'slave_position' in this log: no zero position is read")
-    problem = Problem(signals, vehicle, (MeasuredPower(),) if sensor else (), progress)
+    problem = Problem.of(signals, vehicle, (MeasuredPower(),) if sensor else (), progress)
     if sensor:
-        _restrict(problem, problem.compiled.model.sensor(sensor))
-    if not sum(len(drive.rows) for drive in problem.drives):
+        problem = problem.only(sensor)
+    if not sum(len(drive.readings.t) for drive in problem.drives):
         what = sensor or "engine_speed while slipping"
         raise ClutchestError(f"these logs have no reading of {what} that tells of any parameter")
     return problem
-
-
-def _restrict(problem: Problem, sensor: int) -> None:
-    """Only readings of one sensor count."""
-    for drive in problem.drives:
-        keep = drive.sensor == sensor
-        drive.rows, drive.t, drive.sensor = drive.rows[keep], drive.t[keep], drive.sensor[keep]
-        drive.row, drive.mode, drive.std = drive.row[keep], drive.mode[keep], drive.std[keep]
-        drive.input_noise_directions = drive.input_noise_directions[keep]
 
 
 def most_probable(problem: Problem, progress: Progress | None = None) -> Posterior:
     """All numbers of a problem at once."""
     if progress:
         progress("fitting", None)
-    fitter = Fitter(problem)
-    look = fitter.settle(np.zeros(len(problem.thetas)))
+    objective, fit = settle(Objective.of(problem), np.zeros(len(problem.thetas)))
     low, high = bounds(problem)
-    seen: list[tuple[Floats, Look]] = []
+    last: list[Linearisation] = [fit]
 
-    def at(theta: Floats) -> Look:
-        if not seen or np.any(seen[0][0] != theta):
-            seen[:] = [(theta.copy(), fitter.look(theta))]
-        return seen[0][1]
+    def at(theta: Floats) -> Linearisation:
+        if np.any(last[0].theta != theta) or last[0].raw[0].active is not None:
+            last[:] = [objective.relinearise(last[0], theta.copy())]
+        return last[0]
 
     free = problem.nuisances
     prior = np.eye(len(free))
 
     def with_held(numbers: Floats) -> Floats:
-        theta = look.theta.copy()
+        theta = fit.theta.copy()
         theta[free] = numbers
         return theta
 
     found = least_squares(
-        lambda x: np.concatenate([_seen(fitter, at(with_held(x)).r), x]),
-        np.clip(look.theta[free], low[free], high[free]),
-        lambda x: np.vstack([_seen(fitter, at(with_held(x)).psi[:, free]), prior]),
+        lambda x: np.concatenate([objective.in_span(at(with_held(x)).r), x]),
+        np.clip(fit.theta[free], low[free], high[free]),
+        lambda x: np.vstack([objective.in_span(at(with_held(x)).psi[:, free]), prior]),
         bounds=(low[free], high[free]),
         ftol=1e-6,
         xtol=1e-6,
@@ -133,31 +129,19 @@ def most_probable(problem: Problem, progress: Progress | None = None) -> Posteri
     theta = with_held(found.x)
     inverse = np.linalg.inv(found.jac.T @ found.jac)
     covariance[np.ix_(free, free)] = widened(inverse, at(theta), free, problem.blocks(BLOCK))
-    return Posterior(problem, fitter, at(theta), theta, covariance)
+    return Posterior(objective, at(theta), theta, covariance)
 
 
 def widened(
-    covariance: Floats, look: Look, free: NDArray[np.int64], blocks: NDArray[np.int64]
+    covariance: Floats, fit: Linearisation, free: NDArray[np.int64], blocks: NDArray[np.int64]
 ) -> Floats:
     """The ``covariance`` (f, f) of the ``free`` numbers; wider where their scores scatter more from
     block to block than noise of one level makes them (Huber's and White's sandwich)."""
     scores = np.zeros((int(blocks.max()) + 1, len(free)))
-    np.add.at(scores, blocks, look.psi[:, free] * look.r[:, None])
+    np.add.at(scores, blocks, fit.psi[:, free] * fit.r[:, None])
     robust = covariance @ (scores.T @ scores + np.eye(len(free))) @ covariance
     wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(covariance), 1.0))
     return covariance * np.outer(wider, wider)
-
-
-def hold(problem: Problem, *names: tuple[str, str]) -> list[int]:
-    """Numbers (owner, key) that are taken for exact from now on; gives their places in θ."""
-    held = [i for i, t in enumerate(problem.thetas) if (t.owner, t.key) in names]
-    problem.nuisances = np.setdiff1d(problem.nuisances, held)
-    return held
-
-
-def _seen(fitter: Fitter, values: Floats) -> Floats:
-    """What of ``values`` (K, …) lies in the span that fits are judged by."""
-    return values if fitter.span is None else fitter.span.T @ values
 
 
 def bounds(problem: Problem) -> tuple[Floats, Floats]:
@@ -165,7 +149,7 @@ def bounds(problem: Problem) -> tuple[Floats, Floats]:
     allowed = {p.key: (p.lower, p.upper) for p in problem.compiled.model.parameters}
     low, high = np.full(len(problem.thetas), -np.inf), np.full(len(problem.thetas), np.inf)
     for i, t in enumerate(problem.thetas):
-        if t.owner == "parameter":
+        if isinstance(t, Parameter):
             value = problem.vehicle.parameters[t.key].value
             low[i], high[i] = ((end - value) / t.unit for end in allowed[t.key])
     return low, high
@@ -177,8 +161,8 @@ def along(
     """(time s (k,), values (len(names), k)) of quantities of the equations while surfaces slide,
     with ``others`` in place of parameters; the states stay what they are."""
     problem, own = posterior.problem, posterior.problem.drives[drive]
-    p, g, _ = problem.numbers(posterior.theta, {})
+    p, g, *_ = problem.numbers(posterior.theta, {})
     for key, value in others.items():
         p[[q.key for q in problem.compiled.model.parameters].index(key)] = value
-    time, [values] = while_sliding(own, names, (p, g))
+    time, [values] = while_sliding(own, posterior.fit.implied[drive], names, (p, g))
     return time, values

@@ -74,8 +74,8 @@ def draw_zero_position(posterior: Posterior, vehicle: Vehicle, folder: Path) -> 
     figure, axes = _sheet(len(drives), 3.2 * len(drives))
     for i, (drive, frame) in enumerate(zip(drives, axes, strict=True)):
         rows = zero_position_rows(posterior.problem, i)
-        time, measured = drive.t[rows], drive.line.z[drive.rows[rows]]
-        off = zero_position_errors(posterior.problem, i, posterior.look.raw[i].r)
+        time, measured = drive.readings.t[rows], drive.line.z[drive.readings.event[rows]]
+        off = zero_position_errors(posterior.problem, i, posterior.fit.raw[i].r)
         frame.plot(time, measured, "C0.", ms=2, label="measured")
         frame.plot(time, measured - off, "C1.", ms=1, label="fitted")
         frame.set(ylabel="zero position, mm", xlabel="time, s")

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from clutchest.compute.lower import START
 from clutchest.errors import ClutchestError
 from clutchest.identify.fit import Fit, Fitted
-from clutchest.identify.likelihood import Posterior, hold, most_probable, problem_of
+from clutchest.identify.likelihood import Posterior, most_probable, problem_of
 from clutchest.identify.validation import validate
 from clutchest.progress import Progress
 from clutchest.signals import Signals
@@ -22,7 +21,7 @@ Z = 1.96  # standard deviations of a 95 % interval
 TOLD = 0.8  # of the prior's standard deviation: less must be left for a log to have told anything
 
 CURVE = ("torque_cubic", "torque_quadratic", "kiss_point")
-FRICTION = (START, "friction")
+FRICTION = "start of friction"
 
 Draw = Callable[[Posterior, Vehicle, Path], None]
 
@@ -98,7 +97,7 @@ def posterior_of(
     """All numbers of these drives, where ``keys`` are wanted."""
     problem = problem_of(signals, vehicle, sensor, progress)
     if set(CURVE) <= set(keys):  # friction is relative to the curve: a curve that is fitted has 1
-        hold(problem, FRICTION)
+        problem = problem.holding(FRICTION)
     return most_probable(problem, progress)
 
 

@@ -1,4 +1,4 @@
-"""Signals that do not follow their own noise.
+"""Signals without their own noise: deadband filter, adaptive mean, denoised rate.
 
 Where a derivative is taken at a noisy value, and the innovation beside it holds the same noise,
 the two seem to have something in common.
@@ -18,12 +18,12 @@ BRIEF = 0.06  # s over which a rate is taken
 NARROW, WIDE = 0.2, 0.5  # s over which a signal is smoothed, and over which its noise is seen
 QUARTER = 3.1383  # standard deviations to the deviation within which a quarter of normal noise lies
 REACH = 3.0  # standard deviations of noise that do not move it
-PATHS = 0.05 * 2.0 ** (np.arange(11) / 2.0)  # s, to 1.6
+WINDOWS = 0.05 * 2.0 ** (np.arange(11) / 2.0)  # s, to 1.6
 LINE = 3  # samples, through which a line is more than a sample
 AGREE = 2.5  # standard deviations of a mean, by which the truth may be off it
 
 
-def calm(
+def deadband(
     t: Floats,
     value: Floats,
     where: NDArray[np.bool_],
@@ -42,18 +42,18 @@ def calm(
     return np.clip(out, value - 2.0 * reach, value + 2.0 * reach)
 
 
-def path(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
+def adaptive_mean(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
     """The same for what drags something along, by moves as small as the noise: at each sample the
-    mean over the longest of ``PATHS`` s that agrees with all shorter ones, given the signal's
+    mean over the longest of ``WINDOWS`` s that agrees with all shorter ones, given the signal's
     ``noise`` and its AR(1) coefficient (Katkovnik 1999, intersection of confidence intervals)."""
     period = _period(t)
     if not (period > 0.0 and 0.0 < noise < np.inf):
         return value
     grid = np.arange(t[0], t[-1] + period / 2.0, period)
     read = np.interp(grid, t, value)
-    found, agree = read.copy(), np.ones(len(read), bool)
+    value_at, agree = read.copy(), np.ones(len(read), bool)
     lower, upper = np.full(len(read), -np.inf), np.full(len(read), np.inf)
-    for window in PATHS:
+    for window in WINDOWS:
         count = round(window / period) | 1
         if count > len(read):
             break
@@ -61,26 +61,26 @@ def path(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
         reach = AGREE * noise * _scatter(count, ar)
         lower, upper = np.maximum(lower, mean - reach), np.minimum(upper, mean + reach)
         agree &= lower <= upper
-        found = np.where(agree, mean, found)
-    return np.asarray(np.interp(t, grid, found))
+        value_at = np.where(agree, mean, value_at)
+    return np.asarray(np.interp(t, grid, value_at))
 
 
-def firm(
-    t: Floats, value: Floats, path: Floats, where: NDArray[np.bool_], most: float, ar: float
+def deadband_of_mean(
+    t: Floats, value: Floats, mean: Floats, where: NDArray[np.bool_], most: float, ar: float
 ) -> Floats:
-    """The ``path`` of ``value`` without the moves that noise still gives it: a play of nothing,
-    which is how a play begins, is turned by any move, however small.  The noise is what the path
-    leaves ``where`` (K) the signal matters, at ``most`` so much."""
+    """The adaptive ``mean`` of ``value`` without the moves that noise still gives it: a play of
+    nothing, which is how a play begins, is turned by any move, however small.  The noise is what
+    the mean leaves ``where`` (K) the signal matters, at ``most`` so much."""
     period = _period(t)
     if not (period > 0.0 and where.any()):
-        return path
-    noise = min(_noise(value - path, where), most) * _scatter(round(NARROW / period) | 1, ar)
-    out = np.empty_like(path)
-    _play(path, REACH * noise, out)
+        return mean
+    noise = min(_noise(value - mean, where), most) * _scatter(round(NARROW / period) | 1, ar)
+    out = np.empty_like(mean)
+    _play(mean, REACH * noise, out)
     return out
 
 
-def pace(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
+def denoised_rate(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
     """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``BRIEF`` s; nought
     within the reach of its noise, which the innovations hold as well."""
     rate = _smooth(t, value, BRIEF, 1)

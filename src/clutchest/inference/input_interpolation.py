@@ -1,4 +1,4 @@
-"""The course of an input between its samples."""
+"""Inputs interpolated between their samples."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from scipy.signal import savgol_filter
 from clutchest.signals import Floats
 
 WINDOW = 0.1  # s, over which inputs are smoothed
-BENDS = 4.0  # standard deviations of its noise, by which an input leaves its smooth course
-FIVE = 5  # samples, from which it is known how an input bends
+BENDS = 4.0  # standard deviations of its noise, by which an input leaves its smooth value
+FIVE = 5  # samples, which show how an input bends
 TURNS = 4.0  # standard deviations of that, from which on it is no noise
-HOLE = 2.0  # sample periods; across a longer one nothing tells how an input bends
+GAP = 2.0  # sample periods; across a longer one how an input bends is not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,12 @@ class InterpolatedInput:
         value = np.where(np.abs(read - smooth) > BENDS * noise, read, smooth)
         return cls(time, value, _second(time, read, period, noise))
 
-    def at(self, t: Floats, apart: Floats) -> Floats:
-        """Values at ``t`` (K) whose straight connections have the course's integral; ``apart`` (K)
+    def at(self, t: Floats, spacing: Floats) -> Floats:
+        """Values at ``t`` (K) whose straight connections have the input's integral; ``spacing`` (K)
         s²: the mean square distance to the times before and after."""
-        return np.interp(t, self.time, self.value) - self.off(t, apart)
+        return np.interp(t, self.time, self.value) - self.off(t, spacing)
 
-    def off(self, t: Floats, apart: Floats) -> Floats:
+    def off(self, t: Floats, spacing: Floats) -> Floats:
         """By how much lines between the samples, and between the times ``t`` (K), are off."""
         if not self.bends.any():
             return np.zeros(len(t))
@@ -59,23 +59,23 @@ class InterpolatedInput:
         width = self.time[after] - self.time[after - 1]
         since = np.clip(t - self.time[after - 1], 0.0, width)
         bends = np.interp(t, self.time, self.bends)
-        return bends * (since * (width - since) / 2.0 + apart / 12.0)
+        return bends * (since * (width - since) / 2.0 + spacing / 12.0)
 
 
 def _second(time: Floats, read: Floats, period: float, noise: float) -> Floats:
     """Second derivative (k) of readings, of parabolas through five, where it is no noise."""
     second = savgol_filter(read, FIVE, 2, deriv=2, delta=period)
     scatter = noise * np.sqrt(2.0 / 7.0) / period**2  # of five samples of white noise
-    holes = np.concatenate([[True], np.diff(time) > HOLE * period, [True]])
-    near = np.convolve(holes, np.ones(FIVE - 1))[2 : len(time) + 2] > 0
+    gaps = np.concatenate([[True], np.diff(time) > GAP * period, [True]])
+    near = np.convolve(gaps, np.ones(FIVE - 1))[2 : len(time) + 2] > 0
     return np.where((np.abs(second) > TURNS * scatter) & ~near, second, 0.0)
 
 
-def apart(t: Floats) -> Floats:
+def spacing(t: Floats) -> Floats:
     """Mean square distance (K), s², of times ``t`` (K) to those before and after; nought where one
     of them is far."""
     span = np.diff(t)
-    found = np.zeros(len(t))
+    square = np.zeros(len(t))
     around = np.maximum(span[1:] + span[:-1], 1e-9)
-    found[1:-1] = (span[1:] ** 3 + span[:-1] ** 3) / around
-    return np.where(found < WINDOW**2, found, 0.0)
+    square[1:-1] = (span[1:] ** 3 + span[:-1] ** 3) / around
+    return np.where(square < WINDOW**2, square, 0.0)

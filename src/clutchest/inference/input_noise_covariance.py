@@ -9,19 +9,18 @@ known to scatter along certain directions, each that of the noise in one part of
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from clutchest.compute.lower import NOISE
 from clutchest.estimate.initial_state import prior_std
+from clutchest.inference.linearisation import Modulation, modulated
+from clutchest.inference.operating_point import ModelNumbers
+from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.inference.unknowns import InputNoise, of_compiled
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from clutchest.inference.linearisation import LinearisedDrive
 
 PARTS = 64  # of a drive, with as much noise in each
 NOTHING = 1e-20  # of a square: rounding
@@ -40,20 +39,18 @@ def _rates(model: Model, rate: ca.SX) -> ca.SX:
     return rate[[i for i, state in enumerate(model.states) if state.name not in model.renewed]]
 
 
-def input_noise_directions(drive: LinearisedDrive, vehicle: Vehicle) -> Floats:
-    """What the noise does to the readings that count, in their standard deviations and seen from
-    the states of the drive's last run: columns (K, c), each to be taken a number of times that is
-    normal, of variance 1."""
-    compiled, line = drive.compiled, drive.line
-    at = compiled.p, compiled.g, drive.nominal
+def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle: Vehicle) -> Floats:
+    """What the noise does to the readings of a drive at these ``numbers``, in their standard
+    deviations: columns (K, c), each to be taken a number of times that is normal, of variance 1."""
+    compiled, line, at = drive.compiled, drive.line, drive.at_nominal
     span = np.diff(line.t, prepend=line.t[0])
     rates = _taken_in(drive, vehicle)
-    found = [np.zeros((len(drive.rows), 0))]
-    for k, (owner, name) in enumerate(compiled.thetas):
-        if owner != NOISE:
+    every = [np.zeros((len(drive.readings.t), 0))]
+    for k, unknown in enumerate(of_compiled(compiled, {})):
+        if not isinstance(unknown, InputNoise):
             continue
-        j = compiled.model.input(name)
-        grown = np.cumsum(line.noise[j] * rates[j] ** 2 * span)  # variance of the walk
+        j = compiled.model.input(unknown.input)
+        grown = np.cumsum(line.noise[j] * rates[j] ** 2 * span)  # variance of the random walk
         if not 0.0 < grown[-1] < np.inf:
             continue
         part = np.minimum(PARTS * grown / grown[-1], PARTS - 1).astype(int)
@@ -62,15 +59,16 @@ def input_noise_directions(drive: LinearisedDrive, vehicle: Vehicle) -> Floats:
         basis = np.zeros((len(span), PARTS))
         basis[np.arange(len(span)), part] = rates[j]
         basis *= np.sqrt(line.noise[j] / np.where(own > 0.0, own, np.inf))
-        seen = drive.modulated(*at, {}, np.full(PARTS, k), basis, np.arange(PARTS))
-        found.append(_main(seen / drive.std[:, None]))
-    return _main(np.column_stack(found))
+        parts = Modulation(basis, np.arange(PARTS))
+        columns = modulated(drive, numbers, at, np.full(PARTS, k), parts)
+        every.append(_main(columns / drive.readings.std[:, None]))
+    return _main(np.column_stack(every))
 
 
-def _main(seen: Floats) -> Floats:
+def _main(columns: Floats) -> Floats:
     """Columns (K, c) turned into fewer, without directions that hardly show."""
-    strength, turned = np.linalg.eigh(seen.T @ seen)
-    return seen @ turned[:, strength > LEAST**2]
+    strength, turned = np.linalg.eigh(columns.T @ columns)
+    return columns @ turned[:, strength > LEAST**2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +101,7 @@ class InputNoiseCovariance:
         return self.turned @ (share * (self.along.T @ white))
 
 
-def _taken_in(drive: LinearisedDrive, vehicle: Vehicle) -> Floats:
+def _taken_in(drive: PreparedDrive, vehicle: Vehicle) -> Floats:
     """Derivatives (nu, K) of the rates of states that no reading corrects by every input; of their
     sum, each in its prior's standard deviations."""
     compiled, line = drive.compiled, drive.line
@@ -113,4 +111,5 @@ def _taken_in(drive: LinearisedDrive, vehicle: Vehicle) -> Floats:
     units = [1.0 / s if s > 0.0 else 0.0 for s in std]
     weights = _rates(model, ca.SX(units)).T
     summed = weights @ ca.jacobian(_rates(model, e.rate), e.u)
-    return e.along(summed.T, drive.states, line.u, line.W[line.row], compiled.p, compiled.g)
+    states = drive.at_nominal.states
+    return e.along(summed.T, states, line.u, line.W[line.row], compiled.p, compiled.g)

@@ -1,4 +1,4 @@
-"""The colour and level of innovations: what is left of noise when all that is known is taken out.
+"""The autocorrelation and level of innovations: noise, when all that is known is taken out.
 
 Innovations of one sensor in one regime are taken for an autoregressive process; dividing that out
 makes them white, and their derivatives comparable with them.
@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from clutchest.signals import Floats
 
 ORDER = 12  # longest memory tried, samples
-FEWEST = 60  # readings from which a colour is made; below, white with the sensor's own level
+FEWEST = 60  # readings from which a model is made; below, white with the sensor's own level
 TAIL = 5.0  # standard deviations
-HOLE = 3.0  # sample periods; a longer hole begins a new stretch
+GAP = 3.0  # sample periods; a longer gap begins a new stretch
 
 
 @dataclass(frozen=True, slots=True)
 class Stretches:
     """How the readings of a drive hang together: ``group`` (K) sensor and regime as one number,
-    ``place`` (K) the number of readings before it in its stretch without holes."""
+    ``place`` (K) the number of readings before it in its stretch without gaps."""
 
     group: NDArray[np.int64]
     place: NDArray[np.int64]
@@ -42,7 +42,7 @@ class Stretches:
         for which in np.unique(group):
             inside = together & (group[1:] == which)
             if inside.any():
-                together &= ~inside | (step <= HOLE * np.median(step[inside]))
+                together &= ~inside | (step <= GAP * np.median(step[inside]))
         _count(together, place)
         return cls(group, place)
 
@@ -111,19 +111,19 @@ def median_std(errors: Floats) -> float:
 
 
 def _tamed(e: Floats, inside: NDArray[np.bool_]) -> Floats:
-    """``e`` with what lies far off, by the median's measure, brought near: an outlier is no
-    colour."""
+    """``e`` with what lies far off, by the median's measure, brought near: an outlier
+    says nothing of autocorrelation."""
     scale = median_std(e[inside]) if inside.any() else 0.0
     return np.clip(e, -TAIL * scale, TAIL * scale) if scale > 0.0 else e
 
 
 def _autocovariance(inside: NDArray[np.bool_], place: NDArray, e: Floats) -> Floats:
     """Σ e_k e_{k−lag} within stretches, lags 0…ORDER."""
-    found = np.zeros(ORDER + 1)
+    sums = np.zeros(ORDER + 1)
     for lag in range(ORDER + 1):
         rows = np.flatnonzero(inside & (place >= lag))
-        found[lag] = e[rows] @ e[rows - lag]
-    return found
+        sums[lag] = e[rows] @ e[rows - lag]
+    return sums
 
 
 def _levinson(covariance: Floats, longest: int, count: int) -> tuple[Floats, Floats]:

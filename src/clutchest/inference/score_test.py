@@ -1,6 +1,6 @@
-"""Scores: how strongly each cause pulls at the data once everything known has had its share.
+"""Score tests of causes, with nuisances projected out, and the separability d′ of causes.
 
-Around the most probable nuisances all is linear: the innovations r answer to θ by ψ.  A cause's
+Around the most probable nuisances all is linear: the innovations r respond to θ by ψ.  A cause's
 score is what is left of ψᵀr after nuisances, at the price of their priors, have explained what
 they can (Rao's efficient score); its information is what is left of ψᵀψ.
 """
@@ -15,12 +15,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from clutchest.inference.map_fit import Look
+from clutchest.inference.objective import Linearisation
 from clutchest.signals import Floats
 
 DRAWS = 2000  # of the null
 BLOCK, BLOCKS = 512, 16  # readings drawn at a time at most, and times at least
-SOME = 16384  # readings, of which nuisances are taken out at a time
+CHUNK = 16384  # readings, of which nuisances are taken out at a time
 ABSENT = 1e-6  # information below which a cause leaves no trace (in squared standard deviations)
 # In 2 Δ ln L: a rival that fits worse than the best by less is not excluded at 95 %, one-sided.
 NOT_EXCLUDED = 1.645**2
@@ -28,7 +28,7 @@ NOT_EXCLUDED = 1.645**2
 
 @dataclass(frozen=True, slots=True)
 class ScoreTest:
-    """Scores of C causes at one look.
+    """Scores of C causes at one linearisation.
 
     ``score`` (C) and ``information`` (C, C), nuisances taken out; ``one_sided`` (C); ``null``
     (DRAWS, C) scores of data in which no cause acts: innovations drawn from those at hand, through
@@ -60,19 +60,19 @@ class ScoreTest:
         """The smallest p-value of each null draw, sorted (DRAWS)."""
         return np.sort(self.p_alone(self.null / self.std).min(axis=1))
 
-    def p_among_all(self, p: Floats | float) -> Floats:
+    def p_family_wise(self, p: Floats | float) -> Floats:
         """Chance that noise gives a p-value as small as ``p`` to any cause."""
-        return among(self.least, p)
+        return family_wise(self.least, p)
 
     def threshold(self, level: float) -> Floats:
-        """The z (C) at which a cause is found at the family-wise ``level``."""
+        """The z (C) at which a cause is significant at the family-wise ``level``."""
         least = self.least
         p = least[max(int(level * len(least)) - 1, 0)]
         return np.where(self.one_sided, norm.isf(p), norm.isf(p / 2.0))
 
 
 def score_test(
-    look: Look,
+    lin: Linearisation,
     nuisances: NDArray[np.int64],
     prior: Floats,
     columns: Floats,
@@ -80,19 +80,19 @@ def score_test(
     seed: int,
     draws: int = DRAWS,
 ) -> ScoreTest:
-    """Scores at ``look`` of causes whose derivatives are ``columns`` (K, C).
+    """Scores at ``lin`` of causes whose derivatives are ``columns`` (K, C).
 
     ``nuisances`` indices of all that is free to explain the data, ``prior`` (m) their precision.
     """
-    c = cleared(look, nuisances, prior, columns.copy())
+    c = projected_out(lin, nuisances, prior, columns.copy())
     rng = np.random.default_rng(seed)
-    null = redrawn(look.r, c.pure, draws, rng)
+    null = resampled_scores(lin.r, c.pure, draws, rng)
     null += rng.standard_normal((draws, len(c.away))) @ c.away
     return ScoreTest(c.score, c.information, np.array(one_sided), null)
 
 
 @dataclass(frozen=True, slots=True)
-class Cleared:
+class Projected:
     """Columns (K, C) with what n nuisances can explain of them taken out.
 
     ``weight`` (n, C) by how much each nuisance stands in for a column, ``pure`` (K, C) what none
@@ -107,26 +107,28 @@ class Cleared:
     away: Floats
 
 
-def cleared(look: Look, nuisances: NDArray[np.int64], prior: Floats, columns: Floats) -> Cleared:
-    """``columns`` (K, C), which are used up, at ``look`` beside ``nuisances`` (n) of precision
+def projected_out(
+    lin: Linearisation, nuisances: NDArray[np.int64], prior: Floats, columns: Floats
+) -> Projected:
+    """``columns`` (K, C), which are used up, at ``lin`` beside ``nuisances`` (n) of precision
     ``prior`` (m)."""
-    psi, known = look.psi, prior[nuisances]  # all of ψ: to pick columns would copy them
+    psi, known = lin.psi, prior[nuisances]  # all of ψ: to pick columns would copy them
     inner, shared = (psi.T @ psi)[np.ix_(nuisances, nuisances)], (psi.T @ columns)[nuisances]
     weight = np.asarray(np.linalg.solve(inner + np.diag(known + 1e-9), shared), np.float64)
     of_all = np.zeros((psi.shape[1], columns.shape[1]))
     of_all[nuisances] = weight
-    for begin in range(0, len(columns), SOME):
-        columns[begin : begin + SOME] -= psi[begin : begin + SOME] @ of_all
+    for begin in range(0, len(columns), CHUNK):
+        columns[begin : begin + CHUNK] -= psi[begin : begin + CHUNK] @ of_all
     pure = columns
     # sums of squares, not differences: nuisances may take up all but a billionth of a column
     priced = known[:, None] * weight
     information = pure.T @ pure + weight.T @ priced
-    score = priced.T @ look.theta[nuisances] - pure.T @ look.r
-    return Cleared(weight, pure, score, information, priced[known > 0.0])
+    score = priced.T @ lin.theta[nuisances] - pure.T @ lin.r
+    return Projected(weight, pure, score, information, priced[known > 0.0])
 
 
-def redrawn(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
-    """Scores (draws, C) of ``pure`` (K, C) on innovations drawn from ``r`` (K)."""
+def resampled_scores(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
+    """Scores (draws, C) of ``pure`` (K, C) on innovations resampled from ``r`` (K)."""
     null = np.zeros((draws, pure.shape[1]))
     if not len(r):
         return null
@@ -141,11 +143,11 @@ def redrawn(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Fl
     return null
 
 
-def among(least: Floats, p: Floats | float) -> Floats:
+def family_wise(least: Floats, p: Floats | float) -> Floats:
     """Chance of a p-value as small as ``p`` anywhere; ``least``: that of each null draw, sorted.
 
     Counted among the draws; where they are too few, carried on in proportion to p from the
-    smallest share that they still tell.
+    smallest share that is resolved.
     """
     count = np.searchsorted(least, p, side="right")
     known = max(round(0.01 * len(least)), 1)  # draws below which counting is too coarse

@@ -8,20 +8,24 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from clutchest.inference.linearisation import LinearisedDrive
+from clutchest.inference.operating_point import OperatingPoint
+from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.signals import Floats
 
 PERIOD = 0.05  # s
 
 
 def while_sliding(
-    drive: LinearisedDrive, names: Sequence[str], *numbers: tuple[Floats, Floats]
+    drive: PreparedDrive,
+    at: OperatingPoint,
+    names: Sequence[str],
+    *numbers: tuple[Floats, Floats],
 ) -> tuple[Floats, list[Floats]]:
     """Times (k) in s, and quantities (len(names), k) of the equations for each pair of parameters
-    and numbers of effects, at the states where the drive was last linearised and at measured
+    and numbers of effects, at the states of an operating point and at measured
     inputs.  Nothing where the equations do not have these quantities."""
     line, e = drive.line, drive.compiled.model.expressions()
-    slides = drive.acts & line.W[line.row].all(axis=1)
+    slides = drive.tracked.act & line.W[line.row].all(axis=1)
     time = np.arange(line.t[0], line.t[-1], PERIOD)
     ends = np.searchsorted(line.t, time)  # the event that ends the interval around
     inside = slides[ends] & slides[np.maximum(ends - 1, 0)]
@@ -31,7 +35,7 @@ def while_sliding(
     wanted = ca.vertcat(*(getattr(e.quantities, name) for name in names))
     states, inputs = (
         np.column_stack([np.interp(time, line.t, column) for column in table.T])
-        for table in (drive.states, line.u)
+        for table in (at.states, line.u)
     )
     flags = line.W[line.row[ends]]
     return time, [e.along(wanted, states, inputs, flags, p, g) for p, g in numbers]

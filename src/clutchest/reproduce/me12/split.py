@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from clutchest.identify.likelihood import along, hold, most_probable, problem_of
+from clutchest.identify.likelihood import along, most_probable, problem_of
 from clutchest.reproduce.claim import Claim, Verdict
 from clutchest.reproduce.me12.data import NONE, Setup, changed
 from clutchest.reproduce.me12.model import rms
@@ -25,7 +25,7 @@ def _fitted(setup: Setup, k_p: float) -> tuple[float, tuple[float, float]]:
         vehicle = _loose(changed(vehicle, **begin))
     problem = problem_of(setup.drive("ramps", 1), vehicle)
     if not setup.refitted:
-        hold(problem, *(("parameter", key) for key in HALVED))
+        problem = problem.holding(*HALVED)
     posterior = most_probable(problem)
     _, (measured, modelled) = along(posterior, 0, ("measured_torque", "clutch_torque"))
     found = [posterior.of(key) for key in HALVED]

@@ -1,0 +1,230 @@
+"""What fits make least: −2 ln(posterior probability) of all drives, noise made white.
+
+What the data say of θ lies in the span of derivatives at inputs that the data imply.  Outside of it
+there is noise that the measured inputs bring along, and where θ scales an input, as an inertia
+does, that noise would seem to depend on θ too.  So fits are judged within the span.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.inference.input_noise_covariance import InputNoiseCovariance
+from clutchest.inference.linearisation import Modulation
+from clutchest.inference.noise_model import NoiseModel, Stretches
+from clutchest.inference.operating_point import OperatingPoint
+from clutchest.inference.problem import Innovations, Problem
+from clutchest.inference.unknowns import Gain, Shapes
+from clutchest.signals import Floats
+
+NO_SHAPES: Shapes = MappingProxyType({})
+FAR = 5.0  # standard deviations; a reading that stays further off is left out
+RUNAWAY = 1e60  # of a derivative, in standard deviations: there the equations have run away
+NOTHING = 1e-10  # of a derivative, squared: rounding
+SAME = 3e-6  # the same: what a derivative at two places differs by less is its inputs' noise
+NO_DERIVATIVES = np.zeros(0, np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """All drives at one θ, white: ``r`` (K) innovations and ``psi`` (K, m) their derivatives, drive
+    after drive; ``cost`` is −2 ln(probability) up to a constant, priors in it, of what lies in the
+    objective's span; ``raw`` the same before whitening, and ``implied`` the operating point of
+    every drive at θ.
+    """
+
+    theta: Floats
+    shapes: Shapes
+    r: Floats
+    psi: Floats
+    cost: float
+    raw: Sequence[Innovations]
+    implied: Sequence[OperatingPoint]
+
+    @property
+    def bare(self) -> Linearisation:
+        """Where it is and what that costs; of an hour, innovations and derivatives are 100 MiB."""
+        return replace(self, r=np.zeros(0), psi=np.zeros((0, len(self.theta))), raw=(), implied=())
+
+    @property
+    def information(self) -> Floats:
+        """ψᵀψ (m, m)."""
+        return self.psi.T @ self.psi
+
+    @property
+    def slope(self) -> Floats:
+        """ψᵀr (m): half the derivative of the sum of squares."""
+        return self.psi.T @ self.r
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """One problem with the model of its noise.
+
+    ``weights`` (K) of each drive's readings, 0 where one does not count; ``input_noise``: how the
+    inputs' noise makes each drive's white readings scatter; ``span`` (K, q): orthonormal, None for
+    all there is; ``prior`` (m) precisions, 0 of gains; gains stay within ``low`` and ``high`` (m).
+    """
+
+    problem: Problem
+    stretches: Sequence[Stretches]
+    noise_model: NoiseModel
+    weights: Sequence[Floats]
+    input_noise: Sequence[InputNoiseCovariance]
+    span: Floats | None
+    prior: Floats
+    low: Floats
+    high: Floats
+
+    @classmethod
+    def of(cls, problem: Problem) -> Objective:
+        """With white noise of the stated level, everything in the span and prior variances of 1."""
+        stretches = [drive.readings.stretches for drive in problem.drives]
+        white = NoiseModel.white(stretches)
+        weights = [np.ones(len(drive.readings.t)) for drive in problem.drives]
+        prior = np.zeros(len(problem.thetas))
+        prior[problem.nuisances] = 1.0
+        low, high = np.full(len(prior), -np.inf), np.full(len(prior), np.inf)
+        for i, t in enumerate(problem.thetas):
+            if isinstance(t, Gain):
+                low[i], high[i] = t.lower, t.upper
+        input_noise = _input_noise(problem, stretches, white, weights)
+        return cls(problem, stretches, white, weights, input_noise, None, prior, low, high)
+
+    def without(self, rows: NDArray[np.bool_]) -> Objective:
+        """One in which these ``rows`` (K) do not count; the noise model is the same."""
+        edges = np.cumsum([len(weight) for weight in self.weights])[:-1]
+        return self._weighted(
+            self.noise_model,
+            [w * ~own for w, own in zip(self.weights, np.split(rows, edges), strict=True)],
+        )
+
+    def with_bounds(self, times: float) -> Objective:
+        """One that lets gains go so many ``times`` as far as is plausible."""
+        return replace(self, low=times * self.low, high=times * self.high)
+
+    def with_prior(self, which: NDArray[np.int64], std: float) -> Objective:
+        """One in which these numbers (indices) have another prior standard deviation."""
+        prior = self.prior.copy()
+        prior[which] = 1.0 / std**2
+        return replace(self, prior=prior)
+
+    def with_span(self, columns: Sequence[Floats], least: float = NOTHING) -> Objective:
+        """One that judges by what lies in the span of these derivatives (K, …), without directions
+        that hold ``least`` of them, squared, or less."""
+        table = np.column_stack(columns)
+        length = np.linalg.norm(table, axis=0)
+        table /= np.where(length > 1e-6, length, np.inf)
+        directions, strength, _ = np.linalg.svd(table.T @ table)
+        keep = strength > least
+        return replace(self, span=table @ (directions[:, keep] / np.sqrt(strength[keep])))
+
+    def with_noise_of(self, lin: Linearisation) -> Objective:
+        """One whose noise model is that of what the innovations keep when every θ, causes too, has
+        taken its share: what a cause leaves in the data must not pass for noise."""
+        prior = np.ones(len(lin.theta))  # a cause is taken to be of a plausible size
+        step = np.linalg.solve(lin.information + np.diag(prior), -lin.slope)
+        rest = [innovations.r + innovations.psi @ step for innovations in lin.raw]
+        for e, drive, s, noise in zip(
+            rest, self.problem.drives, self.stretches, self.input_noise, strict=True
+        ):
+            e -= drive.readings.input_noise @ noise.probable(self.noise_model.whiten(s, e))
+        noise_model = NoiseModel.fit(self.stretches, rest)
+        weights = [
+            (np.abs(noise_model.whiten(s, e)) < FAR).astype(float)
+            for s, e in zip(self.stretches, rest, strict=True)
+        ]
+        return self._weighted(noise_model, weights)
+
+    def _weighted(self, noise_model: NoiseModel, weights: Sequence[Floats]) -> Objective:
+        input_noise = _input_noise(self.problem, self.stretches, noise_model, weights)
+        return replace(self, noise_model=noise_model, weights=weights, input_noise=input_noise)
+
+    def linearise_at(
+        self,
+        theta: Floats,
+        shapes: Shapes = NO_SHAPES,
+        active: NDArray[np.int64] | None = None,
+    ) -> Linearisation:
+        """All drives at ``theta`` (m), derivatives by the ``active`` thetas, all unless given, at
+        the inputs that ``theta`` implies."""
+        if active is not None and not len(active):
+            return self._white(self.problem.linearise(theta, shapes, active), theta, shapes)
+        at = self.problem.implied(theta, shapes)
+        return self._white(self.problem.linearise(theta, shapes, active, at), theta, shapes)
+
+    def relinearise(
+        self,
+        lin: Linearisation,
+        theta: Floats,
+        shapes: Shapes | None = None,
+        active: NDArray[np.int64] | None = None,
+    ) -> Linearisation:
+        """The same at a ``theta`` (m) not far from a linearisation, at the inputs that this one
+        implied, and with its ``shapes`` unless given."""
+        shapes = lin.shapes if shapes is None else shapes
+        raw = self.problem.linearise(theta, shapes, active, lin.implied)
+        return self._white(raw, theta, shapes)
+
+    def whitened(self, lin: Linearisation) -> Linearisation:
+        """A linearisation as this objective judges it."""
+        return self._white(lin.raw, lin.theta, lin.shapes)
+
+    def _white(self, raw: Sequence[Innovations], theta: Floats, shapes: Shapes) -> Linearisation:
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite, where the equations run away
+            white = self._whiten([innovations.table.copy() for innovations in raw])
+            r, active = white[:, 0], white[:, 1:]
+            cost = float(np.sum(self.in_span(r) ** 2) + np.sum(self.prior * theta**2))
+        if active.size and not (active.min() > -RUNAWAY and active.max() < RUNAWAY):
+            cost = np.inf  # nowhere to go on from
+        implied = tuple(innovations.implied for innovations in raw)
+        return Linearisation(theta, shapes, r, raw[0].spread(active), cost, raw, implied)
+
+    def modulated(
+        self, lin: Linearisation, thetas: NDArray[np.int64], modulations: Sequence[Modulation]
+    ) -> Floats:
+        """Derivatives (K, c), white, by ``thetas`` (c), each of which acts as the ``modulations``
+        say, one of each drive."""
+        return self._whiten(
+            self.problem.modulated(lin.theta, lin.shapes, lin.implied, thetas, modulations)
+        )
+
+    def _whiten(self, raw: list[Floats]) -> Floats:
+        """Tables (K, c) of all drives as one, without autocorrelation and outliers; they are used
+        up."""
+        for table, s, weight, noise in zip(
+            raw, self.stretches, self.weights, self.input_noise, strict=True
+        ):
+            self.noise_model.whiten_in_place(s, table)
+            table *= weight[:, None]
+            noise.whiten_in_place(table)
+        return raw[0] if len(raw) == 1 else np.concatenate(raw)
+
+    def in_span(self, values: Floats) -> Floats:
+        """What of ``values`` (K, …) lies in the span."""
+        return values if self.span is None else self.span.T @ values
+
+    def within_bounds(self, theta: Floats, free: NDArray[np.int64]) -> Floats:
+        """``theta`` (m) with the ``free`` ones (indices) no further than is plausible; what is held
+        stays where it is."""
+        inside = theta.copy()
+        inside[free] = np.clip(theta[free], self.low[free], self.high[free])
+        return inside
+
+
+def _input_noise(
+    problem: Problem,
+    stretches: Sequence[Stretches],
+    noise_model: NoiseModel,
+    weights: Sequence[Floats],
+) -> list[InputNoiseCovariance]:
+    """That of every drive, as the noise model and outliers leave it."""
+    return [
+        InputNoiseCovariance.of(noise_model.whiten(s, drive.readings.input_noise) * weight[:, None])
+        for drive, s, weight in zip(problem.drives, stretches, weights, strict=True)
+    ]

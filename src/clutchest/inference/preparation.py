@@ -1,0 +1,240 @@
+"""What is computed once about a drive before it is linearised: see :class:`PreparedDrive`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.estimate.delay_equalisation import evenly_late
+from clutchest.estimate.initial_state import fresh, nominal
+from clutchest.estimate.samples import slope
+from clutchest.estimate.timeline import Timeline, build
+from clutchest.estimate.whole_log import Compiled, delays
+from clutchest.inference.decimation import decimated
+from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_mean
+from clutchest.inference.input_interpolation import InterpolatedInput, spacing
+from clutchest.inference.input_noise_covariance import input_noise_directions
+from clutchest.inference.linearisation import Response, filtered
+from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
+from clutchest.inference.prepared_drive import (
+    DelayedSignal,
+    FrozenGains,
+    PreparedDrive,
+    PreparedInputs,
+    Readings,
+    TrackedStates,
+)
+from clutchest.models.effects.effect import TIME, Lateness
+from clutchest.models.model import Model
+from clutchest.signals import Floats, Signal, Signals
+from clutchest.vehicle import Vehicle
+
+SLOPE = 0.6  # s, over which a signal that may be late is smoothed: noise that stays in a slope goes
+# with what it did to a tracked state before, and passes for a delay where noise is slow
+RATE_WINDOW = 0.2  # s, over which the slope of a tracked state is fitted
+SETTLING = 0.15  # s; a tracked state's first innovations have another autocorrelation than later
+SHARP, SETTLED = 16.0, 0.05  # of an input's noise: a bend that counts; s until it is forgotten
+IMPLIED = 30.0  # of an input's noise, that it may lie from its reading
+LEAST = 0.01  # standard deviations per unit; readings that respond less to every θ are left out
+
+
+def prepared(
+    signals: Signals, vehicle: Vehicle, compiled: Compiled, units: Floats
+) -> PreparedDrive:
+    """One drive; ``units`` (m) of the compiled model's thetas, without the inputs' noise."""
+    model, signals = compiled.model, evenly_late(signals, vehicle)
+    which = np.array([state.name in model.renewed for state in model.states])
+    whole = _timeline(signals, vehicle, model, which)
+    line = decimated(whole, model)
+    start = fresh(vehicle, compiled, whole)
+    start.P[~which] = 0.0
+    start.P[:, ~which] = 0.0
+    tracked = _tracked(model, line, whole, which)
+    inputs = _inputs(signals, vehicle, model, line, whole, tracked.act)
+    off = np.column_stack([each.off(line.t, inputs.spacing) for each in inputs.interpolated])
+    drive = PreparedDrive(
+        compiled,
+        replace(line, u=line.u - off),
+        nominal(compiled, whole),
+        start,
+        _delayed(signals, compiled, line.t),
+        model.expressions().plays,
+        inputs,
+        tracked,
+        FrozenGains(np.zeros_like(tracked.rate), np.ones(len(line.t))),
+        Readings.of(line, np.arange(len(line.t)), np.ones(len(line.t))),
+        OperatingPoint(np.zeros((len(line.t), len(model.states))), inputs.smooth, {}),
+    )
+    response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)))
+    drive = replace(drive, gains=gains, at_nominal=response.implied)
+    drive = replace(drive, readings=_readings(drive, response, units, signals, vehicle))
+    directions = input_noise_directions(drive, at_file(drive), vehicle)
+    return replace(drive, readings=replace(drive.readings, input_noise=directions))
+
+
+def at_file(drive: PreparedDrive) -> ModelNumbers:
+    """The numbers of the vehicle file."""
+    return ModelNumbers(drive.compiled.p, drive.compiled.g, drive.nominal, {})
+
+
+def _timeline(
+    signals: Signals, vehicle: Vehicle, model: Model, tracked: NDArray[np.bool_]
+) -> Timeline:
+    """Every event of the drive; only ``tracked`` states (n) have process noise."""
+    line = build(signals, vehicle, model, 1.0, delays(vehicle))
+    R = line.R.copy()
+    for i, sensor in enumerate(model.sensors):
+        if sensor.name in model.renewed:  # a fast filter: what is left is whitened afterwards
+            R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
+    return replace(line, Q=np.where(np.tile(tracked, 2), line.Q, 0.0), R=R)
+
+
+def _tracked(
+    model: Model, line: Timeline, whole: Timeline, which: NDArray[np.bool_]
+) -> TrackedStates:
+    """Measured rates of the tracked states at every event of ``line``, and their values without the
+    noise of their readings, all of which are on the ``whole`` one."""
+    act = np.zeros(len(line.t), bool)
+    for flag, _ in model.renewed.values():
+        act |= line.W[line.row, model.regime.index(flag)] > 0
+    rate = np.zeros((len(line.t), which.sum()))
+    value = rate.copy()
+    edges = line.t[1:][np.diff(act) != 0]
+    for j, i in enumerate(np.flatnonzero(which)):
+        read = whole.sensor == model.sensor(model.states[i].name)
+        t, z = whole.t[read], whole.z[read]
+        # no line is drawn across the place where another equation takes over
+        pieces = np.split(np.arange(len(t)), np.searchsorted(t, edges))
+        pieces = [k for k in pieces if len(k)]
+        rates = [slope(Signal.of("", "", t[k], z[k]), 0.0, RATE_WINDOW)[0].value for k in pieces]
+        values = [deadband(t[k], z[k], np.ones(len(k), bool)) for k in pieces]
+        rate[:, j] = np.interp(line.t, t, np.concatenate(rates))
+        value[:, j] = np.interp(line.t, t, np.concatenate(values))
+    return TrackedStates(which, act, rate, value)
+
+
+def _inputs(
+    signals: Signals,
+    vehicle: Vehicle,
+    model: Model,
+    line: Timeline,
+    whole: Timeline,
+    act: NDArray[np.bool_],
+) -> PreparedInputs:
+    """Inputs interpolated, and those that may be late or move a step map without their noise."""
+    between, apart = _interpolated(signals, vehicle, model, line, whole), spacing(line.t)
+    mapped = [vehicle.signals.get(item.name) for item in model.inputs]
+    noise = [s.noise if s else np.inf for s in mapped]
+    ar = [s.noise_ar if s else 0.0 for s in mapped]
+    dragging = model.expressions().dragging
+    denoised, deadbands = {}, {}
+    for j, denoise in _denoising(model, dragging, noise, ar).items():
+        time, value = between[j].time, between[j].value
+        acts = np.interp(time, line.t, act) > 0.5
+        denoised[j] = time, denoise(time, value, acts)
+        if j in dragging:
+            mean = denoised[j][1]
+            deadbands[j] = time, deadband_of_mean(time, value, mean, acts, noise[j], ar[j])
+    smooth = np.column_stack([each.at(line.t, apart) for each in between])
+    return PreparedInputs(between, apart, smooth, denoised, deadbands, IMPLIED * np.array(noise))
+
+
+def _interpolated(
+    signals: Signals, vehicle: Vehicle, model: Model, line: Timeline, whole: Timeline
+) -> list[InterpolatedInput]:
+    """Every input, with samples as close as the signal's, so that it can be shifted in time."""
+    inputs = []
+    for j, item in enumerate(model.inputs):
+        between = InterpolatedInput.straight(line.t, line.u[:, j])
+        if item.name in signals and line.noise[j] and len(signals[item.name].time) > 4:
+            own = signals[item.name].time
+            read = np.interp(own, whole.t, whole.u[:, j])
+            between = InterpolatedInput.of(own, read, vehicle.signals[item.name].noise)
+        inputs.append(between)
+    return inputs
+
+
+def _denoising(
+    model: Model, dragging: Sequence[int], noise: Sequence[float], ar: Sequence[float]
+) -> Mapping[int, Callable[[Floats, Floats, NDArray[np.bool_]], Floats]]:
+    """Indices of inputs that may be late, or that are ``dragging`` something along, to how their
+    ``noise``, which each has at most, is removed, given its ``ar``."""
+    late = {model.input(signal) for effect in model.effects for signal in effect.delays}
+    # where a signal moves in short pulses, they are no more noise than its sensor has
+    slow = {j: partial(deadband, narrow=SLOPE, wide=2.0 * SLOPE, most=noise[j]) for j in late}
+    return slow | {j: _mean(noise[j], ar[j]) for j in dragging}
+
+
+def _mean(noise: float, ar: float) -> Callable[[Floats, Floats, NDArray[np.bool_]], Floats]:
+    """How noise of an input that drags something along is removed, wherever it acts."""
+    return lambda time, value, acts: adaptive_mean(time, value, noise, ar)
+
+
+def _readings(
+    drive: PreparedDrive, response: Response, units: Floats, signals: Signals, vehicle: Vehicle
+) -> Readings:
+    """Those that respond to any θ, by the derivatives of all of them at the file's numbers."""
+    line, model = drive.line, drive.compiled.model
+    std = np.sqrt(drive.gains.variance)
+    responds = np.zeros(len(std), bool)
+    for derivative, unit in zip(response.derivatives.T, units, strict=True):
+        responds |= np.abs(derivative) * unit > LEAST * std
+    # near lock-up a tracked state shows the clutch's shudder, not any θ
+    reads = np.array([sensor.name for sensor in model.sensors])
+    tracks = np.isin(reads, [s.name for s in model.states if s.name in model.renewed])
+    settled = drive.tracked.act & (_since_acting(drive) > SETTLING)
+    settled &= ~_bent(drive, signals, vehicle)
+    counts = (line.sensor >= 0) & (settled | ~tracks[line.sensor])
+    events = np.flatnonzero(counts & responds)
+    return Readings.of(line, events[np.argsort(line.sensor[events], kind="stable")], std)
+
+
+def _since_acting(drive: PreparedDrive) -> Floats:
+    """For how long the tracked states' equations have acted, s, at every event."""
+    t, begins = drive.line.t, np.diff(drive.tracked.act.astype(int), prepend=0) == 1
+    return t - np.maximum.accumulate(np.where(begins, t, t[0]))
+
+
+def _bent(drive: PreparedDrive, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
+    """Events (K) at which the tracked states still hold the error of an input that turned so
+    sharply that when it did so, between two samples, matters."""
+    t, late = drive.line.t, delays(vehicle)
+    bends = np.zeros(len(t) + 1, int)
+    for item in drive.compiled.model.inputs:
+        mapped = vehicle.signals.get(item.name)
+        if item.name not in signals or mapped is None or len(signals[item.name].time) < 3:
+            continue
+        time, value = signals[item.name].time, signals[item.name].value
+        sharp = np.abs(np.diff(value, 2)) > SHARP * mapped.noise
+        begins, ends = time[:-2][sharp], time[2:][sharp] + SETTLED
+        for edges, change in ((begins, 1), (ends, -1)):
+            np.add.at(bends, np.searchsorted(t, edges - late.get(item.name, 0.0)), change)
+    return np.cumsum(bends[:-1]) > 0
+
+
+def _delayed(signals: Signals, compiled: Compiled, t: Floats) -> list[DelayedSignal]:
+    """What effects delay at events at ``t`` (K)."""
+    numbers = [(effect.name, key) for effect, key in compiled.model.numbers]
+    delayed = []
+    for effect in compiled.model.effects:
+        for signal, key in effect.delays.items():
+            varies, name = effect.lateness.get(signal), (effect.name, key)
+            size, reach = (_late_by(varies, signals, t), varies.reach) if varies else (1.0, 1.0)
+            place = numbers.index(name), compiled.thetas.index(name)
+            delayed.append(DelayedSignal(signal, *place, size, reach))
+    return delayed
+
+
+def _late_by(varies: Lateness, signals: Signals, t: Floats) -> Floats:
+    """A delay at events at ``t`` (K), s; the most where nothing is known of what it goes with."""
+    if varies.goes_with == TIME:
+        return np.interp(t, varies.at, varies.seconds)
+    if varies.goes_with not in signals.available:
+        return np.full(len(t), varies.most)
+    known = signals[varies.goes_with].only_valid()
+    late = np.interp(known.at(t), varies.at, varies.seconds)
+    return np.where(t < known.time[0], varies.most, late)

@@ -1,0 +1,148 @@
+"""One drive, with everything that is computed once before it is linearised anywhere.
+
+Everything unknown is a number θ: the parameters that the vehicle file gives a spread, the gains of
+effects, and what each state starts from.  States that the model renews at every slip (the engine
+speed) are tracked by the filter; all others follow from θ alone, without process noise and without
+being corrected.  The innovations are then a smooth function of θ, which Gauss–Newton steps follow
+as far as they like, and no adapting state swallows what a cause leaves in the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.compute.records import Belief
+from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.whole_log import Compiled
+from clutchest.inference.input_interpolation import InterpolatedInput
+from clutchest.inference.noise_model import Stretches
+from clutchest.inference.operating_point import OperatingPoint
+from clutchest.signals import Floats
+
+Samples = tuple[Floats, Floats]  # times s, and values there
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedInputs:
+    """The inputs of a drive between its events (K).
+
+    ``interpolated`` each input; ``spacing`` (K) s², see
+    :func:`~clutchest.inference.input_interpolation.spacing`; ``smooth`` (K, nu) values; by index of
+    an input, where it may be late or moves a step map: ``denoised`` values, and ``deadband``
+    filtered ones, which the step maps see.  ``limit`` (nu): how far an input may lie from its
+    reading.
+    """
+
+    interpolated: Sequence[InterpolatedInput]
+    spacing: Floats
+    smooth: Floats
+    denoised: Mapping[int, Samples]
+    deadband: Mapping[int, Samples]
+    limit: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedStates:
+    """States that readings renew: ``which`` (n) they are, where their equations ``act`` (K), their
+    measured ``rate`` (K, c) and their ``value`` (K, c) without the noise of their readings."""
+
+    which: NDArray[np.bool_]
+    act: NDArray[np.bool_]
+    rate: Floats
+    value: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class FrozenGains:
+    """The filter's ``gain`` (K, c) for the tracked states and its predicted ``variance`` (K) at the
+    vehicle file's numbers: innovations are a smooth function of θ while these stay."""
+
+    gain: Floats
+    variance: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """The readings (K) of a drive that respond to any θ, sensor after sensor, each in order of
+    time.
+
+    ``event`` the index of each among the drive's events, ``t`` s, ``sensor`` index, ``row`` the
+    regime's, ``mode``, and ``std`` of the innovation; ``input_noise`` (K, c): directions in which
+    noise of the inputs makes innovations scatter, by way of states that no reading corrects, in
+    the innovations' ``std``.
+    """
+
+    event: NDArray[np.int64]
+    t: Floats
+    sensor: NDArray
+    row: NDArray
+    mode: NDArray
+    std: Floats
+    input_noise: Floats
+
+    @classmethod
+    def of(cls, line: Timeline, event: NDArray[np.int64], std: Floats) -> Readings:
+        """Of these events of a timeline, without input noise; ``std`` of every event."""
+        nothing = np.zeros((len(event), 0))
+        at = line.t[event], line.sensor[event], line.row[event], line.mode[event]
+        return cls(event, *at, std[event], nothing)
+
+    def only(self, keep: NDArray[np.bool_]) -> Readings:
+        """Those of these readings (K) that are kept."""
+        return Readings(
+            self.event[keep],
+            self.t[keep],
+            self.sensor[keep],
+            self.row[keep],
+            self.mode[keep],
+            self.std[keep],
+            self.input_noise[keep],
+        )
+
+    @property
+    def stretches(self) -> Stretches:
+        """How they follow each other without gaps."""
+        return Stretches.of(self.t, self.sensor, self.row)
+
+
+@dataclass(frozen=True, slots=True)
+class DelayedSignal:
+    """A ``signal`` is late by so many s times ``size``, 1 or one per event, the most of which is
+    its ``reach``; the number stands in ``row`` of the effects' and is the compiled model's
+    ``theta``."""
+
+    signal: str
+    row: int
+    theta: int
+    size: float | Floats
+    reach: float
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedDrive:
+    """Events of one drive on a ``line``, and all that linearisations of it share.
+
+    ``nominal`` (n) first states, ``start`` what the filter knows of the tracked ones then;
+    ``plays``: numbers of effects that give an input a play; ``at_nominal``: the operating point at
+    the vehicle file's numbers, from which linearisations at any others begin.
+    """
+
+    compiled: Compiled
+    line: Timeline
+    nominal: Floats
+    start: Belief
+    delayed: Sequence[DelayedSignal]
+    plays: Sequence[int]
+    inputs: PreparedInputs
+    tracked: TrackedStates
+    gains: FrozenGains
+    readings: Readings
+    at_nominal: OperatingPoint
+
+    def only(self, keep: NDArray[np.bool_]) -> PreparedDrive:
+        """The same drive of which these readings (K) alone count."""
+        return replace(self, readings=self.readings.only(keep))

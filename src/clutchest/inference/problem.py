@@ -1,0 +1,306 @@
+"""Drives of one vehicle and all that is unknown about them, as numbers θ with priors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.estimate.initial_state import prior_std
+from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
+from clutchest.inference.input_noise_covariance import taken_in
+from clutchest.inference.linearisation import Modulation, linearise, modulated
+from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
+from clutchest.inference.preparation import prepared
+from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.inference.unknowns import (
+    Delay,
+    Gain,
+    InitialState,
+    Parameter,
+    Shapes,
+    StatedGain,
+    Unknown,
+    of_compiled,
+)
+from clutchest.models.effects import Effect
+from clutchest.models.model import Model
+from clutchest.progress import Progress
+from clutchest.signals import Floats, Signals
+from clutchest.vehicle import Vehicle
+
+TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
+# s, standard deviation by which the delay of a signal in white noise comes out wrong beside what
+# that noise makes of it: measured on 140 simulated drives; samples come 20 times as far apart.
+CLOCK = 0.0005
+
+
+@dataclass(frozen=True, slots=True)
+class Innovations:
+    """Of the readings (K) of one drive, sensor after sensor, each in order of time.
+
+    ``table`` (K, 1 + a): ``r`` (K) innovations over their predicted standard deviation, and their
+    derivatives by the ``active`` (a) ones of ``count`` thetas, all unless given, each in its unit;
+    ``implied``: the operating point of the drive there.
+    """
+
+    table: Floats
+    count: int
+    implied: OperatingPoint
+    active: NDArray[np.int64] | None = None
+
+    @property
+    def r(self) -> Floats:
+        """Shape (K,)."""
+        return self.table[:, 0]
+
+    @property
+    def psi(self) -> Floats:
+        """Derivatives by every θ, shape (K, count): 0 by those that are not active."""
+        return self.spread(self.table[:, 1:])
+
+    def spread(self, columns: Floats) -> Floats:
+        """``columns`` (K, a) of active thetas at their places among all of them, (K, count)."""
+        if self.active is None:
+            return columns
+        every = np.zeros((len(columns), self.count))
+        every[:, self.active] = columns
+        return every
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Drives of one vehicle and every number that is unknown about them.
+
+    ``thetas`` (m) in the order of all vectors θ here, each in its own unit and 0 where the vehicle
+    file has it: first the ``shared`` ones of all drives.  ``nuisances`` are indices of those with a
+    prior, of variance 1; ``gains`` of the rest, the gains of ``effects``, which are absent at 0.
+    ``usable``: the signals of which every drive has readings; ``delayed``: indices of gains that
+    are the delay of a signal.
+    """
+
+    vehicle: Vehicle
+    compiled: Compiled
+    effects: Mapping[str, Effect]
+    usable: frozenset[str]
+    thetas: tuple[Unknown, ...]
+    shared: int
+    delayed: Mapping[int, str]
+    drives: tuple[PreparedDrive, ...]
+    nuisances: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        signals: Signals,
+        vehicle: Vehicle,
+        effects: Sequence[Effect],
+        progress: Progress | None = None,
+    ) -> Problem:
+        """Of all drives of ``signals``, with candidate ``effects``."""
+        drives = signals.drives
+        usable = frozenset.intersection(*(drive.available for drive in drives))
+        model = vehicle.machine.equations(usable)
+        # readings count in full: Gauss–Newton steps take care of what a first order lacks
+        model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
+        present = model.taking(present_effects(vehicle))
+        sought = {e.name: e for e in model.taking(effects) if e not in present}
+        compiled = compile_model(
+            vehicle,
+            model,
+            (*present, *sought.values()),
+            healthy_stds(vehicle, model),
+            taken_in(model),
+            progress,
+        )
+        known = tuple(of_compiled(compiled, sought))
+        shared = [t for t in known if isinstance(t, Parameter | StatedGain | Gain)]
+        starts = [t for t in known if isinstance(t, InitialState)]
+        delayed = _delayed(shared, sought)
+        thetas = (
+            *shared,
+            *(replace(t, drive=i) for i in range(len(drives)) for t in starts),
+            *(Delay(signal, TIMING) for signal in delayed.values()),
+        )
+        units = np.array([t.unit for t in (*shared, *starts)])
+        exact = [isinstance(t, StatedGain) and t.exact for t in thetas]
+        gains = [isinstance(t, Gain) for t in thetas]
+        return cls(
+            vehicle,
+            compiled,
+            sought,
+            usable,
+            thetas,
+            len(shared),
+            delayed,
+            tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
+            np.flatnonzero(~np.array(exact) & ~np.array(gains)),
+        )
+
+    def holding(self, *names: str) -> Problem:
+        """The same with these unknowns, by name (``str`` of each), taken for exact."""
+        held = [i for i, t in enumerate(self.thetas) if str(t) in names]
+        return replace(self, nuisances=np.setdiff1d(self.nuisances, held))
+
+    def only(self, sensor: str) -> Problem:
+        """The same of which the readings of one sensor alone count."""
+        which = self.compiled.model.sensor(sensor)
+        drives = tuple(drive.only(drive.readings.sensor == which) for drive in self.drives)
+        return replace(self, drives=drives)
+
+    @property
+    def units(self) -> Floats:
+        """What 1 means of each θ (m)."""
+        return np.array([t.unit for t in self.thetas])
+
+    @property
+    def gains(self) -> NDArray[np.int64]:
+        """Indices of the gains of candidate effects."""
+        return np.flatnonzero([isinstance(t, Gain) for t in self.thetas])
+
+    def index(self, name: str) -> int:
+        """Where an unknown stands in θ, by its name: ``str`` of it."""
+        return next(i for i, t in enumerate(self.thetas) if str(t) == name)
+
+    def clock(self, gain: int) -> float:
+        """Standard deviation, s, to which a delay is known at best; 0 for any other gain."""
+        if gain not in self.delayed:
+            return 0.0
+        stated = self.vehicle.signals.get(self.delayed[gain])
+        ar = stated.noise_ar if stated else 0.0  # slow noise: as many readings are worth fewer
+        return float(CLOCK * np.sqrt((1.0 + ar) / (1.0 - ar)))
+
+    def tolerances(self, gains: Iterable[int]) -> NDArray[np.int64]:
+        """Indices of the small delays that the signals delayed by these ``gains`` may have too."""
+        first, wanted = len(self.thetas) - len(self.delayed), set(gains)
+        return np.array([first + i for i, k in enumerate(self.delayed) if k in wanted], np.int64)
+
+    def blocks(self, seconds: float) -> NDArray[np.int64]:
+        """The number, from 0, of the block of so many ``seconds`` of a drive in which each reading
+        (K) lies; drives share none."""
+        times = [drive.readings.t for drive in self.drives]
+        places = [(np.full(len(t), i), np.floor(t / seconds)) for i, t in enumerate(times)]
+        pairs = np.concatenate([np.column_stack(place) for place in places])
+        return np.asarray(np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1))
+
+    def numbers(self, theta: Floats, shapes: Shapes, drive: int = 0) -> ModelNumbers:
+        """Those of the equations of one drive at ``theta`` (m)."""
+        c = self.compiled
+        p, g, x, late = c.p.copy(), c.g.copy(), self.drives[drive].nominal.copy(), {}
+        keys = [q.key for q in c.model.parameters]
+        rows = {(effect.name, key): i for i, (effect, key) in enumerate(c.model.numbers)}
+        for t, value in zip(self.thetas, theta, strict=True):
+            match t:
+                case Parameter(key):
+                    p[keys.index(key)] += value * t.unit
+                case Gain(effect, key) | StatedGain(effect, key):
+                    g[rows[effect, key]] += value * t.unit
+                case InitialState(state) if t.drive == drive:
+                    x[c.model.state(state)] += value * t.unit
+                case Delay(signal):
+                    late[signal] = value * t.unit
+        for name, value in shapes.items():
+            g[rows[name]] = value
+        return ModelNumbers(p, g, x, late)
+
+    def linearise(
+        self,
+        theta: Floats,
+        shapes: Shapes,
+        active: NDArray[np.int64] | None = None,
+        at: Sequence[OperatingPoint] | None = None,
+    ) -> tuple[Innovations, ...]:
+        """Every drive at ``theta`` (m); shapes of effects at their defaults unless given.
+
+        Derivatives by the ``active`` ones only (indices; all unless given) are other than zero.
+        They are taken at the inputs of these operating points, a drive each: those of the vehicle
+        file's numbers unless given.
+        """
+        wanted = np.ones(len(theta), bool) if active is None else np.zeros(len(theta), bool)
+        wanted[slice(None) if active is None else active] = True
+        delays = np.arange(len(self.thetas) - len(self.delayed), len(self.thetas))
+        wanted[list(self.delayed)] |= wanted[delays]
+        points = [drive.at_nominal for drive in self.drives] if at is None else at
+        return tuple(
+            self._of_drive(i, self.numbers(theta, shapes, i), wanted, point)
+            for i, point in enumerate(points)
+        )
+
+    def implied(self, theta: Floats, shapes: Shapes) -> tuple[OperatingPoint, ...]:
+        """The operating point of every drive at ``theta`` (m)."""
+        none = np.zeros(0, np.int64)
+        return tuple(drive.implied for drive in self.linearise(theta, shapes, none))
+
+    def _of_drive(
+        self, drive: int, numbers: ModelNumbers, wanted: NDArray[np.bool_], at: OperatingPoint
+    ) -> Innovations:
+        """One drive, with derivatives by the ``wanted`` thetas (m)."""
+        prepared_drive, units = self.drives[drive], self.units
+        std = prepared_drive.readings.std
+        active = np.flatnonzero(wanted)
+        place = np.cumsum(wanted) - 1  # of each active θ among them
+        own = [
+            k for k, t in enumerate(self.thetas) if isinstance(t, InitialState) and t.drive == drive
+        ]
+        columns = np.array([*range(self.shared), *own])
+        compiled_ones = np.flatnonzero(wanted[columns])
+        columns = columns[compiled_ones]
+        innovations, derivatives, implied = linearise(prepared_drive, numbers, at, compiled_ones)
+        with np.errstate(over="ignore"):  # a step tried too far, where the equations run away
+            derivatives /= std[:, None]
+            derivatives *= units[columns]
+        table = np.zeros((len(derivatives), 1 + len(active)))
+        table[:, 0] = innovations / std
+        table[:, 1 + place[columns]] = derivatives
+        first = len(self.thetas) - len(self.delayed)
+        for k, of in enumerate(self.delayed, first):
+            if wanted[k]:
+                per_delay = table[:, 1 + place[of]] / units[of]
+                table[:, 1 + place[k]] = per_delay * units[k]
+        return Innovations(table, len(wanted), implied, None if wanted.all() else active)
+
+    def modulated(
+        self,
+        theta: Floats,
+        shapes: Shapes,
+        at: Sequence[OperatingPoint],
+        thetas: NDArray[np.int64],
+        modulations: Sequence[Modulation],
+    ) -> list[Floats]:
+        """Derivatives (K, c) of every drive's innovations by shared ``thetas`` (c), each of which
+        acts as the drive's one of the ``modulations`` says."""
+        columns = []
+        for i, (drive, point, how) in enumerate(zip(self.drives, at, modulations, strict=True)):
+            derivatives = modulated(drive, self.numbers(theta, shapes, i), point, thetas, how)
+            derivatives /= drive.readings.std[:, None]
+            derivatives *= self.units[thetas]
+            columns.append(derivatives)
+        return columns
+
+
+def _delayed(shared: Sequence[Unknown], effects: Mapping[str, Effect]) -> dict[int, str]:
+    """Index of a gain → the signal whose delay it is, one gain a signal: a delay too small to be a
+    cause acts as the delay that effects know."""
+    first_of = {
+        signal: k
+        for k, t in reversed(list(enumerate(shared)))
+        if isinstance(t, Gain)
+        for signal, key in effects[t.effect].delays.items()
+        if key == t.key
+    }
+    return {k: signal for signal, k in first_of.items()}
+
+
+def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
+    """State → how far its first value may lie from nominal in a healthy vehicle, where it may."""
+    stds = {}
+    for state, std in zip(model.states, prior_std(vehicle, model), strict=True):
+        if state.name in model.renewed or state.name in model.unobservable:
+            continue
+        if state.healthy_std is not None:
+            std = min(std, state.healthy_std)
+        if std > 0.0:
+            stds[state.name] = float(std)
+    return stds
