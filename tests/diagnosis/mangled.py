@@ -1,4 +1,4 @@
-"""Faults of a bus, done to the frames of a log: nothing here knows how they are found."""
+"""Faults of a bus, injected into the frames of a log, independently of their detection."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def without(frames: Frames, can_id: int, begin: float, end: float) -> Frames:
 
 
 def slowed(frames: Frames, can_id: int, begin: float, times: float) -> Frames:
-    """From ``begin`` s on the message comes so many times more seldom than it did."""
+    """From ``begin`` s on the message has so many ``times`` its period."""
     own = rows(frames, can_id, begin, np.inf)
     t_ns = frames.t_ns.copy()
     t_ns[own] = t_ns[own[0]] + ((t_ns[own] - t_ns[own[0]]) * times).astype(np.int64)

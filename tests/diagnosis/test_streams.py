@@ -63,7 +63,7 @@ HELD = {
 }
 # by when it must be known, s after it began
 WITHIN = {"missing:ET1": 40.0, "noise:slave_position": 15.0, "noise:input_shaft_speed": 15.0}
-BESIDE = {  # what it also looks like
+BESIDE = {  # other tests that the fault makes fail
     "frozen:EEC1": {"stuck:engine_speed", "stuck:engine_torque"},
     "stuck:slave_position": {"sticking:actuator"},
 }

@@ -28,7 +28,7 @@ def standing(at, rng, most):
     return np.maximum.accumulate(at)
 
 
-def heard(truck, frames, rng):
+def received_live(truck, frames, rng):
     """Pieces of a drive whose sender, bus and listener pause now and then, the frames as they were
     stamped, and up to when, s, the drive was known to go on in the end."""
     t = (frames.t_ns - frames.t_ns[0]) / 1e9
@@ -67,13 +67,13 @@ def test_however_frames_arrive(seed, tmp_path):
     t = (log.t_ns - log.t_ns[0]) / 1e9
     begin = rng.uniform(0.0, 200.0)
     frames = log.take((t >= begin) & (t < begin + 15.0))
-    pieces, received, until = heard(truck, frames, rng)
+    pieces, received, until = received_live(truck, frames, rng)
     write_frames(received, tmp_path / "received.log")
     signals = clutchest.read_log(tmp_path / "received.log", truck)
     last = max(k for k, p in enumerate(pieces) if p.begins)
     tracks = [p.track for p in pieces[last:]]
     time = np.concatenate([x.time for x in tracks])
-    if time[-1] > signals.end:  # frames cannot tell of a silence behind them: a replay is told
+    if time[-1] > signals.end:  # frames do not show a silence after them: a replay gets its end
         signals = replace(signals, end=until)
     (whole,) = clutchest.replay(signals, truck).tracks
     assert np.array_equal(time, whole.time)

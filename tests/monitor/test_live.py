@@ -144,7 +144,7 @@ def test_holes(change, tmp_path):
 
 def delivered(frames, start, stop):
     """Frames as a bus brings them that stands still from ``start`` to ``stop`` s: what was sent
-    meanwhile comes at once, and is stamped so."""
+    meanwhile is delivered at once, and stamped so."""
     after = (frames.t_ns - frames.t_ns[0]) / 1e9
     t = np.where((after >= start) & (after < stop), frames.t_ns[0] + int(stop * 1e9), frames.t_ns)
     place = 1000 * np.arange(len(t))
@@ -159,7 +159,7 @@ def delivered(frames, start, stop):
         lambda f: without(f, 0.5, 8.0),
         lambda f: delivered(delivered(f, 11.0, 15.7), 20.0, 21.5),
     ],
-    ids=["while habits are learnt", "nothing at first", "while driving"],
+    ids=["while sampling is determined", "nothing at first", "while driving"],
 )
 def test_a_bus_that_stands_still(change, tmp_path):
     """Samples microseconds apart, and a beginning that is known but for a moment."""
@@ -171,7 +171,7 @@ def test_a_bus_that_stands_still(change, tmp_path):
 
 
 def test_a_spike_of_what_is_held(tmp_path):
-    """One coolant temperature far off, which nobody can tell before the next one comes."""
+    """One wrong coolant temperature, which cannot be recognised before the next one."""
     truck, frames = clutchest.load_vehicle("truck"), frames_of("demo", 20.0)
     coolant = np.flatnonzero(((frames.id >> 8) & 0xFFFF) == ET1)
     frames.data[coolant[len(coolant) // 2], 0] = 240

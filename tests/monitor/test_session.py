@@ -36,13 +36,13 @@ def bus(*arguments):
 
 @pytest.fixture(scope="module")
 def port(tmp_path_factory):
-    """A port of our own: on one machine all groups of a port are heard together."""
+    """A free port: on one machine all groups of a port are received together."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("", 0))
         return probe.getsockname()[1]
 
 
-def told_by(out: Path) -> int:
+def written_by(out: Path) -> int:
     """Bytes of estimates that a session has put on disk so far."""
     growing = out / "estimates.growing"
     return growing.stat().st_size if growing.exists() else 0
@@ -51,7 +51,7 @@ def told_by(out: Path) -> int:
 def wait_for(what, seconds=60.0):
     until = time.monotonic() + seconds
     while not what():
-        assert time.monotonic() < until, "nothing came"
+        assert time.monotonic() < until, "timed out"
         time.sleep(0.05)
 
 
@@ -87,31 +87,31 @@ def sessions(tmp_path_factory, port):
     second = start("second", "monitor", "--vehicle", "truck", "--out", cut, "--json")
     player = start("player", "play", "demo", "--speed", 4)
     try:
-        wait_for(lambda: told_by(cut) > 20_000 and said("second"))
+        wait_for(lambda: written_by(cut) > 20_000 and said("second"))
         second.kill()
-        wait_for(lambda: told_by(whole) > 30_000)
+        wait_for(lambda: written_by(whole) > 30_000)
         twice = start("twice", "monitor", "--vehicle", "truck", "--out", whole)
         twice.wait(60)
         first.send_signal(signal.SIGINT)
-        first.wait(180)  # a last look at the equations, which may have to be compiled
+        first.wait(180)  # last fault tests of the equations, which may have to be compiled
     finally:
         for process in (player, first, second):
             process.kill()
             process.wait()
-    again = start("again", "monitor", "--vehicle", "truck", "--out", cut, "--duration", 0.5)
-    again.wait(60)
-    told = [
+    restarted = start("restarted", "monitor", "--vehicle", "truck", "--out", cut, "--duration", 0.5)
+    restarted.wait(60)
+    lines = [
         json.loads(line) for line in said("second").splitlines(keepends=True) if line.endswith("\n")
     ]
     return {
         "whole": whole,
         "cut": cut,
-        "told": told,
+        "lines of the killed": lines,
         "refused": said("twice", "err"),
-        "words": said("again"),
+        "words": said("restarted"),
         "errors": said("first", "err"),
         "lines": [json.loads(line) for line in said("first").splitlines()],
-        "codes": (first.returncode, again.returncode, twice.returncode),
+        "codes": (first.returncode, restarted.returncode, twice.returncode),
     }
 
 
@@ -134,7 +134,7 @@ def test_the_estimates_are_those_of_a_replay(sessions):
     assert verified(out / "recording.rrd") == ""
 
 
-def test_lines_and_events_tell_the_same(sessions):
+def test_lines_and_events_are_the_same(sessions):
     events = [json.loads(line) for line in (sessions["whole"] / "events.jsonl").open()]
     rows = [line for line in sessions["lines"] if line["kind"] == "estimate"]
     others = [line for line in sessions["lines"] if line["kind"] != "estimate"]
@@ -149,14 +149,14 @@ def test_lines_and_events_tell_the_same(sessions):
     assert kinds <= {"mode", "engagement", "fault", "gap", "reconnect", "warning"}
 
 
-def test_what_a_kill_leaves_is_made_whole_and_said(sessions):
+def test_files_of_a_killed_session_are_completed_and_reported(sessions):
     assert "was cut off: estimates.parquet" in sessions["words"]
     assert "recording.rrd repaired" in sessions["words"]
     (aside,) = sessions["cut"].glob("until-*")
     estimates = pd.read_parquet(aside / "estimates.parquet")
     whole = assert_like_a_replay(aside, estimates)
     assert len(whole) - len(estimates) <= 20
-    shown = [line["time"] for line in sessions["told"] if line["kind"] == "estimate"]
+    shown = [line["time"] for line in sessions["lines of the killed"] if line["kind"] == "estimate"]
     assert shown and shown[-1] <= estimates["time"].iloc[-1], "what was shown is there"
     assert verified(aside / "recording.rrd") == ""
 

@@ -18,7 +18,7 @@ def diagnose(
         bool,
         typer.Option(
             "--explain",
-            help="Also what this drive could show at all, and what it could tell apart.",
+            help="Also which faults this drive can detect and isolate.",
         ),
     ] = False,
     state: State = None,
@@ -29,9 +29,9 @@ def diagnose(
 ) -> None:
     """Test drives for faults: of messages, of signals, of the actuator and of the clutch.
 
-    Every monitor fails in a healthy vehicle as seldom as the vehicle file asks for
-    ([monitors] false_alarms_per_1000h).  One that could not have seen anything says so: not run.
-    Writes diagnosis.json and recording.rrd, in which each fault stands with what was known then.
+    Every monitor raises false alarms at the rate that the vehicle file states ([monitors]
+    false_alarms_per_1000h).  One that could not detect its fault in these logs says why: not run.
+    Writes diagnosis.json and recording.rrd, in which each fault has a freeze frame.
 
     \b
     Example:
@@ -43,13 +43,13 @@ def diagnose(
         from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
 
         run = estimated(logs, vehicle, start, stop, state, show, traffic=True)
-        found = test(run, progress=show)
+        diagnosis = test(run, progress=show)
         show("writing", None)
-        names = [path.name for path in write_diagnosis(found, out)]
+        names = [path.name for path in write_diagnosis(diagnosis, out)]
     answer(
-        found.summary(),
+        diagnosis.summary(),
         as_json,
-        lambda console: print_diagnosis(found, console, explain),
+        lambda console: print_diagnosis(diagnosis, console, explain),
         out,
         names,
     )

@@ -53,7 +53,8 @@ def monitor(
     """Estimate temperatures, wear and friction while the clutch is driven, and test for faults.
 
     Writes received.log (the frames with the stamps that were used), estimates.parquet,
-    events.jsonl, recording.rrd and state.json; what a kill leaves is repaired by the next start.
+    events.jsonl, recording.rrd and state.json; files of a killed session are completed by the
+    next one in the same folder.
     Ctrl-C ends the session.
 
     \b
@@ -142,7 +143,7 @@ def _words(status: SessionStatus, piece: Piece | None, events: Sequence[MonitorE
 
 
 def _lines(status: SessionStatus, piece: Piece | None, events: Sequence[MonitorEvent]) -> None:
-    """Events and estimates as they come, one object per line."""
+    """Events and estimates, one object per line."""
     import json
     from dataclasses import asdict
 

@@ -40,8 +40,8 @@ def monitor_statuses(run: Run, drives: Sequence[DriveDiagnosis]) -> tuple[Monito
 def _monitor(
     run: Run, name: str, words: Sequence[tuple[str, str]], at: Sequence[float | None]
 ) -> MonitorStatus:
-    """From status, reason and threshold of each drive; a failed drive comes before a passed one,
-    and that before one that was not run."""
+    """From status, reason and threshold of each drive; a failed drive takes precedence over a
+    passed one, and that over one that was not run."""
     statuses = tuple(status for status, _ in words)
     chosen = min(
         range(len(statuses)), key=lambda i: ("failed", "passed", "not run").index(statuses[i])

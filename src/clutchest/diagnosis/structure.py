@@ -29,7 +29,7 @@ def affected_sensors(
     e = model.expressions()
     numbers = [(effect.name, key) for effect, key in model.numbers]
     n = len(model.states)
-    flows, seen = np.eye(n, dtype=bool), np.zeros((len(model.sensors), n), bool)
+    flows, measured = np.eye(n, dtype=bool), np.zeros((len(model.sensors), n), bool)
     modes = []
     for flags in product((0.0, 1.0), repeat=len(model.regime)):
         rate, readings, first = (
@@ -37,7 +37,7 @@ def affected_sensors(
             for x in (e.rate, e.readings, e.initial)
         )
         flows |= _depends(rate, e.x)
-        seen |= _depends(readings, e.x)
+        measured |= _depends(readings, e.x)
         modes.append((rate, readings, first))
     reach = np.linalg.matrix_power(flows.astype(float), n) > 0
     affected = {}
@@ -52,7 +52,7 @@ def affected_sensors(
             through = [
                 state.name
                 for i, state in enumerate(model.states)
-                if changed[i] and (seen[s] & reach[:, i]).any()
+                if changed[i] and (measured[s] & reach[:, i]).any()
             ]
             if direct[s] or (sensor.name in model.renewed and sensor.name in through):
                 sensors.append(sensor.name)

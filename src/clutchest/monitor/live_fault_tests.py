@@ -123,7 +123,7 @@ class LiveFaultTests:
             self._pool = None
 
     def _is_due(self) -> bool:
-        """Whether an analysis has news and its time has come, or the bus is silent."""
+        """Whether there are new data and an analysis is due, or the bus is silent."""
         if self._received <= self._analysed or self._now < FIRST_S:
             return False
         return self._now >= self._due or self._now - self._received > LOST

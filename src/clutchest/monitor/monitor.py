@@ -75,7 +75,7 @@ class Monitor:
         self._begin_drive(self.settings.state)
 
     def add_watcher(self, watcher: Watcher) -> None:
-        """Let one more watcher receive all data of the drives to come."""
+        """Let one more watcher receive all data from now on."""
         self._watchers += (watcher,)
 
     def send(self, frames: Frames) -> None:
@@ -127,7 +127,7 @@ class Monitor:
         self._history: list[Frames] = []  # frames so far, as long as a signal may still be new
         self._frames: list[Frames] = []  # not yet given to the watchers, and …
         self._signals: dict[str, list[Signal]] = {}
-        self._seen: dict[str, float] = {}  # signal → time s of its last sample
+        self._last_s: dict[str, float] = {}  # signal → time of its last sample
         self._start_ns, self._mode = None, ""
         self._watched_s = 0.0
         self._live = LiveEstimator(
@@ -244,11 +244,11 @@ class Monitor:
         """Hold new frames and samples for the watchers."""
         self._frames.append(frames)
         for name, signal in self._live.new_signals.items():
-            seen = self._seen.get(name, -np.inf)
-            if len(signal) and signal.time[0] <= seen:  # the estimates were started again
-                signal = signal.take(signal.time > seen)
+            last = self._last_s.get(name, -np.inf)
+            if len(signal) and signal.time[0] <= last:  # the estimates were restarted
+                signal = signal.take(signal.time > last)
             if len(signal):
-                self._seen[name] = float(signal.time[-1])
+                self._last_s[name] = float(signal.time[-1])
                 self._signals.setdefault(name, []).append(signal)
 
     def _watch(self) -> None:
