@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -122,6 +122,9 @@ def write_simulation(
             "disturbances": Disturbances.of(options.get("disturbances", {})).sizes(),
             "parameters": dict(sampled.parameters),
             "options": dict(options),
+            "truth": "a generator of its own"
+            if vehicle.machine.generate
+            else "the filter's own equations: truth and model are the same",
         },
     )
     return truth_path
@@ -148,9 +151,8 @@ def _sampled(
     effects: Effects | None,
     options: Options,
 ) -> Sampled:
-    generate = vehicle.machine.generate
-    if generate is None:
-        raise ClutchestError(f"vehicle '{vehicle.name}': no generator for '{vehicle.model}'")
+    machine = vehicle.machine
+    machine.supports("simulate")
     mapped_messages(vehicle, database)
     noise_ar = options.get("noise_ar")
     channels = [
@@ -164,7 +166,9 @@ def _sampled(
         )
         for name, signal in vehicle.signals.items()
     ]
-    sampled: Sampled = generate(
+    if machine.generate is None:
+        return _from_model(vehicle, scenario, seed, effects, options, channels)
+    sampled: Sampled = machine.generate(
         {key: p.value for key, p in vehicle.parameters.items()},
         {key: p.spread for key, p in vehicle.parameters.items()},
         scenario,
@@ -179,6 +183,31 @@ def _sampled(
         outsider=options.get("outsider"),
     )
     return sampled
+
+
+def _from_model(
+    vehicle: Vehicle,
+    scenario: str,
+    seed: int,
+    effects: Effects | None,
+    options: Options,
+    channels: Sequence[Channel],
+) -> Sampled:
+    from clutchest import simulated_from_model
+
+    for key in ("disturbances", "outsider"):
+        if options.get(key):
+            raise ClutchestError(f"{key}: '{vehicle.machine.name}' has no generator that knows any")
+    duration = options.get("duration")
+    asked = simulated_from_model.Asked(
+        scenario,
+        seed,
+        _truck_seed(seed, options),
+        simulated_from_model.DURATION if duration is None else duration,
+        options.get("nominal", False),
+        options.get("outliers", 0.0),
+    )
+    return simulated_from_model.generate(vehicle, asked, _all_effects(vehicle, effects), channels)
 
 
 def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:
