@@ -14,8 +14,8 @@ from scipy.optimize import OptimizeResult, least_squares
 from clutchest.inference.objective import Objective
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import Readings
-from clutchest.inference.problem import Innovations, Problem
-from clutchest.inference.unknowns import Gain, Parameter, Shapes, Unknown
+from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.unknowns import Shapes, Unknown, UnknownGain, UnknownParameter
 from clutchest.signals import Floats
 
 PERIOD = 0.01  # s
@@ -36,7 +36,7 @@ class _Given:
     thetas: tuple[Unknown, ...]
 
     def __post_init__(self) -> None:
-        gain = np.array([isinstance(t, Gain) for t in self.thetas])
+        gain = np.array([isinstance(t, UnknownGain) for t in self.thetas])
         self.gains, self.nuisances = np.flatnonzero(gain), np.flatnonzero(~gain)
         count = len(self.residuals(np.zeros(len(gain)))[0])
         nothing, time = np.zeros(count, int), np.arange(count) * PERIOD
@@ -53,9 +53,9 @@ class _Given:
         shapes: Shapes,
         active: NDArray[np.int64] | None = None,
         at: Sequence[OperatingPoint] = (),
-    ) -> tuple[Innovations, ...]:
+    ) -> tuple[NormalisedInnovations, ...]:
         r, psi = self.residuals(theta)
-        return (Innovations(np.column_stack([r, psi]), len(theta), NOWHERE),)
+        return (NormalisedInnovations(np.column_stack([r, psi]), len(theta), NOWHERE),)
 
 
 @dataclass
@@ -82,7 +82,9 @@ class MadeUp:
     @property
     def objective(self) -> Objective:
         thetas = [
-            Gain(n, n, 1.0, *self.bounds[n]) if n in self.bounds else Parameter(n, 1.0)
+            UnknownGain(n, n, 1.0, *self.bounds[n])
+            if n in self.bounds
+            else UnknownParameter(n, 1.0)
             for n in self.names
         ]
         return objective_of(self.residuals, thetas)

@@ -26,7 +26,7 @@ from clutchest.inference.input_noise_covariance import InputNoiseCovariance
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.problem import Problem
-from clutchest.inference.unknowns import Gain, Shapes
+from clutchest.inference.unknowns import Shapes, UnknownGain
 from clutchest.models import machine_of
 from clutchest.models.effects import Effect
 from clutchest.signals import Floats, Signals
@@ -108,7 +108,7 @@ class Oracle:
         own = {
             str(t): value
             for t, value in zip(other.thetas, theta, strict=True)
-            if not isinstance(t, Gain)
+            if not isinstance(t, UnknownGain)
         }
         return np.array([own.get(str(t), 0.0) for t in self.thetas])
 
@@ -124,7 +124,7 @@ class Oracle:
         self, effects: Effects | None, outsider: Outsider | None, share: float
     ) -> tuple[Effects, Outsider | None]:
         """``share`` of a cause: its gains, not its shapes."""
-        gains = {(t.effect, t.key) for t in self.thetas if isinstance(t, Gain)}
+        gains = {(t.effect, t.key) for t in self.thetas if isinstance(t, UnknownGain)}
         less = {
             name: {
                 key: value * (share if (name, key) in gains else 1.0)
@@ -334,13 +334,15 @@ class Oracle:
     def _range(self, index: int) -> tuple[float, float]:
         """The plausible range of a gain in its own unit."""
         gain = self.thetas[index]
-        assert isinstance(gain, Gain)
+        assert isinstance(gain, UnknownGain)
         return gain.lower, gain.upper
 
     def _columns(self, causes: Sequence[str]) -> NDArray[np.int64]:
         """The gains of these effects."""
         columns = [
-            i for i, t in enumerate(self.thetas) if isinstance(t, Gain) and t.effect in causes
+            i
+            for i, t in enumerate(self.thetas)
+            if isinstance(t, UnknownGain) and t.effect in causes
         ]
         return np.array(columns, np.int64)
 

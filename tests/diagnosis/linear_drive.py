@@ -3,16 +3,16 @@
 import numpy as np
 
 from clutchest.diagnosis.blocks import Blocks
-from clutchest.inference.unknowns import Gain, InitialState, Parameter
+from clutchest.inference.unknowns import InitialState, UnknownGain, UnknownParameter
 from clutchest.models import machine_of
 
 STATES = machine_of("dry_clutch").states
 THETAS = (
-    Parameter("heat_capacity_body", 1.0),
-    Parameter("kiss_point", 1.0),
+    UnknownParameter("heat_capacity_body", 1.0),
+    UnknownParameter("kiss_point", 1.0),
     InitialState("friction", 0.02),
-    Gain("friction_level", "change", 0.5),
-    Gain("torque_gain", "change", 0.3),
+    UnknownGain("friction_level", "change", 0.5),
+    UnknownGain("torque_gain", "change", 0.3),
 )
 FAULTS = (3, 4)
 

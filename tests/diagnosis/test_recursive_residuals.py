@@ -6,7 +6,7 @@ from linear_drive import FAULTS, STATES, THETAS, linear_drive
 
 from clutchest.diagnosis.blocks import block_index
 from clutchest.diagnosis.recursive_residuals import nuisances, onset_scores, recursive_residuals
-from clutchest.inference.unknowns import Gain, InitialState
+from clutchest.inference.unknowns import InitialState, UnknownGain
 
 
 def test_residuals_are_the_innovations_of_the_whole_linear_drive():
@@ -45,7 +45,7 @@ def test_healthy_residuals_are_white_and_of_variance_one():
 
 
 def test_a_healthy_clutch_may_wear():
-    thetas = (*THETAS, Gain("wear", "rate", 0.5, healthy=0.1))
+    thetas = (*THETAS, UnknownGain("wear", "rate", 0.5, healthy=0.1))
     free, variance, per_hour = nuisances(thetas, STATES)
     assert free.tolist() == [0, 1, 2, 5]
     assert variance[-1] == pytest.approx(0.01)

@@ -10,7 +10,7 @@ import pytest
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.map_fit import improve
 from clutchest.inference.objective import Objective
-from clutchest.inference.unknowns import Gain, Parameter
+from clutchest.inference.unknowns import UnknownGain, UnknownParameter
 from clutchest.signals import Floats
 from made_up import objective_of
 
@@ -29,8 +29,8 @@ def ripples(height: float, apart: float = 1.0, asked: float = 0.0) -> Objective:
         bent = height * np.pi / apart * np.cos(phase)
         return r, np.array([[bent, 0.0], [-20.0 * far, 10.0]])
 
-    gain = Gain("gain", "size", 1.0, -np.inf, np.inf)
-    return objective_of(residuals, (Parameter("far", 1.0), gain))
+    gain = UnknownGain("gain", "size", 1.0, -np.inf, np.inf)
+    return objective_of(residuals, (UnknownParameter("far", 1.0), gain))
 
 
 @pytest.mark.parametrize("begin", [-8.0, 8.0, 12.0])

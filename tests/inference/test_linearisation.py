@@ -1,4 +1,4 @@
-"""Innovations as a function of every unknown number, and their derivatives.
+"""NormalisedInnovations as a function of every unknown number, and their derivatives.
 
 Most drives here are quiet: sensors a thousand times better than the vehicle file says, and no
 rounding by the bus.  At the numbers that the drive was made with, next to nothing is then left.
@@ -14,8 +14,15 @@ import pytest
 
 import clutchest
 from clutchest.generator import Sampled
-from clutchest.inference.problem import TIMING, Innovations, Problem
-from clutchest.inference.unknowns import Delay, Gain, InitialState, Parameter, StatedGain, Unknown
+from clutchest.inference.problem import TIMING, NormalisedInnovations, Problem
+from clutchest.inference.unknowns import (
+    InitialState,
+    SignalDelay,
+    StatedGain,
+    Unknown,
+    UnknownGain,
+    UnknownParameter,
+)
 from clutchest.models import machine_of
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.simulated import simulate_sampled
@@ -69,12 +76,12 @@ def truth(problem: Problem, *drives: Signals, **gains: tuple[str, float]) -> Flo
     return theta
 
 
-def misses(rows: Innovations) -> float:
+def misses(rows: NormalisedInnovations) -> float:
     """What the innovations are made of beside noise, as a share of its variance."""
     return float(np.mean(rows.r**2))
 
 
-def implied(problem: Problem, theta: Floats) -> Innovations:
+def implied(problem: Problem, theta: Floats) -> NormalisedInnovations:
     """The first drive at ``theta``, derivatives at the inputs that ``theta`` implies."""
     return problem.linearise(theta, {}, at=problem.implied(theta, {}))[0]
 
@@ -82,11 +89,11 @@ def implied(problem: Problem, theta: Floats) -> Innovations:
 def rough(unknown: Unknown) -> float:
     """By how much a derivative may differ from the difference."""
     match unknown:
-        case Gain(effect):
+        case UnknownGain(effect):
             return ROUGH.get(effect, 0.02)
-        case Parameter(key):
+        case UnknownParameter(key):
             return ROUGH.get(key, 0.02)
-        case Delay():
+        case SignalDelay():
             return 0.04
     return 0.02
 
@@ -102,7 +109,7 @@ def problem(truck: Vehicle, drive: Signals) -> Problem:
 
 
 @pytest.fixture(scope="module")
-def at_truth(problem: Problem, drive: Signals) -> tuple[Floats, Innovations]:
+def at_truth(problem: Problem, drive: Signals) -> tuple[Floats, NormalisedInnovations]:
     theta = truth(problem, drive)
     return theta, implied(problem, theta)
 
@@ -114,7 +121,7 @@ def difference(problem: Problem, theta: Floats, k: int, size: float, base: Float
     step[k] = size
     above = problem.linearise(theta + step, {}, none)[0].r
     t = problem.thetas[k]
-    if isinstance(t, Gain) and t.lower == 0.0:
+    if isinstance(t, UnknownGain) and t.lower == 0.0:
         further = problem.linearise(theta + 2 * step, {}, none)[0].r
         return (-3 * base + 4 * above - further) / (2 * size)
     return (above - problem.linearise(theta - step, {}, none)[0].r) / (2 * size)
@@ -143,16 +150,16 @@ def test_derivatives_are_those_of_the_innovations(problem, at_truth):
     seen = set()
     for k, t in enumerate(problem.thetas):
         analytic = rows.psi[:, k]
-        late = t.signal if isinstance(t, Delay) else problem.delayed.get(k)
+        late = t.signal if isinstance(t, SignalDelay) else problem.delayed.get(k)
         if late == "engine_torque" or not analytic.any():
             continue
-        size = 0.5 if isinstance(t, Delay) else 0.0025 if isinstance(t, Gain) else 0.05
+        size = 0.5 if isinstance(t, SignalDelay) else 0.0025 if isinstance(t, UnknownGain) else 0.05
         numeric = difference(problem, theta, k, size, rows.r)
         along, beside = agreement(numeric, analytic)
         assert abs(along - 1.0) < 0.03 and beside < rough(t), (t, along, beside)
-        seen.add(t.effect if isinstance(t, Gain) else type(t))
+        seen.add(t.effect if isinstance(t, UnknownGain) else type(t))
     assert seen >= set(problem.effects) - {"friction_fade", "torque_delay"}
-    assert seen >= {Parameter, InitialState, Delay}
+    assert seen >= {UnknownParameter, InitialState, SignalDelay}
 
 
 def test_an_effect_that_this_drive_does_not_excite_leaves_no_trace(problem, at_truth):
@@ -223,7 +230,7 @@ def test_active_ones_answer_as_all_do(problem, at_truth):
     scale = np.abs(rows.psi).max(axis=0)
     assert np.all(np.abs(some.psi - rows.psi)[:, active] <= 1e-9 * scale[active])
     # a small delay and the effect of its signal's delay are one derivative in two units
-    late = [k for k, t in enumerate(problem.thetas) if isinstance(t, Delay)]
+    late = [k for k, t in enumerate(problem.thetas) if isinstance(t, SignalDelay)]
     both = [of for k, of in zip(late, problem.delayed, strict=True) if k in active]
     others = np.setdiff1d(np.arange(len(theta)), [*active, *both])
     assert not some.psi[:, others].any()
@@ -251,7 +258,7 @@ def test_a_delay_is_undone_by_its_gain(truck, problem, drive, signal, late):
 def test_a_small_delay_is_any_signals(problem, at_truth):
     """The nuisance of every signal that can be late is its delay in a small unit."""
     _, rows = at_truth
-    small = {t.signal: k for k, t in enumerate(problem.thetas) if isinstance(t, Delay)}
+    small = {t.signal: k for k, t in enumerate(problem.thetas) if isinstance(t, SignalDelay)}
     assert set(small) == {"engine_torque", "slave_position"}
     assert set(small.values()) <= set(problem.nuisances)
     for signal, k in small.items():
@@ -322,6 +329,6 @@ def test_numbers_are_in_their_units(problem):
     assert g[numbers.index(("friction_slip", "speed"))] == 33.0
     changed = [keys.index("engine_inertia")]
     assert np.array_equal(np.delete(p, changed), np.delete(compiled.p, changed))
-    assert problem.thetas[slope] == Gain("friction_speed", "slope", 0.3)
+    assert problem.thetas[slope] == UnknownGain("friction_speed", "slope", 0.3)
     assert set(problem.gains).isdisjoint(problem.nuisances)
     assert len(problem.gains) + len(problem.nuisances) == len(problem.thetas)

@@ -14,7 +14,7 @@ import clutchest
 from clutchest.inference.map_fit import SETTLED, improve, most_probable, settle
 from clutchest.inference.objective import NO_DERIVATIVES, Objective
 from clutchest.inference.problem import Problem
-from clutchest.inference.unknowns import Parameter
+from clutchest.inference.unknowns import UnknownParameter
 from clutchest.models import machine_of
 from clutchest.signals import Floats
 from made_up import PERIOD, MadeUp, objective_of
@@ -210,7 +210,9 @@ def test_a_ridge_is_not_crept_along():
         psi[200:] += off[:, None] * np.array([1.0, -1.0])
         return r, psi
 
-    objective = objective_of(residuals, (Parameter("one", 1.0), Parameter("other", 1.0)))
+    objective = objective_of(
+        residuals, (UnknownParameter("one", 1.0), UnknownParameter("other", 1.0))
+    )
     begin = objective.linearise_at(np.zeros(2))
     evaluations = 0
     fit = improve(objective, begin, problem.all)

@@ -8,7 +8,7 @@ import pytest
 from clutchest.inference.map_fit import improve
 from clutchest.inference.multistart import multistart
 from clutchest.inference.objective import Objective
-from clutchest.inference.unknowns import Parameter
+from clutchest.inference.unknowns import UnknownParameter
 from clutchest.signals import Floats
 from made_up import objective_of
 
@@ -26,7 +26,7 @@ def cap(threshold: float, truth: float) -> Objective:
         r = np.array([SLOPE * past * (theta[0] - threshold) - read, 10.0 * theta[1]])
         return r, np.diag([SLOPE * past, 10.0])
 
-    return objective_of(residuals, (Parameter("late", 1.0), Parameter("read", 1.0)))
+    return objective_of(residuals, (UnknownParameter("late", 1.0), UnknownParameter("read", 1.0)))
 
 
 @pytest.mark.parametrize("side", [0.7, 1.2, 1.7])

@@ -120,7 +120,7 @@ class Window(NamedTuple):
     P: Any
 
 
-class Linearisation(NamedTuple):
+class ExpansionPoints(NamedTuple):
     """States ``known`` (r, n) around which equations are linearised, ``row`` (K) of them after
     each event, −1 for none, and ``apart`` (n), the way from there to the estimate."""
 

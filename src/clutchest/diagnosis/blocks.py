@@ -19,7 +19,7 @@ from clutchest.inference.map_fit import most_probable, settle
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.objective import Objective
 from clutchest.inference.prepared_drive import Readings
-from clutchest.inference.problem import Innovations, Problem
+from clutchest.inference.problem import NormalisedInnovations, Problem
 from clutchest.inference.unknowns import Unknown
 from clutchest.models.effects import Effect
 from clutchest.models.symbols import State
@@ -96,7 +96,10 @@ def blocks_of(
 
 
 def _blocks(
-    readings: Readings, states: tuple[State, ...], thetas: tuple[Unknown, ...], rows: Innovations
+    readings: Readings,
+    states: tuple[State, ...],
+    thetas: tuple[Unknown, ...],
+    rows: NormalisedInnovations,
 ) -> Blocks:
     which, stretches = block_index(readings.t), readings.stretches
     rest, level = _local_residuals(rows, which)
@@ -126,7 +129,9 @@ def block_index(t: Floats) -> NDArray[np.int64]:
     return index
 
 
-def _local_residuals(rows: Innovations, which: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _local_residuals(
+    rows: NormalisedInnovations, which: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
     """Residuals (K) after fitting θ to each stretch of blocks by itself, and the factor (K) that
     makes up for the fitted degrees of freedom: their autocorrelation is that of the noise alone,
     whatever drifts or jumps from stretch to stretch."""

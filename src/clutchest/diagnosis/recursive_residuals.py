@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.diagnosis.blocks import Blocks
-from clutchest.inference.unknowns import Gain, InitialState, StatedGain, Unknown
+from clutchest.inference.unknowns import InitialState, StatedGain, Unknown, UnknownGain
 from clutchest.models.symbols import State
 from clutchest.signals import Floats
 
@@ -78,7 +78,7 @@ def nuisances(
 def _variance(unknown: Unknown, state: State | None) -> float:
     """Prior variance in units, 0 of what does not vary; ``state`` whose start it is."""
     match unknown:
-        case Gain():
+        case UnknownGain():
             return unknown.healthy**2
         case StatedGain(exact=True):
             return 0.0

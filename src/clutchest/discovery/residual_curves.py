@@ -22,7 +22,7 @@ from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import family_wise, projected_out, resampled_scores
-from clutchest.inference.unknowns import Gain
+from clutchest.inference.unknowns import UnknownGain
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.signals import Floats
 
@@ -165,7 +165,7 @@ def places(problem: Problem) -> dict[str, int]:
     return {
         t.effect.removeprefix(PREFIX): k
         for k, t in enumerate(problem.thetas)
-        if isinstance(t, Gain)
+        if isinstance(t, UnknownGain)
     }
 
 

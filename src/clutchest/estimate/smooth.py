@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.compute.records import Belief, Events, Linearisation, Window, Work
+from clutchest.compute.records import Belief, Events, ExpansionPoints, Window, Work
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled, Filtered, copied, events_of, regimes_of
 from clutchest.progress import Progress
@@ -157,7 +157,7 @@ class _Windows:
             events._replace(R=events.R + (used - predicted)),
             regimes_of(self.timeline),
             self.compiled.numbers,
-            Linearisation(self.filtered.x, self.timeline.emit[piece], apart),
+            ExpansionPoints(self.filtered.x, self.timeline.emit[piece], apart),
             self.window,
             self.work,
         )

@@ -21,7 +21,7 @@ from clutchest.errors import ClutchestError
 from clutchest.inference.map_fit import settle
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
-from clutchest.inference.unknowns import Parameter
+from clutchest.inference.unknowns import UnknownParameter
 from clutchest.inference.while_sliding import while_sliding
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains
@@ -52,7 +52,7 @@ class Posterior:
     def of(self, key: str) -> tuple[float, float] | None:
         """Value and standard deviation of a parameter; None where the file gives it no spread."""
         for i, t in enumerate(self.problem.thetas):
-            if isinstance(t, Parameter) and t.key == key:
+            if isinstance(t, UnknownParameter) and t.key == key:
                 nominal = self.problem.vehicle.parameters[key].value
                 std = float(np.sqrt(self.covariance[i, i]))
                 return nominal + float(self.theta[i] * t.unit), std * t.unit
@@ -149,7 +149,7 @@ def bounds(problem: Problem) -> tuple[Floats, Floats]:
     allowed = {p.key: (p.lower, p.upper) for p in problem.compiled.model.parameters}
     low, high = np.full(len(problem.thetas), -np.inf), np.full(len(problem.thetas), np.inf)
     for i, t in enumerate(problem.thetas):
-        if isinstance(t, Parameter):
+        if isinstance(t, UnknownParameter):
             value = problem.vehicle.parameters[t.key].value
             low[i], high[i] = ((end - value) / t.unit for end in allowed[t.key])
     return low, high

@@ -1,4 +1,4 @@
-"""Innovations of a drive at given numbers, and their derivatives by every unknown.
+"""NormalisedInnovations of a drive at given numbers, and their derivatives by every unknown.
 
 A linearisation is a function: numbers and an operating point in; innovations, derivatives and the
 operating point that the numbers imply out.  Innovations depend on the numbers alone; derivatives
@@ -30,7 +30,7 @@ from clutchest.signals import Floats
 Shifts = Mapping[str, float | Floats]  # signal → by how many s it is late, at every event or always
 
 
-class Response(NamedTuple):
+class LinearResponse(NamedTuple):
     """``innovations`` (K) of the readings, their ``derivatives`` (K, a), and the operating point
     that the numbers ``imply``."""
 
@@ -49,14 +49,14 @@ class Modulation(NamedTuple):
 
 def linearise(
     drive: PreparedDrive, numbers: ModelNumbers, at: OperatingPoint, active: NDArray[np.int64]
-) -> Response:
-    """Innovations, and derivatives by the ``active`` thetas (a) of the compiled model."""
+) -> LinearResponse:
+    """NormalisedInnovations, and derivatives by the ``active`` thetas (a) of the compiled model."""
     return _linearised(drive, numbers, at, active, drive.gains, frozen=True)
 
 
 def filtered(
     drive: PreparedDrive, numbers: ModelNumbers, at: OperatingPoint, active: NDArray[np.int64]
-) -> tuple[Response, FrozenGains]:
+) -> tuple[LinearResponse, FrozenGains]:
     """The same with the gains that the filter has at these ``numbers``, and these
     gains."""
     events, tracked = drive.tracked.rate.shape
@@ -85,7 +85,7 @@ def _linearised(
     gains: FrozenGains,
     *,
     frozen: bool,
-) -> Response:
+) -> LinearResponse:
     varying = {d.theta: d.size / d.reach for d in drive.delayed if np.ndim(d.size)}
     basis = np.column_stack([*varying.values(), np.zeros((len(drive.line.t), 0))])
     columns = [list(varying).index(k) if k in varying else -1 for k in active]
@@ -96,7 +96,7 @@ def _linearised(
     innovations, derivatives, states = _propagated(
         drive, numbers, inputs, active, modulation, gains, frozen=frozen
     )
-    return Response(innovations, derivatives, _implied(drive, numbers, at, states, measured))
+    return LinearResponse(innovations, derivatives, _implied(drive, numbers, at, states, measured))
 
 
 class _Inputs(NamedTuple):

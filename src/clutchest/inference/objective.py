@@ -18,8 +18,8 @@ from clutchest.inference.input_noise_covariance import InputNoiseCovariance
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
-from clutchest.inference.problem import Innovations, Problem
-from clutchest.inference.unknowns import Gain, Shapes
+from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.unknowns import Shapes, UnknownGain
 from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
@@ -43,7 +43,7 @@ class Linearisation:
     r: Floats
     psi: Floats
     cost: float
-    raw: Sequence[Innovations]
+    raw: Sequence[NormalisedInnovations]
     implied: Sequence[OperatingPoint]
 
     @property
@@ -91,7 +91,7 @@ class Objective:
         prior[problem.nuisances] = 1.0
         low, high = np.full(len(prior), -np.inf), np.full(len(prior), np.inf)
         for i, t in enumerate(problem.thetas):
-            if isinstance(t, Gain):
+            if isinstance(t, UnknownGain):
                 low[i], high[i] = t.lower, t.upper
         input_noise = _input_noise(problem, stretches, white, weights)
         return cls(problem, stretches, white, weights, input_noise, None, prior, low, high)
@@ -175,7 +175,9 @@ class Objective:
         """A linearisation as this objective judges it."""
         return self._white(lin.raw, lin.theta, lin.shapes)
 
-    def _white(self, raw: Sequence[Innovations], theta: Floats, shapes: Shapes) -> Linearisation:
+    def _white(
+        self, raw: Sequence[NormalisedInnovations], theta: Floats, shapes: Shapes
+    ) -> Linearisation:
         with np.errstate(over="ignore", invalid="ignore"):  # infinite, where the equations run away
             white = self._whiten([innovations.table.copy() for innovations in raw])
             r, active = white[:, 0], white[:, 1:]

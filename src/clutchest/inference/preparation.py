@@ -18,7 +18,7 @@ from clutchest.inference.decimation import decimated
 from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_mean
 from clutchest.inference.input_interpolation import InterpolatedInput, spacing
 from clutchest.inference.input_noise_covariance import input_noise_directions
-from clutchest.inference.linearisation import Response, filtered
+from clutchest.inference.linearisation import LinearResponse, filtered
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import (
     DelayedSignal,
@@ -175,7 +175,11 @@ def _mean(noise: float, ar: float) -> Callable[[Floats, Floats, NDArray[np.bool_
 
 
 def _readings(
-    drive: PreparedDrive, response: Response, units: Floats, signals: Signals, vehicle: Vehicle
+    drive: PreparedDrive,
+    response: LinearResponse,
+    units: Floats,
+    signals: Signals,
+    vehicle: Vehicle,
 ) -> Readings:
     """Those that respond to any θ, by the derivatives of all of them at the file's numbers."""
     line, model = drive.line, drive.compiled.model

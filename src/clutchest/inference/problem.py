@@ -16,13 +16,13 @@ from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.preparation import prepared
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.unknowns import (
-    Delay,
-    Gain,
     InitialState,
-    Parameter,
     Shapes,
+    SignalDelay,
     StatedGain,
     Unknown,
+    UnknownGain,
+    UnknownParameter,
     of_compiled,
 )
 from clutchest.models.effects import Effect
@@ -38,7 +38,7 @@ CLOCK = 0.0005
 
 
 @dataclass(frozen=True, slots=True)
-class Innovations:
+class NormalisedInnovations:
     """Of the readings (K) of one drive, sensor after sensor, each in order of time.
 
     ``table`` (K, 1 + a): ``r`` (K) innovations over their predicted standard deviation, and their
@@ -116,17 +116,17 @@ class Problem:
             progress,
         )
         known = tuple(of_compiled(compiled, sought))
-        shared = [t for t in known if isinstance(t, Parameter | StatedGain | Gain)]
+        shared = [t for t in known if isinstance(t, UnknownParameter | StatedGain | UnknownGain)]
         starts = [t for t in known if isinstance(t, InitialState)]
         delayed = _delayed(shared, sought)
         thetas = (
             *shared,
             *(replace(t, drive=i) for i in range(len(drives)) for t in starts),
-            *(Delay(signal, TIMING) for signal in delayed.values()),
+            *(SignalDelay(signal, TIMING) for signal in delayed.values()),
         )
         units = np.array([t.unit for t in (*shared, *starts)])
         exact = [isinstance(t, StatedGain) and t.exact for t in thetas]
-        gains = [isinstance(t, Gain) for t in thetas]
+        gains = [isinstance(t, UnknownGain) for t in thetas]
         return cls(
             vehicle,
             compiled,
@@ -158,7 +158,7 @@ class Problem:
     @property
     def gains(self) -> NDArray[np.int64]:
         """Indices of the gains of candidate effects."""
-        return np.flatnonzero([isinstance(t, Gain) for t in self.thetas])
+        return np.flatnonzero([isinstance(t, UnknownGain) for t in self.thetas])
 
     def index(self, name: str) -> int:
         """Where an unknown stands in θ, by its name: ``str`` of it."""
@@ -193,13 +193,13 @@ class Problem:
         rows = {(effect.name, key): i for i, (effect, key) in enumerate(c.model.numbers)}
         for t, value in zip(self.thetas, theta, strict=True):
             match t:
-                case Parameter(key):
+                case UnknownParameter(key):
                     p[keys.index(key)] += value * t.unit
-                case Gain(effect, key) | StatedGain(effect, key):
+                case UnknownGain(effect, key) | StatedGain(effect, key):
                     g[rows[effect, key]] += value * t.unit
                 case InitialState(state) if t.drive == drive:
                     x[c.model.state(state)] += value * t.unit
-                case Delay(signal):
+                case SignalDelay(signal):
                     late[signal] = value * t.unit
         for name, value in shapes.items():
             g[rows[name]] = value
@@ -211,7 +211,7 @@ class Problem:
         shapes: Shapes,
         active: NDArray[np.int64] | None = None,
         at: Sequence[OperatingPoint] | None = None,
-    ) -> tuple[Innovations, ...]:
+    ) -> tuple[NormalisedInnovations, ...]:
         """Every drive at ``theta`` (m); shapes of effects at their defaults unless given.
 
         Derivatives by the ``active`` ones only (indices; all unless given) are other than zero.
@@ -235,7 +235,7 @@ class Problem:
 
     def _of_drive(
         self, drive: int, numbers: ModelNumbers, wanted: NDArray[np.bool_], at: OperatingPoint
-    ) -> Innovations:
+    ) -> NormalisedInnovations:
         """One drive, with derivatives by the ``wanted`` thetas (m)."""
         prepared_drive, units = self.drives[drive], self.units
         std = prepared_drive.readings.std
@@ -259,7 +259,7 @@ class Problem:
             if wanted[k]:
                 per_delay = table[:, 1 + place[of]] / units[of]
                 table[:, 1 + place[k]] = per_delay * units[k]
-        return Innovations(table, len(wanted), implied, None if wanted.all() else active)
+        return NormalisedInnovations(table, len(wanted), implied, None if wanted.all() else active)
 
     def modulated(
         self,
@@ -286,7 +286,7 @@ def _delayed(shared: Sequence[Unknown], effects: Mapping[str, Effect]) -> dict[i
     first_of = {
         signal: k
         for k, t in reversed(list(enumerate(shared)))
-        if isinstance(t, Gain)
+        if isinstance(t, UnknownGain)
         for signal, key in effects[t.effect].delays.items()
         if key == t.key
     }

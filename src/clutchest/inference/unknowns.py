@@ -17,7 +17,7 @@ Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class UnknownParameter:
     """A parameter of the vehicle file that has a spread, which is its prior."""
 
     key: str
@@ -42,7 +42,7 @@ class StatedGain:
 
 
 @dataclass(frozen=True, slots=True)
-class Gain:
+class UnknownGain:
     """A gain of a candidate effect, absent at 0.
 
     ``lower`` and ``upper`` plausible values in its unit; ``healthy``: standard deviation, in its
@@ -73,7 +73,7 @@ class InitialState:
 
 
 @dataclass(frozen=True, slots=True)
-class Delay:
+class SignalDelay:
     """A small delay of a signal, beyond what the vehicle file states; ``unit`` s."""
 
     signal: str
@@ -95,7 +95,7 @@ class InputNoise:
         return f"noise of {self.input}"
 
 
-Unknown = Parameter | StatedGain | Gain | InitialState | Delay | InputNoise
+Unknown = UnknownParameter | StatedGain | UnknownGain | InitialState | SignalDelay | InputNoise
 
 
 def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Unknown]:
@@ -103,7 +103,7 @@ def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Un
     effects by name, other effects are those of the vehicle file."""
     for (owner, key), spread in zip(compiled.thetas, compiled.spread, strict=True):
         if owner == PARAMETER:
-            yield Parameter(key, spread)
+            yield UnknownParameter(key, spread)
         elif owner == START:
             yield InitialState(key, spread)
         elif owner == NOISE:
@@ -111,6 +111,6 @@ def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Un
         elif owner in sought:
             n = next(n for n in sought[owner].gains if n.key == key)
             lower, upper, healthy = n.lower / n.upper, 1.0, n.healthy / n.upper
-            yield Gain(owner, key, n.upper, lower, upper, healthy)
+            yield UnknownGain(owner, key, n.upper, lower, upper, healthy)
         else:
             yield StatedGain(owner, key, spread or 1.0, exact=spread == 0.0)
