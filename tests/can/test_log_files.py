@@ -5,6 +5,7 @@ import gzip
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -194,8 +195,6 @@ End TriggerBlock
 
 
 def test_asc_date_makes_time_absolute(tmp_path):
-    from datetime import datetime
-
     path = tmp_path / "a.asc"
     path.write_text(ASC)
     frames = read_frames(path)
@@ -214,6 +213,81 @@ def test_asc_stamps_from_line_to_line_are_added_up(tmp_path):
     frames = read_frames(path)
     assert (frames.t_ns / 1e6).tolist() == [100, 300, 600, 1000]
     assert not frames.absolute
+
+
+@pytest.mark.parametrize("count", [20, 60])
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_stamps_before_zero_are_read_back(suffix, count, tmp_path):
+    """Those of frames before a trigger."""
+    frames = random_frames(count, seed=9)
+    t_ns = (np.arange(count) - 10) * 250_000_000 - 123_000
+    frames = replace(frames, t_ns=t_ns, absolute=False)
+    if NO_CHANNELS in FORMATS[suffix].losses:
+        frames = without_channels(frames)
+    write_frames(frames, tmp_path / f"a{suffix}")
+    assert_equal(read_frames(tmp_path / f"a{suffix}"), frames)
+
+
+def test_asc_stamps_before_the_trigger(tmp_path):
+    (tmp_path / "a.asc").write_text(
+        "date Wed Mar 8 02:03:04.500 pm 2023\nbase hex  timestamps absolute\n"
+        "Begin Triggerblock Wed Mar 8 02:03:04.500 pm 2023\n"
+        " -1.250000 1  1A0  Rx  d 1 01\n  -0.000001 1  1A0  Rx  d 1 02\n"
+        "  0.000000 1  1A0  Rx  d 1 03\n -x 1  1A0  Rx  d 1 04\n"
+    )
+    frames = read_frames(tmp_path / "a.asc")
+    start = round(datetime(2023, 3, 8, 14, 3, 4, 500000).timestamp() * 1e6) * 1000
+    assert (frames.t_ns - start).tolist() == [-1_250_000_000, -1000, 0]
+    assert frames.rejected == (("time stamp cannot be read", 1),)
+
+
+OLD_FD = """date Thu May 4 09:10:11 am 2006
+base hex  timestamps absolute
+internal events logged
+// version 7.2.0
+   1.500000 CANFD 2  2A1             Rx   0 1 d a 16 00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F
+   1.600000 CANFD 1  18FEF100x       Tx   1 0 d 2 2 AA BB  Length = 209000 BitCount = 128 ID = 1
+   1.700000 CANFD 1  7FF             Rx   0 0 r 3  Length = 138000 BitCount = 57 ID = 2047
+   1.800000 CANFD 1  123             Xx   0 0 d 1 1 07
+   1.900000 CANFD 1  123             Rx   0 0 x 1 1 07
+   2.000000 CANFD 1 Rx  123  Name    0 0 1 1 07
+"""
+
+
+def test_asc_fd_lines_of_older_versions(tmp_path):
+    (tmp_path / "a.asc").write_text(OLD_FD)
+    frames = read_frames(tmp_path / "a.asc")
+    fd = Flag.FD
+    assert frames.id.tolist() == [0x2A1, 0x18FEF100, 0x7FF, 0x123]
+    assert frames.flags.tolist() == [
+        fd | Flag.ERROR_STATE,
+        fd | Flag.EXTENDED | Flag.SENT | Flag.BITRATE_SWITCH,
+        Flag.REMOTE,
+        fd,
+    ]
+    assert frames.length.tolist() == [16, 2, 3, 1] and frames.channel.tolist() == [1, 0, 0, 0]
+    assert frames.data[0, :16].tolist() == list(range(16))
+    assert frames.data[1, :3].tolist() == [0xAA, 0xBB, 0]
+    assert dict(frames.rejected) == {
+        "no CAN frame in this line": 1,
+        "payload cannot be read or is too long": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ("first", "since_midnight"),
+    [(47_105.5, True), (47_104.2, True), (47_300.0, False), (0.5, False)],
+)
+def test_asc_stamps_that_are_the_time_of_day(first, daytime, tmp_path):
+    """As BusMaster has it."""
+    (tmp_path / "a.asc").write_text(
+        "date Tue Sep 6 01:05:05 pm 2022\nbase hex  no internal events logged\n// version 7.1.0\n"
+        f"{first:.6f} 1 122 Rx d 1 01\n{first + 0.25:.6f} 1 122 Rx d 1 02\n"
+    )
+    frames = read_frames(tmp_path / "a.asc")
+    zero = datetime(2022, 9, 6) if daytime else datetime(2022, 9, 6, 13, 5, 5)
+    stamps = [round((zero.timestamp() + first + dt) * 1e6) * 1000 for dt in (0, 0.25)]
+    assert frames.absolute and frames.t_ns.tolist() == stamps
 
 
 @pytest.mark.parametrize("header", ["", "base hex  timestamps absolute\n"])

@@ -60,7 +60,9 @@ class Lines:
 
     def point(self, values: NDArray[np.int64], unit: int, decimals: int, digits: int = 1) -> Lines:
         """``values`` / ``unit`` with ``decimals`` digits behind the point."""
-        whole, rest = np.divmod(values, unit)
+        if np.any(values < 0):
+            self.put("-", values < 0)
+        whole, rest = np.divmod(np.abs(values), unit)
         powers = 10 ** np.arange(decimals - 1, -1, -1, dtype=np.int64)
         rest = rest // (unit // 10**decimals)
         chars = (rest[:, None] // powers % 10 + ord("0")).astype(np.uint8)

@@ -211,8 +211,9 @@ def hexadecimal(text: Bytes, i: int) -> tuple[int, int]:
 @compiled
 def stamp(text: Bytes, i: int, unit_ns: int) -> tuple[int, int]:
     """(ns, position behind) of a decimal number in ``unit_ns``; digits beyond 1 ns are dropped."""
-    whole, behind = decimal(text, i)
-    if behind == i or whole > 9_000_000_000_000_000_000 // unit_ns:
+    first = i + 1 if text[i] == 45 else i  # -
+    whole, behind = decimal(text, first)
+    if behind == first or whole > 9_000_000_000_000_000_000 // unit_ns:
         return 0, i
     ns = whole * unit_ns
     if text[behind] == 46:
@@ -221,7 +222,7 @@ def stamp(text: Bytes, i: int, unit_ns: int) -> tuple[int, int]:
             unit_ns //= 10
             ns += (text[behind] - 48) * unit_ns
             behind += 1
-    return ns, behind
+    return (-ns if first > i else ns), behind
 
 
 @compiled

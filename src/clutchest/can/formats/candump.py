@@ -179,7 +179,8 @@ def write(frames: Frames) -> Iterator[bytes]:
     """The log in pieces.  Stamps have 6 decimals, or 9 where the frames need them."""
     places = decimals(frames, 0)
     digits = max(3, len(str(int(frames.t_ns.max(initial=0)) // 10**9)))
-    if len(frames) <= FEW and not np.any(frames.flags & ~np.uint8(Flag.EXTENDED)):
+    plain = not np.any(frames.flags & ~np.uint8(Flag.EXTENDED)) and np.all(frames.t_ns >= 0)
+    if len(frames) <= FEW and plain:
         yield b"".join(_plain(frames, places, digits))
         return
 
@@ -221,7 +222,7 @@ FORMAT = LogFormat(
     title="candump (.log)",
     about="candump: compact `id#data`, FD `id##…`, console `id [n] …`",
     suffix=".log",
-    sniff=has_line(rb"[ \t]*\(\d+\.\d+\)[ \t]+\S+[ \t]"),
+    sniff=has_line(rb"[ \t]*\(-?\d+\.\d+\)[ \t]+\S+[ \t]"),
     read=read,
     lines=write,
 )

@@ -71,8 +71,11 @@ def _line(text: Bytes, i: int, n: int, out: Table) -> int:
         return BLANK if at_end(text, i) >= 0 else NO_FRAME
     if (text[behind] | 32) == 101 and text[behind + 1] == 45:  # 1e-06: stamps below 0.1 ms
         power, behind = decimal(text, behind + 2)
-        _, whole = decimal(text, i)
-        t_ns = _shifted(text, i, whole, power)
+        first = i + 1 if text[i] == 45 else i  # -
+        _, whole = decimal(text, first)
+        t_ns = _shifted(text, first, whole, power)
+        if first > i:
+            t_ns = -t_ns
     if text[behind] != 44:
         return BAD_TIME
     out.t_ns[n] = t_ns

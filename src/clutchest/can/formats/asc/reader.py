@@ -4,7 +4,8 @@
 ``   0.100000 CANFD  1 Rx  300  Name  1 0 8 8 01 …``; a name after the id may be missing.
 
 The date in the header, or of a ``Begin Triggerblock`` further down, makes the stamps absolute.  It
-has no zone and is taken as local time.
+has no zone and is taken as local time.  Stamps that begin at the date's own time of day count from
+midnight, as BusMaster has it; stamps before a trigger are negative.
 """
 
 from __future__ import annotations
@@ -16,10 +17,8 @@ from datetime import datetime
 
 import numpy as np
 
-from clutchest.can.frames import LENGTH_CODE, LENGTHS, Flag, Frames
-from clutchest.can.log_format import LogFormat, has_line
+from clutchest.can.frames import LENGTHS, Frames
 from clutchest.can.log_source import LogSource
-from clutchest.can.text_lines import Lines, decimals, has, written
 from clutchest.can.text_scan import (
     BAD_DATA,
     BAD_ID,
@@ -84,6 +83,8 @@ _MONTHS = {
     )
     for name in names.split()
 }
+_FIRST_STAMP = re.compile(r"^\s*(\d+\.\d+)\s", re.MULTILINE)
+_CLOSE_S = 60.0  # s from the date's time of day in which the first frame of a log is expected
 _MOST_HEADERS = 10_000  # more of them are no headers
 _LONGEST_HEADER = 4096  # bytes
 
@@ -95,9 +96,11 @@ _ERROR_FRAME, _CANFD = (np.frombuffer(w, np.uint8) for w in (b"errorframe", b"ca
 
 @dataclass(slots=True)
 class _Clock:
-    """The state that the header lines so far define, in the form that the compiled scan takes."""
+    """The state that the header lines so far define, in the form that the compiled scan takes;
+    ``by_day``: stamps count from midnight."""
 
     now: Ints
+    by_day: bool = False
 
     def scan(self, text: Bytes, out: Table, counts: Ints) -> int:
         before = self.now.copy()
@@ -121,14 +124,34 @@ class _Clock:
             self.now[_DECIMAL] = base["base"].lower() == "dec"
             self.now[_DELTAS] = (base["stamps"] or "").lower() == "relative"
         elif (date := _DATE.match(words)) and (start := _epoch_ns(date)) is not None:
-            self.now[_START] = start
+            self.now[_START] = start - _since_midnight_ns(date) * self.by_day
+
+
+def _hour(date: re.Match[str]) -> int:
+    hour = int(date["hour"])
+    if date["half"] and hour <= 12:
+        hour = hour % 12 + 12 * (date["half"].lower() == "pm")
+    return hour
+
+
+def _since_midnight_ns(date: re.Match[str]) -> int:
+    seconds = 3600 * _hour(date) + 60 * int(date["minute"]) + int(date["second"])
+    return seconds * 10**9 + int((date["part"] or "0")[:9].ljust(9, "0"))
+
+
+def _counts_by_day(head: bytes) -> bool:
+    """Whether the first stamp is the time of day of the date before it, as BusMaster writes it."""
+    words = head.decode("latin-1")
+    date, stamp = _DATE.search(words), _FIRST_STAMP.search(words)
+    if date is None or stamp is None:
+        return False
+    begin = _since_midnight_ns(date) / 1e9
+    return begin > _CLOSE_S and -1.0 <= float(stamp[1]) - begin <= _CLOSE_S
 
 
 def _epoch_ns(date: re.Match[str]) -> int | None:
     """The date in ns since 1970, by the clock of this machine; None if there is no such day."""
-    hour, month = int(date["hour"]), _MONTHS.get(date["month"].lower()[:3])
-    if date["half"] and hour <= 12:
-        hour = hour % 12 + 12 * (date["half"].lower() == "pm")
+    hour, month = _hour(date), _MONTHS.get(date["month"].lower()[:3])
     try:
         whole = datetime(
             int(date["year"]),
@@ -147,7 +170,7 @@ def _epoch_ns(date: re.Match[str]) -> int | None:
 
 def read(source: LogSource) -> Iterator[Frames]:
     """Frames of an asc log; lines that cannot be read are counted in ``rejected``."""
-    clock = _Clock(np.zeros(5, np.int64))
+    clock = _Clock(np.zeros(5, np.int64), _counts_by_day(source.head))
     for frames in tables(source, clock.scan):
         yield replace(frames, absolute=bool(clock.now[_START] >= EPOCH_NS))
 
@@ -175,7 +198,7 @@ def _scan(text: Bytes, i: int, n: int, now: Ints, out: Table, counts: Ints) -> t
 @compiled
 def _line(text: Bytes, i: int, n: int, now: Ints, out: Table) -> int:
     """Reads one line into row ``n``; the position of its newline, or why not."""
-    if text[i] < 48 or text[i] > 57:
+    if (text[i] < 48 or text[i] > 57) and text[i] != 45:  # -, before the trigger
         if is_word(text, i, _BEGIN) or is_word(text, i, _BASE_WORD) or is_word(text, i, _DATE_WORD):
             return HEADER if now[_HEADERS] < _MOST_HEADERS else NO_FRAME
         idle = text[i] == 47 or text[i] == 59 or at_end(text, i) >= 0  # comments
@@ -279,27 +302,41 @@ def _fd(text: Bytes, i: int, n: int, base: int, out: Table) -> int:
     out.channel[n] = max(channel - 1, 0) & 0xFF
     i = blanks(text, behind)
     sent = _direction(text, i) if text[i] > 32 else -1
-    if sent < 0:
-        return NO_FRAME
-    i = blanks(text, word(text, i))
+    old = sent < 0  # id and direction, then "d" or "r" behind the bits
+    if not old:
+        i = blanks(text, word(text, i))
     if is_word(text, i, _ERROR_FRAME):
-        return _error(text, i, n, FD | sent, out)
-    flag, i = _id(text, i, n, base, out)
+        return _error(text, i, n, FD | max(sent, 0), out)
+    flag, behind = _id(text, i, n, base, out)
+    i = blanks(text, word(text, i))
+    if old:
+        sent = _direction(text, i) if text[i] > 32 else -1
+        if sent < 0:
+            return NO_FRAME
+        i = blanks(text, word(text, i))
+    elif (text[i] != 48 and text[i] != 49) or text[i + 1] > 32:
+        i = blanks(text, word(text, i))  # the name of the message
     if flag < 0:
         return BAD_ID
     flag |= FD | sent
-    i = blanks(text, i)
-    if (text[i] != 48 and text[i] != 49) or text[i + 1] > 32:
-        i = blanks(text, word(text, i))  # the name of the message
     for bit in (BRS, ESI):
         if (text[i] != 48 and text[i] != 49) or text[i + 1] > 32:
             return BAD_DATA
         if text[i] == 49:
             flag |= bit
         i = blanks(text, i + 1)
+    kind = text[i] | 32 if old else 100
+    if old:
+        if (kind != 100 and kind != 114) or text[i + 1] > 32:  # d, r
+            return BAD_DATA
+        i = blanks(text, i + 1)
     code, behind = _number(text, i, base)
     if behind == i or text[behind] > 32 or code > 15:
         return BAD_DATA
+    if kind == 114:  # CAN FD has no remote frames
+        out.flags[n] = (flag & ~(FD | BRS | ESI)) | REMOTE
+        out.length[n] = min(LENGTHS[code], 8)
+        return line_end(text, behind)
     i = blanks(text, behind)
     count, behind = decimal(text, i)
     if behind == i or text[behind] > 32 or count > 64:
@@ -313,63 +350,3 @@ def _fd(text: Bytes, i: int, n: int, base: int, out: Table) -> int:
             return behind
     out.flags[n], out.length[n] = flag, count
     return line_end(text, behind)
-
-
-_DAY_NAMES = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
-_MONTH_NAMES = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
-
-
-def write(frames: Frames) -> Iterator[bytes]:
-    """The log in pieces.  It starts at a full second; without a date it has none in the header."""
-    start_ns = 0
-    date = ""
-    if frames.absolute and len(frames):
-        start_ns = int(frames.t_ns.min()) // 10**9 * 10**9
-        start = datetime.fromtimestamp(start_ns // 10**9)
-        day, month = _DAY_NAMES[start.weekday()], _MONTH_NAMES[start.month - 1]
-        date = f"{day} {month} {start:%d %H:%M:%S}.000 {start.year}"
-        yield f"date {date}\n".encode()
-    yield b"base hex  timestamps absolute\ninternal events logged\n"
-    if date:
-        yield f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n".encode()
-    places = decimals(frames, 0)
-
-    def line(piece: Frames) -> Lines:
-        fd, remote, error = (has(piece, f) for f in (Flag.FD, Flag.REMOTE, Flag.ERROR))
-        sent, data, code = has(piece, Flag.SENT), ~(remote | error), LENGTH_CODE[piece.length]
-        classic, long = ~(fd | error), fd & ~error
-        lines = Lines(len(piece)).put("   ").point(piece.t_ns - start_ns, 10**9, places)
-        lines.put(" CANFD  ", fd).put(" ").number(piece.channel.astype(int) + 1)
-        direction = Lines(len(piece)).put("Rx", ~sent).put("Tx", sent)
-        for chars, shown in zip(direction.chars, direction.shown, strict=True):
-            lines.put(" ", shown[:, 0] & fd).put(chars, shown & fd[:, None])
-        lines.put("  ErrorFrame", error).put("  ", ~error)
-        digits = np.maximum(1, (np.ceil(np.log2(piece.id + 1.0) / 4)).astype(int))
-        lines.hexadecimal(piece.id, np.where(error, 0, digits))
-        lines.put("x", has(piece, Flag.EXTENDED))
-        for chars, shown in zip(direction.chars, direction.shown, strict=True):
-            lines.put("  ", shown[:, 0] & classic).put(chars, shown & classic[:, None])
-        lines.put("   d ", classic & ~remote).put("   r ", classic & remote)
-        for flag in (Flag.BITRATE_SWITCH, Flag.ERROR_STATE):
-            lines.put(" 0", long & ~has(piece, flag)).put(" 1", long & has(piece, flag))
-        lines.put(" ", long).hexadecimal(code, np.where(error, 0, 1))
-        count = np.where(remote, 0, piece.length)
-        tens = (count // 10 + ord("0"))[:, None].astype(np.uint8)
-        ones = (count % 10 + ord("0"))[:, None].astype(np.uint8)
-        lines.put(" ", long).put(tens, long & (count > 9)).put(ones, long)
-        # Behind the payload are times and settings of the bus, which are not known.
-        return lines.payload(piece, data, " ").put("  0 0 1000 0 0 0 0 0", long)
-
-    yield from written(frames, line)
-    if date:
-        yield b"End TriggerBlock\n"
-
-
-FORMAT = LogFormat(
-    title=".asc",
-    about="Vector: hexadecimal and decimal, stamps from the start or from line to line, CAN FD",
-    suffix=".asc",
-    sniff=has_line(rb"(date[ \t]|base[ \t]+(hex|dec)|begin triggerblock)", re.IGNORECASE),
-    read=read,
-    lines=write,
-)
