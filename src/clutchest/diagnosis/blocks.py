@@ -8,7 +8,7 @@ the sum of theirs.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -91,8 +91,8 @@ def blocks_of(
         free = np.append(problem.nuisances, list(present))
         fit = most_probable(objective, free, fit.theta)
     [rows] = objective.relinearise(fit, fit.theta).raw
-    rows.r[:] -= rows.psi @ fit.theta  # at θ = 0
-    return _blocks(readings, vehicle.machine.states, thetas, rows)
+    at_zero = np.column_stack([rows.r - rows.psi @ fit.theta, rows.table[:, 1:]])
+    return _blocks(readings, vehicle.machine.states, thetas, replace(rows, table=at_zero))
 
 
 def _blocks(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.diagnosis.faults.messages import fluctuating, messages_of, moving
+from clutchest.diagnosis.faults.messages import fluctuating, messages_of, moving, resting
 from clutchest.diagnosis.faults.repeats import SAMPLES, SPAN, RepeatTest
 from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
 from clutchest.vehicle import Vehicle
@@ -21,10 +21,12 @@ class Frozen(RepeatTest):
 
     def __init__(self, vehicle: Vehicle, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.vehicle = vehicle
-        self.carried = tuple(
-            name for name in fluctuating(vehicle) if vehicle.signals[name].bus.message == subject
-        )
+        rests = resting(vehicle)
+        self.carried = {
+            name: name in rests
+            for name in fluctuating(vehicle)
+            if vehicle.signals[name].bus.message == subject
+        }
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
@@ -35,10 +37,10 @@ class Frozen(RepeatTest):
         """See :meth:`StreamTest.take`."""
         traffic = batch.traffic[self.subject]
         tested = np.zeros(len(traffic), bool)
-        for name in self.carried:
+        for name, rests in self.carried.items():
             if name in batch.signals:
                 signal = batch.signals[name].only_valid()
-                times = signal.time[moving(self.vehicle, name, signal.value)]
+                times = signal.time[moving(signal.value, rests)]
                 tested |= np.isin(traffic.time, times)
 
         def what(begun: float, detected: float) -> str:

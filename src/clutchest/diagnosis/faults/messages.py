@@ -25,8 +25,11 @@ def fluctuating(vehicle: Vehicle) -> tuple[str, ...]:
     return tuple(name for name in vehicle.signals if name not in slow)
 
 
-def moving(vehicle: Vehicle, name: str, value: Floats) -> NDArray[np.bool_]:
-    """Where samples (n) of a fluctuating signal are not at rest, where some are exactly 0."""
-    column = vehicle.machine.column(name)
-    rests = column is not None and column.rests
+def resting(vehicle: Vehicle) -> frozenset[str]:
+    """Signals that may be exactly 0 for as long as the machine is at rest."""
+    return frozenset(column.name for column in vehicle.machine.columns if column.rests)
+
+
+def moving(value: Floats, rests: bool) -> NDArray[np.bool_]:
+    """Where samples (n) of a fluctuating signal, which ``rests`` or does not, are not at rest."""
     return value != 0.0 if rests else np.ones(len(value), bool)

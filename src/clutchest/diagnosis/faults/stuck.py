@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.diagnosis.faults.messages import fluctuating, moving
+from clutchest.diagnosis.faults.messages import fluctuating, moving, resting
 from clutchest.diagnosis.faults.repeats import RepeatTest
 from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
 from clutchest.vehicle import Vehicle
@@ -23,8 +23,8 @@ class Stuck(RepeatTest):
 
     def __init__(self, vehicle: Vehicle, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
-        self.vehicle, self.fluctuates = vehicle, subject in fluctuating(vehicle)
-        self.last = np.nan
+        self.fluctuates = subject in fluctuating(vehicle)
+        self.rests, self.last = subject in resting(vehicle), np.nan
 
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
@@ -40,7 +40,7 @@ class Stuck(RepeatTest):
             return
         same = np.diff(signal.value, prepend=self.last) == 0.0
         self.last = float(signal.value[-1])
-        tested = moving(self.vehicle, self.subject, signal.value)
+        tested = moving(signal.value, self.rests)
 
         def what(begun: float, detected: float) -> str:
             value = signal.value[np.searchsorted(signal.time, detected)]
