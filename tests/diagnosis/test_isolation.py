@@ -16,7 +16,7 @@ from clutchest.diagnosis.isolation import (
     separability,
 )
 from clutchest.diagnosis.isolation import hypotheses as hypotheses_of
-from clutchest.inference.unknowns import Gain
+from clutchest.inference.unknowns import UnknownGain
 from clutchest.models import machine_of
 
 TRUCK = machine_of("dry_clutch")
@@ -49,9 +49,9 @@ def test_rivals_are_excluded_at_95_percent():
 
 PADS = (
     *THETAS[:3],
-    Gain("position_offset", "offset", 1.0),
-    Gain("wear", "amount", 3.0),
-    Gain("position_drift", "rate", 2.0),
+    UnknownGain("position_offset", "offset", 1.0),
+    UnknownGain("wear", "amount", 3.0),
+    UnknownGain("position_drift", "rate", 2.0),
 )
 POSITION = SimpleNamespace(
     faults=(FAULTS["drift:slave_position"], FAULTS["position_offset"]), wear=TRUCK.wear
