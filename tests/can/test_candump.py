@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import time
+from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 import can
+from clutchest.can import log_source
 from clutchest.can.files import read_frames
 from clutchest.can.formats import candump
 from clutchest.can.frames import Flag, Frames
@@ -180,3 +183,68 @@ def test_a_few_frames_are_written_as_many_are(unit):
     together = b"".join(candump.write(frames))
     each = [b"".join(candump.write(frames.take(slice(k, k + 20)))) for k in range(0, n, 20)]
     assert b"".join(each) == together
+
+
+def local_ns(*date: int) -> int:
+    return round(datetime(*date).timestamp() * 1e6) * 1000
+
+
+def test_dates_are_local_time():
+    frames = read(
+        b" (2019-02-28 23:59:59.999999)  can1  57E   [2]  C7 35\n"
+        b" (2019-03-01 00:00:00.000001)  can1  18FEF100   [1]  9A\n"
+        b" (2020-02-29 12:00:00.5)  can0  123   [0]\n"
+        b" (2020-12-31 06:07:08.090807)  can0  123   [1]  01\n"
+        b" (2020-13-01 06:07:08.090807)  can0  123   [1]  02\n"
+        b" (2020-12-1 06:07:08.090807)  can0  123   [1]  03\n"
+        b" (12.5)  can0  123   [1]  04\n"
+    )
+    assert frames.t_ns.tolist() == [
+        local_ns(2019, 2, 28, 23, 59, 59, 999999),
+        local_ns(2019, 3, 1, 0, 0, 0, 1),
+        local_ns(2020, 2, 29, 12, 0, 0, 500000),
+        local_ns(2020, 12, 31, 6, 7, 8, 90807),
+    ]
+    assert frames.absolute and frames.rejected == (("time stamp cannot be read", 3),)
+    assert frames.id.tolist() == [0x57E, 0x18FEF100, 0x123, 0x123]
+
+
+@pytest.mark.skipif(not hasattr(time, "tzset"), reason="needs POSIX time zones")
+def test_dates_through_the_change_of_summer_time(monkeypatch):
+    monkeypatch.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
+    time.tzset()
+    try:
+        frames = read(
+            b" (2021-03-28 01:30:00.000000)  can0  123   [0]\n"
+            b" (2021-03-28 03:30:00.000000)  can0  123   [0]\n"
+            b" (2021-07-01 12:00:00.000000)  can0  123   [0]\n"
+        )
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+    s = [1_616_891_400, 1_616_895_000, 1_625_133_600]
+    assert frames.t_ns.tolist() == [t * 10**9 for t in s]
+
+
+@pytest.mark.parametrize("first", [0, 7_000_000])
+def test_stamps_since_the_frame_before_are_added_up(first, monkeypatch):
+    rng = np.random.default_rng(5)
+    steps = np.r_[first, 10_000_000 + rng.integers(-400, 400, 3000) * 1000]
+    lines = [f" ({t // 10**9:03d}.{t % 10**9 // 1000:06d})  can0  1F0   [1]  07\n" for t in steps]
+    lines[1500] = lines[1500].replace("[1]", "[x]")  # its time counts all the same
+    monkeypatch.setattr(log_source, "BLOCK", 10_000)
+    frames = read("".join(lines).encode())
+    assert frames.t_ns.tolist() == np.delete(np.cumsum(steps), 1500).tolist()
+    assert not frames.absolute
+
+
+def test_stamps_of_equal_periods_are_added_up():
+    lines = [b" (000.000000)  can0  1F0   [0]\n", *[b" (000.020000)  can0  1F0   [0]\n"] * 5]
+    assert read(b"".join(lines)).t_ns.tolist() == [k * 20_000_000 for k in range(6)]
+
+
+def test_stamps_since_the_first_frame_are_taken_as_they_are():
+    us = np.r_[0, np.cumsum(np.random.default_rng(6).integers(1, 300, 500))]
+    us[250] -= 400  # once out of order
+    lines = [f" ({t // 10**6:03d}.{t % 10**6:06d})  can0  1F0   [0]\n" for t in us]
+    assert read("".join(lines).encode()).t_ns.tolist() == (us * 1000).tolist()

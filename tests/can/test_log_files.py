@@ -275,7 +275,7 @@ def test_asc_fd_lines_of_older_versions(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("first", "since_midnight"),
+    ("first", "daytime"),
     [(47_105.5, True), (47_104.2, True), (47_300.0, False), (0.5, False)],
 )
 def test_asc_stamps_that_are_the_time_of_day(first, daytime, tmp_path):

@@ -3,11 +3,16 @@
 Compact: ``(1436509052.249713) can0 18FEF100#FF00``, CAN FD ``ID##<flags>DATA``, remote ``ID#R8``,
 error frames with bit 29 of the id set, an ``R`` or ``T`` for the direction behind.
 Console: ``(000.005580)  can0  18E0FF00   [8]  00 FF …``, ``remote request``, ``ERRORFRAME``.
+Stamps are s since 1970 (-ta), a local date and time (-tA), s since the first frame (-tz) or since
+the frame before (-td).
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
+from datetime import datetime, timedelta
 
 import numpy as np
 
@@ -44,21 +49,61 @@ from clutchest.can.text_scan import (
     stamp,
     undated,
 )
+from clutchest.can.time_stamps import EPOCH_NS
 
 FEW = 32  # frames that are written sooner one by one than column by column
 
 
+_PLAIN, _DELTAS, _DATES = range(3)  # kinds of stamps
+_KIND, _NOW = range(2)  # what a clock holds: the kind, and the last time
+_STAMP = re.compile(rb"^[ \t]*\((-?\d+\.\d+)\)", re.MULTILINE)
+_DATE = rb"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+"
+_OFTEN, _FEWEST = 0.2, 5  # share of steps back, of so many stamps, that times since the start lack
+_HOUR_NS = 3_600_000_000_000
+
+
 def read(source: LogSource) -> Iterator[Frames]:
     """Frames of a candump log; lines that cannot be read are counted in ``rejected``."""
-    return undated(source, _scan)
+    clock = np.array([_kind(source.head), 0], np.int64)
+
+    def scan(text: Bytes, out: Table, counts: Ints) -> int:
+        before = clock[_NOW]
+        n = _scan(text, clock, out, counts)
+        if n < 0:
+            clock[_NOW] = before
+        return n
+
+    for frames in undated(source, scan):
+        dated = clock[_KIND] == _DATES
+        yield replace(frames, t_ns=_from_local(frames.t_ns)) if dated else frames
+
+
+def _kind(head: bytes) -> int:
+    """Which stamps these are; times since the frame before are known by not rising."""
+    date, first = re.search(rb"^[ \t]*\(" + _DATE, head, re.MULTILINE), _STAMP.search(head)
+    if date is not None and (first is None or date.start() < first.start()):
+        return _DATES
+    if first is None or float(first[1]) * 1e9 >= EPOCH_NS:
+        return _PLAIN
+    stamps = np.array(_STAMP.findall(head), np.float64)
+    backward = np.mean(np.diff(stamps) <= 0.0) if len(stamps) >= _FEWEST else 0.0
+    return _DELTAS if backward > _OFTEN else _PLAIN
+
+
+def _from_local(t_ns: Ints) -> Ints:
+    """ns since 1970 of times by the clock of this machine, given as if they were UTC."""
+    hours, which = np.unique(t_ns // _HOUR_NS, return_inverse=True)
+    local = (datetime(1970, 1, 1) + timedelta(hours=int(hour)) for hour in hours)
+    begins = np.array([round(hour.timestamp()) for hour in local], np.int64) * 10**9
+    return begins[which] + t_ns % _HOUR_NS
 
 
 @compiled
-def _scan(text: Bytes, out: Table, counts: Ints) -> int:
+def _scan(text: Bytes, clock: Ints, out: Table, counts: Ints) -> int:
     """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
     n = i = int(np.int64(0))  # a literal 0 would have all of this compiled twice
     while i < len(text):
-        end = _line(text, blanks(text, i), n, out)
+        end = _line(text, blanks(text, i), n, clock, out)
         if end >= 0:
             n += 1
             i = end + 1
@@ -70,13 +115,41 @@ def _scan(text: Bytes, out: Table, counts: Ints) -> int:
 
 
 @compiled
-def _line(text: Bytes, i: int, n: int, out: Table) -> int:
+def _date(text: Bytes, i: int) -> tuple[int, int]:
+    """(ns since 1970, position behind) of a date and time, taken as UTC."""
+    year, behind = decimal(text, i)
+    month, end = decimal(text, behind + 1)
+    day, at = decimal(text, end + 1)
+    if behind - i != 4 or end - behind != 3 or at - end != 3 or text[at] != 32:
+        return 0, i
+    hour, behind = decimal(text, at + 1)
+    minute, end = decimal(text, behind + 1)
+    ns, at = stamp(text, end + 1, 1_000_000_000)
+    if at == end + 1 or hour > 23 or minute > 59 or not 1 <= month <= 12 or not 1 <= day <= 31:
+        return 0, i
+    # Days of the civil calendar, its years from March on.
+    year -= month <= 2
+    age = year // 400
+    within = year - age * 400
+    of_year = (153 * (month - 3 if month > 2 else month + 9) + 2) // 5 + day - 1
+    days = age * 146_097 + within * 365 + within // 4 - within // 100 + of_year - 719_468
+    return ((days * 24 + hour) * 60 + minute) * 60_000_000_000 + ns, at
+
+
+@compiled
+def _line(text: Bytes, i: int, n: int, clock: Ints, out: Table) -> int:
     """Reads one line into row ``n``; the position of its newline, or why not."""
     if text[i] != 40:  # (
         return BLANK if at_end(text, i) >= 0 else NO_FRAME
-    t_ns, behind = stamp(text, i + 1, 1_000_000_000)
+    if clock[_KIND] == _DATES:
+        t_ns, behind = _date(text, i + 1)
+    else:
+        t_ns, behind = stamp(text, i + 1, 1_000_000_000)
     if behind == i + 1 or text[behind] != 41:  # )
         return BAD_TIME
+    if clock[_KIND] == _DELTAS:
+        t_ns += clock[_NOW]
+        clock[_NOW] = t_ns
     out.t_ns[n] = t_ns
     i = blanks(text, behind + 1)
 
@@ -220,9 +293,9 @@ def _plain(frames: Frames, places: int, digits: int) -> Iterator[bytes]:
 
 FORMAT = LogFormat(
     title="candump (.log)",
-    about="candump: compact `id#data`, FD `id##…`, console `id [n] …`",
+    about="candump: compact `id#data`, FD `id##…`, console `id [n] …`; stamps -ta, -tA, -tz, -td",
     suffix=".log",
-    sniff=has_line(rb"[ \t]*\(-?\d+\.\d+\)[ \t]+\S+[ \t]"),
+    sniff=has_line(rb"[ \t]*\((-?\d+\.\d+|" + _DATE + rb")\)[ \t]+\S+[ \t]"),
     read=read,
     lines=write,
 )
