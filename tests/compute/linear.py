@@ -8,8 +8,9 @@ from types import ModuleType
 import numpy as np
 
 from clutchest.compute import build
+from clutchest.models.machine import Machine
 from clutchest.models.model import Model, Quantities
-from clutchest.models.symbols import Input, Parameter, Sensor, State
+from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
 
 
 def flow(q: Quantities) -> None:
@@ -38,12 +39,27 @@ TANKS = Model(
     ),
     inputs=(Input("inflow", "m/s", "v", "into the upper"),),
     regime=(),
+    anchor="upper_level",
     sensors=(
         Sensor("upper_level", "m", "a", "upper level"),
         Sensor("weight", "m", "w", "both, weighed"),
     ),
     outputs=("total", "power"),
     pieces=(flow, gauges),
+)
+MACHINE = Machine(
+    name="tanks",
+    what="two tanks",
+    states=TANKS.states,
+    parameters=TANKS.parameters,
+    inputs=TANKS.inputs,
+    sensors=TANKS.sensors,
+    columns=(
+        Column("inflow", "m/s"),
+        Column("upper_level", "m"),
+        Column("weight", "m"),
+    ),
+    equations=lambda signals: TANKS,
 )
 NUMBERS = np.array([0.7, 0.3])  # leak, drain
 A = np.array([[-0.7, 0.0], [0.7, -0.3]])

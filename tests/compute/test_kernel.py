@@ -147,7 +147,14 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
     sensor = rng.integers(-1, 2, K).astype(np.int8)
     digest, functions = linear.compiled()
     compiled = Compiled(
-        linear.TANKS, functions, digest, linear.NUMBERS, np.zeros(0), (), np.zeros(0)
+        linear.MACHINE,
+        linear.TANKS,
+        functions,
+        digest,
+        linear.NUMBERS,
+        np.zeros(0),
+        (),
+        np.zeros(0),
     )
     line = Timeline(
         t=t,

@@ -36,7 +36,9 @@ def cases(draw: st.DrawFn) -> tuple[Compiled, Timeline, Belief]:
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
     digest, functions = linear.compiled()
     numbers = np.array([draw(RATE), draw(RATE)])
-    compiled = Compiled(linear.TANKS, functions, digest, numbers, np.zeros(0), (), np.zeros(0))
+    compiled = Compiled(
+        linear.MACHINE, linear.TANKS, functions, digest, numbers, np.zeros(0), (), np.zeros(0)
+    )
     line = Timeline(
         t=np.cumsum(gaps),
         sensor=random.integers(-1, 2, K).astype(np.int8),

@@ -26,7 +26,14 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
     """Two tanks: two seconds in which they are gauged now and then."""
     digest, functions = linear.compiled()
     compiled = Compiled(
-        linear.TANKS, functions, digest, linear.NUMBERS, np.zeros(0), (), np.zeros(0)
+        linear.MACHINE,
+        linear.TANKS,
+        functions,
+        digest,
+        linear.NUMBERS,
+        np.zeros(0),
+        (),
+        np.zeros(0),
     )
     K = 60
     line = Timeline(

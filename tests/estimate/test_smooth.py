@@ -62,7 +62,14 @@ def tanks(spread: tuple[float, float], count: int = 600) -> tuple[Compiled, Time
     t = np.sort(np.round(rng.uniform(0.0, count / 20, count), 2))
     digest, text = build.generate(TANKS, THETAS)
     compiled = Compiled(
-        TANKS, build.load(digest, text), digest, NOMINAL, np.zeros(0), THETAS, np.array(spread)
+        linear.MACHINE,
+        TANKS,
+        build.load(digest, text),
+        digest,
+        NOMINAL,
+        np.zeros(0),
+        THETAS,
+        np.array(spread),
     )
     z = rng.normal(3.0, 2.0, count)
     z[::97] += 60.0
