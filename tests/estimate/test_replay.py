@@ -249,7 +249,7 @@ class TestCarryingOver:
         [
             ("vehicle", "bus", "of vehicle 'bus'"),
             ("states", ["temp_bodie"], "none of the states"),
-            ("P", None, "lacks P"),
+            ("P", None, "has no P"),
         ],
     )
     def test_a_foreign_state_is_refused(self, drives, key, value, words):

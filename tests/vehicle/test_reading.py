@@ -167,7 +167,7 @@ def test_the_vehicle_files_range_holds_for_tables_too(edited, tmp_path: Path) ->
 
 
 def test_what_was_made_of_a_log_is_none(tmp_path: Path) -> None:
-    made = write_simulation(tmp_path / "a.csv", load_vehicle("truck"), "launches", 1)
+    made = write_simulation(tmp_path / "a.csv", load_vehicle("truck"), "launches", 1, duration=10.0)
     with pytest.raises(ClutchestError, match="is a result of clutchest, expected a"):
         read_log(made, "truck")
 

@@ -22,7 +22,7 @@ from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.estimate.samples import APART, Told, slope_count
 from clutchest.estimate.timeline import (
     Assembled,
-    Stretch,
+    Interval,
     Timeline,
     assemble,
 )
@@ -130,7 +130,7 @@ class Drive:
         if self.belief is None:
             self.begin = max(0.0, min(float(s.time[0]) for s in present.values()))
         since = max(self.begin, self.done - self.back)
-        found = assemble(self.setting, present, self.timings, Stretch(since, end, self.averaged))
+        found = assemble(self.setting, present, self.timings, Interval(since, end, self.averaged))
         before = self._certain(found, known, last)
         line = _cut(found.line, self.done, before)
         if line is None:

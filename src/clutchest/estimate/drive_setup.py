@@ -1,5 +1,5 @@
-"""What a drive's timeline is made by: which signals the equations need, when each was true, and
-whether those at hand will do."""
+"""What a drive's timeline is made of: the signals that the equations require, the time at which
+each sample was true, and whether a drive has enough of them."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from clutchest.models.thresholds import Thresholds
 from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
-COARSEST = 0.5  # s between samples of the model's anchor; a slip lasts little longer
+COARSEST = 0.5  # s between samples of the model's anchor; slip events are little longer
 
 
 class Unusable(ClutchestError):
-    """A drive without a signal that the model cannot do without."""
+    """A drive without a signal that the model requires."""
 
 
 @dataclass(frozen=True)
 class DriveSetup:
-    """What a timeline is made by: outputs at ``rate`` Hz, ``delays`` s by signal on top of the
-    vehicle file's."""
+    """Vehicle, equations, outputs at ``rate`` Hz, and ``delays`` s by signal on top of the vehicle
+    file's."""
 
     vehicle: Vehicle
     model: Model
@@ -39,7 +39,7 @@ class DriveSetup:
 
     @cached_property
     def thresholds(self) -> Thresholds:
-        """When the clutch counts as what."""
+        """Those by which regimes are judged."""
         return Thresholds.of(self.vehicle.modes)
 
     @cached_property
@@ -60,7 +60,7 @@ class DriveSetup:
 
     @cached_property
     def _fast(self) -> tuple[tuple[str, str], ...]:
-        """Inputs that may not, each with the signal that it is made of."""
+        """The other inputs, each with the signal that it is made of."""
         return tuple(
             (i.name, self.model.slopes.get(i.name, i.name))
             for i in self.model.inputs
@@ -73,7 +73,7 @@ class DriveSetup:
         return self.vehicle.machine.regimes.modes
 
     def late(self, name: str) -> float:
-        """By how much a signal's samples come after what they tell of, s."""
+        """By how much a signal's stamps lie after the time at which its values were true, s."""
         mapped = self.vehicle.signals.get(name)
         return (mapped.delay if mapped else 0.0) + self.delays.get(name, 0.0)
 
@@ -89,16 +89,16 @@ class DriveSetup:
 
     def cleaned(self, name: str, signal: Signal, timing: SampleTiming) -> tuple[Signal, int]:
         """The valid samples (``signal`` has no others), each at the time at which it was true,
-        without spikes; and how many spikes there were.
+        without outliers; and the number of outliers.
 
-        An input that holds its last value keeps its spikes: nobody waits for the next sample,
-        which alone could tell.
+        An input that holds its last value keeps them: a live estimate does not wait for the next
+        sample, by which one is detected.
         """
-        spikes = 0
+        outliers = 0
         if not self.held(name):
-            signal, spikes = without_spikes(signal, self.noise(name), timing)
+            signal, outliers = without_spikes(signal, self.noise(name), timing)
         late = self.late(name)
-        return (replace(signal, time=signal.time - late) if late else signal), spikes
+        return (replace(signal, time=signal.time - late) if late else signal), outliers
 
     def held(self, name: str) -> bool:
         """Whether a signal is an input that changes slowly and holds its last value."""
@@ -109,7 +109,8 @@ class DriveSetup:
         return [name for name, source in self._fast if source in names]
 
     def needed(self, names: Container[str]) -> list[str]:
-        """The signals among ``names`` that tell which equations hold, or drive them fast."""
+        """The signals among ``names`` by which regimes are judged, or that must not be missing for
+        long."""
         wanted = dict.fromkeys(
             (self.model.anchor, *self.fast(names), *self.vehicle.machine.regimes.signals)
         )
@@ -117,8 +118,8 @@ class DriveSetup:
 
 
 def held_on(signal: Signal, time: float) -> Signal:
-    """The signal, with its last value once more at ``time`` s if by then it has been silent for so
-    long that it counts as lost: what never comes back is away from its last sample on."""
+    """The signal, with its last value repeated at ``time`` s if by then it has been missing for so
+    long that it counts as lost: a signal without further samples is lost from its last one on."""
     if time - signal.time[-1] <= LOST:
         return signal
     return replace(
@@ -130,27 +131,27 @@ def held_on(signal: Signal, time: float) -> Signal:
 
 
 def usable(
-    signals: Signals, setting: DriveSetup
+    signals: Signals, setup: DriveSetup
 ) -> tuple[dict[str, Signal], dict[str, SampleTiming]]:
-    """The cleaned signals, those that are needed held on to the log's end, and their habits.
+    """The cleaned signals, those that are needed held on to the log's end, and their timing.
 
     Raises as :func:`timings_of` does.
     """
-    timings, present = timings_of(signals, setting), {}
+    timings, present = timings_of(signals, setup), {}
     for name, timing in timings.items():
-        present[name], _ = setting.cleaned(name, signals[name].only_valid(), timing)
-    for name in setting.needed(present):
-        present[name] = held_on(present[name], signals.end - setting.late(name))
+        present[name], _ = setup.cleaned(name, signals[name].only_valid(), timing)
+    for name in setup.needed(present):
+        present[name] = held_on(present[name], signals.end - setup.late(name))
     return present, timings
 
 
-def timings_of(signals: Signals, setting: DriveSetup) -> dict[str, SampleTiming]:
-    """How each signal with a valid sample comes.
+def timings_of(signals: Signals, setup: DriveSetup) -> dict[str, SampleTiming]:
+    """The sample timing of each signal with a valid sample.
 
-    Raises Unusable where the model cannot do without one of the others, ClutchestError where its
-    anchor comes too seldom.
+    Raises Unusable where the model requires one of the others, ClutchestError where its anchor has
+    too few samples.
     """
-    model, timings = setting.model, {}
+    model, timings = setup.model, {}
     for name, signal in signals.items():
         if len(first := _head(signal)):
             timings[name] = SampleTiming.of(first)
@@ -159,8 +160,8 @@ def timings_of(signals: Signals, setting: DriveSetup) -> dict[str, SampleTiming]
     if missing:
         hints = "".join(f"; {warning}" for warning in signals.warnings[:4])
         raise Unusable(
-            f"no valid sample of {', '.join(missing)}: the model of '{setting.vehicle.name}' "
-            f"needs it{hints}"
+            f"no valid sample of {', '.join(missing)}, required by the model of "
+            f"'{setup.vehicle.name}'{hints}"
         )
     anchor, period = signals[model.anchor], timings[model.anchor].period
     if period > COARSEST and np.count_nonzero(anchor.valid) > 1:
@@ -172,7 +173,7 @@ def timings_of(signals: Signals, setting: DriveSetup) -> dict[str, SampleTiming]
 
 
 def _head(signal: Signal) -> Signal:
-    """The valid samples by which it is known how a signal comes."""
+    """The valid samples by which the timing of a signal is determined."""
     valid = signal.valid
     if not valid.any():
         return signal.take(slice(0))
@@ -181,48 +182,48 @@ def _head(signal: Signal) -> Signal:
     return signal.take(slice(first, last)).only_valid()
 
 
-def warnings_of(signals: Signals, setting: DriveSetup) -> tuple[str, ...]:
-    """Spikes and gaps of a drive, in words.  Raises as :func:`timings_of` does."""
-    timings = timings_of(signals, setting)
-    gap = setting.thresholds.gap
-    steady = [name for name in setting.fast(timings) if name not in setting.model.slopes]
-    needed, told, gaps = setting.needed(timings), [], {}
+def warnings_of(signals: Signals, setup: DriveSetup) -> tuple[str, ...]:
+    """Outliers and gaps of a drive, in words.  Raises as :func:`timings_of` does."""
+    timings = timings_of(signals, setup)
+    gap = setup.thresholds.gap
+    steady = [name for name in setup.fast(timings) if name not in setup.model.slopes]
+    needed, warnings, gap_warnings = setup.needed(timings), [], {}
     for name, timing in timings.items():
-        spikes = count = 0
-        holes, last = [], np.nan
-        for time, left_out in _cleaned_times(name, signals[name], setting, timing):
+        outliers = count = 0
+        gaps, last = [], np.nan
+        for time, removed in _cleaned_times(name, signals[name], setup, timing):
             steps = np.diff(time, prepend=last)
-            holes += steps[steps > gap].tolist()
+            gaps += steps[steps > gap].tolist()
             last = float(time[-1]) if len(time) else last
-            spikes, count = spikes + left_out, count + len(time) + left_out
-        end = signals.end - setting.late(name)
+            outliers, count = outliers + removed, count + len(time) + removed
+        end = signals.end - setup.late(name)
         if name in needed and end - last > max(LOST, gap):  # as held_on has it
-            holes.append(end - last)
-        if spikes:
-            told.append(
-                f"{name}: {spikes} single sample(s) far off both neighbours left "
-                f"out, {100 * spikes / count:.2g} %"
+            gaps.append(end - last)
+        if outliers:
+            warnings.append(
+                f"{name}: {outliers} outlier(s) far from both neighbours removed, "
+                f"{100 * outliers / count:.2g} %"
             )
-        if holes:
-            gaps[name] = (
-                f"{name}: {len(holes)} gap(s), the longest {max(holes):.1f} s; "
-                "heat of a slip in a gap is not seen"
+        if gaps:
+            gap_warnings[name] = (
+                f"{name}: {len(gaps)} gap(s), the longest {max(gaps):.1f} s; "
+                "energy dissipated in a gap is not counted"
             )
-    return (*told, *(gaps[name] for name in steady if name in gaps))
+    return (*warnings, *(gap_warnings[name] for name in steady if name in gap_warnings))
 
 
 def _cleaned_times(
-    name: str, signal: Signal, setting: DriveSetup, timing: SampleTiming
+    name: str, signal: Signal, setup: DriveSetup, timing: SampleTiming
 ) -> Iterator[tuple[Floats, int]]:
-    """When the samples that :meth:`DriveSetup.cleaned` leaves were true, a portion at a time, and
-    how many it leaves out."""
+    """Times at which the samples that :meth:`DriveSetup.cleaned` keeps were true, a portion at a
+    time, and how many it removes."""
     tail = signal.take(slice(0))  # the last two samples, of which the last one is not judged yet
     for rows in memory_mapped.portions(len(signal)):
         piece = tail.then(signal.take(rows).only_valid())
-        cleaned, spikes = setting.cleaned(name, piece, timing)
+        cleaned, outliers = setup.cleaned(name, piece, timing)
         first, tail = max(len(tail) - 1, 0), piece.take(slice(-2, None))
         stop = len(cleaned) if rows.stop == len(signal) else len(cleaned) - 1
-        yield cleaned.time[first:stop], spikes
+        yield cleaned.time[first:stop], outliers
         memory_mapped.release_memory()
 
 
@@ -231,9 +232,9 @@ def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Float
     model."""
     per_second, per_joule = [], []
     for state in model.states:
-        setting = vehicle.estimation.get(state.name, state)  # the model's own unless the file's
-        adaptive = setting.role == "adaptive"
-        density = state.parked_noise if parked else setting.process_noise
+        treated = vehicle.estimation.get(state.name, state)  # by the file, else by the model
+        adaptive = treated.role == "adaptive"
+        density = state.parked_noise if parked else treated.process_noise
         per_second.append(density**2 if adaptive else 0.0)
         per_joule.append(state.slip_noise**2 if adaptive else 0.0)
     return np.array(per_second + per_joule)
@@ -242,12 +243,12 @@ def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Float
 def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
     """Process noise, variance per s, of every state in every regime; shape (rows of flags, 2n)."""
     Q = np.tile(process_noise(vehicle, model), (len(flags), 1))
-    for name, (flag, walk) in model.renewed.items():
-        Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = walk**2
+    for name, (flag, noise) in model.renewed.items():
+        Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = noise**2
     return Q
 
 
 def _longest(model: Model, table: Floats) -> Floats:
     """The longest step, s, under every row of flags."""
-    slides = table[:, model.regime.index(SLIDING)] > 0 if SLIDING in model.regime else [True]
-    return np.where(slides, *model.longest)
+    sliding = table[:, model.regime.index(SLIDING)] > 0 if SLIDING in model.regime else [True]
+    return np.where(sliding, *model.longest)

@@ -1,4 +1,4 @@
-"""Where the filter starts: from nothing, from the last drive, or after weeks of standing."""
+"""The filter's start: from the prior, from the last drive, or from it after a standstill."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from clutchest.models.model import Model
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
-COOLING = 3600.0  # s, time constant at which the coolant of a parked engine follows the air
-LONGEST_SOAK = 48 * 3600.0  # s, after which every temperature has long settled
-PARKED_STEP = 5.0  # s, a quarter of the disc's time constant
+COOLING = 3600.0  # s, time constant at which the inputs of a parked machine go to their new values
+LONGEST_SOAK = 48 * 3600.0  # s, after which every temperature has settled
+PARKED_STEP = 5.0  # s
 
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """What the drives so far add up to: how hard this clutch is used.
+    """Sums over the drives so far: how hard the machine is used.
 
-    ``slip_energy_J`` belongs to the same drives as the rest; a state file may know of more.
+    ``slip_energy_J`` is of the same drives as the rest; the state file's own may be of more.
     """
 
     driven_s: float = 0.0
@@ -35,8 +35,8 @@ class History:
 
     @classmethod
     def of(cls, state: Mapping[str, Any] | None) -> History:
-        """That of what :func:`leave` wrote; empty where it is silent or nothing is carried over.
-        Raises StateError where it is damaged."""
+        """The history in what :func:`leave` wrote; empty where it has none or nothing is carried
+        over.  Raises StateError where it is damaged."""
         history, wanted = (state or {}).get("history", {}), {field.name for field in fields(cls)}
         if not (
             isinstance(history, Mapping)
@@ -47,7 +47,7 @@ class History:
         return cls(**history)
 
     def after(self, driven_s: float, engagements: int, slip_energy_J: float) -> History:
-        """With one more drive."""
+        """The history with one more drive."""
         return History(
             self.driven_s + driven_s,
             self.engagements + engagements,
@@ -59,10 +59,10 @@ def prior_std(vehicle: Vehicle, model: Model) -> Floats:
     """Standard deviation of every state before any data, shape (n,)."""
     stds = []
     for state in model.states:
-        setting = vehicle.estimation.get(state.name)
-        std = setting.initial_std if setting else state.initial_std
+        stated = vehicle.estimation.get(state.name)
+        std = stated.initial_std if stated else state.initial_std
         nominal = vehicle.parameters.get(state.prior)
-        if setting is None and nominal is not None and nominal.spread > 0:
+        if stated is None and nominal is not None and nominal.spread > 0:
             # the spread of a state's nominal value is the state's prior
             std = nominal.spread / (abs(nominal.value) if state.unit == "1" else 1.0)
         stds.append(std)
@@ -70,8 +70,7 @@ def prior_std(vehicle: Vehicle, model: Model) -> Floats:
 
 
 def nominal(compiled: Compiled, timeline: Timeline) -> Floats:
-    """The state (n) at the first event of a clutch at rest, as warm as coolant and air make it,
-    before any effect."""
+    """The state (n) at the first event, of a machine at rest and without effects."""
     model = compiled.model
     inputs = {i.name: timeline.u[0, j] for j, i in enumerate(model.inputs)}
     parameters = {q.key: compiled.p[j] for j, q in enumerate(model.parameters)}
@@ -91,7 +90,7 @@ def fresh(vehicle: Vehicle, compiled: Compiled, timeline: Timeline) -> Belief:
 
 
 class StateError(ClutchestError):
-    """A carried-over state that is none, or another vehicle's; who read the file names it."""
+    """A carried-over state that is damaged, or of another vehicle; the caller names its file."""
 
 
 def carried_on(
@@ -101,11 +100,11 @@ def carried_on(
     state: Mapping[str, Any],
     start_ns: int | None,
 ) -> tuple[Belief, str | None]:
-    """The belief at the first event after what the last drive left, and a warning or None.
+    """The belief at the first event, from that at the end of the last drive, and a warning or None.
 
     ``state`` is what :func:`leave` wrote.  Over a known time of standing, temperatures relax with
-    the model; over an unknown one, and where a stiff model would have to be run through it, they
-    start afresh.  Raises StateError if it is another vehicle's or model's, or damaged.
+    the model; over an unknown one, and where that would take a stiff model millions of steps, they
+    start from the prior.  Raises StateError if it is of another vehicle or model, or damaged.
     """
     belief, model = fresh(vehicle, compiled, timeline), compiled.model
     _check(vehicle, compiled, state)
@@ -116,13 +115,13 @@ def carried_on(
     first_ns = None if start_ns is None else start_ns + round(timeline.t[0] * 1e9)
     if first_ns is None or state.get("time_ns") is None:
         kept &= np.array([s.parked_noise == 0.0 for s in model.states])
-        warning = "no absolute time: temperatures do not carry over from the last drive"
+        warning = "no absolute time: temperatures are not carried over from the last drive"
     elif first_ns < state["time_ns"]:
         raise StateError(
-            "the log begins before the state that was carried over ends; give the "
-            "drives in order of time"
+            "the log begins before the end of the drive that the carried-over state is from; "
+            "give the drives in order of time"
         )
-    elif any(s.stiff for s in model.states):  # days of standing, in steps of a millisecond
+    elif any(s.stiff for s in model.states):  # days in steps of a millisecond
         kept &= np.array([s.parked_noise == 0.0 for s in model.states])
     else:
         before = _parked(
@@ -147,7 +146,7 @@ def leave(
     start_ns: int | None,
     history: History,
 ) -> dict[str, Any]:
-    """What the next drive needs, ready for JSON."""
+    """The state that the next drive starts from, ready for JSON."""
     inputs = [i.name for i in compiled.model.inputs]
     return {
         "vehicle": vehicle.name,
@@ -167,7 +166,7 @@ def leave(
 
 
 def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> None:
-    wanted = {
+    required = {
         "model",
         "states",
         "x",
@@ -179,8 +178,8 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
         "slip_energy_covariance",
         "slip_energy_signature",
     }
-    if lacking := wanted - set(state):
-        raise StateError(f"the carried-over state lacks {', '.join(sorted(lacking))}")
+    if lacking := required - set(state):
+        raise StateError(f"the carried-over state has no {', '.join(sorted(lacking))}")
     if state["model"] != compiled.model.name:
         raise StateError(
             f"the carried-over state is of model '{state['model']}', not '{compiled.model.name}'"
@@ -189,17 +188,17 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
         raise StateError(
             f"the carried-over state is of vehicle '{state['vehicle']}', not '{vehicle.name}'"
         )
-    found = state["states"]
-    if not (isinstance(found, list) and all(isinstance(name, str) for name in found)):
+    names = state["states"]
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
         raise StateError("the carried-over state is damaged: 'states' must be a list of names")
-    names = {s.name for s in compiled.model.states}
-    if not names & set(found):
-        raise StateError(f"the carried-over state has none of the states {', '.join(names)}")
-    _check_numbers(state, len(found))
+    known = [s.name for s in compiled.model.states]
+    if not set(known) & set(names):
+        raise StateError(f"the carried-over state has none of the states {', '.join(known)}")
+    _check_numbers(state, len(names))
 
 
 def _check_numbers(state: Mapping[str, Any], n: int) -> None:
-    """Shapes and finite numbers: the compiled kernel trusts them blindly."""
+    """Shapes and finite numbers, which the compiled kernel does not check."""
     thetas = state["thetas"]
     if not (
         isinstance(thetas, list)
@@ -245,9 +244,9 @@ def _finite(value: Any) -> bool:
 
 
 def _recalled(compiled: Compiled, state: Mapping[str, Any], fresh: Belief) -> Belief:
-    """What the state says of the states and thetas that the model has now; else as ``fresh``.
+    """The carried-over values of the states and thetas that the model has now; else ``fresh`` ones.
 
-    Matched by name: a vehicle file may have gained or lost an effect since.
+    Matched by name: effects may have been added to the vehicle file, or removed, since.
     """
     names, thetas = list(state["states"]), [tuple(theta) for theta in state["thetas"]]
     here = [i for i, s in enumerate(compiled.model.states) if s.name in names]
@@ -274,7 +273,7 @@ def _parked(
     state: Mapping[str, Any],
     span: float,
 ) -> Belief:
-    """The belief after standing for ``span`` s, the engine's coolant going to its new start."""
+    """The belief after standing for ``span`` s, with inputs going to their new values."""
     model = compiled.model
     span = min(span, LONGEST_SOAK)
     if span <= 0.0:

@@ -19,9 +19,9 @@ from clutchest.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class OpenLoop:
-    """The model along one drive, on a regular grid: ``time`` s, clutch ``torque`` Nm, ``mode``
-    (:class:`~clutchest.models.regimes.Mode`), shape (m,); ``states`` (m, n), ``inputs`` (m, nu)
-    and regime ``flags`` (m, nw) in the order of the model."""
+    """The model along one drive, on a regular grid: ``time`` s, ``torque``, the machine's main
+    output, and ``mode``, its place among the machine's modes, shape (m,); ``states`` (m, n),
+    ``inputs`` (m, nu) and regime ``flags`` (m, nw) in the order of the model."""
 
     compiled: Compiled
     time: Floats
@@ -32,8 +32,8 @@ class OpenLoop:
     flags: Floats
 
     def quantity(self, *names: str, **parameters: float) -> Floats:
-        """Quantities of the equations (len(names), m), with other ``parameters`` if given: the
-        states stay as they were simulated."""
+        """Quantities of the equations (len(names), m), with other ``parameters`` if given, of
+        the states as they were simulated."""
         model, p = self.compiled.model, self.compiled.p.copy()
         for key, value in parameters.items():
             p[[q.key for q in model.parameters].index(key)] = value
@@ -49,19 +49,19 @@ class OpenLoop:
 def open_loop(signals: Signals, vehicle: Vehicle, model: Model, rate: float = 10.0) -> OpenLoop:
     """The model along one drive on the grid of ``rate`` Hz.
 
-    ``model`` must take the engine speed as measured (``dry_clutch.following_speed``): the speed
-    alone is set to each of its samples, and slip with it.
+    ``model`` must take the derivative of its anchor as measured: that state alone is set to each of
+    its samples.
     """
     compiled = compile_model(vehicle, model)
     even = evenly_late(signals, vehicle)
     timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))
     gains = np.zeros((len(timeline.t), len(compiled.model.states)))
-    speed = compiled.model.sensor(model.anchor)
-    gains[timeline.sensor == speed, compiled.model.state(model.anchor)] = 1.0
+    anchor = compiled.model.sensor(model.anchor)
+    gains[timeline.sensor == anchor, compiled.model.state(model.anchor)] = 1.0
     start = fresh(vehicle, compiled, timeline)
     result = run(compiled, timeline, start, FilterOptions(gains=gains, signature=False))
     rows = np.flatnonzero(timeline.emit >= 0)[timeline.grid]
-    torque = compiled.model.outputs.index("transmitted_torque")
+    torque = compiled.model.outputs.index(compiled.machine.output)
     return OpenLoop(
         compiled,
         timeline.t[rows],

@@ -28,9 +28,8 @@ class Timeline:
     ``t`` s; ``sensor`` index or −1; ``z`` its reading, ``R`` its variance; ``u`` (K, nu) inputs;
     ``row`` the regime of the interval that ends at k, row of the tables ``W`` (flags), ``Q``
     (process noise, variance per s and per J) and ``longest`` (s); ``mode`` its place among the
-    machine's modes;
-    ``emit`` output row or −1; ``grid`` True where an output row belongs to the regular grid.
-    ``noise`` (nu) density and ``variance`` (nu) of the inputs' own noise.
+    machine's modes; ``emit`` output row or −1; ``grid`` True where an output row belongs to the
+    regular grid.  ``noise`` (nu) density and ``variance`` (nu) of the inputs' own noise.
     """
 
     t: Floats
@@ -58,19 +57,19 @@ def build(
     ``delays`` s by signal come on top of the vehicle file's.  Raises ClutchestError when a signal
     that the model cannot do without has no valid sample.
     """
-    setting = DriveSetup(vehicle, model, rate, delays)
-    present, timings = usable(signals, setting)
+    setup = DriveSetup(vehicle, model, rate, delays)
+    present, timings = usable(signals, setup)
     first = max(0.0, min(s.time[0] for s in present.values()))
     end = max(signals.end, present[model.anchor].time[-1])
-    line = assemble(setting, present, timings, Stretch(first, end)).line
-    return replace(line, warnings=warnings_of(signals, setting))
+    line = assemble(setup, present, timings, Interval(first, end)).line
+    return replace(line, warnings=warnings_of(signals, setup))
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Interval:
     """From ``since`` to ``end``, s, of a drive.
 
-    ``averaged`` says of a sensor up to when its readings have been averaged already.
+    ``averaged``: sensor → time, s, up to which its readings are averaged already.
     """
 
     since: float
@@ -80,85 +79,68 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """A stretch's timeline, every time ``stamps`` (n,) at which its regime was judged, and by
-    sensor what averaging it told."""
+    """The timeline of an interval, every time ``stamps`` (n,) at which its regime was judged, and
+    the averaged readings by sensor."""
 
     line: Timeline
     stamps: Floats
     averages: Mapping[int, Told]
 
 
+@dataclass(frozen=True, slots=True)
+class _Events:
+    """Events in order of time, (K,) each; see :class:`Timeline`."""
+
+    t: Floats
+    sensor: NDArray[np.int8]
+    z: Floats
+    R: Floats
+
+
 def assemble(
-    setting: DriveSetup,
+    setup: DriveSetup,
     present: Mapping[str, Signal],
     timings: Mapping[str, SampleTiming],
-    stretch: Stretch,
+    interval: Interval,
 ) -> Assembled:
-    """The timeline of a stretch.
+    """The timeline of an interval.
 
-    ``present`` are the cleaned signals with some samples before the stretch and behind it, as far
-    as there are any, ``habits`` their habits.
+    ``present`` are the cleaned signals, with some samples before and after the interval where there
+    are any, ``timings`` their periods.
     """
-    model, rate, thresholds = setting.model, setting.rate, setting.thresholds
-    present, since, end = dict(present), stretch.since, stretch.end
-    anchor = present[model.anchor]
-    noises = {}
+    model, signals = setup.model, dict(present)
+    slope_noises = {}
     for name, source in model.slopes.items():
-        present[name], noises[name] = slope(
-            present[source], setting.noise(source), timing=timings[source], gap=thresholds.gap
+        signals[name], slope_noises[name] = slope(
+            present[source],
+            setup.noise(source),
+            timing=timings[source],
+            gap=setup.thresholds.gap,
         )
-    fast = [name for name in setting.fast(present) if name in present]
+    fast = [name for name in setup.fast(signals) if name in signals]
+    grid = _grid(setup.rate, interval)
+    anchor = signals[model.anchor].time
+    stamps = np.unique(np.concatenate([anchor, grid, *(signals[name].time for name in fast)]))
+    stamps = stamps[(stamps >= interval.since) & (stamps <= interval.end)]
+    regime = regimes(stamps, signals, setup.vehicle, fast)
+    # kinks of the inputs while they matter, and the times of outputs
+    bare = stamps[(regime.sliding | _among(stamps, grid)) & ~_among(stamps, anchor)]
+    readings = _readings(setup, signals, timings, interval, stamps, regime)
+    events = _in_order(readings, bare, interval)
 
-    # every time at which something is measured, or wanted
-    grid = np.arange(np.ceil(since * rate), np.floor((end + 1e-9) * rate) + 1) / rate
-    if not len(grid):  # a log that ends before the first row of the grid still has an end
-        grid = np.array([end])
-    stamps = np.unique(np.concatenate([anchor.time, grid, *(present[n].time for n in fast)]))
-    stamps = stamps[(stamps >= since) & (stamps <= end)]
-    regime = regimes(stamps, present, setting.vehicle, fast)
-    acting = regime.flags(model.regime)
-
-    # events: sensor samples, kinks of the inputs while they matter, outputs
-    bare = stamps[(regime.sliding | _among(stamps, grid)) & ~_among(stamps, anchor.time)]
-    times, sensors = [bare], [np.full(len(bare), -1, np.int8)]
-    values, variances = [np.zeros(len(bare))], [np.zeros(len(bare))]
-    averages = {}
-    for i, sensor in enumerate(model.sensors):
-        name = sensor.column or sensor.name
-        if name not in present:
-            continue
-        reading = present[name]
-        if sensor.mode:
-            reading = _where(reading, stamps, regime.mode == setting.modes.index(sensor.mode))
-        if i in stretch.averaged:
-            reading = _after(reading, stretch.averaged[i])
-        found = told(
-            reading, setting.noise(name), setting.noise_ar(name), sensor.repeats, timings[name]
-        )
-        if sensor.repeats:
-            averages[i] = found
-        times.append(found.time)
-        sensors.append(np.full(len(found.time), i, np.int8))
-        values.append(found.value)
-        variances.append(found.variance)
-    t, sensor_of = np.concatenate(times), np.concatenate(sensors)
-    order = np.lexsort((sensor_of, t))
-    order = order[(t[order] >= since) & (t[order] <= end)]
-    t, sensor_of = t[order], sensor_of[order]
-
-    of = np.clip(np.searchsorted(stamps, t), 0, len(stamps) - 1)
-    sliding, flags = regime.sliding[of], _over_intervals(acting, of, model.regime)
-    table, process, longest = setting.tables
+    of = np.clip(np.searchsorted(stamps, events.t), 0, len(stamps) - 1)
+    flags = _over_intervals(regime.flags(model.regime), of, model.regime)
+    table, process, longest = setup.tables
     place = 2 ** np.arange(len(model.regime))[::-1]
-    u, noise, variance = _inputs(t, setting, present, timings, noises)
-    for name, source in model.slopes.items():  # a slope that no sample bears out is none
-        u[blind(t, present[source], LOST), model.input(name)] = 0.0
-    emit, on_grid = _outputs(t, sliding, grid)
+    u, noise, variance = _inputs(events.t, setup, signals, timings, slope_noises)
+    for name, source in model.slopes.items():  # no slope where no sample supports one
+        u[blind(events.t, present[source], LOST), model.input(name)] = 0.0
+    emit, on_grid = _outputs(events.t, regime.sliding[of], grid)
     line = Timeline(
-        t=t,
-        sensor=sensor_of,
-        z=np.concatenate(values)[order],
-        R=np.concatenate(variances)[order],
+        t=events.t,
+        sensor=events.sensor,
+        z=events.z,
+        R=events.R,
         u=u,
         row=flags @ place,
         W=table,
@@ -171,16 +153,64 @@ def assemble(
         variance=variance,
         warnings=(),
     )
-    return Assembled(line, stamps, averages)
+    repeated = {i for i, sensor in enumerate(model.sensors) if sensor.repeats}
+    return Assembled(line, stamps, {i: told for i, told in readings.items() if i in repeated})
+
+
+def _grid(rate: float, interval: Interval) -> Floats:
+    """Times of outputs, multiples of 1/``rate``; the end of an interval that holds none."""
+    first, last = np.ceil(interval.since * rate), np.floor((interval.end + 1e-9) * rate)
+    grid = np.arange(first, last + 1) / rate
+    return grid if len(grid) else np.array([interval.end])
+
+
+def _readings(
+    setup: DriveSetup,
+    signals: Mapping[str, Signal],
+    timings: Mapping[str, SampleTiming],
+    interval: Interval,
+    stamps: Floats,
+    regime: Regimes,
+) -> dict[int, Told]:
+    """The readings of each sensor that has a signal, in the mode in which it is read."""
+    readings = {}
+    for i, sensor in enumerate(setup.model.sensors):
+        name = sensor.column or sensor.name
+        if name not in signals:
+            continue
+        signal = signals[name]
+        if sensor.mode:
+            signal = _where(signal, stamps, regime.mode == setup.modes.index(sensor.mode))
+        if i in interval.averaged:
+            signal = _after(signal, interval.averaged[i])
+        readings[i] = told(
+            signal, setup.noise(name), setup.noise_ar(name), sensor.repeats, timings[name]
+        )
+    return readings
+
+
+def _in_order(readings: Mapping[int, Told], bare: Floats, interval: Interval) -> _Events:
+    """The ``readings`` by sensor, and the ``bare`` times without one, inside the interval."""
+    nothing = np.zeros(len(bare))
+    t = np.concatenate([bare, *(r.time for r in readings.values())])
+    sensor = np.concatenate(
+        [
+            np.full(len(bare), -1, np.int8),
+            *(np.full(len(r.time), i, np.int8) for i, r in readings.items()),
+        ]
+    )
+    z = np.concatenate([nothing, *(r.value for r in readings.values())])
+    R = np.concatenate([nothing, *(r.variance for r in readings.values())])
+    order = np.lexsort((sensor, t))
+    order = order[(t[order] >= interval.since) & (t[order] <= interval.end)]
+    return _Events(t[order], sensor[order], z[order], R[order])
 
 
 def regimes(
     stamps: Floats, present: Mapping[str, Signal], vehicle: Vehicle, fast: Sequence[str] = ()
 ) -> Regimes:
-    """Which equations hold at every stamp, by signals that are ``present``.
-
-    In a gap of a ``fast`` one nothing is taken for sure.
-    """
+    """Which equations hold at every stamp, by signals that are ``present``; ``fast`` ones must not
+    be missing for long."""
     thresholds = Thresholds.of(vehicle.modes)
 
     def at(name: str) -> Floats | None:
@@ -188,12 +218,12 @@ def regimes(
             return None
         return present[name].at(stamps)
 
-    unseen, lost = np.zeros((2, len(stamps)), bool)
+    missing, lost = np.zeros((2, len(stamps)), bool)
     for name in fast:
-        unseen |= blind(stamps, present[name], thresholds.gap)
+        missing |= blind(stamps, present[name], thresholds.gap)
         lost |= blind(stamps, present[name], LOST)
     parameters = {key: value.value for key, value in vehicle.parameters.items()}
-    observed = Observed(stamps, at, unseen, lost, parameters, thresholds)
+    observed = Observed(stamps, at, missing, lost, parameters, thresholds)
     return vehicle.machine.regimes.judge(observed)
 
 
@@ -205,37 +235,37 @@ def _where(signal: Signal, stamps: Floats, flag: NDArray[np.bool_]) -> Signal:
 
 
 def _after(signal: Signal, time: float) -> Signal:
-    """The samples behind ``time`` s."""
+    """The samples after ``time`` s."""
     keep = signal.time > time
     return signal.take(keep)
 
 
 def _inputs(
     t: Floats,
-    setting: DriveSetup,
+    setup: DriveSetup,
     present: Mapping[str, Signal],
     timings: Mapping[str, SampleTiming],
     noises: Mapping[str, float],
 ) -> tuple[Floats, Floats, Floats]:
     """Inputs (K, nu) between their own stamps, with noise density and variance (nu).
 
-    ``noises`` are those of the slopes.  What may be missing for long changes slowly and holds its
-    last value, so that nobody waits for the next one.
+    ``noises`` are those of the slopes.  An input that may be missing for long changes slowly and
+    holds its last value, so that a live estimate need not wait for the next one.
     """
-    model = setting.model
-    fast = setting.fast(present)
+    model = setup.model
+    fast = setup.fast(present)
     u = np.empty((len(t), len(model.inputs)))
     noise, variance = np.zeros(len(model.inputs)), np.zeros(len(model.inputs))
     for j, item in enumerate(model.inputs):
         if item.name not in present:
             u[:, j] = item.default
             continue
-        signal, sigma = present[item.name], noises.get(item.name, setting.noise(item.name))
+        signal, sigma = present[item.name], noises.get(item.name, setup.noise(item.name))
         u[:, j] = signal.at(t, LOST if item.name in fast else 0.0)
         variance[j] = sigma**2
         if item.name not in model.slopes:  # a slope's noise cancels when it is summed up
             period = timings[item.name].period
-            noise[j] = white_density(sigma, setting.noise_ar(item.name), period)
+            noise[j] = white_density(sigma, setup.noise_ar(item.name), period)
     return u, noise, variance
 
 
