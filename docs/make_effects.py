@@ -22,6 +22,11 @@ The range is that of plausible sizes; one that begins at 0 means that only posit
 physical. A number with a default is a shape: it says how the effect looks, not how large it is.
 The equation is the place in the model where the effect acts.
 
+Beside these, every machine that declares error terms has the effect `curve`: an error of one
+equation as a curve over one covariate, its knots, values and covariance in the vehicle file
+([vehicle-file.md](vehicle-file.md)). `clutchest discover` writes one where no named effect
+explains the data. The generator does not have it.
+
 This page is written by `python docs/make_effects.py`.
 """
 TITLES = {"dry_clutch": "The dry clutch", "alsd": "The active limited-slip differential"}

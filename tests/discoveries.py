@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from clutchest.discovery.result import (
     Rival,
     Where,
 )
+from clutchest.models.error_curve import ErrorCurve
 from clutchest.signals import Counts
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -40,19 +40,7 @@ OFFSET = Cause(
     "position_offset", "sensor:slave_position", {"offset": Found(-0.4, 0.06)}, 43.8, 2e-9
 )
 
-PATCH = '''"""Written by a discovery."""
-
-from clutchest.models.effects import Effect, Number
-
-
-class TorquePatch(Effect):
-    """Torque × (1 + ``scale`` · slip/100)."""
-
-    name = "torque_patch"
-    model = "dry_clutch"
-    equation = "torque"
-    parameters = (Number("scale", "1", -1.0, 1.0),)
-'''
+CURVE = ErrorCurve("torque", "slip_speed", (0.0, 100.0, 200.0), (0.1, 0.2, 0.4))
 
 
 def misfit(drives: int = 1) -> Misfit:
@@ -126,8 +114,7 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
     effects = {c.effect: {k: f.value for k, f in c.parameters.items()} for c in causes[:1]}
     extended: Vehicle = replace(truck, effects=effects)
     if verdict == "unknown":
-        patched = {"torque_patch": {"scale": 0.2}}
-        extended = replace(truck, effects=patched, effects_files=(Path("patch_effects.py"),))
+        extended = replace(truck, curves={"curve_1": CURVE})
     lost = (
         Rival("friction_level", 7.0, {"change": -0.1}),
         Rival("centrifugal", 61.0, {"slope": 0.03}),
@@ -150,7 +137,7 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
         experiment=steps if verdict == "ambiguous" else None,
         misfit=misfit(drives),
         extended=extended,
-        patch=PATCH if verdict == "unknown" else None,
+        curve="curve_1" if verdict == "unknown" else None,
         counts=Counts(2000, 1800, {"not mapped": 180, "checksum": 20}),
         warnings=("parameter 'kiss_point' is a guess",),
         provenance={"clutchest": "0.1.0", "logs": "monday.log, tuesday.log", "held_out": ""},

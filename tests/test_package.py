@@ -26,7 +26,7 @@ from clutchest.models import machine_of
 from clutchest.models.regimes import MODE_NAMES
 from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.shipped import locate, shipped
-from clutchest.vehicle import Estimation
+from clutchest.vehicle import Estimation, signals_section
 from clutchest.vehicle import file as vehicle_file
 
 ROOT = Path(__file__).parents[1]
@@ -163,7 +163,7 @@ def test_vehicle_file_page_names_every_key():
     dry = machine_of("dry_clutch")
     keys = chain(
         vehicle_file._TOP,
-        vehicle_file._SIGNAL,
+        signals_section._KEYS,
         THRESHOLD_UNITS,
         vehicle_file.MONITORS,
         vehicle_file.ROLES,

@@ -212,6 +212,11 @@ def _from_model(
 
 def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:
     """Those of the vehicle file, and those asked for, which override them."""
+    if vehicle.curves:
+        raise ClutchestError(
+            f"{vehicle.path.name}: {', '.join(vehicle.curves)} cannot be simulated: the generator "
+            "has the library's effects only"
+        )
     merged = {name: dict(values) for name, values in vehicle.effects.items()}
     for name, values in (effects or {}).items():
         merged[name] = {**merged.get(name, {}), **values}

@@ -108,7 +108,6 @@ def test_json_and_nothing_else(run, search, logs, tmp_path, verdict, gain):
     assert told["verdict"] == verdict and (told["gain"] is None) == (gain is None)
     assert told == json.loads((tmp_path / "out" / "discovery.json").read_text("utf-8"))
     files = {"discovery.json", "extended.toml", "misfit.png", "recording.rrd", "report.md"}
-    files |= {"patch_effects.py"} if verdict == "unknown" else set()
     assert {p.name for p in (tmp_path / "out").iterdir()} == files
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import clutchest
-from clutchest.discovery.covariates import at_rest, drivers
+from clutchest.discovery.covariates import at_rest, covariates
 from clutchest.discovery.discover import discover
 from clutchest.inference.problem import Problem
 
@@ -22,7 +22,7 @@ def test_an_input_at_rest_is_told_and_still_has_values():
     assert not {"slave_position", "position_rate", "engine_torque"} & at_rest(
         moves, moves.at_nominal
     )
-    assert {"slave_position", "position_rate"} <= set(drivers(rest, rest.at_nominal))
+    assert {"slave_position", "position_rate"} <= set(covariates(rest, rest.at_nominal))
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from clutchest.discovery.result import Discovery
 from clutchest.errors import ClutchestError
 from clutchest.inference.problem import CLOCK, TIMING, Problem
 from clutchest.models import machine_of
+from clutchest.models.curve_effect import curve_effects
 from clutchest.models.effects import effects_of_file
 from clutchest.record.discovery import write_discovery
 
@@ -77,7 +78,7 @@ def test_a_hidden_cause_is_named_with_its_size(found):
     assert abs(slope.value - HIDDEN["friction_speed"]["slope"]) < 3.5 * slope.std
     assert cause.p_value < 0.01
     assert found.where is not None and found.where.equation == "torque"
-    assert "slip_speed" in found.where.drivers[:3]
+    assert "slip_speed" in found.where.covariates[:3]
 
 
 @pytest.mark.slow
@@ -234,12 +235,12 @@ def test_a_cause_without_a_name_is_located_and_patched(tmp_path: Path):
     answer = discover(signals, TRUCK)
     assert answer.verdict == "unknown"
     assert answer.where is not None and answer.where.equation == "torque"
-    assert "temp_body" in answer.where.drivers[:4]
-    if answer.patch is not None:
+    assert "temp_body" in answer.where.covariates[:4]
+    if answer.curve is not None:
         write_discovery(answer, tmp_path / "found")
         extended = clutchest.load_vehicle(tmp_path / "found" / "extended.toml")
         better = clutchest.replay(signals, extended)
-        assert not any("without patch" in w for w in better.summary["warnings"])
+        assert not any("without curve" in w for w in better.summary["warnings"])
 
 
 class Lazy:
@@ -271,10 +272,10 @@ def test_a_clock_without_a_name_is_patched_and_pays(clock):
     answer, found, _ = clock
     assert answer.verdict == "unknown"
     assert answer.where is not None and answer.where.equation == "timing:engine_torque"
-    assert answer.where.drivers[0] == "engine_speed"
+    assert answer.where.covariates[0] == "engine_speed"
     assert answer.gain is not None and answer.gain.ci95[0] > 0.0
-    patch = effects_of_file(found / "patch_effects.py")["patch"]
-    late = patch.lateness["engine_torque"]
+    curve = clutchest.load_vehicle(found / "extended.toml").curves["curve_1"]
+    late = curve_effects("curve_1", curve, TRUCK.machine)[0].lateness["engine_torque"]
     assert np.interp(75.0, late.at, late.seconds) == pytest.approx(0.042, abs=0.01)
 
 

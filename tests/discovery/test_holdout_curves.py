@@ -15,11 +15,11 @@ SECOND = AT // BLOCK % 2 == 1
 NONE = np.zeros(len(AT))
 
 
-def curve(driver: str, evidence: float) -> Curve:
+def curve(covariate: str, evidence: float) -> Curve:
     return Curve(
         "torque",
         "torque",
-        driver,
+        covariate,
         np.zeros(2),
         np.zeros(2),
         np.zeros((0, 2)),
@@ -55,7 +55,7 @@ def test_what_goes_with_it_on_another_road_comes_first(misfit: Floats) -> None:
     carried = transfer(
         misfit, (curve("temp_disc", 100.0), 0.9 * misfit), (curve("temp_body", 95.0), 0.1 * misfit)
     )
-    assert [c.driver for c in carried.ranked()] == ["temp_body", "temp_disc"]
+    assert [c.covariate for c in carried.ranked()] == ["temp_body", "temp_disc"]
     chosen, gain = carried.patch([True, True])
     assert chosen is carried.curves[1]
     assert gain is not None
@@ -66,7 +66,7 @@ def test_the_log_counts_as_much(misfit: Floats) -> None:
     carried = transfer(
         misfit, (curve("temp_disc", 300.0), 0.9 * misfit), (curve("temp_body", 95.0), 0.1 * misfit)
     )
-    assert [c.driver for c in carried.ranked()] == ["temp_disc", "temp_body"]
+    assert [c.covariate for c in carried.ranked()] == ["temp_disc", "temp_body"]
 
 
 def test_time_is_not_refuted_by_another_drive_and_patches_only_where_it_pays(
@@ -75,7 +75,7 @@ def test_time_is_not_refuted_by_another_drive_and_patches_only_where_it_pays(
     worse = transfer(
         misfit, (curve("time", 100.0), 2.0 * misfit), (curve("temp_body", 95.0), 1.1 * misfit)
     )
-    assert worse.ranked()[0].driver == "time"
+    assert worse.ranked()[0].covariate == "time"
     assert worse.patch([True, True])[0] is worse.curves[1]
     assert worse.patch([True, False]) == (None, None)
     better = transfer(misfit, (curve("time", 100.0), 0.5 * misfit))

@@ -15,15 +15,22 @@ from rerun.components import AggregationPolicy
 from rich.console import Console
 
 from clutchest.discovery.result import Experiment, Identifiable, either
-from clutchest.errors import ClutchestError
 from clutchest.models import machine_of
-from clutchest.record.discovery import gain_words, next_commands, report, write_discovery
+from clutchest.record.discovery import write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
+from clutchest.record.discovery_report import gain_words, next_commands, report
 from clutchest.record.discovery_terminal import print_discovery, print_identifiable
-from clutchest.record.misfit_pictures import draw_misfit, most_telling, pieces, worst_stretch
+from clutchest.record.misfit_pictures import draw_misfit, most_significant, pieces, worst_stretch
 from clutchest.vehicle import load_vehicle
-from discoveries import FADE, GAIN, NO_GAIN, PATCH, VERDICTS, discovery, misfit
+from discoveries import CURVE, FADE, GAIN, NO_GAIN, VERDICTS, discovery, misfit
 
+OWN = """
+from clutchest.models.effects import Effect, Number
+
+class Own(Effect):
+    name, model, equation = "own", "dry_clutch", "torque"
+    parameters = (Number("scale", "mm", -1.0, 1.0),)
+"""
 FILES = ["discovery.json", "extended.toml", "misfit.png", "recording.rrd", "report.md"]
 
 
@@ -69,13 +76,13 @@ def test_files(tmp_path, verdict, gain):
     found = discovery(verdict, gain)
     out = tmp_path / "deep" / "out"
     written = write_discovery(found, out)
-    expected = sorted([*FILES, *(["patch_effects.py"] if verdict == "unknown" else [])])
-    assert [p.name for p in written] == expected == sorted(p.name for p in out.iterdir())
+    assert [p.name for p in written] == FILES == sorted(p.name for p in out.iterdir())
     told = json.loads((out / "discovery.json").read_text("utf-8"), parse_constant=no_constant)
     assert told["verdict"] == verdict and (told["gain"] is None) == (gain is None)
     again = load_vehicle(out / "extended.toml")
     assert dict(again.effects) == dict(found.extended.effects)
-    assert replace(again, effects={}, effects_files=()) == found.vehicle
+    assert again.curves == found.extended.curves
+    assert replace(again, effects={}, curves={}) == found.vehicle
     assert (out / "misfit.png").read_bytes()[:4] == b"\x89PNG"
     assert "(misfit.png)" in (out / "report.md").read_text("utf-8")
 
@@ -105,23 +112,17 @@ def test_numbers_that_are_not_finite_become_null(tmp_path):
     assert told["identifiability"]["wear"]["detectable_size"] is None
 
 
-def test_a_patch_stays_with_the_vehicle_that_needs_it(tmp_path):
+def test_a_curve_stays_in_the_vehicle_that_is_extended_again(tmp_path):
     write_discovery(discovery("unknown"), tmp_path)
-    assert (tmp_path / "patch_effects.py").read_text("utf-8") == PATCH
-    patched = load_vehicle(tmp_path / "extended.toml")
-    assert patched.effects["torque_patch"] == {"scale": 0.2}
-    # found nothing more on top of the patched vehicle: the patch is still needed
-    write_discovery(replace(discovery("none"), vehicle=patched, extended=patched), tmp_path)
-    assert load_vehicle(tmp_path / "extended.toml").effects == patched.effects
-    # found another patch on top of it: the first must not be lost
-    both = (*patched.effects_files, *discovery("unknown").extended.effects_files)
-    second = replace(patched, effects_files=both)
-    with pytest.raises(ClutchestError, match=r"patch_effects\.py: is needed by extended\.toml"):
-        write_discovery(replace(discovery("unknown"), vehicle=patched, extended=second), tmp_path)
-    assert (tmp_path / "patch_effects.py").read_text("utf-8") == PATCH
-    # found by another run without a patch: it would belong to nothing
-    write_discovery(discovery("named"), tmp_path)
-    assert not (tmp_path / "patch_effects.py").exists()
+    vehicle = load_vehicle(tmp_path / "extended.toml")
+    assert vehicle.curves == {"curve_1": CURVE}
+    # nothing more is identified on top of it
+    write_discovery(replace(discovery("none"), vehicle=vehicle, extended=vehicle), tmp_path)
+    assert load_vehicle(tmp_path / "extended.toml").curves == vehicle.curves
+    # another curve, into the folder of the first
+    second = replace(vehicle, curves={**vehicle.curves, "curve_2": CURVE})
+    write_discovery(replace(discovery("unknown"), vehicle=vehicle, extended=second), tmp_path)
+    assert load_vehicle(tmp_path / "extended.toml").curves == second.curves
 
 
 def test_a_failed_write_leaves_what_was_there(tmp_path, monkeypatch):
@@ -143,44 +144,47 @@ def test_words_of_each_verdict(tell):
     for verdict, text in texts.items():
         assert f"In one sentence: {verdict}." in text
         assert "parameter 'kiss_point' is a guess" in text
-        assert "Would not show in this log even if large: housing_airflow, viscous_drag." in text
+        assert "Not detectable in this log even at the largest plausible size: housing_air" in text
     assert "slope 0.123 ± 0.011 1/(100 K), onset 160 °C" in texts["named"]
     assert "81.3" in texts["named"] and "3e-15" in texts["named"]
     assert (
-        "in the equation torque and goes with disc temperature, then with slip speed"
+        "in the equation torque and correlates with disc temperature, then with slip speed"
         in (texts["named"])
     )
     assert "amount 0.410 ± 0.060 mm" in texts["ambiguous"]
     assert "offset -0.400 ± 0.060 mm" in texts["ambiguous"]
     assert "Slip in steps at one position." in texts["ambiguous"]
-    assert "in the time stamps of engine_torque and goes with position rate." in (texts["unknown"])
+    assert (
+        "in the time stamps of engine_torque and correlates with position rate."
+        in (texts["unknown"])
+    )
     for verdict in ("named", "ambiguous", "unknown"):
-        assert "friction_level" in texts[verdict] and "33 times less probable" in texts[verdict]
-        assert "10^13 times less probable" in texts[verdict]
+        assert "friction_level" in texts[verdict] and "33 times less likely" in texts[verdict]
+        assert "10^13 times less likely" in texts[verdict]
         assert texts[verdict].index("friction_level") < texts[verdict].index("centrifugal")
-    assert "less probable" not in texts["none"] and "The error" not in texts["none"]
+    assert "less likely" not in texts["none"] and "The error" not in texts["none"]
 
 
 def test_the_gain_says_whether_it_pays():
     assert "rises by 134.2 [95 %: 98.1 to 170.3]" in gain_words(GAIN)
-    assert "nought" not in gain_words(GAIN)
-    assert "[95 %: -1.2 to 2.3]" in gain_words(NO_GAIN) and "nought" in gain_words(NO_GAIN)
-    assert "Not measured.  `--holdout LOG`" in report(discovery("named", None))
-    assert "Not measured.  `--holdout LOG`" in printed(discovery("named", None))
+    assert "not significant" not in gain_words(GAIN)
+    assert "[95 %: -1.2 to 2.3]" in gain_words(NO_GAIN) and "not significant" in gain_words(NO_GAIN)
+    assert "Not measured: no held-out data (`--holdout LOG`)" in report(discovery("named", None))
+    assert "Not measured: no held-out data (`--holdout LOG`)" in printed(discovery("named", None))
 
 
 def test_a_loss_is_told_as_one():
     lost = gain_words(replace(GAIN, nll_after=909.6, ci95=(-19.2, -4.0)))
-    assert "ln(probability) falls by 9.6 [95 %: 4.0 to 19.2]" in lost
-    assert "does not pay" in lost and "nought" not in lost
+    assert "ln L falls by 9.6 [95 %: 4.0 to 19.2]" in lost
+    assert "makes the prediction worse" in lost and "not significant" not in lost
 
 
 def test_why_nothing_was_measured():
-    assert "Nothing was found that could gain anything." in report(discovery("none", None))
+    assert "No cause was identified" in report(discovery("none", None))
     held_out = {**discovery("unknown").provenance, "held_out": "wednesday.log"}
-    patchless = replace(discovery("unknown", None), provenance=held_out)
-    for words in (report(patchless), printed(patchless)):
-        assert "No curve could be put into the model" in words and "Not measured" not in words
+    curveless = replace(discovery("unknown", None), provenance=held_out)
+    for words in (report(curveless), printed(curveless)):
+        assert "could not be added to the model as a curve" in words and "Not measured" not in words
 
 
 def test_no_torque_is_told_that_was_not_computed():
@@ -205,9 +209,9 @@ def test_sets_of_causes_in_words(sets, words):
 
 
 def test_the_gain_says_on_what_it_was_measured():
-    assert gain_words(GAIN).startswith("On held-out data ln(probability) rises")
+    assert gain_words(GAIN).startswith("On held-out data ln L rises")
     alone = gain_words(replace(GAIN, other_logs=False))
-    assert alone.startswith("With each part of the log foretold by the rest ln(probability) rises")
+    assert alone.startswith("Cross-validated over quarters of the log, ln L rises")
 
 
 def test_the_report_says_what_the_extended_vehicle_holds():
@@ -215,8 +219,8 @@ def test_the_report_says_what_the_extended_vehicle_holds():
     assert holds.format("friction_fade") in report(discovery("named"))
     assert holds.format("wear") in report(discovery("ambiguous"))
     patched = report(discovery("unknown"))
-    assert holds.format("torque_patch") in patched and "it explains nothing" in patched
-    assert "is the vehicle as it was" in report(discovery("none"))
+    assert holds.format("curve_1") in patched and "names no cause" in patched
+    assert "is the original vehicle" in report(discovery("none"))
 
 
 def test_what_could_be_told_is_printed():
@@ -251,9 +255,9 @@ def test_the_next_manoeuvre_is_a_command(tmp_path):
 
 def test_effects_of_the_users_own_keep_their_units(tmp_path):
     file = tmp_path / "mine.py"
-    file.write_text(PATCH.replace('"scale", "1"', '"scale", "mm"'), encoding="utf-8")
+    file.write_text(OWN, encoding="utf-8")
     found = discovery("named")
-    cause = replace(FADE, effect="torque_patch", parameters={"scale": FADE.parameters["slope"]})
+    cause = replace(FADE, effect="own", parameters={"scale": FADE.parameters["slope"]})
     extended = replace(found.vehicle, effects_files=(file,))
     text = report(replace(found, causes=(cause,), extended=extended))
     assert "scale 0.123 ± 0.011 mm" in text
@@ -277,9 +281,9 @@ def test_the_worst_slip_is_the_one_shown():
 
 def test_bins_of_the_first_driver_that_tell_most():
     shown = misfit()
-    assert most_telling(shown.bins, "temp_disc") is shown.bins[0]
-    assert most_telling(shown.bins, None) is shown.bins[2]
-    assert most_telling(shown.bins, "time") is None
+    assert most_significant(shown.bins, "temp_disc") is shown.bins[0]
+    assert most_significant(shown.bins, None) is shown.bins[2]
+    assert most_significant(shown.bins, "time") is None
 
 
 def test_a_drive_without_slip_or_bins_has_a_picture_too(tmp_path):

@@ -20,8 +20,8 @@ def discover(
             "--holdout",
             metavar="LOG",
             show_default=False,
-            help="A log that is not used to find anything, only to measure what the finding is "
-            "worth; repeat for several.",
+            help="A log that is used only to measure the gain of the extended model; repeat for "
+            "several.",
         ),
     ] = None,
     effects: Annotated[
@@ -30,23 +30,23 @@ def discover(
             "--effects",
             metavar="FILE.py",
             show_default=False,
-            help="Your own suspicions, effect classes, tried beside the library's; repeat for "
+            help="Your own hypotheses, effect classes, tested beside the library's; repeat for "
             "several.",
         ),
     ] = None,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
-    """Find what the model gets wrong, name the cause and add it to the vehicle.
+    """Detect errors of the model, name their causes and add these to the vehicle.
 
-    Writes report.md (start there), discovery.json, extended.toml (the vehicle with what was found
-    in its model) and recording.rrd.  Says so where nothing is wrong, where the log cannot tell
-    causes apart, and where the cause is none that is known.
+    Writes report.md (start there), discovery.json, extended.toml (the vehicle with the identified
+    causes in its model) and recording.rrd.  Says so where no error is detectable, where the log
+    does not separate causes, and where no known cause explains the error.
 
     \b
     Example:
-      clutchest discover monday.log --vehicle truck --holdout tuesday.log --out found
-      clutchest replay wednesday.log --vehicle found/extended.toml
+      clutchest discover monday.log --vehicle truck --holdout tuesday.log --out result
+      clutchest replay wednesday.log --vehicle result/extended.toml
     """
     with progress() as show:
         show("loading", None)
@@ -55,13 +55,12 @@ def discover(
         from clutchest.discovery.discover import discover as search
         from clutchest.discovery.user_effects import user_effects
         from clutchest.reading import read_log
-        from clutchest.record.discovery import may_hold, write_discovery
+        from clutchest.record.discovery import write_discovery
         from clutchest.record.discovery_terminal import print_discovery, print_identifiable
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)
         user_effects(effects or (), car)  # a slip of the pen shows now, not when the logs are read
-        may_hold(out, car)
         apart(logs, holdout or ())
         show("reading", None)
         signals = read_log(logs, car)

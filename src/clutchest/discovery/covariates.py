@@ -11,13 +11,13 @@ from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.signals import Floats
 
-KNOTS = 5  # of a curve over a driver
+KNOTS = 5  # of a curve over a covariate
 TIME_KNOTS = 8, 36
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
-STILL = 1e-9  # of its own size; a driver that moves less is none
+STILL = 1e-9  # of its own size; a covariate that moves less is none
 
 
-def drivers(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
+def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
     """Name → value at every event (K) of the drive at an operating point."""
     model, line = drive.compiled.model, drive.line
     machine = drive.compiled.machine
@@ -42,7 +42,7 @@ def drivers(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
     )
     found |= dict(zip(quantities, values, strict=False))
     spans = np.diff(line.t, prepend=line.t[0])
-    # what goes with the noise of a driver is no error
+    # what goes with the noise of a covariate is no error
     found = {name: deadband(line.t, value, drive.tracked.act) for name, value in found.items()}
     found |= {
         name: denoised_rate(line.t, at.inputs[:, model.input(of)], drive.tracked.act)
@@ -66,8 +66,8 @@ def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:
 
 
 def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
-    """Where curves over this driver may bend: at its quantiles, counted with weights ``where``
-    (K), time also more finely; nowhere for a driver that does not move there."""
+    """Where curves over this covariate may bend: at its quantiles, counted with weights ``where``
+    (K), time also more finely; nowhere for a covariate that does not move there."""
     inside = value[where > 0.0]
     if not len(inside) or not np.isfinite(inside).all():
         return ()

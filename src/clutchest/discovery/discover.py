@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from clutchest import __version__
-from clutchest.discovery import patch
 from clutchest.discovery.error_term_effects import PREFIX, error_term_effects
 from clutchest.discovery.experiment_design import propose
-from clutchest.discovery.extension import corrected, extend
+from clutchest.discovery.extension import can_be_stated, corrected, extend
 from clutchest.discovery.holdout_curves import Transfer
 from clutchest.discovery.holdout_gain import in_turns, on_another
 from clutchest.discovery.identifiable import identifiability, untried
@@ -106,7 +105,11 @@ class _Finding:
         other = self._other()
         judged = judge(search, other, self.progress)
         verdict, errors, curve, gained = judged.verdict, judged.errors, None, None
-        warnings = [*self._unseen(search, judged.best), *map(_not_borne_out, judged.dropped)]
+        warnings = [
+            *self.vehicle.notes,
+            *self._unseen(search, judged.best),
+            *map(_not_borne_out, judged.dropped),
+        ]
         if verdict == "unknown":
             errors, curve, gained = self._borne_out(search, errors, other)
         elif verdict != "none":
@@ -127,13 +130,13 @@ class _Finding:
         acts = judged.best if named else search.null  # of an ambiguous answer, the likeliest set
         beside = corrected(search, acts) if named or curve is not None else {}
         sizes = {**beside, **_sizes(acts, told)}
-        extended, text = extend(problem, sizes, curve, self.files)
+        extended, added = extend(problem, sizes, curve, self.files)
         if gained is not None and gained.total < 0.0:
             warnings.append(
-                "what was found does not pay on data held out: extended.toml is the "
-                "vehicle as it was"
+                "the extension makes the prediction of held-out data worse: extended.toml is the "
+                "original vehicle"
             )
-            extended, text = self.vehicle, None
+            extended, added = self.vehicle, None
         before = search.objective.linearise_at(search.null.fit.theta)
         return Discovery(
             vehicle=self.vehicle,
@@ -148,7 +151,7 @@ class _Finding:
             experiment=self._experiment(judged) if verdict == "ambiguous" else None,
             misfit=misfit(search.objective, before, judged.best.fit if named else before),
             extended=extended,
-            patch=text,
+            curve=added,
             counts=sum((drive.counts for drive in self.signals.drives), Counts()),
             warnings=tuple(warnings),
             provenance=self._provenance(problem),
@@ -175,8 +178,8 @@ class _Finding:
         words = [*self.signals.warnings, *untried(problem, self._known)]
         if more := len(problem.drives) - len(self.signals.drives):
             words.append(
-                f"{more} hole(s) through which the clutch may have slipped unseen: "
-                "what comes after one is taken for a drive of its own"
+                f"{more} gap(s) in which the clutch may have slipped unobserved: "
+                "the data after each are treated as a separate drive"
             )
         # without a cause, a start may stand in for it
         for i in (i for i in search.running if abs(best.fit.theta[i]) > ODD):
@@ -184,7 +187,7 @@ class _Finding:
             assert isinstance(start, InitialState)
             words.append(
                 f"{start.state} starts {off:+.0f} K from that of a clutch at rest: the log "
-                "begins in the middle of a drive"
+                "does not begin at the start of a drive"
             )
         return words
 
@@ -238,12 +241,12 @@ class _Finding:
         """The curves, those of the equation in question as the drives held out bear them out; the
         one that stands for a cause without a name, and what it gains there."""
         model = search.problem.compiled.model
-        first = {c.driver: c for c in reversed(errors) if c.equation == errors[0].equation}
+        first = {c.covariate: c for c in reversed(errors) if c.equation == errors[0].equation}
         leading = list(first.values())
-        followed = [patch.written(c, model) is not None for c in leading]
+        followed = [can_be_stated(c, self.vehicle.machine, model) for c in leading]
         if other is None:
             mean_the_same = [
-                c for c, can in zip(leading, followed, strict=True) if can and c.driver != "time"
+                c for c, can in zip(leading, followed, strict=True) if can and c.covariate != "time"
             ]
             return errors, max(mean_the_same, key=lambda c: c.evidence, default=None), None
         if self.progress:
@@ -307,7 +310,7 @@ def _alike(signals: Signals, other: Sequence[Signals], machine: Machine) -> tupl
 
 def _not_borne_out(what: str) -> str:
     return (
-        f"{what}: seemed to be there, and the drives held out do not bear it out; taken for noise"
+        f"{what}: significant in the log, but not confirmed on held-out drives; attributed to noise"
     )
 
 
@@ -322,7 +325,7 @@ def _implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
         if abs(size.value - nearest) > 2.0 * size.std:
             said.append(
                 f"{cause.effect}: {n.key} = {size.value:.3g} ± {size.std:.2g} {n.unit} "
-                f"is more than is plausible ({nearest:.3g})"
+                f"is larger than plausible ({nearest:.3g})"
             )
     return said
 
@@ -354,13 +357,13 @@ def _rivals(problem: Problem, judged: Judged) -> tuple[Rival, ...]:
 def _where(
     verdict: str, best: Hypothesis, errors: Sequence[Curve], peaks: Mapping[str, str]
 ) -> Where | None:
-    """The equation, and drivers ranked by how likely an error is that goes with them; a state
+    """The equation, and covariates ranked by how likely an error is that goes with them; a state
     stands for its ``peaks`` as well."""
     if verdict == "none":
         return None
     equation = errors[0].equation if verdict == "unknown" else best.chosen[0].effect.equation
-    ranked = [c.driver for c in errors if c.equation == equation]
-    names = dict.fromkeys(peaks.get(driver, driver) for driver in ranked)
+    ranked = [c.covariate for c in errors if c.equation == equation]
+    names = dict.fromkeys(peaks.get(covariate, covariate) for covariate in ranked)
     return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)
 
 
@@ -368,20 +371,21 @@ def _sentence(verdict: str, judged: Judged, told: Told, where: Where | None, exc
     """The answer in words, with the numbers ``told``; ``excited``: whether the data could show any
     cause at all."""
     if verdict == "none" and not excited:
-        return "These data cannot show any known cause: they say nothing for or against the model."
+        return "These data excite no known cause: they neither confirm nor refute the model."
     if verdict == "none":
-        return "The model explains these data: nothing is missing that they could show."
+        return "The model explains these data: no error is detectable in them."
     if verdict == "unknown":
         assert where is not None
-        with_ = f" and goes with {where.drivers[0]}" if where.drivers else ""
-        with_ += ", the highest it has been" if where.peak else ""
+        first = where.covariates[0] if where.covariates else ""
+        first = f"the highest {first} so far" if where.peak else first
+        correlates = f" that correlates with {first}" if first else ""
         return (
-            f"Something is wrong in the equation '{where.equation}'{with_}, "
-            "and no known cause explains it."
+            f"The equation '{where.equation}' has an error{correlates}, and no known cause "
+            "explains it."
         )
-    lacks = either([_with_sizes(h, told) for h in judged.sets])
-    which = "; these data cannot tell which" if verdict == "ambiguous" else ""
-    return f"The model lacks {lacks}{which}."
+    required = either([_with_sizes(h, told) for h in judged.sets])
+    which = "; they do not separate these" if verdict == "ambiguous" else ""
+    return f"The data require {required}{which}."
 
 
 def _names_of(h: Hypothesis) -> tuple[str, ...]:
@@ -399,12 +403,16 @@ def _sizes(h: Hypothesis, told: Told) -> dict[str, dict[str, Found]]:
 
 def _with_sizes(h: Hypothesis, told: Told) -> list[str]:
     """Names of a hypothesis' effects with their numbers."""
-    units = {(c.name, n.key): n.unit for c in h.chosen for n in c.effect.parameters}
+    effects = {c.name: c.effect for c in h.chosen}
     words = []
     for name, sizes in _sizes(h, told).items():
+        units = {n.key: n.unit for n in effects[name].parameters}
         numbers = [
-            f"{key} = {f.value:.3g} ± {f.std:.2g} {units[name, key]}".removesuffix(" 1")
+            f"{key} = {f.value:.3g} ± {f.std:.2g} {units[key]}".removesuffix(" 1")
             for key, f in sizes.items()
         ]
-        words.append(f"{name} ({', '.join(numbers)})")
+        meanings = [
+            w.of(sizes[key].value) for key, w in effects[name].wording.items() if key in sizes
+        ]
+        words.append(f"{name} ({'; '.join([', '.join(numbers), *meanings])})")
     return words

@@ -1,4 +1,4 @@
-"""The manoeuvre that would tell rivals apart, found by simulating each."""
+"""The manoeuvre that would separate rivals best, each simulated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
-APART = 4.0  # standard deviations at which two causes are told apart
+APART = 4.0  # standard deviations at which two causes are separated
 SEED = 1  # of the simulated manoeuvres
 
 Sized = tuple[Candidate, float]  # and its size, in its unit
@@ -40,7 +40,7 @@ def propose(
         hidden.setdefault(c.name, {}).update({c.gain.key: size * c.gain.upper, **dict(c.shapes)})
     for k, name in enumerate(scenarios):
         if progress:
-            progress(f"trying what '{name}' would tell", k / len(scenarios))
+            progress(f"simulating '{name}'", k / len(scenarios))
         try:
             least = _least_distance(rivals, beside, problem_of(simulated(name, hidden)))
         except ClutchestError as error:  # a cause of the user's own, or too large for a manoeuvre
@@ -51,14 +51,14 @@ def propose(
             best, scenario = least, name
     if scenario is not None and best >= APART:
         return Experiment(
-            f"drive '{scenario}': there {names} lie {best:.0f} standard deviations apart", scenario
+            f"drive '{scenario}': it separates {names} by {best:.0f} standard deviations", scenario
         )
     sensor = vehicle.machine.sensor_to_separate([c.effect.equation for c, _ in rivals])
     if not tried:
         return Experiment(
-            f"no manoeuvre could be tried out ({why}); {sensor} would tell {names} apart", None
+            f"no manoeuvre could be simulated ({why}); {sensor} would separate {names}", None
         )
-    return Experiment(f"no manoeuvre tells {names} apart on these signals: {sensor} would", None)
+    return Experiment(f"no manoeuvre separates {names} with these signals: {sensor} would", None)
 
 
 def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: Problem) -> float:

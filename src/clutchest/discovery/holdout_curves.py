@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.discovery.covariates import drivers, hats
+from clutchest.discovery.covariates import covariates, hats
 from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction, between, carried, fitted
 from clutchest.discovery.residual_curves import Curve, places
 from clutchest.discovery.result import Gain
@@ -47,11 +47,11 @@ class Transfer:
         objective = objective.with_span([fit.psi])
         fit = improve(objective, objective.whitened(fit), free)
         place = places(other)
-        values = [drivers(*each) for each in zip(other.drives, fit.implied, strict=True)]
+        values = [covariates(*each) for each in zip(other.drives, fit.implied, strict=True)]
         changes = np.zeros((len(fit.r), len(curves)))
         for change, curve in zip(changes.T, curves, strict=True):
             count = len(curve.at)
-            bases = [hats(value[curve.driver], curve.at) for value in values]
+            bases = [hats(value[curve.covariate], curve.at) for value in values]
             thetas = np.full(count, place[curve.error_term])
             modulations = [Modulation(basis, np.arange(count)) for basis in bases]
             acts = objective.modulated(fit, thetas, modulations)
@@ -98,7 +98,7 @@ class Transfer:
         """Index of the likeliest that pays if it has to, gaining so much each (n)."""
         # at some time of another drive, nothing need go wrong
         pays = [
-            yes and (curve.driver != "time" or gain > 0.0)
+            yes and (curve.covariate != "time" or gain > 0.0)
             for yes, curve, gain in zip(usable, self.curves, gained, strict=True)
         ]
         likely = np.where(pays, self._evidence(gained), -np.inf)
@@ -107,7 +107,7 @@ class Transfer:
     def _evidence(self, gained: Floats) -> Floats:
         """2 ln of the Bayes factor (n) on both problems, when curves gain so much (n) on the other;
         a curve over time is not refuted where its time was another drive's."""
-        over_time = np.array([curve.driver == "time" for curve in self.curves])
+        over_time = np.array([curve.covariate == "time" for curve in self.curves])
         counts = np.where(over_time, np.maximum(gained, 0.0), gained)
         return np.array([curve.evidence for curve in self.curves]) + 2.0 * counts
 

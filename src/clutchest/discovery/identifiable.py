@@ -1,4 +1,4 @@
-"""What a log can tell, before anything is fitted."""
+"""Identifiability of every effect in a log, before anything is fitted."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def untried(problem: Problem, effects: Sequence[Effect]) -> list[str]:
         brought = machine.equations(usable | {column}).taking(left)
         if brought:
             names = ", ".join(e.name for e in brought)
-            words.append(f"not looked for, because there is no {column}: {names}")
+            words.append(f"not tested, because there is no {column}: {names}")
         left = [e for e in left if e not in brought]
     if left:
-        words.append(f"not looked for with these signals: {', '.join(e.name for e in left)}")
+        words.append(f"not tested with these signals: {', '.join(e.name for e in left)}")
     return words

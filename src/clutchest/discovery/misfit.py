@@ -1,10 +1,10 @@
-"""Where and when the model misses: levels, and means over what an error may go with."""
+"""Residuals of the model: their level, and their means over the covariates."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from clutchest.discovery.covariates import drivers
+from clutchest.discovery.covariates import covariates
 from clutchest.discovery.result import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
 from clutchest.inference.objective import Linearisation, Objective
@@ -14,13 +14,12 @@ FEWEST = 40  # readings in a mode that are worth a picture
 
 
 def misfit(objective: Objective, before: Linearisation, after: Linearisation) -> Misfit:
-    """What the model as it is misses, over every state, input and rate, and what is left with what
-    was found."""
+    """Residuals of the original model over every covariate, and those of the extended one."""
     problem = objective.problem
     sensors = tuple(sensor.name for sensor in problem.compiled.model.sensors)
     modes = problem.compiled.machine.regimes.modes
     simulated = torques(problem, before)
-    values = [drivers(*each) for each in zip(problem.drives, before.implied, strict=True)]
+    values = [covariates(*each) for each in zip(problem.drives, before.implied, strict=True)]
     bins: list[Bins] = []
     levels: list[Level] = []
     white = objective.whitened(before).r
@@ -34,10 +33,10 @@ def misfit(objective: Objective, before: Linearisation, after: Linearisation) ->
             r = white[rows]
             level, lag = float(np.mean(r**2)), float(np.mean(r[1:] * r[:-1]))
             levels.append(Level(name, modes[m], level, lag / level, len(r)))
-            for driver in [name for name in values[0] if all(name in v for v in values)]:
+            for covariate in [name for name in values[0] if all(name in v for v in values)]:
                 joined = np.concatenate(
                     [
-                        v[driver][d.readings.event]
+                        v[covariate][d.readings.event]
                         for v, d in zip(values, problem.drives, strict=True)
                     ]
                 )[rows]
@@ -50,7 +49,7 @@ def misfit(objective: Objective, before: Linearisation, after: Linearisation) ->
                 mean = np.bincount(of, r, minlength=len(edges) - 1) / safe
                 square = np.bincount(of, r**2, minlength=len(edges) - 1) / safe
                 error = np.sqrt(np.maximum(square - mean**2, 0.0) / safe)
-                bins.append(Bins(name, modes[m], driver, edges, mean, error, count))
+                bins.append(Bins(name, modes[m], covariate, edges, mean, error, count))
     extended = simulated if after is before else torques(problem, after)
     return Misfit(
         sensors,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from clutchest.discovery.covariates import TIME_KNOTS, at_rest, drivers, hats, knots
+from clutchest.discovery.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
 from clutchest.discovery.error_term_effects import PREFIX
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
@@ -37,7 +37,7 @@ ENTRIES = 1e7  # of derivatives, held at a time
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """An error of ``equation``, in the way of ``flaw``, as a curve over ``driver``.
+    """An error of ``equation``, in the way of ``error_term``, as a curve over ``covariate``.
 
     ``at`` its knots (c), ``coefficients`` (c) the expected ones (units of the probe); ``off``
     (c, c) in each row what they may be off by, a standard deviation one way; ``worth`` what they
@@ -48,7 +48,7 @@ class Curve:
 
     error_term: str
     equation: str
-    driver: str
+    covariate: str
     at: Floats
     coefficients: Floats
     off: Floats
@@ -60,16 +60,16 @@ class Curve:
 def curves(
     objective: Objective, fit: Linearisation, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
-    """Every curve over every driver, the likeliest first, beside what is ``free`` at a fit."""
+    """Every curve over every covariate, the likeliest first, beside what is ``free`` at a fit."""
     problem, place = objective.problem, places(objective.problem)
     # without a signal, some equations are others
     error_terms = {k: v for k, v in problem.compiled.machine.error_terms.items() if k in place}
-    values = [drivers(*each) for each in zip(problem.drives, fit.implied, strict=True)]
+    values = [covariates(*each) for each in zip(problem.drives, fit.implied, strict=True)]
     tables = [
-        (name, driver, at)
-        for driver, at in _bent(problem, fit, values)
+        (name, covariate, at)
+        for covariate, at in _bent(problem, fit, values)
         for name, error_term in error_terms.items()
-        if _may_go_with(error_term, driver, at)
+        if _may_go_with(error_term, covariate, at)
     ]
     choices = Counter(error_terms[name].equation for name, _, _ in tables)
     found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
@@ -79,7 +79,7 @@ def curves(
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
         null += resampled_scores(fit.r, c.pure, DRAWS, rng)
-        for ((name, driver, at), columns), gram in zip(some, whole, strict=True):
+        for ((name, covariate, at), columns), gram in zip(some, whole, strict=True):
             pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
             score, equation = c.score[columns], error_terms[name].equation
             covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
@@ -96,7 +96,7 @@ def curves(
                 Curve(
                     name,
                     equation,
-                    driver,
+                    covariate,
                     at,
                     *expected(*told),
                     float(score @ best) / unrest - 2.0 * rank,
@@ -169,7 +169,7 @@ def places(problem: Problem) -> dict[str, int]:
     }
 
 
-Table = tuple[str, str, Floats]  # flaw, driver, knots
+Table = tuple[str, str, Floats]  # error term, covariate, knots
 
 
 def _bent(
@@ -189,10 +189,10 @@ def _bent(
     ]
 
 
-def _may_go_with(error_term: ErrorTerm, driver: str, at: Floats) -> bool:
-    """Whether a curve over ``driver`` with these knots is looked for."""
+def _may_go_with(error_term: ErrorTerm, covariate: str, at: Floats) -> bool:
+    """Whether a curve over ``covariate`` with these knots is looked for."""
     quick = len(at) == max(TIME_KNOTS)
-    return (not error_term.covariates or driver in error_term.covariates) and not (
+    return (not error_term.covariates or covariate in error_term.covariates) and not (
         error_term.slow and quick
     )
 
@@ -205,16 +205,17 @@ def _left_over(
     place: Mapping[str, int],
 ) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:
     """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
-    of each curve; some drivers at a time, as many as memory likes.  ``place`` of each flaw in θ."""
+    of each curve; some covariates at a time, as many as memory likes.  ``place`` of each error term
+    in θ."""
     readings = len(fit.r)
     for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
         begins: dict[tuple[str, int], int] = {}
         bases: list[list[Floats]] = [[] for _ in values]
-        for _, driver, at in some:
-            if (driver, len(at)) not in begins:
-                begins[driver, len(at)] = sum(basis.shape[1] for basis in bases[0])
+        for _, covariate, at in some:
+            if (covariate, len(at)) not in begins:
+                begins[covariate, len(at)] = sum(basis.shape[1] for basis in bases[0])
                 for basis, v in zip(bases, values, strict=True):
-                    basis.append(hats(v[driver], at))
+                    basis.append(hats(v[covariate], at))
         columns = np.concatenate([begins[d, len(at)] + np.arange(len(at)) for _, d, at in some])
         thetas = np.concatenate([np.full(len(at), place[name]) for name, _, at in some])
         ends = np.cumsum([len(at) for _, _, at in some])

@@ -48,7 +48,7 @@ class Where:
     with the highest that the first of them has been."""
 
     equation: str
-    drivers: tuple[str, ...]
+    covariates: tuple[str, ...]
     peak: bool = False
 
 
@@ -116,7 +116,7 @@ class Bins:
 
     sensor: str
     mode: str
-    driver: str
+    covariate: str
     edges: Floats
     mean: Floats
     error: Floats
@@ -159,7 +159,7 @@ class Misfit:
 class Discovery:
     """The answer.  ``sets`` are the names of causes that act together, the likeliest set first:
     one where they are named, several where the data cannot tell.  ``extended`` is the vehicle with
-    what was found in its model, ``patch`` the text of a file of effects that it refers to, if any;
+    what was identified in its model, ``curve`` the name of the curve added to it, if any;
     ``sentence`` says it in words."""
 
     vehicle: Vehicle
@@ -174,7 +174,7 @@ class Discovery:
     experiment: Experiment | None
     misfit: Misfit
     extended: Vehicle
-    patch: str | None
+    curve: str | None
     counts: Counts  # of the frames of the log
     warnings: tuple[str, ...]
     provenance: Mapping[str, str]
@@ -212,7 +212,7 @@ class Discovery:
             ],
             "where": None
             if self.where is None
-            else {"equation": self.where.equation, "drivers": list(self.where.drivers)},
+            else {"equation": self.where.equation, "drivers": list(self.where.covariates)},
             "unexcited": list(self.unexcited),
             "identifiability": {
                 i.effect: {

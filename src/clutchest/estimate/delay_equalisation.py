@@ -18,8 +18,9 @@ class Clocks:
     (:func:`clutchest.estimate.whole_log.delays`).  Feed :meth:`take` in order of time."""
 
     def __init__(self, vehicle: Vehicle) -> None:
+        numbers = vehicle.effect_numbers
         self.late: list[tuple[str, float, Lateness]] = [
-            (signal, vehicle.effects[effect.name].get(effect.delays[signal], 0.0), lateness)
+            (signal, numbers[effect.name].get(effect.delays[signal], 0.0), lateness)
             for effect in present_effects(vehicle)
             for signal, lateness in effect.lateness.items()
         ]

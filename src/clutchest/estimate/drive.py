@@ -366,5 +366,5 @@ def begun(
 def left_out(vehicle: Vehicle, compiled: Compiled) -> list[str]:
     """A warning where effects of the vehicle file are not in the model."""
     present = {effect.name for effect in compiled.model.effects}
-    names = [name for name in vehicle.effects if name not in present]
+    names = [name for name in vehicle.effect_numbers if name not in present]
     return [f"without {', '.join(names)}: the signals at hand do not show it"] if names else []

@@ -185,8 +185,8 @@ def provenance(vehicle: Vehicle, digest: str) -> dict[str, str]:
     numbers = repr(
         (
             sorted((k, v.value, v.spread) for k, v in vehicle.parameters.items()),
-            vehicle.effects,
-            vehicle.effects_spread,
+            vehicle.effect_numbers,
+            vehicle.effect_spreads,
         )
     )
     return {

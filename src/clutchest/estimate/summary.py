@@ -54,6 +54,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         every = len(vehicle.guessed) == len(vehicle.parameters)
         names = f"all {len(vehicle.guessed)}" if every else ", ".join(vehicle.guessed)
         warnings.append(f"guessed parameters, by {vehicle.path.name}: {names}")
+    warnings += vehicle.notes
     last, end = tracks[-1], parts[-1]
     return {
         "vehicle": vehicle.name,

@@ -21,6 +21,7 @@ from clutchest.compute.records import (
 )
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
+from clutchest.models.curve_effect import curve_effects
 from clutchest.models.effects import Effect, effects_of_file
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model
@@ -112,21 +113,25 @@ def present_effects(vehicle: Vehicle) -> tuple[Effect, ...]:
     known = dict(vehicle.machine.effects)
     for path in vehicle.effects_files:
         known |= effects_of_file(path)
-    unknown = [name for name in vehicle.effects if name not in known]
+    for name, curve in vehicle.curves.items():
+        known |= {effect.name: effect for effect in curve_effects(name, curve, vehicle.machine)}
+    names = vehicle.effect_numbers
+    unknown = [name for name in names if name not in known]
     if unknown:
         raise ClutchestError(
             f"{vehicle.path.name}: unknown effect '{unknown[0]}'" + nearest(unknown[0], known)
         )
-    return tuple(known[name] for name in vehicle.effects)
+    return tuple(known[name] for name in names)
 
 
 def delays(vehicle: Vehicle) -> dict[str, float]:
     """Delay in s that the vehicle's effects put on a signal, the largest where it varies."""
     late: dict[str, float] = {}
+    numbers = vehicle.effect_numbers
     for effect in present_effects(vehicle):
         for signal, key in effect.delays.items():
             most = effect.lateness[signal].most if signal in effect.lateness else 1.0
-            size = vehicle.effects[effect.name].get(key, 0.0)
+            size = numbers[effect.name].get(key, 0.0)
             late[signal] = late.get(signal, 0.0) + size * most
     return late
 
@@ -153,9 +158,9 @@ def compile_model(
     if lacking:
         raise ClutchestError(f"{vehicle.path.name}: no parameter {', '.join(lacking)}")
     p = np.array([vehicle.parameters[q.key].value for q in model.parameters])
-    g = []
+    g, numbers, deviations = [], vehicle.effect_numbers, vehicle.effect_spreads
     for effect in effects:
-        given: Mapping[str, float] = vehicle.effects.get(effect.name, {})
+        given: Mapping[str, float] = numbers.get(effect.name, {})
         g += [given.get(n.key, n.default if n.shape else 0.0) for n in effect.parameters]
     spreads = {q.key: vehicle.parameters[q.key].spread for q in model.parameters}
     # the spread of a state's nominal value is that state's prior
@@ -164,7 +169,7 @@ def compile_model(
     thetas = [(PARAMETER, key) for key in uncertain]
     spread = [spreads[key] for key in uncertain]
     for effect in effects:
-        stated: Mapping[str, float] = vehicle.effects_spread.get(effect.name, {})
+        stated: Mapping[str, float] = deviations.get(effect.name, {})
         thetas += [(effect.name, n.key) for n in effect.gains]
         spread += [stated.get(n.key, 0.0) for n in effect.gains]
     thetas += [(START, name) for name in starts]

@@ -1,4 +1,4 @@
-"""A diagnosis as files and in a terminal: the verdicts, the faults, and what could be told."""
+"""A diagnosis as files and in a terminal: verdicts, faults, detectability and isolability."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
+from clutchest.diagnosis.result import Diagnosis, Isolability
+from clutchest.record.diagnosis_report import details, headline
 from clutchest.record.files import finished_into, json_text
 
 STYLES = {"failed": "bold red", "passed": "green", "not run": "dim"}
@@ -19,7 +20,7 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path) -> list[Path]:
 
     Raises ClutchestError if ``out`` is no folder, OSError if the disk refuses.
     """
-    from clutchest.record.rerun import write_recording
+    from clutchest.record.rerun import write_recording  # rerun, only where it is needed
 
     with finished_into(out) as folder:
         (folder / "diagnosis.json").write_text(json_text(diagnosis.summary()), encoding="utf-8")
@@ -29,13 +30,13 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path) -> list[Path]:
 
 
 def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = False) -> None:
-    """Print faults, monitors, and with ``explain`` what could be detected and told apart."""
+    """Print faults, monitors, and with ``explain`` what is detectable and isolable."""
     for fault in diagnosis.faults:
         console.print(f"[bold red]{escape(headline(fault))}[/]")
         console.print(f"  {escape(details(fault))}")
     counts = {s: sum(m.status == s for m in diagnosis.monitors) for s in STYLES}
     if not diagnosis.faults:
-        console.print("[green]No fault found.[/]")
+        console.print("[green]No fault detected.[/]")
     console.print(
         f"{counts['passed']} monitors passed, {counts['failed']} failed, "
         f"{counts['not run']} could not run."
@@ -55,35 +56,19 @@ def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = Fals
         print_isolability(diagnosis.isolability, console)
 
 
-def headline(fault: Fault) -> str:
-    """The fault, or the set that cannot be told apart."""
-    names = fault.fault if len(fault.set) == 1 else f"one of {', '.join(fault.set)}"
-    return f"{fault.first_detected_s:.1f} s: {names}: {fault.what}"
-
-
-def details(fault: Fault) -> str:
-    """Since when, and its code."""
-    began = "there from the start" if fault.began_s <= 0.0 else f"began at {fault.began_s:.1f} s"
-    over = "" if fault.ended_s is None else f", over at {fault.ended_s:.1f} s"
-    return (
-        f"{began}{over}; SPN {fault.spn}, FMI {fault.fmi}, status {fault.status_byte:#04x}, "
-        f"confidence {fault.confidence:.4f}"
-    )
-
-
 def print_isolability(isolability: Isolability, console: Console) -> None:
-    """Print which faults this drive could show, from which size on, and tell apart."""
+    """Print which faults are detectable in this drive, from which magnitude, and isolable."""
     numbers = [str(i + 1) for i in range(len(isolability.faults))]
     table = Table(
         "",
         "fault",
-        "shows from",
-        "d′ of",
+        "detectable from",
+        "separability (σ) of",
         "none",
         *numbers,
-        title="what this drive can tell: distance of a fault from each other one, d′",
+        title="detectability in this drive, and separability of each fault from every other (σ)",
         title_justify="left",
-        caption="4 and more: surely told apart",
+        caption="4 or more: isolable",
         caption_justify="left",
     )
     for i, fault in enumerate(isolability.faults):
@@ -101,4 +86,4 @@ def print_isolability(isolability: Isolability, console: Console) -> None:
         )
     console.print(table)
     for fault, shown in isolability.structure.items():
-        console.print(escape(f"{fault} shows in: {', '.join(shown) or 'nothing'}"), style="dim")
+        console.print(escape(f"{fault} affects: {', '.join(shown) or 'nothing'}"), style="dim")

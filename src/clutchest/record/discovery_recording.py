@@ -1,4 +1,5 @@
-"""A discovery as a Rerun recording: torque three times over, misfits before and after."""
+"""A discovery as a Rerun recording: torque measured, simulated and extended; residuals before and
+after."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from clutchest.discovery.result import Discovery
 from clutchest.record.blueprint import BOUND, COLOURS, Panel, blueprint, panel
-from clutchest.record.discovery import report
+from clutchest.record.discovery_report import report
 from clutchest.record.misfit_pictures import pieces
 from clutchest.record.quantities import Quantity
 from clutchest.record.series import BETWEEN, TIMELINE, index, one_behind_another, send_lane, strung
@@ -25,9 +26,9 @@ def write_discovery_recording(discovery: Discovery, path: Path) -> None:
     """Write ``discovery`` and the blueprint that shows it to ``path`` (``.rrd``).
 
     Entities: ``clutch_torque/measured``, ``/simulated``, ``/extended`` (Nm, while slipping),
-    ``residual/<sensor>`` and ``residual/<sensor>/extended`` (misfit over its standard deviation
-    without and with what was found), ``drive`` where there are several, ``report``.  Where no cause
-    has a name there is no ``extended``.
+    ``residual/<sensor>`` and ``residual/<sensor>/extended`` (innovations over their standard
+    deviations in the original and in the extended model), ``drive`` where there are several,
+    ``report``.  Where no cause has a name there is no ``extended``.
     """
     misfit = discovery.misfit
     starts, end = one_behind_another(
@@ -63,12 +64,12 @@ def _send_torque(
     if not discovery.named:
         names.pop()
     shown, values = [], []
-    for k, (name, color, width) in enumerate(names, start=1):
+    for k, (name, colour, width) in enumerate(names, start=1):
         drives = [
             (start, _parted(torque[0], torque[k]))
             for start, torque in zip(starts, discovery.misfit.torque, strict=True)
         ]
-        value = _send_line(stream, f"clutch_torque/{name}", name, color, width, drives)
+        value = _send_line(stream, f"clutch_torque/{name}", name, colour, width, drives)
         if value is not None:
             shown.append(f"clutch_torque/{name}")
             values.append(value)
@@ -87,25 +88,23 @@ def _send_residuals(
     panels = []
     for number, sensor in enumerate(misfit.sensors):
         rows = [which == number for which in misfit.sensor]
-        lines = [(f"residual/{sensor}", "as it was", _SIMULATED, misfit.before)]
+        lines = [(f"residual/{sensor}", "original model", _SIMULATED, misfit.before)]
         if discovery.named:
-            lines.append(
-                (f"residual/{sensor}/extended", "with what was found", _EXTENDED, misfit.after)
-            )
+            lines.append((f"residual/{sensor}/extended", "extended model", _EXTENDED, misfit.after))
         shown, values = [], []
-        for entity, name, color, residuals in lines:
+        for entity, name, colour, residuals in lines:
             drives = [
                 (start, (time[own], residual[own]))
                 for start, time, own, residual in zip(
                     starts, misfit.time, rows, residuals, strict=True
                 )
             ]
-            value = _send_line(stream, entity, name, color, 1.5, drives)
+            value = _send_line(stream, entity, name, colour, 1.5, drives)
             if value is not None:
                 shown.append(entity)
                 values.append(np.clip(value, -REACH, REACH))
         if shown:
-            heading = f"{Quantity(sensor, '1').words}: misfit in standard deviations"
+            heading = f"{Quantity(sensor, '1').words}: residual in standard deviations"
             every = np.concatenate(values)
             panels.append(panel(heading, "", shown, every, every))
     return panels
@@ -115,7 +114,7 @@ def _send_line(
     stream: rr.RecordingStream,
     entity: str,
     name: str,
-    color: int,
+    colour: int,
     width: float,
     drives: Sequence[tuple[float, Sequence[NDArray]]],
 ) -> Floats | None:
@@ -125,7 +124,7 @@ def _send_line(
         return None
     time, value = columns
     lines = rr.SeriesLines(
-        names=name, colors=np.uint32(color), widths=width, aggregation_policy="MinMax"
+        names=name, colors=np.uint32(colour), widths=width, aggregation_policy="MinMax"
     )
     stream.log(entity, lines, static=True)
     stream.send_columns(entity, index(time), rr.Scalars.columns(scalars=value))

@@ -10,7 +10,8 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from clutchest.discovery.result import Discovery, Identifiable
-from clutchest.record.discovery import (
+from clutchest.record.discovery_report import (
+    CAUSES_HEAD,
     causes_rows,
     gain_words,
     next_commands,
@@ -23,28 +24,24 @@ from clutchest.record.terminal import print_warnings
 
 
 def print_discovery(discovery: Discovery, console: Console) -> None:
-    """Print the verdict and its causes, the rivals, what the extension is worth, and what to do
+    """Print the verdict and its causes, the rivals, what the extension gains, and what to do
     next."""
     console.print(f"[bold]{escape(discovery.sentence)}[/]")
     if words := whereabouts(discovery):
         console.print(escape(words))
     if discovery.causes:
-        heading = (
-            "candidates, not to be told apart" if discovery.verdict == "ambiguous" else "causes"
-        )
+        ambiguous = discovery.verdict == "ambiguous"
         table = Table(
-            Column("effect", no_wrap=True),
-            "fitted ± 1σ",
-            "gain in\n−2 ln p",
-            "chance by\nnoise alone",
-            title=heading,
+            Column(CAUSES_HEAD[0], no_wrap=True),
+            *CAUSES_HEAD[1:],
+            title="candidates that the data do not separate" if ambiguous else "causes",
             title_justify="left",
         )
         for row in causes_rows(discovery):
             table.add_row(*map(escape, row))
         console.print(table)
     for name, numbers, why in rivals_rows(discovery.rivals):
-        console.print(escape(f"not {name} ({numbers}): {why}"))
+        console.print(escape(f"rejected: {name} ({numbers}), {why}"))
     if discovery.gain:
         console.print(escape(gain_words(discovery.gain)))
     elif discovery.verdict != "none":
@@ -57,23 +54,23 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
     print_warnings(discovery.warnings, "report.md", console)
 
 
-def print_identifiable(tells: Sequence[Identifiable], console: Console) -> None:
-    """Print what a log can tell of every cause."""
+def print_identifiable(effects: Sequence[Identifiable], console: Console) -> None:
+    """Print what a log can reveal of every effect."""
     whole = partial(Column, no_wrap=True)  # on 80 columns, units give way
     table = Table(
         whole("effect"),
-        whole("shows\nfrom"),
+        whole("detect-\nable at"),
         whole("plausible\nup to"),
         "",
         whole("nearest rival"),
-        whole("apart\nby d′"),
-        title="what this log can tell",
+        whole("d′"),
+        title="identifiability: size detected in 50 % of such logs, separability d′ (σ)",
         title_justify="left",
         box=None,
         padding=(0, 1, 0, 0),
         pad_edge=False,
     )
-    for i in tells:
+    for i in effects:
         table.add_row(
             i.effect,
             "never" if i.detectable_size is None else f"{i.detectable_size:.3g}",

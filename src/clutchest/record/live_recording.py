@@ -146,9 +146,9 @@ class LiveRecording:
             self._style(kind, name, entity)
             if kind == "state":
                 own = COLOURS[list(self._states).index(name) % len(COLOURS)]
-                color = np.where(columns[3], own, INVALID).astype(np.uint32)
+                colour = np.where(columns[3], own, INVALID).astype(np.uint32)
                 rows = rr.Measurements.columns(
-                    values=columns[1], variances=columns[2], colors=color
+                    values=columns[1], variances=columns[2], colors=colour
                 )
             elif kind == "mode":
                 rows = rr.StateChange.columns(state=columns[1].tolist())

@@ -1,4 +1,4 @@
-"""The picture of a discovery: what the model misses, and what the misfit goes with."""
+"""The picture of a discovery: residuals of the model, and what they correlate with."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PICTURE = "misfit.png"
-HOLE = 10.0  # usual steps between samples; a longer one parts two slips
+GAP = 10.0  # usual steps between samples; a longer one parts two slips
 
 
 def pieces(time: Floats) -> Iterator[slice]:
-    """Stretches of ``time`` (n,) without a hole, in order."""
+    """Stretches of ``time`` (n,) without a gap, in order."""
     if not len(time):
         return
     steps = np.diff(time)
     usual = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0  # some share a time stamp
-    cuts = np.flatnonzero(steps > HOLE * usual) + 1
+    cuts = np.flatnonzero(steps > GAP * usual) + 1
     edges = [0, *(int(cut) for cut in cuts), len(time)]
     yield from (slice(a, b) for a, b in pairwise(edges))
 
 
 def worst_stretch(misfit: Misfit) -> tuple[int, slice] | None:
-    """Drive and samples of the slip whose simulated torque misses the measured one most, as the
+    """Drive and samples of the slip with the largest torque error, simulated less measured, as the
     sum of squares; None where the clutch never slipped."""
-    found = [
+    slips = [
         (float(np.nansum((measured[piece] - simulated[piece]) ** 2)), drive, piece)
         for drive, (time, measured, simulated, _) in enumerate(misfit.torque)
         for piece in pieces(time)
     ]
-    if not found:
+    if not slips:
         return None
-    _, drive, piece = max(found, key=lambda entry: entry[0])
+    _, drive, piece = max(slips, key=lambda entry: entry[0])
     return drive, piece
 
 
-def most_telling(bins: Sequence[Bins], driver: str | None) -> Bins | None:
-    """Of the bins over ``driver`` (over anything if None) those whose means are farthest from what
-    noise alone would give."""
+def most_significant(bins: Sequence[Bins], covariate: str | None) -> Bins | None:
+    """Of the bins over ``covariate`` (over anything if None) those whose means deviate most from
+    noise."""
 
     def excess(b: Bins) -> float:
         counted = (b.count > 0) & (b.error > 0)
@@ -55,12 +55,12 @@ def most_telling(bins: Sequence[Bins], driver: str | None) -> Bins | None:
         chi2 = np.sum((b.mean[counted] / b.error[counted]) ** 2)
         return float((chi2 - n) / np.sqrt(2 * n)) if n else -np.inf
 
-    over = [b for b in bins if driver in (None, b.driver)]
+    over = [b for b in bins if covariate in (None, b.covariate)]
     return max(over, key=excess, default=None)
 
 
 def draw_misfit(discovery: Discovery, path: Path) -> None:
-    """Write the picture: torque over the worst slip, binned misfit over the first driver."""
+    """Write the picture: torque over the worst slip, binned residuals over the first covariate."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -80,26 +80,27 @@ def _draw_torque(discovery: Discovery, axes: Axes) -> None:
     drive, piece = worst
     time, measured, simulated, extended = (c[piece] for c in discovery.misfit.torque[drive])
     if np.array_equal(measured, simulated):
-        _say(axes, "no signal but the engine's torque tells the clutch's")
+        _say(axes, "no independent measurement of the clutch torque")
         return
     axes.plot(time, measured, ".", ms=3, color="0.55", label="measured")
     axes.plot(time, simulated, lw=1.4, color="C0", label="simulated")
     if discovery.named:
-        axes.plot(time, extended, lw=1.4, color="C1", label="with what was found")
+        axes.plot(time, extended, lw=1.4, color="C1", label="extended model")
     drives = f"drive {drive}, " if len(discovery.misfit.torque) > 1 else ""
-    axes.set_title("clutch torque in the slip it misses most", loc="left", fontsize=9)
+    axes.set_title("slip event with the largest torque error", loc="left", fontsize=9)
     axes.set_xlabel(f"{drives}time [s]")
     axes.set_ylabel("Nm")
     axes.legend(fontsize=8)
 
 
 def _draw_bins(discovery: Discovery, axes: Axes) -> None:
-    first = discovery.where.drivers[0] if discovery.where and discovery.where.drivers else None
-    bins = most_telling(discovery.misfit.bins, first)
+    where = discovery.where
+    first = where.covariates[0] if where and where.covariates else None
+    bins = most_significant(discovery.misfit.bins, first)
     if bins is None:
-        _say(axes, "too few readings to sort the misfit")
+        _say(axes, "too few readings for binned residuals")
         return
-    quantity = quantity_of(discovery.vehicle.machine, bins.driver)
+    quantity = quantity_of(discovery.vehicle.machine, bins.covariate)
     axes.axhline(0.0, color="0.6", lw=0.8)
     edges = quantity.read(bins.edges)
     shown = bins.count > 0
@@ -114,9 +115,9 @@ def _draw_bins(discovery: Discovery, axes: Axes) -> None:
         color="C3",
     )
     sensor = Quantity(bins.sensor, "1").words
-    axes.set_title(f"misfit of {sensor}, {bins.mode}", loc="left", fontsize=9)
+    axes.set_title(f"residual of {sensor}, {bins.mode}", loc="left", fontsize=9)
     axes.set_xlabel(quantity.label)
-    axes.set_ylabel("standard deviations, mean ± 2 errors")
+    axes.set_ylabel("standard deviations, mean ± 2 standard errors")
 
 
 def _say(axes: Axes, text: str) -> None:

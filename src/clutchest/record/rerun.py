@@ -71,7 +71,7 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
     pages = {"signals": signals, "all states": states, "residuals": residuals}
     stream.send_blueprint(
         blueprint(
-            speeds + _worth_a_look(run, states),
+            speeds + _informative(run, states),
             pages,
             lanes,
             TIMELINE,
@@ -184,10 +184,10 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             )
             if not columns:
                 continue
-            time, color = columns[0], columns[3]
+            time, colours = columns[0], columns[3]
             value, std = quantity.read(columns[1]), quantity.read_spread(columns[2])
-            told = color != INVALID
-            color[0] = COLOURS[k % len(COLOURS)]  # the legend takes the first one
+            valid = colours != INVALID
+            colours[0] = COLOURS[k % len(COLOURS)]  # the legend takes the first one
             entity = f"state/{quantity.name}"
             stream.log(
                 entity,
@@ -199,11 +199,11 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             stream.send_columns(
                 entity,
                 index(time),
-                rr.Measurements.columns(values=value, variances=std**2, colors=color),
+                rr.Measurements.columns(values=value, variances=std**2, colors=colours),
             )
-            told = told if told.any() else np.isfinite(value)
-            lows.append((value - std)[told])
-            highs.append((value + std)[told])
+            shown = valid if valid.any() else np.isfinite(value)
+            lows.append((value - std)[shown])
+            highs.append((value + std)[shown])
         low, high = np.concatenate([[], *lows]), np.concatenate([[], *highs])
         if np.isfinite(low).any():  # else this log tells nothing about these states
             title = f"{_heading(group)} ± 1σ"
@@ -244,7 +244,7 @@ def _send_smoothed(
     return entities
 
 
-def _worth_a_look(run: Run, states: Sequence[Panel]) -> list[Panel]:
+def _informative(run: Run, states: Sequence[Panel]) -> list[Panel]:
     """The panels that tell about the clutch: not those of states that are measured as they are."""
     plain = {f"state/{name}" for drive in run.signals.drives for name in drive}
     plain.add(f"state/{SLIP_ENERGY.name}")  # the report has it event by event

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clutchest.models.error_curve import KIND, is_curve
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.vehicle import ParameterValue
 
@@ -17,15 +18,18 @@ if TYPE_CHECKING:
 
 def read_effects(
     file: TomlFile,
-    data: Mapping[str, Any],
     machine: Machine,
     effects_files: tuple[Path, ...],
     parameters: Mapping[str, ParameterValue],
+    other: Container[str] = (),
 ) -> dict[str, dict[str, ParameterValue]]:
     """Effect → number → value and spread, of the ``machine``'s library and the user's own
-    ``effects_files``.  ``parameters``: values at which an own effect is tried."""
-    table = file.table(("effects",), data.get("effects", {}))
-    spreads = file.table(("effects_spread",), data.get("effects_spread", {}))
+    ``effects_files``, but curves and ``other`` ones.  ``parameters``: values at which an own effect
+    is tried."""
+    table = file.table(("effects",), file.data.get("effects", {}))
+    table = {name: e for name, e in table.items() if not is_curve(name) and name not in other}
+    spreads = file.table(("effects_spread",), file.data.get("effects_spread", {}))
+    spreads = {name: entry for name, entry in spreads.items() if name not in other}
     file.known(("effects_spread",), spreads, table, "effect of [effects]")
     if not table and not effects_files:
         return {}
@@ -34,7 +38,7 @@ def read_effects(
     library = dict(machine.effects)
     for path in effects_files:
         library |= effects_of_file(path)
-    file.known(("effects",), table, library, f"effect of '{machine.name}'")
+    file.known(("effects",), table, (*library, KIND), f"effect of '{machine.name}'")
     if own := [name for name in table if name not in machine.effects]:
         from clutchest.models.validate_effect import why_invalid
 

@@ -12,6 +12,7 @@ from clutchest.errors import ClutchestError, file_like, nearest
 from clutchest.models import machine_in_file, machine_of
 from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.shipped import locate, shipped
+from clutchest.vehicle.curves import PATCH, read_curves
 from clutchest.vehicle.effects_section import read_effects
 from clutchest.vehicle.signals_section import read_signals
 from clutchest.vehicle.toml import Keys, TomlFile
@@ -74,7 +75,10 @@ def _vehicle(file: TomlFile) -> Vehicle:
     checked = file.strings(("checked",), data.get("checked", []))
     file.known(("checked",), checked, {s.bus.message for s in signals.values()}, "mapped message")
     parameters = _parameters(file, machine.parameters)
-    effects = read_effects(file, data, machine, effects_files, parameters)
+    curves, patches = read_curves(file, machine, effects_files)
+    own_effects = tuple(path for path in effects_files if path not in patches)
+    of_patches = {name for patch in patches.values() for name in patch.effects}
+    effects = read_effects(file, machine, own_effects, parameters, of_patches)
     false_alarms, codes = _monitors(file)
     return Vehicle(
         name=file.string(("name",), data["name"]),
@@ -97,7 +101,9 @@ def _vehicle(file: TomlFile) -> Vehicle:
         limits=limits,
         monitors=false_alarms,
         codes=codes,
-        effects_files=effects_files,
+        effects_files=own_effects,
+        curves=curves,
+        notes=tuple(f"{path.name}: {PATCH}" for path in patches),
         checked=tuple(checked),
         model_file=model_file,
     )

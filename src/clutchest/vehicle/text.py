@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from clutchest.models.error_curve import ErrorCurve
 from clutchest.shipped import shipped
 from clutchest.vehicle.vehicle import BusSignal, SignalMap, Vehicle
 
@@ -61,6 +62,8 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
 
     section("parameters", vehicle.parameters, record)
     section("effects", vehicle.effects, dict)
+    for key, curve in vehicle.curves.items():
+        lines += ["", f"[effects.{key}]", *_curve(curve)]
     section("effects_spread", vehicle.effects_spread, dict)
     section("estimation", vehicle.estimation, record)
     section("modes", vehicle.modes, float)
@@ -88,6 +91,14 @@ def _entry(signal: SignalMap) -> Iterable[tuple[str, Any]]:
             continue
         key = {"minimum": "min", "maximum": "max"}.get(f.name, f.name)
         yield key, _bus(value) if isinstance(value, BusSignal) else value
+
+
+def _curve(curve: ErrorCurve) -> Iterable[str]:
+    """The lines of one ``[effects.curve_1]`` table."""
+    for key in ("error_term", "covariate", "knots", "values"):
+        yield f"{key} = {_toml(getattr(curve, key))}"
+    if curve.covariance:
+        yield from ("covariance = [", *(f"    {_toml(row)}," for row in curve.covariance), "]")
 
 
 def _bus(signal: BusSignal) -> dict[str, str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchest.models import machine_in_file, machine_of
+from clutchest.models.error_curve import ErrorCurve, Numbers, numbers_of
 
 if TYPE_CHECKING:
     from clutchest.models.machine import Machine
@@ -91,7 +92,8 @@ class Vehicle:
     ``hash`` is over the file's content.  Two vehicles are equal when their content is, wherever
     their files lie.  A DBC that is neither beside the file nor shipped stands in ``dbc`` as the
     bare name; the folders of a log are searched for it when that log is read.  ``effects``: effect
-    → number → value, ``effects_spread`` the standard deviation of gains that are not known exactly.
+    → number → value, ``effects_spread`` the standard deviation of gains that are not known exactly;
+    ``curves``: the effects that are curves.  ``notes``: what a user should know of the file.
     ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
     and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine.
     """
@@ -111,7 +113,9 @@ class Vehicle:
     monitors: Mapping[str, float] = field(default_factory=dict)
     codes: Mapping[str, tuple[int, int | None]] = field(default_factory=dict)
     effects_files: tuple[Path, ...] = ()
+    curves: Mapping[str, ErrorCurve] = field(default_factory=dict)
     checked: tuple[str, ...] = ()
+    notes: tuple[str, ...] = field(default=(), compare=False)
     model_file: Path | None = field(default=None, compare=False)
 
     @property
@@ -123,3 +127,20 @@ class Vehicle:
     def guessed(self) -> tuple[str, ...]:
         """Keys of the parameters whose values are guesses."""
         return tuple(key for key, p in self.parameters.items() if p.guessed)
+
+    @property
+    def effect_numbers(self) -> dict[str, Mapping[str, float]]:
+        """Effect → number → value of every effect in the model, those of ``curves`` included."""
+        return self._with_curves(self.effects, 0)
+
+    @property
+    def effect_spreads(self) -> dict[str, Mapping[str, float]]:
+        """The standard deviations of the same, where they are not known exactly."""
+        return self._with_curves(self.effects_spread, 1)
+
+    def _with_curves(self, stated: Numbers, which: int) -> dict[str, Mapping[str, float]]:
+        numbers = dict(stated)
+        for name, curve in self.curves.items():
+            timing = self.machine.error_terms[curve.error_term].late is not None
+            numbers |= numbers_of(name, curve, timing)[which]
+        return numbers

@@ -10,10 +10,10 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 
 from clutchest.errors import ClutchestError
-from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
+from clutchest.models.effects.effect import Effect, Gains, Lateness, Number, Wording
 from clutchest.models.python_file import load_module
 
-__all__ = ["Effect", "Gains", "Lateness", "Number", "effects_in", "effects_of_file"]
+__all__ = ["Effect", "Gains", "Lateness", "Number", "Wording", "effects_in", "effects_of_file"]
 
 
 def effects_in(package: str) -> Mapping[str, Effect]:

@@ -65,6 +65,20 @@ class Number:
         return 0.0 if self.one_sided else -inf
 
 
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """What a size means in words: texts with a place for |size| × ``scale``, for a size ``below``
+    0 and one ``above``."""
+
+    below: str
+    above: str
+    scale: float = 1.0
+
+    def of(self, size: float) -> str:
+        """A size in words."""
+        return (self.below if size < 0.0 else self.above).format(self.scale * abs(size))
+
+
 TIME = "time"  # since the drive's start: what a delay may go with beside signals
 
 
@@ -115,6 +129,7 @@ class Effect:
     states: ClassVar[tuple[State, ...]] = ()
     delays: ClassVar[Mapping[str, str]] = {}  # signal → parameter that holds its delay, s
     lateness: ClassVar[Mapping[str, Lateness]] = {}  # of those that are late by turns
+    wording: ClassVar[Mapping[str, Wording]] = {}  # of parameters whose size has a plain meaning
 
     def terms(self, g: Gains) -> Mapping[str, Callable[[Any, Any], Any]]:
         """Quantity → function (value, all quantities) → changed value; the same value at gain 0."""

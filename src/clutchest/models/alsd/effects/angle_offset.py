@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from clutchest.models.effects.effect import Effect, Gains, Number
+from clutchest.models.effects.effect import Effect, Gains, Number, Wording
 
 
 class AngleOffset(Effect):
@@ -15,6 +15,9 @@ class AngleOffset(Effect):
     model = "alsd"
     equation = "sensor:motor_angle"
     parameters = (Number("offset", "rad", -6.0, 6.0),)
+    wording = {
+        "offset": Wording("motor angle reads {:.3g} rad low", "motor angle reads {:.3g} rad high")
+    }
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

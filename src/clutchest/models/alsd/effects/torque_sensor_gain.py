@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from clutchest.models.effects.effect import Effect, Gains, Number
+from clutchest.models.effects.effect import Effect, Gains, Number, Wording
 
 
 class TorqueSensorGain(Effect):
@@ -15,6 +15,7 @@ class TorqueSensorGain(Effect):
     model = "alsd"
     equation = "sensor:clutch_torque"
     parameters = (Number("change", "1", -0.2, 0.2),)
+    wording = {"change": Wording("torque reads {:.3g} % low", "torque reads {:.3g} % high", 100.0)}
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

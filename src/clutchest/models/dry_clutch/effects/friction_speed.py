@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from clutchest.models.effects.effect import Effect, Gains, Number
+from clutchest.models.effects.effect import Effect, Gains, Number, Wording
 
 
 class FrictionSpeed(Effect):
@@ -17,6 +17,13 @@ class FrictionSpeed(Effect):
     model = "dry_clutch"
     equation = "torque"
     parameters = (Number("slope", "s/(100 rad)", -0.3, 0.3),)
+    wording = {
+        "slope": Wording(
+            "friction falls by {:.3g} % per 100 rad/s of slip",
+            "friction rises by {:.3g} % per 100 rad/s of slip",
+            100.0,
+        )
+    }
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

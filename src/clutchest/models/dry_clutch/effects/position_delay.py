@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from clutchest.models.effects.effect import Effect, Number
+from clutchest.models.effects.effect import Effect, Number, Wording
 
 
 class PositionDelay(Effect):
@@ -16,3 +16,8 @@ class PositionDelay(Effect):
     equation = "timing:slave_position"
     parameters = (Number("delay", "s", 0.0, 0.3),)
     delays = {"slave_position": "delay"}
+    wording = {
+        "delay": Wording(
+            "position reading is {:.3g} ms early", "position reading is {:.3g} ms late", 1000.0
+        )
+    }

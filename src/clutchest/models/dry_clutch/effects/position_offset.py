@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from clutchest.models.effects.effect import Effect, Gains, Number
+from clutchest.models.effects.effect import Effect, Gains, Number, Wording
 
 
 class PositionOffset(Effect):
@@ -15,6 +15,7 @@ class PositionOffset(Effect):
     model = "dry_clutch"
     equation = "sensor:slave_position"
     parameters = (Number("offset", "mm", -1.0, 1.0),)
+    wording = {"offset": Wording("position reads {:.3g} mm low", "position reads {:.3g} mm high")}
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

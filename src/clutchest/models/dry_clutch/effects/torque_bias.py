@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from clutchest.models.effects.effect import Effect, Gains, Number
+from clutchest.models.effects.effect import Effect, Gains, Number, Wording
 
 
 class TorqueBias(Effect):
@@ -15,6 +15,12 @@ class TorqueBias(Effect):
     model = "dry_clutch"
     equation = "sensor:engine_torque"
     parameters = (Number("bias", "Nm", -300.0, 300.0),)
+    wording = {
+        "bias": Wording(
+            "reported engine torque reads {:.3g} Nm low",
+            "reported engine torque reads {:.3g} Nm high",
+        )
+    }
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

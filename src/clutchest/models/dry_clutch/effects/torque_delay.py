@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from clutchest.models.effects.effect import Effect, Number
+from clutchest.models.effects.effect import Effect, Number, Wording
 
 
 class TorqueDelay(Effect):
@@ -16,3 +16,10 @@ class TorqueDelay(Effect):
     equation = "timing:engine_torque"
     parameters = (Number("delay", "s", 0.0, 0.3),)
     delays = {"engine_torque": "delay"}
+    wording = {
+        "delay": Wording(
+            "reported engine torque is {:.3g} ms early",
+            "reported engine torque is {:.3g} ms late",
+            1000.0,
+        )
+    }

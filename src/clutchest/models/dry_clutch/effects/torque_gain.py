@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from clutchest.models.effects.effect import Effect, Gains, Number
+from clutchest.models.effects.effect import Effect, Gains, Number, Wording
 
 
 class TorqueGain(Effect):
@@ -15,6 +15,13 @@ class TorqueGain(Effect):
     model = "dry_clutch"
     equation = "sensor:engine_torque"
     parameters = (Number("change", "1", -0.3, 0.3),)
+    wording = {
+        "change": Wording(
+            "reported engine torque reads {:.3g} % low",
+            "reported engine torque reads {:.3g} % high",
+            100.0,
+        )
+    }
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""

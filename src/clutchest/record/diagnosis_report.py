@@ -1,0 +1,51 @@
+"""A diagnosis in words: a fault's headline, details and freeze frame."""
+
+from __future__ import annotations
+
+from clutchest.diagnosis.result import Fault
+from clutchest.record.quantities import Quantity
+
+
+def headline(fault: Fault) -> str:
+    """The fault, or the set that cannot be separated."""
+    names = fault.fault if len(fault.set) == 1 else f"one of {', '.join(fault.set)}"
+    return f"{fault.first_detected_s:.1f} s: {names}: {fault.what}"
+
+
+def details(fault: Fault) -> str:
+    """Since when, and its code."""
+    began = "present from the start" if fault.began_s <= 0.0 else f"began at {fault.began_s:.1f} s"
+    over = "" if fault.ended_s is None else f", ended at {fault.ended_s:.1f} s"
+    return (
+        f"{began}{over}; SPN {fault.spn}, FMI {fault.fmi}, status {fault.status_byte:#04x}, "
+        f"confidence {fault.confidence:.4f}"
+    )
+
+
+def freeze_frame(fault: Fault) -> str:
+    """State, inputs and ranked causes at the moment of detection, as Markdown."""
+    frame = fault.freeze_frame
+    lines = [
+        f"## {headline(fault)}",
+        "",
+        details(fault),
+        "",
+        f"At {frame['time']:.1f} s, mode **{frame['mode']}**:",
+        "",
+        "| state | value ± 1σ |",
+        "|---|---|",
+    ]
+    for name, state in frame["states"].items():
+        shown = f"{state['value']:.4g} ± {state['std']:.2g}" if state["valid"] else "not valid"
+        lines.append(f"| {Quantity(name, '1').words} | {shown} |")
+    lines += ["", "| signal | value |", "|---|---|"]
+    for name, value in frame["inputs"].items():
+        lines.append(f"| {name} | {'–' if value is None else f'{value:.6g}'} |")
+    if fault.causes:
+        lines += ["", "| cause | magnitude ± 1σ | worse fit than the first, 2 Δ ln L |"]
+        lines += ["|---|---|---|"]
+        lines += [
+            f"| {c.fault} | {c.size:+.3g} ± {c.std:.2g} {c.unit} | {c.behind:.1f} |"
+            for c in fault.causes
+        ]
+    return "\n".join(lines) + "\n"

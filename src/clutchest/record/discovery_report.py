@@ -1,0 +1,266 @@
+"""A discovery in words: the page of Markdown, and the sentences and rows of other outputs."""
+
+from __future__ import annotations
+
+import inspect
+import shlex
+from collections.abc import Mapping, Sequence
+from math import exp, isfinite, log
+
+from clutchest.discovery.result import Cause, Discovery, Found, Gain, Rival, either
+from clutchest.models.effects import Effect, effects_of_file
+from clutchest.record.quantities import Quantity
+from clutchest.record.report import rounded, table
+from clutchest.shipped import shipped
+from clutchest.signals import Counts
+from clutchest.vehicle import Vehicle
+
+_EQUATION = {"sensor": "the readings of", "timing": "the time stamps of"}
+CAUSES_HEAD = ("effect", "fitted ± 1σ", "2 Δ ln L", "p-value")
+
+
+def title(discovery: Discovery) -> str:
+    """The verdict in a few words."""
+    if discovery.verdict == "none":
+        excited = any(i.excited for i in discovery.identifiability)
+        return "the model explains the data" if excited else "the data are not informative"
+    if discovery.named:
+        return f"identified {either(discovery.sets)}"
+    return "an error that no known effect explains"
+
+
+def whereabouts(discovery: Discovery) -> str | None:
+    """Which equation is wrong and what its error correlates with, as a sentence."""
+    where = discovery.where
+    if where is None:
+        return None
+    kind, colon, signal = where.equation.partition(":")
+    place = f"{_EQUATION.get(kind, kind)} {signal}" if colon else f"the equation {where.equation}"
+    words = [Quantity(name, "1").words for name in where.covariates[:3]]
+    if where.peak:
+        words[0] = f"the highest {words[0]} so far"
+    covariates = ", then with ".join(words)
+    more = f" and correlates with {covariates}." if covariates else "."
+    return f"The error is in {place}{more}"
+
+
+def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
+    """Per cause its name, numbers with ±, improvement of the fit (2 Δ ln L) and p-value."""
+    known = _effects(discovery.extended)
+    return [
+        (
+            c.effect,
+            _fitted(c, known.get(c.effect)),
+            f"{c.statistic:.1f}",
+            f"{c.p_value:.2g}" if c.p_value > 0.0 else "< 1e-300",
+        )
+        for c in discovery.causes
+    ]
+
+
+def rivals_rows(rivals: Sequence[Rival]) -> list[tuple[str, str, str]]:
+    """Per rival, best first, its name, fitted numbers, and how much less likely it is."""
+    rows = []
+    for rival in rivals:
+        numbers = ", ".join(f"{key} {value:.3g}" for key, value in rival.parameters.items())
+        rows.append((rival.effect, numbers, f"{_times(rival.behind)} less likely"))
+    return rows
+
+
+def gain_words(gain: Gain) -> str:
+    """What the extension gains on data not used to identify it, with its interval."""
+    on = "On held-out data" if gain.other_logs else "Cross-validated over quarters of the log,"
+    low, high = gain.ci95
+    value, before, after = gain.total, gain.simulation_rmse_before, gain.simulation_rmse_after
+    digits = 1 if high - low < 100 else 0
+    verdict = "" if low > 0 else "  The interval includes 0: the improvement is not significant."
+    verdict = verdict if high > 0 else "  The extension makes the prediction worse."
+    change = f"rises by {value:.{digits}f} [95 %: {low:.{digits}f} to {high:.{digits}f}]"
+    if value < 0:
+        change = f"falls by {-value:.{digits}f} [95 %: {-high:.{digits}f} to {-low:.{digits}f}]"
+    torque = ""
+    if before is not None and after is not None:
+        torque = f", the open-loop torque error from {before:.1f} to {after:.1f} Nm"
+    return (
+        f"{on} ln L {change}, the rms residual goes from {gain.rmse_before:.3f} to "
+        f"{gain.rmse_after:.3f} standard deviations{torque}.{verdict}"
+    )
+
+
+def unmeasured_words(discovery: Discovery) -> str:
+    """Why no gain was measured."""
+    if discovery.verdict == "none":
+        return "No cause was identified, so there is no gain to measure."
+    if discovery.provenance["held_out"]:
+        return "The error could not be added to the model as a curve: there is no gain to measure."
+    return "Not measured: no held-out data (`--holdout LOG`)."
+
+
+def unexcited_words(discovery: Discovery) -> str:
+    """The effects that this log cannot reveal, in one line."""
+    if not discovery.unexcited:
+        return "This log would reveal every effect of plausible size."
+    names = ", ".join(discovery.unexcited)
+    return f"Not detectable in this log even at the largest plausible size: {names}."
+
+
+def next_commands(discovery: Discovery) -> list[str]:
+    """The next manoeuvre as commands to run; empty where there is none to drive."""
+    if discovery.experiment is None or discovery.experiment.scenario is None:
+        return []
+    vehicle = _argument(discovery.vehicle)
+    scenario = shlex.quote(discovery.experiment.scenario)
+    hidden = "".join(
+        f" --effect {name}:" + ",".join(f"{key}={value:.4g}" for key, value in numbers.items())
+        for name, numbers in _added(discovery).items()
+    )
+    return [
+        f"clutchest simulate --vehicle {vehicle} --scenario {scenario} --seed 1{hidden} -o next.log"
+    ]
+
+
+def report(discovery: Discovery, picture: str | None = None) -> str:
+    """One page of Markdown; ``picture`` is the file name of the misfit's, if it stands beside."""
+    parts = [f"# {discovery.vehicle.name}: {title(discovery)}", f"**{discovery.sentence}**"]
+    parts += [words] if (words := whereabouts(discovery)) else []
+    if picture:
+        parts.append(f"![Residuals of the model, and what they correlate with]({picture})")
+    parts += _results(discovery)
+    if discovery.experiment:
+        parts += ["## Next manoeuvre", discovery.experiment.words]
+        if commands := next_commands(discovery):
+            parts.append("To try it in simulation:\n\n" + _code(commands))
+    parts += ["## Not detectable in this log", unexcited_words(discovery)]
+    if discovery.misfit.levels:
+        parts += ["## Residuals of the original model", _levels(discovery)]
+    if discovery.warnings:
+        parts += ["## Warnings", "\n".join(f"- {text}" for text in discovery.warnings)]
+    made = discovery.provenance
+    if logs := made.get("logs"):
+        held_out = f", held-out data {made['held_out']}," if made["held_out"] else ""
+        parts.append(
+            f"From {logs}{_lost(discovery.counts)}{held_out} by clutchest {made['clutchest']}."
+        )
+    return "\n\n".join(parts) + "\n"
+
+
+def _results(discovery: Discovery) -> list[str]:
+    """Causes, rivals, and what the extended model gains."""
+    parts = []
+    if discovery.causes:
+        heading = "Candidates" if discovery.verdict == "ambiguous" else "Causes"
+        parts += [f"## {heading}", _causes(discovery)]
+    if discovery.rivals:
+        rows = rivals_rows(discovery.rivals)
+        parts += ["## Rejected alternatives", table(("effect", "fitted", "likelihood"), rows)]
+    gain = gain_words(discovery.gain) if discovery.gain else unmeasured_words(discovery)
+    return [*parts, "## The extended model", _extension(discovery), gain]
+
+
+def _lost(counts: Counts) -> str:
+    """In words, what of the mapped frames could not be used, and why."""
+    lost = {why: n for why, n in counts.rejected.items() if why != "not mapped"}
+    reasons = ", ".join(f"{n} {why}" for why, n in lost.items())
+    return f" (not used of {counts.frames} frames: {reasons})" if lost else ""
+
+
+def _causes(discovery: Discovery) -> str:
+    known = _effects(discovery.extended)
+    rows = [
+        (name, _meaning(known.get(name)), numbers, statistic, p_value)
+        for name, numbers, statistic, p_value in causes_rows(discovery)
+    ]
+    return table((CAUSES_HEAD[0], "definition", *CAUSES_HEAD[1:]), rows)
+
+
+def _added(discovery: Discovery) -> dict[str, Mapping[str, float]]:
+    """The effects that act in the extended vehicle and not so in the given one, with their
+    numbers."""
+    before, after = discovery.vehicle.effects, discovery.extended.effects
+    return {
+        name: numbers
+        for name, numbers in after.items()
+        if before.get(name) != numbers and any(numbers.values())
+    }
+
+
+def _extension(discovery: Discovery) -> str:
+    """What the extended vehicle has in its model that the given one has not."""
+    vehicle, extended = discovery.vehicle, discovery.extended
+    curves = [name for name, c in extended.curves.items() if vehicle.curves.get(name) != c]
+    added = [*_added(discovery), *curves]
+    if not added:
+        return "`extended.toml` is the original vehicle."
+    how = "replay LOG --vehicle extended.toml"
+    empirical = (
+        f"  {discovery.curve} is an empirical correction: it reproduces these data and names no "
+        "cause."
+        if discovery.curve
+        else ""
+    )
+    return f"`extended.toml` has {' and '.join(added)} in its model: `clutchest {how}`.{empirical}"
+
+
+def _levels(discovery: Discovery) -> str:
+    rows = [
+        (x.sensor, x.mode, f"{x.level:.3f}", f"{x.lag:+.3f}", str(x.count))
+        for x in discovery.misfit.levels
+    ]
+    head = (
+        "sensor",
+        "mode",
+        "mean square (1 if the model is right)",
+        "autocorrelation at lag 1 (0 if white)",
+        "readings",
+    )
+    return table(head, rows)
+
+
+def _fitted(cause: Cause, effect: Effect | None) -> str:
+    units = {number.key: number.unit for number in effect.parameters} if effect else {}
+    return ", ".join(
+        f"{key} {_number(number)} {_unit(units.get(key, ''))}".rstrip()
+        for key, number in cause.parameters.items()
+    )
+
+
+def _number(number: Found) -> str:
+    known = isfinite(number.std) and number.std > 0
+    return rounded(number.value, number.std) if known else f"{number.value:.4g}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def _times(behind: float) -> str:
+    """``behind`` in 2 Δ ln L as a ratio of likelihoods."""
+    decades = behind / 2 / log(10)
+    return f"{exp(behind / 2):.2g} times" if decades < 4 else f"10^{decades:.0f} times"
+
+
+def _meaning(effect: Effect | None) -> str:
+    if effect is None:
+        return ""
+    first = inspect.cleandoc(type(effect).__doc__ or "").split("\n\n")[0]
+    return " ".join(first.split()).replace("``", "`").replace("|", "\\|")
+
+
+def _effects(vehicle: Vehicle) -> Mapping[str, Effect]:
+    """The library's and the user's own, by name."""
+    known = dict(vehicle.machine.effects)
+    for path in vehicle.effects_files:
+        known |= effects_of_file(path)
+    return known
+
+
+def _argument(vehicle: Vehicle) -> str:
+    """What ``--vehicle`` takes for this vehicle."""
+    for name, path in shipped("vehicles").items():
+        if path.resolve() == vehicle.path.resolve():
+            return name
+    return shlex.quote(str(vehicle.path))
+
+
+def _code(commands: Sequence[str]) -> str:
+    return "\n".join(["```sh", *commands, "```"])
