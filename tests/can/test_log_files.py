@@ -68,8 +68,6 @@ def of_all_kinds(n: int) -> Frames:
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf", ".mf4", ".trc"])
 def test_fd_remote_and_error_frames_are_read_back(suffix, tmp_path):
     frames = of_all_kinds(200)
-    if suffix == ".trc":
-        frames = frames.take((frames.flags & Flag.ERROR) == 0)
     path = tmp_path / f"drive{suffix}"
     assert write_frames(frames, path) == ()
     assert_equal(read_frames(path), frames)
@@ -79,11 +77,16 @@ def test_what_a_format_cannot_keep_is_said(tmp_path):
     frames = random_frames(50, seed=5)
     frames.flags[::5] |= np.uint8(Flag.REMOTE)
     frames.flags[1::5] = np.uint8(Flag.ERROR)
-    (loss,) = write_frames(frames, tmp_path / "a.trc")
-    assert loss == ".trc cannot hold 10 error frames"
-    assert len(read_frames(tmp_path / "a.trc")) == 40
     (loss,) = write_frames(frames, tmp_path / "a.csv")
-    assert "channels" in loss
+    assert loss == ".csv cannot tell the channels apart"
+    frames.t_ns[7] += 1
+    frames.flags[7] |= np.uint8(Flag.SENT)
+    losses = write_frames(frames, tmp_path / "a.db")
+    assert losses == (
+        ".db cannot tell the channels apart",
+        ".db cannot hold direction, bit rate switch and error state",
+        ".db holds times to 1 µs",
+    )
 
 
 def test_mf4_is_what_asammdf_takes_for_bus_logging(tmp_path, truck):
@@ -316,6 +319,43 @@ def test_trc_start_time_makes_time_absolute(tmp_path):
     assert (frames.t_ns - start).tolist() == [1_900_000, 2_100_000]
     assert frames.flags.tolist() == [0, Flag.EXTENDED]
     assert frames.absolute and set(frames.channel) == {0}
+
+
+TRC_ERRORS = {
+    "1.1": """;$FILEVERSION=1.1
+      1)      10.5  Rx        0300  2  01 02
+      2)      11.5  Error     0008  4  00 19 08 08
+      3)      12.5  Warng     FFFFFFFF  4  00 00 00 08  BUSHEAVY
+""",
+    "1.3": """;$FILEVERSION=1.3
+      1)      10.5 2  Rx        0300 -  2    01 02
+      2)      11.5 2  Error     0004 -  5    04 00 02 00 00
+      3)      12.5 1  Warng     FFFFFFFF -  4    00 00 00 08  BUSHEAVY
+""",
+    "2.0": """;$FILEVERSION=2.0
+;$COLUMNS=N,O,T,B,I,d,l,D
+      1      10.5 DT 2     0300 Rx 2  01 02
+      2      11.5 ER 2          Rx    04 00 02 00 00
+      3      12.5 ST 2          Rx    00 00 00 08
+""",
+    "2.1": """;$FILEVERSION=2.1
+;$COLUMNS=N,O,T,B,I,d,R,L,D
+      1      10.5 DT 2     0300 Rx -  2    01 02
+      2      11.5 ER 2        - Rx -  5    04 00 02 00 00
+      3      12.5 EC 2        - Rx -  2    02 02
+""",
+}
+
+
+@pytest.mark.parametrize("version", TRC_ERRORS)
+def test_trc_error_frames(version, tmp_path):
+    (tmp_path / "a.trc").write_text(TRC_ERRORS[version])
+    frames = read_frames(tmp_path / "a.trc")
+    assert frames.t_ns.tolist() == [10_500_000, 11_500_000]
+    assert frames.flags.tolist() == [0, Flag.ERROR] and frames.id.tolist() == [0x300, 0]
+    assert frames.length.tolist() == [2, 0] and not frames.data[1].any()
+    assert set(frames.channel) == {0 if version == "1.1" else 1}
+    assert frames.rejected == (("no CAN frame in this line", 1),)
 
 
 def test_trc_without_a_start_is_relative(tmp_path):

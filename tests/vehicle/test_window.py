@@ -113,7 +113,7 @@ def test_a_window_of_a_table(log, truck, tmp_path):
         ("soon", None, r"'soon' is no time; expected seconds .* or a date"),
         ("5", "2", "ends before it starts"),
         ("-3", None, "not negative"),
-        ("60", None, r"no data in the time window.*goes from 20\d\d-.*[+-]\d\d:\d\d to"),
+        ("60", None, r"no data in the time window.*is from 20\d\d-.*[+-]\d\d:\d\d to"),
     ],
 )
 def test_a_window_that_cannot_be(start, stop, message, log, truck):

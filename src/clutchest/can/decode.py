@@ -20,7 +20,7 @@ _KIND = int(Flag.EXTENDED | Flag.REMOTE | Flag.ERROR)
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class DecodedColumn:
     """The samples of one signal, shape (n,) each.
 
     ``rows``: the rows of the log that carry the signal — those asked for, less those where a
@@ -66,7 +66,7 @@ def _matching(ids, flags, channels, mask, wanted, kind, channel):  # type: ignor
 
 def decode(
     frames: Frames, rows: Rows, message: Message, signal_names: Sequence[str]
-) -> dict[str, Column]:
+) -> dict[str, DecodedColumn]:
     """The named signals of ``message`` from the given ``rows``, by name.
 
     Frames longer than the message are read up to the DBC's length; in shorter ones every signal
@@ -85,7 +85,7 @@ def _column(
     length: NDArray[np.unsignedinteger],
     message: Message,
     layout: SignalLayout,
-) -> Column:
+) -> DecodedColumn:
     if layout.width > 64:
         raise ClutchestError(
             f"signal '{layout.name}' of message '{message.name}' has "
@@ -111,7 +111,7 @@ def _column(
     if layout.is_float:
         why[(why == Why.VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
     value[why != Why.VALID] = np.nan
-    return Column(rows, value, raw, why)
+    return DecodedColumn(rows, value, raw, why)
 
 
 def extract(data: NDArray[np.uint8], layout: SignalLayout) -> NDArray:

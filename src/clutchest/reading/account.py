@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.can.database import Database, Message
-from clutchest.can.decode import Column
+from clutchest.can.decode import DecodedColumn
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.transport import belongs, may_carry
 from clutchest.signals import Why
@@ -25,7 +25,7 @@ class Account:
     rejected: Counter[str] = field(default_factory=Counter)
 
     def of_message(
-        self, rows: NDArray[np.intp], columns: Mapping[str, Column], counts: dict[str, int]
+        self, rows: NDArray[np.intp], columns: Mapping[str, DecodedColumn], counts: dict[str, int]
     ) -> None:
         """Count the frames of one message, ``rows`` (n,) of the log, in its ``counts``."""
         good = np.zeros(len(rows), bool)

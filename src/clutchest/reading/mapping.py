@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clutchest import memory_mapped, units
 from clutchest.can.database import Database, Message, SignalLayout
-from clutchest.can.decode import Column, rows_of
+from clutchest.can.decode import DecodedColumn, rows_of
 from clutchest.can.encode import check
 from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
@@ -81,7 +81,7 @@ class Decoding:
     senders: dict[tuple[str, BusSignal], int] = field(default_factory=dict)
     start_ns: int | None = None
     rows: dict[str, NDArray[np.intp]] = field(default_factory=dict)  # of messages not yet decoded
-    columns: dict[tuple[str, str], Column] = field(default_factory=dict)
+    columns: dict[tuple[str, str], DecodedColumn] = field(default_factory=dict)
     account: Account | None = field(default_factory=Account)
     warnings: list[str] = field(default_factory=list)
     samples: dict[tuple[str, BusSignal], Samples] = field(default_factory=dict)
@@ -275,7 +275,7 @@ class Decoding:
         bus: BusSignal,
         message: Message,
         sender: NDArray[np.uint16],
-        column: Column,
+        column: DecodedColumn,
         keep: NDArray[np.bool_],
     ) -> int | None:
         """The sender with most valid samples to begin with; None if there is no valid sample."""

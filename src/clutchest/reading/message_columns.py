@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from clutchest import memory_mapped
 from clutchest.can.database import Message
-from clutchest.can.decode import Column, decode
+from clutchest.can.decode import DecodedColumn, decode
 from clutchest.can.frames import Frames
 from clutchest.signals import Why
 
 _NO_RAW = np.zeros(0, np.uint64)
 
 
-def column_of(frames: Frames, rows: NDArray[np.intp], message: Message, signal: str) -> Column:
+def column_of(
+    frames: Frames, rows: NDArray[np.intp], message: Message, signal: str
+) -> DecodedColumn:
     """One ``signal`` of the frames at ``rows`` (n,), which are all of ``message``; its ``raw`` is
     empty, because decoding has judged it already."""
     pieces: list[tuple[NDArray, ...]] = []
@@ -30,12 +32,14 @@ def column_of(frames: Frames, rows: NDArray[np.intp], message: Message, signal: 
     with_signal, value, why = (
         memory_mapped.concatenated(column) for column in zip(*pieces, strict=True)
     )
-    return Column(rows if len(with_signal) == len(rows) else with_signal, value, _NO_RAW, why)
+    return DecodedColumn(
+        rows if len(with_signal) == len(rows) else with_signal, value, _NO_RAW, why
+    )
 
 
 def without_corrupted(
-    column: Column, rows: NDArray[np.intp], corrupted: NDArray[np.bool_]
-) -> Column:
+    column: DecodedColumn, rows: NDArray[np.intp], corrupted: NDArray[np.bool_]
+) -> DecodedColumn:
     """The ``column`` with the samples of ``corrupted`` frames (n,), at ``rows`` (n,), invalid."""
     n = len(column.rows)
     value, why = memory_mapped.empty((n,), np.float64), memory_mapped.empty((n,), np.uint8)

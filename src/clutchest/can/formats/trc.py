@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from clutchest.can.frames import LENGTH_CODE, LENGTHS, Flag, Frames
-from clutchest.can.log_format import LogFormat, Loss, flagged, has_line
+from clutchest.can.log_format import LogFormat, has_line
 from clutchest.can.log_source import LogSource
 from clutchest.can.text_lines import Lines, decimals, has, written
 from clutchest.can.text_scan import (
@@ -23,6 +23,7 @@ from clutchest.can.text_scan import (
     BAD_TIME,
     BLANK,
     BRS,
+    ERROR,
     ESI,
     EXTENDED,
     FD,
@@ -38,6 +39,7 @@ from clutchest.can.text_scan import (
     compiled,
     decimal,
     hexadecimal,
+    is_word,
     line_end,
     rejected_line,
     spaced_bytes,
@@ -52,6 +54,7 @@ _COLUMNS = {"1.0": "NOILD", "1.1": "NOTILD", "1.2": "NOBTILD", "1.3": "NOBTIRLD"
 _VERSION = re.compile(rb"^;\$FILEVERSION=(\d+\.\d+)", re.MULTILINE)
 _START = re.compile(rb"^;\$STARTTIME=(\d+(?:\.\d+)?)", re.MULTILINE)
 _STATED = re.compile(rb"^;\$COLUMNS=([A-Za-z](?:,[A-Za-z])*)", re.MULTILINE)
+_ERROR_WORD = np.frombuffer(b"error", np.uint8)
 _DAY_0 = datetime(1899, 12, 30, tzinfo=UTC)
 _LAST_DAY = 25_569 + LAST_S // 86_400
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -125,6 +128,10 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
             channel, i = decimal(text, i)
             if text[i] > 32:
                 return NO_FRAME
+        elif column == 73 and flag & ERROR:  # what follows describes the error
+            out.channel[n], out.id[n] = max(channel - 1, 0) & 0xFF, 0
+            out.flags[n], out.length[n] = ERROR, 0
+            return line_end(text, i)
         elif column == 73:  # I: id
             value, behind = hexadecimal(text, i)
             if behind - i > 4:
@@ -166,6 +173,8 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
 @compiled
 def _kind(text: Bytes, i: int) -> int:
     """Flags of a line of this type, -1 if it is no frame."""
+    if is_word(text, i, _ERROR_WORD):  # up to 1.3
+        return ERROR
     if text[i] <= 32 or text[i + 1] <= 32 or text[i + 2] > 32:
         return -1
     a, b = text[i], text[i + 1]
@@ -173,6 +182,8 @@ def _kind(text: Bytes, i: int) -> int:
         return SENT if a == 84 else 0
     if a == 68 and b == 84:  # DT
         return 0
+    if a == 69 and b == 82:  # ER
+        return ERROR
     if a == 82 and b == 82:  # RR
         return REMOTE
     if a == 70 and b == 68:  # FD
@@ -196,11 +207,11 @@ _TYPES = {
     "FE": Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE,
     "BI": Flag.FD | Flag.ERROR_STATE,
 }
-_KIND = Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.REMOTE
+_KIND = Flag.FD | Flag.BITRATE_SWITCH | Flag.ERROR_STATE | Flag.REMOTE | Flag.ERROR
 
 
 def write(frames: Frames) -> Iterator[bytes]:
-    """The log in pieces, error frames left out.  It starts at a full second."""
+    """The log in pieces.  It starts at a full second."""
     start_s = int(frames.t_ns.min(initial=0 if not len(frames) else frames.t_ns[0])) // 10**9
     start_s = start_s if frames.absolute else 0
     yield (
@@ -222,23 +233,26 @@ def write(frames: Frames) -> Iterator[bytes]:
         sent, remote = has(piece, Flag.SENT), has(piece, Flag.REMOTE)
         lines = Lines(n).put("  ").number(np.arange(number + 1, number + n + 1)).put(" ")
         lines.point(piece.t_ns - start_s * 10**9, 10**6, places).put(" ")
+        error = has(piece, Flag.ERROR)
         for name, flags in _TYPES.items():
             lines.put(name, (piece.flags & _KIND) == flags)
+        lines.put("ER", error)
         lines.put(" ").number(piece.channel.astype(int) + 1).put(" ")
-        lines.hexadecimal(piece.id, np.where(has(piece, Flag.EXTENDED), 8, 4))
-        lines.put(" Rx - ", ~sent).put(" Tx - ", sent).number(LENGTH_CODE[piece.length])
+        digits = np.where(has(piece, Flag.EXTENDED), 8, 4)
+        lines.put("-", error).hexadecimal(piece.id, np.where(error, 0, digits))
+        length = np.where(error, 0, LENGTH_CODE[piece.length])
+        lines.put(" Rx - ", ~sent).put(" Tx - ", sent).number(length)
         number += n
-        return lines.payload(piece, ~remote, " ")
+        return lines.payload(piece, ~(remote | error), " ")
 
-    yield from written(frames.take((frames.flags & Flag.ERROR) == 0), line)
+    yield from written(frames, line)
 
 
 FORMAT = LogFormat(
     title=".trc",
-    about="PEAK, versions 1.0 to 2.1, CAN FD",
+    about="PEAK, versions 1.0 to 2.1, CAN FD, error frames",
     suffix=".trc",
     sniff=has_line(rb";(\$FILEVERSION|[ \t]*PCAN|##|[ \t]*Message Number|---\+)"),
     read=read,
     lines=write,
-    losses=(Loss("error frames", "cannot hold {n} error frames", flagged(Flag.ERROR)),),
 )
