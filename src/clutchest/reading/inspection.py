@@ -1,4 +1,4 @@
-"""A first look at an unknown log: what is on the bus, and a vehicle file drafted from it."""
+"""An unknown log: the ids and signals on the bus, and a vehicle file drafted from them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -31,22 +31,23 @@ _WHEEL = re.compile(r"wh(ee)?l\w*(speed|spd|_w_)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
-    """A bus signal that may be ``canonical``, and what it said in this log.
+class SignalCandidate:
+    """A bus signal that may be ``canonical``, and its values in this log.
 
-    ``low`` and ``high`` in the bus unit over the valid samples, None without any; ``valid`` their
-    share; ``sender`` (J1939 source address) and ``channel`` where the message has several.
+    ``by``: whether its SPN or its name matches; ``low`` and ``high`` in the bus unit over the valid
+    samples, None without any; ``valid`` their share; ``step`` of the raw value, bus unit;
+    ``sender`` (J1939 source address) and ``channel`` where the message has several.
     """
 
     canonical: str
     message: str
     signal: str
     unit: str
-    by: str  # "SPN" or "name"
+    by: Literal["SPN", "name"]
     valid: float
     low: float | None
     high: float | None
-    step: float  # of the raw value, bus unit
+    step: float
     sender: int | None = None
     channel: int | None = None
 
@@ -58,22 +59,27 @@ class Candidate:
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
-        """Larger is likelier: a signal that moves, known by its SPN, rarely invalid."""
-        moves = self.low is not None and self.high is not None and self.high > self.low
-        return moves, self.by == "SPN", self.valid
+        """The larger, the more likely: a signal that varies, with the SPN, rarely invalid."""
+        varies = self.low is not None and self.high is not None and self.high > self.low
+        return varies, self.by == "SPN", self.valid
 
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What :func:`inspect_logs` found; ``candidates`` by canonical name, the likeliest first."""
+    """Contents of logs and the signals of a machine among them.
+
+    ``rows``: statistics of each id; ``candidates`` by canonical name, the most likely first;
+    ``wheels``: wheel speeds, as message.signal; ``companions``: canonical name → key of the vehicle
+    file → J1939 signal.
+    """
 
     logs: tuple[Path, ...]
     frames: int
     duration_s: float
     rejected: Mapping[str, int]
     rows: tuple[IdStatistics, ...]
-    candidates: Mapping[str, tuple[Candidate, ...]]
-    wheels: tuple[str, ...]  # message.signal
+    candidates: Mapping[str, tuple[SignalCandidate, ...]]
+    wheels: tuple[str, ...]
     companions: Mapping[str, Mapping[str, BusSignal]]
     dbc: tuple[Path, ...]
     warnings: tuple[str, ...]
@@ -88,28 +94,30 @@ class Inspection:
     @property
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
-        found = []
-        replaceable = {i.name for i in self.machine.inputs if i.default is not None}
+        optional = {i.name for i in self.machine.inputs if i.default is not None}
+        missing = []
         for column in self.machine.columns:
-            name = column.name
-            if name not in self.candidates and name not in replaceable:
-                found.append(f"signals.{name} ({column.unit}): no signal looks like it")
-                if column.geared_by and self.wheels:
-                    found[-1] += (
-                        "; a wheel speed with gears = [ratios engine/wheel] makes it: "
-                        + ", ".join(self.wheels[:4])
-                    )
-            if column.reference_spn and name in self.candidates:
-                if self.candidates[name][0].unit != "%":
+            if column.name not in self.candidates and column.name not in optional:
+                missing.append(self._missing_signal(column))
+            if column.reference_spn and column.name in self.candidates:
+                if self.candidates[column.name][0].unit != "%":
                     continue
-                found.append(
-                    f'signals.{name}: reference = {{ value = …, unit = "{column.unit}" }}, '
+                missing.append(
+                    f'signals.{column.name}: reference = {{ value = …, unit = "{column.unit}" }}, '
                     f"the {column.unit} that 100 % stands for (J1939: SPN {column.reference_spn})"
                 )
         if not self.machine.template:
-            for p in self.machine.parameters:
-                found.append(f"parameters.{p.key} ({p.unit}): {p.what}")
-        return tuple(found)
+            missing += [f"parameters.{p.key} ({p.unit}): {p.what}" for p in self.machine.parameters]
+        return tuple(missing)
+
+    def _missing_signal(self, column: Column) -> str:
+        words = f"signals.{column.name} ({column.unit}): no signal has a matching SPN or name"
+        if column.geared_by and self.wheels:
+            words += (
+                "; a wheel speed with gears = [ratios engine/wheel] can stand in for it: "
+                + ", ".join(self.wheels[:4])
+            )
+        return words
 
     def as_dict(self) -> dict[str, Any]:
         """What ``inspect.json`` holds."""
@@ -121,15 +129,16 @@ class Inspection:
             "dbc": [str(path) for path in self.dbc],
             "ids": [asdict(row) for row in self.rows],
             "signals": {
-                name: [asdict(c) for c in found] for name, found in self.candidates.items()
+                name: [asdict(candidate) for candidate in candidates]
+                for name, candidates in self.candidates.items()
             },
             "missing": list(self.missing),
             "warnings": list(self.warnings),
         }
 
     def vehicle_toml(self, target: Path) -> str:
-        """A vehicle file for ``target``: the likeliest signals; parameters are those of the
-        machine's template, as guesses.  It loads once what its heading calls missing is filled
+        """A vehicle file for ``target``: the most likely signals, and the parameters of the
+        machine's template as guesses.  It loads once what its heading lists as missing is filled
         in."""
         template = load_vehicle(self.machine.template) if self.machine.template else None
         like = template.signals if template else {}
@@ -140,7 +149,7 @@ class Inspection:
         parameters = {
             key: replace(
                 p,
-                spread=_wide(p.value, p.unit, p.spread),
+                spread=_widened(p.value, p.unit, p.spread),
                 source=f"guess: the shipped {self.machine.template}'s value",
             )
             for key, p in (template.parameters if template else {}).items()
@@ -160,30 +169,32 @@ class Inspection:
         ]
         lines += [f"MISSING {what}" for what in self.missing]
         lines += [
-            f"{name} could also be {c.where}"
-            for name, found in self.candidates.items()
-            for c in found[1:4]
+            f"{name}: also possible: {c.where}"
+            for name, candidates in self.candidates.items()
+            for c in candidates[1:4]
             if c.low is not None
         ]
         return "\n".join(lines)
 
-    def _map(self, found: Candidate, like: SignalMap | None) -> SignalMap:
-        column_unit = self.machine.units[found.canonical]
+    def _map(self, candidate: SignalCandidate, like: SignalMap | None) -> SignalMap:
+        column_unit = self.machine.units[candidate.canonical]
         noise = like.noise if like else 0.0
-        if units.compatible(found.unit or column_unit, column_unit):
-            scale = units.parse(found.unit or column_unit).scale / units.parse(column_unit).scale
-            rounding = found.step * scale / sqrt(12)  # of a signal on a bus of such steps
+        if units.compatible(candidate.unit or column_unit, column_unit):
+            scale = (
+                units.parse(candidate.unit or column_unit).scale / units.parse(column_unit).scale
+            )
+            rounding = candidate.step * scale / sqrt(12)  # of a signal on a bus of such steps
             noise = noise if noise > rounding else _short(rounding)
-        parts = self.companions.get(found.canonical, {})
+        parts = self.companions.get(candidate.canonical, {})
         whose = f"the shipped {self.machine.template}'s, or " if self.machine.template else ""
         return SignalMap(
-            found.canonical,
-            BusSignal(found.message, found.signal, found.unit or column_unit),
+            candidate.canonical,
+            BusSignal(candidate.message, candidate.signal, candidate.unit or column_unit),
             noise,
             noise_ar=like.noise_ar if like else 0.0,
             noise_source=f"guess: {whose}the bus's own steps",
-            source_address=found.sender,
-            channel=found.channel,
+            source_address=candidate.sender,
+            channel=candidate.channel,
             fraction=parts.get("fraction"),
             friction=parts.get("friction"),
         )
@@ -198,7 +209,7 @@ def inspect_logs(
     """Survey ``paths`` and search for the canonical signals of a machine, by SPN and by name.
 
     ``dbc`` names the messages; without any the shipped DBCs do.  ``model``: a machine by name or by
-    its file (``.py``); without it, the shipped one of which most signals are there.  Raises
+    its file (``.py``); without it, the shipped one with most signals in the logs.  Raises
     ClutchestError for a file that cannot be read.
     """
     model_file = Path(model).resolve() if model.endswith(".py") else None
@@ -207,7 +218,7 @@ def inspect_logs(
     if not logs:
         raise ClutchestError("no log to inspect")
     read = [window.of_frames(files.read_frames(path).sorted(), (str(path),)) for path in logs]
-    parts = _apart([frames for frames in read if len(frames)])
+    parts = _in_sequence([frames for frames in read if len(frames)])
     if not parts:
         raise ClutchestError(f"{' '.join(map(str, logs))}: no data in the time window")
     frames = Frames.concatenate(parts).sorted()
@@ -234,8 +245,8 @@ def inspect_logs(
     )
 
 
-def _apart(parts: Sequence[Frames]) -> list[Frames]:
-    """Logs whose clocks only count from their own start, one behind another; others as they are."""
+def _in_sequence(parts: Sequence[Frames]) -> list[Frames]:
+    """Logs whose clocks count from their own start, one after another; others as they are."""
     if all(part.absolute for part in parts):
         return list(parts)
     placed, end = [], 0
@@ -250,7 +261,7 @@ class _Search:
     """Candidates by canonical name, wheel speeds, and by canonical name the J1939 signals that
     belong to it."""
 
-    candidates: Mapping[str, tuple[Candidate, ...]]
+    candidates: Mapping[str, tuple[SignalCandidate, ...]]
     wheels: tuple[str, ...]
     companions: Mapping[str, Mapping[str, BusSignal]]
 
@@ -261,7 +272,7 @@ def _search(
     databases: Sequence[Database],
     machine: Machine,
 ) -> _Search:
-    candidates: dict[str, list[Candidate]] = {}
+    candidates: dict[str, list[SignalCandidate]] = {}
     wheels: list[str] = []
     companions: dict[str, dict[str, BusSignal]] = {}
     for row in rows:
@@ -272,7 +283,7 @@ def _search(
         twins = [other for other in rows if other.message == message.name]
         for layout in message.signals.values():
             for column in machine.columns:
-                if by := _resembles(layout, column):
+                if by := _matched_by(layout, column):
                     candidates.setdefault(column.name, []).append(
                         _candidate(frames, row, twins, message, layout, column.name, by)
                     )
@@ -290,8 +301,8 @@ def _search(
     return _Search(ranked, tuple(dict.fromkeys(wheels)), companions)
 
 
-def _resembles(layout: SignalLayout, column: Column) -> str | None:
-    """By what ``layout`` may be the canonical signal: ``SPN``, ``name`` or nothing."""
+def _matched_by(layout: SignalLayout, column: Column) -> Literal["SPN", "name"] | None:
+    """Whether the SPN or the name of ``layout`` matches the canonical signal; None if neither."""
     if column.spn and layout.spn:
         return "SPN" if layout.spn == column.spn else None
     named = column.named or rf"^{re.escape(column.name)}$"
@@ -313,15 +324,15 @@ def _candidate(
     message: Message,
     layout: SignalLayout,
     canonical: str,
-    by: str,
-) -> Candidate:
+    by: Literal["SPN", "name"],
+) -> SignalCandidate:
     several_channels = len({twin.channel for twin in twins}) > 1
     several_senders = message.is_j1939 and len({twin.id for twin in twins}) > 1
     here = rows_of(frames, message, row.channel)
     here = here[frames.id[here] == row.id]
     column = decode(frames, here, message, [layout.name])[layout.name]
     value = column.value[column.why == Why.VALID]
-    return Candidate(
+    return SignalCandidate(
         canonical,
         message.name,
         layout.name,
@@ -336,8 +347,8 @@ def _candidate(
     )
 
 
-def _wide(value: float, unit: str, spread: float) -> float:
-    """The spread of another vehicle's value: a third of it, a millimetre of a position."""
+def _widened(value: float, unit: str, spread: float) -> float:
+    """The spread of a value that is of another vehicle: a third of it, of a position 1 mm."""
     if spread == 0:
         return 0.0
     return max(spread, 1.0 if unit == "mm" else _short(0.3 * abs(value)))
