@@ -20,7 +20,6 @@ import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -29,9 +28,8 @@ from scipy.stats import binomtest
 
 import clutchest
 from clutchest.generator.generate import draw
-from clutchest.identify import procedure
 from clutchest.identify.likelihood import Posterior
-from clutchest.identify.parameters import posterior_of, told
+from clutchest.identify.parameters import determined, posterior_of, procedure_of
 
 # Experiments: (scenario, s or None for its own duration), and the procedures fed with them.  The
 # record of zero positions starts at rest, as the model supposes: `cooldown` starts hot.
@@ -43,7 +41,6 @@ LOGS: Mapping[str, tuple[tuple[str, float | None], ...]] = {
     "disc": RAMPS,
     "all": RAMPS + HEATING,
 }
-ZERO_POSITION = ("expansion", "thermal")  # of one likelihood
 ALLOWED, POOLED, BIAS = (0.92, 0.98), (0.94, 0.97), 0.2
 
 Found = dict[str, tuple[float, float]]  # key → error over std, std over the prior's
@@ -62,17 +59,15 @@ def one(task: tuple[tuple[str, ...], int]) -> tuple[int, dict[str, Found]]:
     posteriors: dict[str, Posterior] = {}
     found: dict[str, Found] = {}
     for name in names:
-        module = import_module(procedure(name).module)
-        keys = module.keys(vehicle) if name == "all" else module.KEYS
-        kind = "zero_position" if name in ZERO_POSITION else name
+        procedure = procedure_of(name, vehicle)
+        kind = procedure.sensor or name  # procedures by the readings of one sensor are one fit
         if kind not in posteriors:
             first, *later = (drives[log] for log in LOGS[name])
-            sensor = kind if name in ZERO_POSITION else None
             signals = replace(first, later=tuple(later))
-            posteriors[kind] = posterior_of(keys, signals, vehicle, sensor)
+            posteriors[kind] = posterior_of(procedure, signals, vehicle)
         found[name] = {}
-        for key in keys:
-            fitted = told(posteriors[kind], key)
+        for key in procedure.parameters:
+            fitted = determined(posteriors[kind], key)
             if fitted.determined:
                 error = (fitted.value - truth[key]) / fitted.std
                 found[name][key] = (error, fitted.std / fitted.prior_std)

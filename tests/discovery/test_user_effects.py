@@ -71,6 +71,13 @@ def test_what_cannot_be_looked_for_is_said(tmp_path, old, new, words):
     assert str(error.value).startswith(f"{path}: effect '") and words in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["start", "parameter", "input_noise"])
+def test_names_that_compiled_code_uses_are_reserved(tmp_path, name):
+    path = written(tmp_path, '"own"', f'"{name}"')
+    with pytest.raises(ClutchestError, match=f"effect '{name}' has a reserved name"):
+        user_effects([path], TRUCK)
+
+
 def test_two_files_may_not_use_one_name(tmp_path):
     paths = [written(tmp_path), written(tmp_path, name="again.py")]
     with pytest.raises(ClutchestError, match=r"again\.py: effect 'own' has the name of one in ano"):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,10 +13,11 @@ from scipy.stats import binomtest
 
 import clutchest
 from clutchest import cli
-from clutchest.identify import PROCEDURES, delay, equations, procedure, sensor_noise
-from clutchest.identify.delay import Stretch
+from clutchest.identify import delay, identify, sensor_noise
 from clutchest.identify.window_likelihood import table, toeplitz_row
-from clutchest.signals import Signal
+from clutchest.models import delay_relations
+from clutchest.models.delay_relations import DelayStretch, GriddedSignals
+from clutchest.signals import Signal, Signals
 
 
 def ar1(n: int, ar: float, seed: int) -> np.ndarray:
@@ -119,7 +119,7 @@ def test_delay_and_its_error():
                 shifted = np.interp(time[rows] - tau, time, cause)
                 return effect[rows], np.column_stack([np.ones(len(rows)), shifted])
 
-            stretches.append(Stretch(columns))
+            stretches.append(DelayStretch(columns))
         found = delay.estimate(stretches)
         errors.append((found.value - late) / found.std)
     assert abs(np.mean(errors)) < 3 / np.sqrt(20)
@@ -128,12 +128,13 @@ def test_delay_and_its_error():
 
 def test_noise_by_itself_favours_no_delay():
     """Between two rows of the grid it must be as large as on them."""
-    time = np.arange(0, 100, equations.STEP)
-    noise = gaussian_filter1d(ar1(len(time), 0.0, 1), equations.SMOOTH / equations.STEP)
+    step = delay_relations.STEP
+    time = np.arange(0, 100, step)
+    noise = gaussian_filter1d(ar1(len(time), 0.0, 1), delay_relations.SMOOTH / step)
     rows = np.arange(200, len(time) - 200, 2)
-    drive = SimpleNamespace(time=time)
-    columns = equations._stretch(drive, rows, 0 * noise, noise, []).columns
-    on, between = (float(np.var(columns(tau)[0])) for tau in (0.0, equations.STEP / 2))
+    drive = GriddedSignals({}, {}, time, np.zeros(len(time), np.uint8))
+    columns = drive.stretch(rows, 0 * noise, noise, []).columns
+    on, between = (float(np.var(columns(tau)[0])) for tau in (0.0, step / 2))
     assert between == pytest.approx(on, rel=3e-3)  # straight lines: 2 % less
 
 
@@ -142,14 +143,18 @@ def test_too_few_stretches_are_no_delay():
 
 
 def test_unknown_procedure():
+    truck, nothing = clutchest.load_vehicle("truck"), Signals({}, end=0.0)
     with pytest.raises(clutchest.ClutchestError, match="did you mean 'noise'"):
-        procedure("nois")
+        identify("nois", nothing, truck, lambda text, share: None)
+    rig = clutchest.load_vehicle("alsd_rig")
+    with pytest.raises(clutchest.ClutchestError, match="'torque-curve'; machine 'alsd' declares"):
+        identify("torque-curve", nothing, rig, lambda text, share: None)
 
 
 def test_a_short_log_determines_nothing_and_keeps_the_file():
     truck = clutchest.load_vehicle("truck")
     signals = clutchest.simulate(truck, "city", 1, duration=1.0)
-    fit = PROCEDURES["noise"](signals, truck, lambda text, share: None)
+    fit = identify("noise", signals, truck, lambda text, share: None)
     assert fit.vehicle == truck
     assert not any(f.determined for f in fit.parameters.values())
     assert all(f.why for f in fit.parameters.values())

@@ -8,7 +8,7 @@ import typer
 
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName, apart
 from clutchest.cli.terminal import answer, progress
-from clutchest.identify import PROCEDURES
+from clutchest.identify import OF_EVERY_MACHINE
 
 
 def identify(
@@ -17,7 +17,9 @@ def identify(
         typer.Argument(
             metavar="PROCEDURE",
             show_default=False,
-            help=" ".join(f"{p.name}: {p.what}." for p in PROCEDURES.values()),
+            help="A procedure that the vehicle's machine declares, as torque-curve or disc; or "
+            + "; ".join(f"{name}: {what}" for name, what in OF_EVERY_MACHINE.items())
+            + ".",
         ),
     ],
     logs: Logs,
@@ -38,7 +40,7 @@ def identify(
     """Fit numbers of a vehicle file to your own logs.
 
     Writes vehicle.toml (the vehicle with the numbers that the logs determine, their spreads and
-    source), fit.json (each with its interval, or why it cannot be told) and pictures.
+    source), fit.json (each with its interval, or why it is not determined) and pictures.
 
     \b
     Example:
@@ -48,23 +50,22 @@ def identify(
     """
     with progress() as show:
         show("loading", None)
-        from clutchest.identify import procedure
+        from clutchest.identify import identify as run
         from clutchest.identify.fit import print_fit
         from clutchest.reading import read_log
         from clutchest.record.files import finished_into, json_text
         from clutchest.vehicle import load_vehicle
 
-        run = procedure(name)
         car = load_vehicle(vehicle)
         apart(logs, holdout or ())
         show("reading", None)
         held_out = read_log(holdout, car) if holdout else None
-        fit = run(read_log(logs, car), car, show, held_out)
+        fit = run(name, read_log(logs, car), car, show, held_out)
         show("writing", None)
         with finished_into(out) as folder:
             (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")
-            found = fit.vehicle_toml(out / "vehicle.toml")
-            (folder / "vehicle.toml").write_text(found, encoding="utf-8")
+            text = fit.vehicle_toml(out / "vehicle.toml")
+            (folder / "vehicle.toml").write_text(text, encoding="utf-8")
             fit.draw(folder)
             names = sorted(path.name for path in folder.iterdir())
     answer(fit.as_dict(), as_json, lambda console: print_fit(fit, car, console), out, names)

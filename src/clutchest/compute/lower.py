@@ -8,11 +8,9 @@ from collections.abc import Sequence
 import casadi as ca
 
 from clutchest.compute.step import Step, decays, heun
+from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
 from clutchest.models.model import Expressions, Model
 
-PARAMETER = "parameter"  # owner of a theta that is a parameter of the vehicle file
-START = "start"  # owner of a theta that is a state's first value
-NOISE = "input_noise"  # owner of one that an input is off by, where untracked states take it in
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _EXACT = "@njit(cache=True, error_model='numpy')"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
@@ -175,7 +173,7 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     taken_in = ca.SX(len(model.states), len(thetas))
     kept = [i for i, state in enumerate(model.states) if state.name not in model.renewed]
     for k, (owner, name) in enumerate(thetas):
-        if owner == NOISE:
+        if owner == INPUT_NOISE:
             taken_in[kept, k] = calm.dt * ca.jacobian(e.rate, e.u)[kept, model.input(name)]
 
     decay = ca.SX(len(model.states), 1)
@@ -291,7 +289,7 @@ def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
 
 
 def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
-    if owner in (START, NOISE):
+    if owner in (START, INPUT_NOISE):
         return ca.SX.sym(key)  # the equations know it by what it leads to only
     if owner == PARAMETER:
         return e.p[[p.key for p in model.parameters].index(key)]

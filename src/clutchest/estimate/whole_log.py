@@ -9,7 +9,6 @@ from types import ModuleType
 import numpy as np
 
 from clutchest.compute import build
-from clutchest.compute.lower import NOISE, PARAMETER, START
 from clutchest.compute.records import (
     Belief,
     EventResults,
@@ -23,6 +22,7 @@ from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.curve_effect import curve_effects
 from clutchest.models.effects import Effect, effects_of_file
+from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model
 from clutchest.progress import Progress
@@ -174,7 +174,7 @@ def compile_model(
         spread += [stated.get(n.key, 0.0) for n in effect.gains]
     thetas += [(START, name) for name in starts]
     spread += list(starts.values())
-    thetas += [(NOISE, name) for name in noises]
+    thetas += [(INPUT_NOISE, name) for name in noises]
     spread += [0.0] * len(noises)
     digest, text = build.generate(model, tuple(thetas))
     if progress and not build.is_compiled(digest):

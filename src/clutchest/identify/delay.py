@@ -9,29 +9,21 @@ be independent.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from clutchest.models.delay_relations import DelayStretch
 from clutchest.signals import Floats
 
 EARLIEST, LATEST = -0.15, 0.45  # s, searched
 COARSE, DIFFERENCE = 0.01, 0.015  # s
 FEWEST = 6  # stretches
 
-Columns = Callable[[float], tuple[Floats, Floats]]
-
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
-    """``columns(delay)`` gives y − x_0 (n,) and the columns x_i (n, q) of the equation."""
-
-    columns: Columns
-
-
-@dataclass(frozen=True, slots=True)
-class Delay:
+class DelayEstimate:
     """``value`` ± ``std`` s; ``inside``: not at the end of what is searched.
 
     ``stretches``: how many alike would tell as much as these, of which a few decide: 1/Σ share².
@@ -50,7 +42,7 @@ class Delay:
         return float(t.ppf(0.975, max(self.stretches - 1.0, 1.0))) * self.std
 
 
-def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
+def estimate(stretches: Sequence[DelayStretch], shift: float = 0.0) -> DelayEstimate | None:
     """The delay that the equation of ``stretches`` asks for; None with fewer than FEWEST.
 
     ``shift`` s moves the range that is searched.
@@ -82,10 +74,10 @@ def estimate(stretches: Sequence[Stretch], shift: float = 0.0) -> Delay | None:
     # as if each stretch had been left out in turn: one that decides alone says little of its error
     alone = np.clip(curvature / information, 0.0, 0.999)
     std = float(np.linalg.norm(score / (1 - alone))) / information
-    return Delay(tau, std, float(1.0 / np.sum(alone**2)), inside)
+    return DelayEstimate(tau, std, float(1.0 / np.sum(alone**2)), inside)
 
 
-def _misfit(stretches: Sequence[Stretch], tau: float) -> Floats:
+def _misfit(stretches: Sequence[DelayStretch], tau: float) -> Floats:
     """Sum of squares per stretch of what no coefficient can explain."""
     misfit = np.empty(len(stretches))
     for i, stretch in enumerate(stretches):

@@ -1,4 +1,4 @@
-"""The delay of every signal, counted from the engine speed."""
+"""The delay of every signal, counted from the anchor of the machine's equations."""
 
 from __future__ import annotations
 
@@ -7,67 +7,94 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchest.identify import equations
-from clutchest.identify.delay import FEWEST, Delay, Stretch, estimate
-from clutchest.identify.equations import Drive
+from clutchest.estimate.timeline import regimes
+from clutchest.identify.delay import FEWEST, DelayEstimate, estimate
 from clutchest.identify.fit import Fitted
+from clutchest.identify.sensor_noise import far_off
+from clutchest.models.delay_relations import STEP, DelayRelation, DelayStretch, GriddedSignals
 from clutchest.signals import Signals
-from clutchest.vehicle import ParameterValue, Vehicle
+from clutchest.vehicle import Vehicle
 
-LOOSEST = 0.02  # s, standard deviation beyond which a delay is not told
-SLAVE_SHIFT = -0.3  # s: the position's is looked for with the opposite sign
+LOOSEST = 0.02  # s, standard deviation beyond which a delay is not determined
+FEWEST_SAMPLES = 8
 
-# what a signal's delay needs to be seen in, in words
-NEEDS = {
-    "engine_torque": "stretches with the clutch open, beyond kiss_point + open_margin, in which "
-    "the torque moves",
-    "input_shaft_speed": "stretches with the clutch locked",
-    "vehicle_speed": "stretches locked in one gear",
-    "slave_position": "slips of half a second and more, and the delay of engine_torque",
-    "motor_position": "stretches with the actuator off its stop, and the delay of slave_position",
-}
+Delays = Mapping[str, DelayEstimate | None]
 
 
 def delays(signals: Signals, vehicle: Vehicle) -> dict[str, Fitted]:
     """Of every mapped signal.  A delay that is not determined says why."""
-    drives = [d for part in signals.drives if (d := Drive.of(part, vehicle))]
-    found = _found(drives, vehicle.parameters["engine_inertia"])
-    return {name: _fitted(name, found, mapped.delay) for name, mapped in vehicle.signals.items()}
-
-
-def _found(drives: list[Drive], inertia: ParameterValue) -> Mapping[str, Delay | None]:
-    def of(stretches: Callable[[Drive], list[Stretch]], shift: float = 0.0) -> Delay | None:
-        return estimate([stretch for drive in drives for stretch in stretches(drive)], shift)
-
-    def torque(by: float = 0.0) -> Delay | None:
-        return of(lambda drive: equations.engine_torque(drive, inertia.value + by))
-
-    def slave(late: float, by: float = 0.0) -> Delay | None:
-        # its columns come later, not earlier: the delay has the opposite sign
-        found = of(lambda d: equations.slave_position(d, late, inertia.value + by), SLAVE_SHIFT)
-        return found and replace(found, value=-found.value)
-
-    found = {
-        "engine_torque": _with_doubt(torque(), torque(inertia.spread)),
-        "input_shaft_speed": of(equations.input_shaft_speed),
-        "vehicle_speed": of(equations.vehicle_speed),
+    anchor = anchor_of(vehicle)
+    drives = [d for part in signals.drives if (d := gridded(part, vehicle, anchor))]
+    estimates: dict[str, DelayEstimate | None] = {}
+    for relation in vehicle.machine.delay_relations:
+        estimates[relation.signal] = _estimated(relation, drives, vehicle, estimates)
+    needs = {relation.signal: relation.needs for relation in vehicle.machine.delay_relations}
+    return {
+        name: _fitted(name, anchor, needs, estimates.get(name), mapped.delay)
+        for name, mapped in vehicle.signals.items()
     }
-    if late := _sure(found["engine_torque"]):
-        found["slave_position"] = _with_doubt(
-            slave(late.value), slave(late.value + late.std), slave(late.value, inertia.spread)
-        )
-    if late := _sure(found.get("slave_position")):
-        behind = of(equations.motor_position)
-        found["motor_position"] = behind and Delay(
-            late.value + behind.value,
-            float(np.hypot(late.std, behind.std)),
-            min(late.stretches, behind.stretches),
-            behind.inside,
-        )
-    return found
 
 
-def _with_doubt(delay: Delay | None, *moved: Delay | None) -> Delay | None:
+def anchor_of(vehicle: Vehicle) -> str:
+    """The signal from which delays are counted."""
+    return vehicle.machine.equations(vehicle.signals).anchor
+
+
+def gridded(signals: Signals, vehicle: Vehicle, anchor: str) -> GriddedSignals | None:
+    """One drive on a grid, outliers left out; None where the ``anchor`` is missing."""
+    present = {}
+    for name, signal in signals.items():
+        if signal.valid.sum() > FEWEST_SAMPLES:
+            read = signal.only_valid()
+            present[name] = read.take(~far_off(read.value))
+    if anchor not in present:
+        return None
+    pace = present[anchor]
+    time = np.arange(pace.time[0], pace.time[-1], STEP)
+    parameters = {key: parameter.value for key, parameter in vehicle.parameters.items()}
+    return GriddedSignals(parameters, present, time, regimes(time, present, vehicle).mode)
+
+
+def _estimated(
+    relation: DelayRelation, drives: list[GriddedSignals], vehicle: Vehicle, known: Delays
+) -> DelayEstimate | None:
+    """By one relation, its standard deviation with that of the numbers it takes as given."""
+    before = {name: _determined(known.get(name)) for name in relation.after}
+    given = {name: delay.value for name, delay in before.items() if delay}
+    behind = _determined(known.get(relation.behind)) if relation.behind else None
+    if len(given) < len(before) or (relation.behind and behind is None):
+        return None
+
+    def at(given: Mapping[str, float], moved: str = "", by: float = 0.0) -> DelayEstimate | None:
+        def stretches(drive: GriddedSignals) -> list[DelayStretch]:
+            parameters = dict(drive.parameters)
+            if moved:
+                parameters[moved] += by
+            return relation.stretches(replace(drive, parameters=parameters), given)
+
+        return _of(stretches, drives, relation)
+
+    estimates = [at(given)]
+    for name, delay in before.items():
+        if delay:
+            estimates.append(at({**given, name: delay.value + delay.std}))
+    for key in relation.parameters:
+        estimates.append(at(given, key, vehicle.parameters[key].spread))
+    delay = _widened(*estimates)
+    return delay and (_after(behind, delay) if behind else delay)
+
+
+def _of(
+    stretches: Callable[[GriddedSignals], list[DelayStretch]],
+    drives: list[GriddedSignals],
+    relation: DelayRelation,
+) -> DelayEstimate | None:
+    every = [stretch for drive in drives for stretch in stretches(drive)]
+    delay = estimate(every, relation.shift)
+    return replace(delay, value=-delay.value) if delay and relation.reversed else delay
+
+
+def _widened(delay: DelayEstimate | None, *moved: DelayEstimate | None) -> DelayEstimate | None:
     """``delay`` with what becomes of it when each given number is one standard deviation off."""
     if delay is None:
         return None
@@ -75,36 +102,49 @@ def _with_doubt(delay: Delay | None, *moved: Delay | None) -> Delay | None:
     return replace(delay, std=float(np.linalg.norm([delay.std, *shifts])))
 
 
-def _sure(delay: Delay | None) -> Delay | None:
+def _after(first: DelayEstimate, more: DelayEstimate) -> DelayEstimate:
+    """The sum of two delays."""
+    return DelayEstimate(
+        first.value + more.value,
+        float(np.hypot(first.std, more.std)),
+        min(first.stretches, more.stretches),
+        more.inside,
+    )
+
+
+def _determined(delay: DelayEstimate | None) -> DelayEstimate | None:
     return delay if delay and delay.inside and delay.std < LOOSEST else None
 
 
-def _fitted(name: str, found: Mapping[str, Delay | None], before: float) -> Fitted:
+def _fitted(
+    name: str,
+    anchor: str,
+    needs: Mapping[str, str],
+    delay: DelayEstimate | None,
+    before: float,
+) -> Fitted:
     """What is written of one signal's delay; ``before`` is the vehicle file's."""
-    if name == "engine_speed":
+    if name == anchor:
         return Fitted.unknown(before, "s", "the clock from which the others are counted")
-    if name not in NEEDS:
+    if name not in needs:
         return Fitted.unknown(before, "s", "nothing that moves fast follows from it")
-    delay = found.get(name)
     if delay is None:
-        return Fitted.unknown(before, "s", f"needs at least {FEWEST} {NEEDS[name]}")
+        return Fitted.unknown(before, "s", f"needs at least {FEWEST} {needs[name]}")
     if not delay.inside:
         return Fitted.unknown(before, "s", "no delay within reach explains it better than others")
     low, high = delay.value - delay.reach, delay.value + delay.reach
     if delay.std >= LOOSEST:
-        return Fitted.unknown(
-            before,
-            "s",
-            f"{low * 1e3:.0f} … {high * 1e3:.0f} ms is too wide to "
-            f"be of use; needs more {NEEDS[name]}",
+        why = (
+            f"{low * 1e3:.0f} … {high * 1e3:.0f} ms is too wide to be of use; needs more "
+            f"{needs[name]}"
         )
+        return Fitted.unknown(before, "s", why)
     if high < 0:
-        return Fitted.unknown(
-            before,
-            "s",
-            f"{-delay.value * 1e3:.0f} ms ahead of engine_speed: "
-            "that one is late, or the equation does not hold",
+        why = (
+            f"{-delay.value * 1e3:.0f} ms ahead of {anchor}: that one is late, or the equation "
+            "does not hold"
         )
+        return Fitted.unknown(before, "s", why)
     return Fitted(
         round(max(delay.value, 0.0), 5),
         "s",

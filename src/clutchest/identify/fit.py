@@ -1,4 +1,4 @@
-"""What a procedure found, and the files it becomes."""
+"""The result of a procedure, and the files it becomes."""
 
 from __future__ import annotations
 
@@ -41,29 +41,51 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class Validation:
-    """Numbers of the file (``before``) and found ones (``after``) on ``logs`` that were not used.
+class ErrorChange:
+    """Root mean square error of a quantity in ``unit``, with the numbers of the file (``before``)
+    and the fitted ones (``after``), None where it is never read; ``name`` in files, ``what`` it is
+    in words."""
 
-    Root mean square error of the clutch torque (Nm, None where it never slips) and of the zero
-    position (mm, None where it is never read), all other numbers fitted within their spreads;
-    ``gained``: by how much ln(probability) of the logs rose.
+    name: str
+    what: str
+    unit: str
+    before: float | None
+    after: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Validation:
+    """Numbers of the file and fitted ones on ``logs`` that were not used.
+
+    ``errors`` of the machine's compared pair and of its sensors, all other numbers fitted within
+    their spreads; ``gained``: by how much ln(probability) of the logs rose.
     """
 
     logs: tuple[str, ...]
-    torque_before: float | None
-    torque_after: float | None
-    zero_position_before: float | None
-    zero_position_after: float | None
+    errors: tuple[ErrorChange, ...]
     gained: float
+
+    def error(self, name: str) -> ErrorChange:
+        """That of one quantity."""
+        return next(error for error in self.errors if error.name == name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``fit.json`` has it."""
+        errors = {
+            f"{e.name}_{when}": value
+            for e in self.errors
+            for when, value in (("before", e.before), ("after", e.after))
+        }
+        return {"logs": list(self.logs), **errors, "gained": self.gained}
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
     """The result of one procedure.
 
-    ``vehicle`` has the found numbers in it.  ``parameters``: key in the vehicle file, dotted unless
-    it is a parameter's, to what was found.  ``draw`` writes the pictures into a folder.
-    ``validation``: what the numbers are worth on logs not used to find them, None without any.
+    ``vehicle`` has the determined numbers in it.  ``parameters``: key in the vehicle file, dotted
+    unless it is a parameter's, to its result.  ``draw`` writes the pictures into a folder.
+    ``validation``: what the numbers are worth on logs not used to fit them, None without any.
     """
 
     procedure: str
@@ -82,25 +104,25 @@ class Fit:
             "vehicle": self.vehicle.name,
             "logs": [Path(source).name for source in self.sources],
             "parameters": {key: asdict(fitted) for key, fitted in self.parameters.items()},
-            "validation": None if self.validation is None else asdict(self.validation),
+            "validation": None if self.validation is None else self.validation.as_dict(),
             "notes": list(self.notes),
             "warnings": list(self.warnings),
         }
 
     def vehicle_toml(self, target: Path) -> str:
-        """The vehicle as text for a file at ``target``; its heading says what was found where."""
-        found = [key for key, fitted in self.parameters.items() if fitted.determined]
+        """The vehicle as text for a file at ``target``; its heading says what was determined."""
+        determined = [key for key, fitted in self.parameters.items() if fitted.determined]
         logs = ", ".join(Path(source).name for source in self.sources)
         heading = (
             f"clutchest {__version__}, identify {self.procedure}, from {logs}:\n"
-            + "\n".join(f"  {key}" for key in found or ["nothing could be determined"])
+            + "\n".join(f"  {key}" for key in determined or ["nothing could be determined"])
             + f"\nAll else is {self.vehicle.path.name}'s.  Intervals: fit.json."
         )
         return vehicle_text(self.vehicle, target, heading)
 
 
 def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
-    """Print what was found, and what could not be, against the file that it started from."""
+    """Print what was determined, and what could not be, against the file that it started from."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -141,16 +163,14 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
         console.print(f"[yellow]warning:[/] {escape(warning)}")
 
 
-def _in_words(found: Validation) -> str:
+def _in_words(validation: Validation) -> str:
     """The validation in a line."""
-    words = []
-    for what, unit, scale, before, after in (
-        ("clutch torque", "Nm", 1.0, found.torque_before, found.torque_after),
-        ("zero position", "µm", 1e3, found.zero_position_before, found.zero_position_after),
-    ):
-        if before is not None and after is not None:
-            words.append(f"error of {what} {scale * before:.3g} → {scale * after:.3g} {unit}")
+    words = [
+        f"error of {e.what} {e.before:.3g} → {e.after:.3g} {e.unit}"
+        for e in validation.errors
+        if e.before is not None and e.after is not None
+    ]
     return (
-        f"Validation on {', '.join(found.logs)}: {'; '.join(words)}; "
-        f"ln(probability) {found.gained:+.1f}"
+        f"Validation on {', '.join(validation.logs)}: {'; '.join(words)}; "
+        f"ln(probability) {validation.gained:+.1f}"
     )

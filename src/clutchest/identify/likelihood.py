@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,6 @@ from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import UnknownParameter
 from clutchest.inference.while_sliding import while_sliding
 from clutchest.models.effects import Effect
-from clutchest.models.effects.effect import Gains
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
@@ -59,39 +57,34 @@ class Posterior:
         return None
 
 
-class MeasuredPower(Effect):
-    """(8) with the measured torque in place of the model's own; it has no size."""
-
-    name = "measured_power"
-    model = "dry_clutch"
-    equation = "disc_heat"
-    parameters = ()
-
-    def terms(self, g: Gains) -> Mapping[str, Any]:
-        """See :meth:`Effect.terms`."""
-        return {"power": lambda _, q: q.engaged * q.measured_torque * q.slip_speed}
-
-
 def problem_of(
     signals: Signals,
     vehicle: Vehicle,
-    sensor: str | None = None,
+    sensor: str = "",
+    effects: Sequence[Effect] = (),
     progress: Progress | None = None,
 ) -> Problem:
-    """The drives as the equations see them; with ``sensor``, its readings alone count, and heat is
-    that of the measured torque, so that the torque curve is of no concern.
+    """The drives as the equations see them; with ``sensor``, its readings alone count; ``effects``
+    stand in the equations.
 
-    Raises ClutchestError where they have no reading that tells of any parameter.
+    Raises ClutchestError where they have no reading that depends on any parameter.
     """
-    if sensor and not all("slave_position" in drive for drive in signals.drives):
-        raise ClutchestError("no signal 'slave_position' in this log: no zero position is read")
-    problem = Problem.of(signals, vehicle, (MeasuredPower(),) if sensor else (), progress)
+    of = next((s for s in vehicle.machine.sensors if s.name == sensor), None)
+    column = of.column or of.name if of else ""
+    if of and not all(column in drive for drive in signals.drives):
+        raise ClutchestError(f"no signal '{column}' in this log: no {_words(sensor)} is read")
+    problem = Problem.of(signals, vehicle, effects, progress)
     if sensor:
         problem = problem.only(sensor)
     if not sum(len(drive.readings.t) for drive in problem.drives):
-        what = sensor or "engine_speed while slipping"
-        raise ClutchestError(f"these logs have no reading of {what} that tells of any parameter")
+        names = [sensor] if sensor else [s.name for s in problem.compiled.model.sensors]
+        what = " or ".join(map(_words, names))
+        raise ClutchestError(f"these logs have no reading of {what} that determines any parameter")
     return problem
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def most_probable(problem: Problem, progress: Progress | None = None) -> Posterior:

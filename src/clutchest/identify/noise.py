@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.identify.delay_identification import delays
+from clutchest.identify.delay_identification import anchor_of, delays
 from clutchest.identify.fit import Fit, Fitted
 from clutchest.identify.sensor_noise import (
     BELOW_STEP,
@@ -31,11 +31,11 @@ Z = 1.96
 LEAVES = ("noise", "noise_ar", "delay")
 
 
-def identify(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fit:
+def identify_noise(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fit:
     """Noise, AR(1) coefficient and delay of every signal that ``vehicle`` maps.
 
-    All drives count alike.  Delays are counted from the engine speed, whose own stays what the
-    vehicle file says.
+    All drives count alike.  Delays are counted from the anchor of the machine's equations, whose
+    own stays what the vehicle file says.
     """
     units = vehicle.machine.units
     parameters: dict[str, Fitted] = {}
@@ -59,14 +59,14 @@ def identify(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fit:
         vehicle=_with(vehicle, parameters),
         sources=tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources)),
         parameters=parameters,
-        notes=("delays are counted from engine_speed, whose own is not to be told",),
+        notes=(f"delays are counted from {anchor_of(vehicle)}, whose own cannot be determined",),
         warnings=tuple(dict.fromkeys(w for drive in signals.drives for w in drive.warnings)),
         draw=partial(_draw, found, units),
     )
 
 
 def _draw(found: dict[str, SensorNoise], units: dict[str, str], folder: Path) -> None:
-    from clutchest.identify.pictures import draw_noise
+    from clutchest.identify.noise_pictures import draw_noise
 
     draw_noise(found, units, folder)
 

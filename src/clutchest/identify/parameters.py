@@ -1,8 +1,7 @@
-"""From the most probable numbers to a vehicle file: what a procedure found of its parameters."""
+"""From the most probable numbers to a vehicle file: the parameters of a procedure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,34 +12,40 @@ from clutchest.errors import ClutchestError
 from clutchest.identify.fit import Fit, Fitted
 from clutchest.identify.likelihood import Posterior, most_probable, problem_of
 from clutchest.identify.validation import validate
+from clutchest.models.procedures import Procedure
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
 Z = 1.96  # standard deviations of a 95 % interval
-TOLD = 0.8  # of the prior's standard deviation: less must be left for a log to have told anything
+DETERMINED = 0.8  # of the prior's standard deviation: less must be left for a log to determine it
 
-CURVE = ("torque_cubic", "torque_quadratic", "kiss_point")
-FRICTION = "start of friction"
 
-Draw = Callable[[Posterior, Vehicle, Path], None]
+def procedure_of(name: str, vehicle: Vehicle) -> Procedure:
+    """The machine's procedure of that name; of any other name, one that determines every parameter
+    with a spread, but those whose spread is the prior of a state."""
+    machine = vehicle.machine
+    declared = {procedure.name: procedure for procedure in machine.procedures}
+    if name in declared:
+        return declared[name]
+    priors = {state.prior for state in machine.states}
+    keys = [key for key, p in vehicle.parameters.items() if p.spread > 0 and key not in priors]
+    return Procedure(name, "", tuple(keys), pictures=machine.pictures)
 
 
 def identify_parameters(
-    name: str,
-    keys: Sequence[str],
-    draw: Draw,
+    procedure: Procedure,
     signals: Signals,
     vehicle: Vehicle,
     progress: Progress,
     holdout: Signals | None,
-    sensor: str | None = None,
 ) -> Fit:
-    """The ``keys`` of the vehicle file as the drives tell them, all else within its spread.
+    """The parameters of a procedure as the drives determine them, all else within its spread.
 
-    ``holdout``: drives that only measure what the numbers are worth.  With ``sensor`` its readings
-    alone count.  Raises ClutchestError where the drives tell of no parameter at all.
+    ``holdout``: drives that only measure what the numbers are worth.  Raises ClutchestError where
+    the drives determine no parameter at all.
     """
+    keys = procedure.parameters
     warnings = [w for drive in signals.drives for w in drive.warnings]
     if holdout is None:
         warnings.append("not validated: that takes a log that is not fitted, --holdout LOG")
@@ -50,25 +55,27 @@ def identify_parameters(
         raise ClutchestError(
             f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: nothing may be fitted"
         )
-    posterior = posterior_of(keys, signals, vehicle, sensor, progress)
+    posterior = posterior_of(procedure, signals, vehicle, progress)
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
-    source = f"clutchest identify {name}, {', '.join(Path(s).name for s in sources)}"
-    parameters, found = {}, dict(vehicle.parameters)
+    source = f"clutchest identify {procedure.name}, {', '.join(Path(s).name for s in sources)}"
+    parameters, changed_to = {}, dict(vehicle.parameters)
     for key in wanted:
-        parameters[key] = told(posterior, key)
+        parameters[key] = determined(posterior, key)
         if parameters[key].determined:
-            found[key] = replace(
-                found[key],
+            changed_to[key] = replace(
+                changed_to[key],
                 value=parameters[key].value,
                 spread=parameters[key].std or 0.0,
                 source=source,
             )
-    unsure = [key for key, fitted in parameters.items() if not fitted.determined]
-    if unsure:
-        stay = "they stay" if len(unsure) > 1 else "it stays"
-        warnings.append(f"these logs do not determine {', '.join(unsure)}: {stay} at the prior")
+    undetermined = [key for key, fitted in parameters.items() if not fitted.determined]
+    if undetermined:
+        stay = "they stay" if len(undetermined) > 1 else "it stays"
+        warnings.append(
+            f"these logs do not determine {', '.join(undetermined)}: {stay} at the prior"
+        )
     notes = [f"{', '.join(fixed)}: no spread in the vehicle file, taken for exact"] if fixed else []
-    changed = replace(vehicle, parameters=found)
+    changed = replace(vehicle, parameters=changed_to)
     validation = None
     if holdout is not None:
         progress("validating", None)
@@ -76,37 +83,44 @@ def identify_parameters(
         if validation.gained < 0.0:
             warnings.append("on the log held out the new numbers are less probable than the old")
     return Fit(
-        procedure=name,
+        procedure=procedure.name,
         vehicle=changed,
         sources=sources,
         parameters=parameters,
         notes=tuple(notes),
         warnings=tuple(dict.fromkeys(warnings)),
-        draw=partial(draw, posterior, changed),
+        draw=partial(_draw, procedure, posterior, changed),
         validation=validation,
     )
 
 
 def posterior_of(
-    keys: Sequence[str],
+    procedure: Procedure,
     signals: Signals,
     vehicle: Vehicle,
-    sensor: str | None = None,
     progress: Progress | None = None,
 ) -> Posterior:
-    """All numbers of these drives, where ``keys`` are wanted."""
-    problem = problem_of(signals, vehicle, sensor, progress)
-    if set(CURVE) <= set(keys):  # friction is relative to the curve: a curve that is fitted has 1
-        problem = problem.holding(FRICTION)
+    """All numbers of these drives, where those of a procedure are wanted."""
+    problem = problem_of(signals, vehicle, procedure.sensor, procedure.effects, progress)
+    for state, parameters in vehicle.machine.relative_states.items():
+        if set(parameters) <= set(procedure.parameters):
+            problem = problem.holding(f"start of {state}")
     return most_probable(problem, progress)
 
 
-def told(posterior: Posterior, key: str) -> Fitted:
+def _draw(procedure: Procedure, posterior: Posterior, vehicle: Vehicle, folder: Path) -> None:
+    from clutchest.identify.fit_pictures import draw
+
+    draw(procedure, posterior, vehicle, folder)
+
+
+def determined(posterior: Posterior, key: str) -> Fitted:
     """Value ± standard deviation, or that the logs leave it where it was."""
     before = posterior.problem.vehicle.parameters[key]
     value, std = posterior.of(key) or (before.value, before.spread)
-    if std > TOLD * before.spread:
-        why = f"these logs lower its standard deviation by {100 * (1 - std / before.spread):.0f} %"
+    if std > DETERMINED * before.spread:
+        smaller = 100 * (1 - std / before.spread)
+        why = f"not identifiable from these logs (standard deviation only {smaller:.0f} % smaller)"
         return Fitted(
             before.value,
             before.unit,

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.identify.fit import Validation
+from clutchest.identify.fit import ErrorChange, Validation
 from clutchest.identify.likelihood import Posterior, along, problem_of
 from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
-from clutchest.models.model import Model
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
@@ -41,12 +40,20 @@ def validate(holdout: Signals, before: Vehicle, after: Vehicle) -> Validation:
     logs = dict.fromkeys(Path(s).name for drive in holdout.drives for s in drive.sources)
     return Validation(
         tuple(logs),
-        before_all[0],
-        after_all[0],
-        before_all[1],
-        after_all[1],
+        _compared(before, before_all, after_all),
         0.5 * (_cost(objective, old) - _cost(objective, new)),
     )
+
+
+def _compared(
+    vehicle: Vehicle, before: dict[str, float | None], after: dict[str, float | None]
+) -> tuple[ErrorChange, ...]:
+    """What changed, with words and units of the machine."""
+    machine = vehicle.machine
+    named = {s.name: (s.name.replace("_", " "), s.unit) for s in machine.sensors}
+    if pair := machine.compared:
+        named[pair.key] = pair.what, pair.unit
+    return tuple(ErrorChange(name, *named[name], before[name], after[name]) for name in before)
 
 
 def _cost(objective: Objective, fit: Linearisation) -> float:
@@ -55,27 +62,34 @@ def _cost(objective: Objective, fit: Linearisation) -> float:
     return float(fit.r @ fit.r + np.sum(objective.prior * fit.theta**2))
 
 
-def _errors(objective: Objective, fit: Linearisation) -> tuple[float | None, float | None]:
-    """Root mean square errors of torque and zero position at a fit."""
+def _errors(objective: Objective, fit: Linearisation) -> dict[str, float | None]:
+    """Root mean square errors at a fit: of the machine's compared pair, by its key, and of the
+    readings of every sensor whose state is not renewed by them, by its name."""
     problem = objective.problem
-    at = Posterior(objective, fit, fit.theta, np.zeros((0, 0)))
-    torque, position = [], []
-    for i in range(len(problem.drives)):
-        _, (measured, modelled) = along(at, i, ("measured_torque", "clutch_torque"))
-        torque.append(modelled - measured)
-        position.append(zero_position_errors(problem, i, fit.raw[i].r))
-    return _rms(np.concatenate(torque)), _rms(np.concatenate(position))
+    machine, drives = problem.vehicle.machine, range(len(problem.drives))
+    errors = {}
+    if pair := machine.compared:
+        at = Posterior(objective, fit, fit.theta, np.zeros((0, 0)))
+        both = [along(at, i, (pair.measured, pair.simulated))[1] for i in drives]
+        errors[pair.key] = _rms(np.concatenate([modelled - read for read, modelled in both]))
+    model = problem.compiled.model
+    known = [sensor.name for sensor in model.sensors]
+    for name in (s.name for s in machine.sensors if s.name not in model.renewed):
+        read = [reading_errors(problem, i, name, fit.raw[i].r) for i in drives if name in known]
+        errors[name] = _rms(np.concatenate([np.zeros(0), *read]))
+    return errors
 
 
-def zero_position_rows(problem: Problem, drive: int) -> NDArray[np.intp]:
-    """Which of a drive's readings are of the zero position."""
-    model: Model = problem.compiled.model
-    return np.flatnonzero(problem.drives[drive].readings.sensor == model.sensor("zero_position"))
+def rows_of(problem: Problem, drive: int, sensor: str) -> NDArray[np.intp]:
+    """Which of a drive's readings are of one sensor."""
+    which = problem.compiled.model.sensor(sensor)
+    return np.flatnonzero(problem.drives[drive].readings.sensor == which)
 
 
-def zero_position_errors(problem: Problem, drive: int, r: Floats) -> Floats:
-    """Measured less modelled zero position (k,), mm, from a drive's normalised innovations."""
-    rows = zero_position_rows(problem, drive)
+def reading_errors(problem: Problem, drive: int, sensor: str, r: Floats) -> Floats:
+    """Measured less modelled readings (k,) of one sensor, in its unit, from a drive's normalised
+    innovations."""
+    rows = rows_of(problem, drive, sensor)
     return r[rows] * problem.drives[drive].readings.std[rows]
 
 

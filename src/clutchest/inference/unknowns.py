@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from clutchest.compute.lower import NOISE, PARAMETER, START
 from clutchest.estimate.whole_log import Compiled
 from clutchest.models.effects import Effect
+from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
 
 Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
 
@@ -106,7 +106,7 @@ def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Un
             yield UnknownParameter(key, spread)
         elif owner == START:
             yield InitialState(key, spread)
-        elif owner == NOISE:
+        elif owner == INPUT_NOISE:
             yield InputNoise(key)
         elif owner in sought:
             n = next(n for n in sought[owner].gains if n.key == key)

@@ -43,12 +43,14 @@ class Event:
 @dataclass(frozen=True, slots=True)
 class Comparison:
     """A pair of quantities of the equations that should agree: as ``measured`` and as
-    ``simulated``, in ``unit``; ``what`` they are, in words."""
+    ``simulated``, in ``unit``; ``what`` they are, in words, and ``key`` in files: the first word
+    of their names in ``fit.json``."""
 
     measured: str
     simulated: str
     unit: str
     what: str
+    key: str = "output"
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,10 +20,12 @@ import numpy as np
 from clutchest import units
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models.declarations import Comparison, Event, Separation, Wear
-from clutchest.models.effects.effect import TIME, Effect
+from clutchest.models.delay_relations import DelayRelation
+from clutchest.models.effects.effect import RESERVED, TIME, Effect
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.fault import Follower, ModelFault
 from clutchest.models.model import Expressions, Model
+from clutchest.models.procedures import Picture, Procedure
 from clutchest.models.regimes import RegimeRules
 from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
 from clutchest.signals import Floats
@@ -74,7 +76,12 @@ class Machine:
     knows together.
 
     For diagnosis: ``faults`` of the equations, the ``fault_signals`` that their tests need, and
-    ``followers``.  ``procedures`` and ``delay_relations`` for identification, ``pictures``.
+    ``followers``.
+
+    For identification: ``procedures``, ways to determine some of the parameters; ``pictures`` of a
+    fit of all of them; ``relative_states`` (state → parameters): states that start from their
+    nominal value where all of these parameters are fitted, because they are relative to them;
+    ``delay_relations``, how late signals are behind the equations' anchor.
 
     For simulation: ``generate``, a program of its own, and the names of its ``scenarios``; where
     there is none, ``excitations`` drive the machine's own equations: scenario → function (random
@@ -112,6 +119,10 @@ class Machine:
     faults: tuple[ModelFault, ...] = ()
     fault_signals: tuple[str, ...] = ()
     followers: tuple[Follower, ...] = ()
+    procedures: tuple[Procedure, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    relative_states: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: _EMPTY)
+    delay_relations: tuple[DelayRelation, ...] = ()
     generate: Callable[..., Any] | None = None
     scenarios: Callable[[], Sequence[str]] = tuple
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
@@ -231,6 +242,7 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
         (("regimes.signals", name) for name in machine.regimes.signals),
         (("fault_signals", name) for name in machine.fault_signals),
         (("followers", n) for f in machine.followers for n in (f.leader, f.follower)),
+        (("delay_relations", r.signal) for r in machine.delay_relations),
     )
     for piece, name in of_columns:
         if name not in columns:
@@ -241,6 +253,13 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
     for name in machine.rates.values():
         if name not in inputs:
             yield "rates", f"has no input '{name}'" + nearest(name, inputs)
+    parameters, sensors = [p.key for p in machine.parameters], [s.name for s in machine.sensors]
+    for procedure in machine.procedures:
+        piece = f"procedure '{procedure.name}'"
+        for key in (key for key in procedure.parameters if key not in parameters):
+            yield piece, f"has no parameter '{key}'" + nearest(key, parameters)
+        if procedure.sensor and procedure.sensor not in sensors:
+            yield piece, f"has no sensor '{procedure.sensor}'" + nearest(procedure.sensor, sensors)
     if machine.event is not None and machine.event.hottest not in states:
         yield "event", f"has no state '{machine.event.hottest}'"
     if machine.event is not None and not machine.regimes.event:
@@ -286,6 +305,8 @@ def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
         yield "equations", f"make '{name}' something that is no number"
     if machine.output and machine.output not in model.outputs:
         yield "output", f"'{machine.output}' is none of the equations' outputs"
+    for name in (name for name in machine.effects if name in RESERVED):
+        yield "effects", f"has '{name}', which is a reserved name"
     for name, effect in machine.effects.items():
         if effect.name != name or effect.model != machine.name:
             yield "effects", f"has '{effect.name}' of model '{effect.model}' as '{name}'"

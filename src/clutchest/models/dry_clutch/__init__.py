@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from clutchest.models.declarations import Comparison, Event, Wear
+from clutchest.models.dry_clutch.delays import DELAY_RELATIONS
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH, at_rest, for_signals
 from clutchest.models.dry_clutch.error_terms import (
     COVARIATES,
@@ -14,6 +15,12 @@ from clutchest.models.dry_clutch.error_terms import (
     RATES,
     SENSOR_FOR,
     SEPARATING_SENSORS,
+)
+from clutchest.models.dry_clutch.procedures import (
+    PROCEDURES,
+    RELATIVE_STATES,
+    TORQUE,
+    ZERO_POSITION,
 )
 from clutchest.models.dry_clutch.regimes import RULES
 from clutchest.models.dry_clutch.symbols import COLUMNS, SEPARATING_MANOEUVRES
@@ -64,11 +71,15 @@ MACHINE = Machine(
     effects=effects_in("clutchest.models.dry_clutch.effects"),
     separating_sensors=SEPARATING_SENSORS,
     sensor_for=SENSOR_FOR,
-    compared=Comparison("measured_torque", "clutch_torque", "Nm", "clutch torque"),
+    compared=Comparison("measured_torque", "clutch_torque", "Nm", "clutch torque", "torque"),
     separating_manoeuvres=SEPARATING_MANOEUVRES,
     faults=faults_in("clutchest.models.dry_clutch.faults"),
     fault_signals=("slave_position", "input_shaft_speed", "engine_torque", "engine_speed"),
     followers=(Follower("actuator", "motor_position", "slave_position", 1.5),),
+    procedures=PROCEDURES,
+    relative_states=RELATIVE_STATES,
+    pictures=(TORQUE, ZERO_POSITION),
+    delay_relations=DELAY_RELATIONS,
     generate=_generate,
     scenarios=_scenarios,
     template="truck",

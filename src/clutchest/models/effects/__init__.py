@@ -10,7 +10,14 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 
 from clutchest.errors import ClutchestError
-from clutchest.models.effects.effect import Effect, Gains, Lateness, Number, Wording
+from clutchest.models.effects.effect import (
+    RESERVED,
+    Effect,
+    Gains,
+    Lateness,
+    Number,
+    Wording,
+)
 from clutchest.models.python_file import load_module
 
 __all__ = ["Effect", "Gains", "Lateness", "Number", "Wording", "effects_in", "effects_of_file"]
@@ -34,6 +41,8 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
     effects = {effect.name: effect for effect in _defined_in(module)}
     if not effects:
         raise ClutchestError(f"{path}: expected a subclass of clutchest.models.effects.Effect")
+    for name in (name for name in effects if name in RESERVED):
+        raise ClutchestError(f"{path}: effect '{name}' has a reserved name, expected another")
     return effects
 
 

@@ -80,6 +80,10 @@ class Wording:
 
 
 TIME = "time"  # since the drive's start: what a delay may go with beside signals
+# Owners of unknowns in compiled code that are no effects: a parameter of the vehicle file, a
+# state's first value, what an input is off by where untracked states take it in.
+PARAMETER, START, INPUT_NOISE = "parameter", "start", "input_noise"
+RESERVED = (PARAMETER, START, INPUT_NOISE)  # names that no effect can have
 
 
 @dataclass(frozen=True, slots=True)
