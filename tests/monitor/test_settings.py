@@ -1,0 +1,50 @@
+"""A monitor takes its settings as one value or by keyword."""
+
+from dataclasses import FrozenInstanceError
+
+import pytest
+
+import can
+import clutchest
+from clutchest.monitor.settings import MonitorSettings
+
+
+@pytest.fixture
+def bus():
+    with can.Bus(interface="virtual", channel="settings") as opened:
+        yield opened
+
+
+class Watching:
+    """Counts its calls."""
+
+    def __init__(self):
+        self.closed = 0
+
+    def watch(self, signals, frames, start_ns, now):
+        return []
+
+    def finish(self, now):
+        return []
+
+    def close(self):
+        self.closed += 1
+
+
+def test_settings_by_keyword_and_as_a_value(bus, tmp_path):
+    first, second = Watching(), Watching()
+    monitor = clutchest.Monitor(
+        bus, "truck", MonitorSettings(rate=5.0), out=tmp_path / "out", watchers=[first]
+    )
+    monitor.add_watcher(second)
+    assert monitor.settings.rate == 5.0
+    status = monitor.run(0.3)
+    assert status.frames == 0 and "received.log" in monitor.written
+    assert first.closed == second.closed == 1
+
+
+def test_a_setting_that_there_is_not(bus):
+    with pytest.raises(TypeError, match="speed"):
+        clutchest.Monitor(bus, "truck", speed=2.0)
+    with pytest.raises(FrozenInstanceError):
+        MonitorSettings().rate = 1.0
