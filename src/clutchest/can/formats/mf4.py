@@ -40,6 +40,9 @@ _CHANNELS = (
     "BRS",
     "ESI",
 )
+_OPTIONAL = ("BusChannel", "Dir", "EDL", "BRS", "ESI")  # 0 where invalid, and the frame is kept
+_LAST_NUMERIC = 6  # cc_type; those above make texts, or numbers of texts
+_ALL_INVALID, _MAY_BE_INVALID = 1, 2  # cn_flags
 _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFrame": Flag.ERROR}
 _DLC = np.array([*range(9), *np.repeat(range(9, 16), (4, 4, 4, 4, 8, 16, 16))], np.uint8)
 
@@ -167,8 +170,9 @@ def _read_group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) 
     named = [name for name in _CHANNELS if f"{kind}.{name}" in present]
     left = group.channel_group.cycles_nr
     wanted = [group.channels[present[f"{kind}.{name}"]] for name in named]
+    master = group.channels[inner.masters_db[index]]
     try:
-        _within(group, [*wanted, group.channels[inner.masters_db[index]]])
+        _within(group, [*wanted, master])
         for records in inner._load_data(group):
             inner._set_temporary_master(None)  # it keeps the times of what was read before
             times = inner.get_master(index, data=records)
@@ -179,17 +183,33 @@ def _read_group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) 
                     index=present[f"{kind}.{name}"],
                     data=records,
                     samples_only=True,
-                    raw=True,
+                    raw=not (name == "DataLength" and _is_number(group, present[f"{kind}.{name}"])),
+                    ignore_invalidation_bits=True,
                 )[0]
                 for name in named
             }
-            frames = _frames(kind, times, samples, start_ns, absolute)
+            invalid = np.zeros(len(times), bool)
+            for channel in (group.channels[present[kind]], master, *wanted):
+                if (mask := _invalid(group, channel, records)) is None:
+                    continue
+                name = channel.name.removeprefix(f"{kind}.")
+                if name in _OPTIONAL:
+                    samples[name] = np.where(mask, np.zeros(1, samples[name].dtype), samples[name])
+                else:
+                    invalid |= mask
+            frames = _frames(kind, times, samples, invalid, start_ns, absolute)
             left -= len(times)
             yield frames
     except Exception as error:  # asammdf has no errors of its own
         yield Frames.empty(absolute=absolute, rejected=((_damaged(error), max(left, 1)),))
     finally:
         inner._set_temporary_master(None)
+
+
+def _is_number(group: Any, place: int) -> bool:
+    """Whether a channel's conversion makes numbers, as of a length code and a value table."""
+    conversion = group.channels[place].conversion
+    return conversion is not None and conversion.conversion_type <= _LAST_NUMERIC
 
 
 def _damaged(error: Exception) -> str:
@@ -208,10 +228,47 @@ def _within(group: Any, channels: Sequence[Any]) -> None:
             raise ValueError(f"{channel.name} ends beyond its records of {size} bytes")
 
 
+def _invalid(group: Any, channel: Any, records: Any) -> NDArray[np.bool_] | None:
+    """In which records (n,) a channel is invalid, by its bit or all of it (ASAM MDF 4, cn_flags);
+    None where it has neither."""
+    n = records.record_count
+    size, extra = group.channel_group.samples_byte_nr, group.channel_group.invalidation_bytes_nr
+    if channel.flags & _ALL_INVALID:
+        return np.ones(n, bool)
+    place, bit = divmod(channel.pos_invalidation_bit, 8)
+    if not channel.flags & _MAY_BE_INVALID or place >= extra:
+        return None
+    if records.invalidation_data is not None:
+        bits = np.frombuffer(records.invalidation_data, np.uint8).reshape(n, extra)
+    else:
+        bits = np.frombuffer(records.data, np.uint8).reshape(n, size + extra)[:, size:]
+    return (bits[:, place] >> bit & 1) != 0
+
+
+def _lengths(samples: Mapping[str, NDArray], is_fd: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Payload bytes (n,) from what a group has; −1 where that is no number."""
+    codes = np.minimum(samples["DLC"].astype(np.int64), 15) if "DLC" in samples else None
+    if "DataLength" in samples:
+        given = samples["DataLength"].astype(np.float64)
+        length = np.where(np.isfinite(given), given, -1).astype(np.int64)
+        # beyond 8 bytes the length is never the code, so what is equal to it is one
+        coded = is_fd & (length == codes) & (length > 8) if codes is not None else None
+        return length if coded is None else np.where(coded, LENGTHS[codes], length)
+    if codes is None:
+        return np.zeros(len(is_fd), np.int64)
+    return np.where(is_fd, LENGTHS[codes], np.minimum(LENGTHS[codes], 8))
+
+
 def _frames(
-    kind: str, times: NDArray, samples: Mapping[str, NDArray], start_ns: int, absolute: bool
+    kind: str,
+    times: NDArray,
+    samples: Mapping[str, NDArray],
+    invalid: NDArray[np.bool_],
+    start_ns: int,
+    absolute: bool,
 ) -> Frames:
-    """Frames of one kind from the channels that their group has; nothing of these is kept."""
+    """Frames of one kind from the channels that their group has, less ``invalid`` ones (n,);
+    nothing of these is kept."""
     n = len(times)
 
     def column(name: str) -> NDArray:
@@ -223,6 +280,8 @@ def _frames(
 
     ids = column("ID").astype(np.uint32)
     extended = (column("IDE") != 0) | (ids >> np.uint32(31) != 0)
+    if "IDE" not in samples:
+        extended |= ids > np.uint32(0x7FF)
     flags = np.full(n, _KINDS[kind], np.uint8)
     if kind != "CAN_ErrorFrame":
         flags[extended] |= np.uint8(Flag.EXTENDED)
@@ -233,14 +292,11 @@ def _frames(
         ("Dir", Flag.SENT),
     ):
         flags[column(name) != 0] |= np.uint8(flag)
-    if "DataLength" in samples:
-        length = column("DataLength").astype(np.int64)
-    else:  # the code: beyond 8 only FD frames are longer
-        length = LENGTHS[np.minimum(column("DLC").astype(np.int64), 15)]
-        length[(flags & Flag.FD) == 0] = np.minimum(length[(flags & Flag.FD) == 0], 8)
+    length = _lengths(samples, (flags & Flag.FD) != 0)
     payload = column("DataBytes")
     carried = payload.shape[1] if payload.ndim == 2 else 0
-    sound = length <= (64 if kind == "CAN_RemoteFrame" else min(carried, 64))
+    most = 64 if kind == "CAN_RemoteFrame" else min(carried, 64)
+    sound = (length >= 0) & (length <= most) & ~invalid
     data = np.zeros((n, 64 if length[sound].max(initial=0) > 8 else 8), np.uint8)
     width = min(carried, data.shape[1])
     data[:, :width] = payload[:, :width] if carried else 0
@@ -259,7 +315,11 @@ def _frames(
     )
     if sound.all():
         return frames
-    lost = (("frame has no sound length or time", int(np.count_nonzero(~sound))),)
+    counts = {
+        "frame is marked as invalid": int(np.count_nonzero(invalid)),
+        "frame has no sound length or time": int(np.count_nonzero(~sound & ~invalid)),
+    }
+    lost = tuple((reason, count) for reason, count in counts.items() if count)
     return replace(frames.take(sound), rejected=lost)
 
 
