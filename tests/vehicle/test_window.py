@@ -18,7 +18,7 @@ from clutchest.cli import app
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.reading.tables import write_signals
-from clutchest.reading.window import Window
+from clutchest.reading.window import TimeWindow
 
 START_S = 1_700_000_000
 
@@ -85,7 +85,7 @@ def log(send, tmp_path: Path) -> Path:
 
 
 def test_a_window_by_seconds(log, truck):
-    speed = read_log(log, truck, Window(2.0, 5.0))["engine_speed"]
+    speed = read_log(log, truck, TimeWindow(2.0, 5.0))["engine_speed"]
     whole = read_log(log, truck)["engine_speed"]
     np.testing.assert_array_equal(speed.value, whole.value[200:500])
     assert speed.time[0] == 0.0
@@ -94,16 +94,16 @@ def test_a_window_by_seconds(log, truck):
 def test_a_window_by_the_clock_in_any_zone(log, truck):
     zone = timezone(timedelta(hours=5, minutes=30))
     start, stop = (datetime.fromtimestamp(START_S + s, zone).isoformat() for s in (2, 5))
-    given = read_log(log, truck, Window.parse(start, stop))
+    given = read_log(log, truck, TimeWindow.parse(start, stop))
     assert len(given["engine_speed"]) == 300 and given.start_ns == (START_S + 2) * 10**9
     assert given.counts.rejected["outside the time window"] == 700
     local = datetime.fromtimestamp(START_S + 9).isoformat()
-    assert len(read_log(log, truck, Window.parse(local, None))["engine_speed"]) == 100
+    assert len(read_log(log, truck, TimeWindow.parse(local, None))["engine_speed"]) == 100
 
 
 def test_a_window_of_a_table(log, truck, tmp_path):
     write_signals(read_log(log, truck), tmp_path / "a.csv")
-    speed = read_log(tmp_path / "a.csv", truck, Window(2.0, 5.0))["engine_speed"]
+    speed = read_log(tmp_path / "a.csv", truck, TimeWindow(2.0, 5.0))["engine_speed"]
     assert len(speed) == 300 and speed.time[0] == pytest.approx(0.0, abs=1e-9)
 
 
@@ -118,7 +118,7 @@ def test_a_window_of_a_table(log, truck, tmp_path):
 )
 def test_a_window_that_cannot_be(start, stop, message, log, truck):
     with pytest.raises(ClutchestError, match=message):
-        read_log(log, truck, Window.parse(start, stop))
+        read_log(log, truck, TimeWindow.parse(start, stop))
 
 
 def test_a_date_needs_a_clock(send, truck, tmp_path):
@@ -126,7 +126,7 @@ def test_a_date_needs_a_clock(send, truck, tmp_path):
     frames = replace(frames, t_ns=frames.t_ns - frames.t_ns[0], absolute=False)
     write_frames(frames, tmp_path / "a.log")
     with pytest.raises(ClutchestError, match=r"a\.log: its clock only counts from its own start"):
-        read_log(tmp_path / "a.log", truck, Window.parse("2024-01-01", None))
+        read_log(tmp_path / "a.log", truck, TimeWindow.parse("2024-01-01", None))
 
 
 def test_convert_cuts(log, tmp_path, capsys):

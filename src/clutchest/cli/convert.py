@@ -52,11 +52,11 @@ def convert(
     with progress() as show:
         show("reading", None)
         from clutchest.reading.conversion import Conversion
-        from clutchest.reading.window import Window
+        from clutchest.reading.window import TimeWindow
         from clutchest.record.files import finished_into
         from clutchest.vehicle import load_vehicle
 
-        window = Window.parse(start, stop)
+        window = TimeWindow.parse(start, stop)
         car = None if vehicle is None else load_vehicle(vehicle)
         read = Conversion.of(logs, out, car, window)
         show("writing", None)

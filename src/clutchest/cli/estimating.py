@@ -32,14 +32,14 @@ def estimated(
     from clutchest.estimate.initial_state import StateError
     from clutchest.estimate.replay import replay
     from clutchest.reading import read_log
-    from clutchest.reading.window import Window
+    from clutchest.reading.window import TimeWindow
     from clutchest.record.files import read_state
     from clutchest.vehicle import load_vehicle
 
     car = load_vehicle(vehicle)
     before = None if state is None else read_state(state)
     show("reading", None)
-    signals = read_log(logs, car, Window.parse(start, stop), traffic=traffic)
+    signals = read_log(logs, car, TimeWindow.parse(start, stop), traffic=traffic)
     meanwhile("clutchest.record.rerun")  # not earlier: two that import only take turns
     try:
         return replay(signals, car, rate=rate, state=before, smooth=smooth, progress=show)

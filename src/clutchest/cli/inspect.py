@@ -39,11 +39,11 @@ def inspect(
     with progress() as show:
         show("reading", None)
         from clutchest.reading.inspection import inspect_logs
-        from clutchest.reading.window import Window
+        from clutchest.reading.window import TimeWindow
         from clutchest.record.files import finished_into, json_text
         from clutchest.record.terminal import print_inspection
 
-        found = inspect_logs(logs, dbc or (), Window.parse(start, stop))
+        found = inspect_logs(logs, dbc or (), TimeWindow.parse(start, stop))
         with finished_into(out) as folder:
             (folder / "inspect.json").write_text(json_text(found.as_dict()), encoding="utf-8")
             draft = found.vehicle_toml(out / "vehicle.toml")

@@ -12,7 +12,7 @@ from clutchest.errors import ClutchestError
 from clutchest.models import shipped_machines
 from clutchest.reading.log import read_log
 from clutchest.reading.tables import is_table, joined, read_table, write_signals
-from clutchest.reading.window import EVERYTHING, Window
+from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
@@ -26,7 +26,11 @@ class Conversion:
 
     @classmethod
     def of(
-        cls, logs: Sequence[str], out: Path, vehicle: Vehicle | None, window: Window = EVERYTHING
+        cls,
+        logs: Sequence[str],
+        out: Path,
+        vehicle: Vehicle | None,
+        window: TimeWindow = EVERYTHING,
     ) -> Conversion:
         """The part of ``logs`` in ``window``, as frames or signals, whichever ``out`` can hold.
 

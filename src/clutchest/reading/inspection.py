@@ -21,7 +21,7 @@ from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
 from clutchest.models.symbols import Column
-from clutchest.reading.window import EVERYTHING, Window
+from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate, shipped
 from clutchest.signals import Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
@@ -203,7 +203,7 @@ class Inspection:
 def inspect_logs(
     paths: Sequence[str | Path],
     dbc: Sequence[Path] = (),
-    window: Window = EVERYTHING,
+    window: TimeWindow = EVERYTHING,
     model: str = "",
 ) -> Inspection:
     """Survey ``paths`` and search for the canonical signals of a machine, by SPN and by name.

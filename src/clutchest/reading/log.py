@@ -20,7 +20,7 @@ from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
 from clutchest.reading.tables import is_table, joined, read_table
 from clutchest.reading.wanted import mapped_messages
-from clutchest.reading.window import EVERYTHING, Window
+from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -45,7 +45,7 @@ class _Piece:
 def read_log(
     paths: Path | str | Sequence[Path | str],
     vehicle: Vehicle | str | Path,
-    window: Window = EVERYTHING,
+    window: TimeWindow = EVERYTHING,
     *,
     traffic: bool = True,
 ) -> Signals:
@@ -108,7 +108,7 @@ class _Drives:
 
 
 def _tables_drive(
-    group: Sequence[_Piece], vehicle: Vehicle, database: Database, window: Window
+    group: Sequence[_Piece], vehicle: Vehicle, database: Database, window: TimeWindow
 ) -> _Drives:
     """The one drive whose pieces are tables, as far as it lies in the ``window``."""
     tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
@@ -121,7 +121,7 @@ def _frames_drives(
     group: Sequence[_Piece],
     vehicle: Vehicle,
     database: Database,
-    window: Window,
+    window: TimeWindow,
     traffic: bool,
 ) -> _Drives:
     """The drives in pieces of one CAN log, cut at its long gaps and by the ``window``."""

@@ -15,7 +15,7 @@ Moment = float | datetime
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class TimeWindow:
     """From ``start`` up to, but not including, ``stop``: s from each drive's start or a date.
 
     None is no limit.  A date without a zone is one of this machine's clock.
@@ -25,7 +25,7 @@ class Window:
     stop: Moment | None = None
 
     @classmethod
-    def parse(cls, start: str | None, stop: str | None) -> Window:
+    def parse(cls, start: str | None, stop: str | None) -> TimeWindow:
         """From what a user writes: ``12.5`` or ``2024-01-18T10:30:00+01:00``.
 
         Raises ClutchestError for anything else, and for a window that ends before it starts.
@@ -81,7 +81,7 @@ class Window:
         )
 
 
-EVERYTHING = Window()
+EVERYTHING = TimeWindow()
 
 
 def _moment(text: str | None) -> Moment | None:

@@ -40,7 +40,8 @@ _CHANNELS = (
     "BRS",
     "ESI",
 )
-_OPTIONAL = ("BusChannel", "Dir", "EDL", "BRS", "ESI")  # 0 where invalid, and the frame is kept
+_FLAGS = {"EDL": Flag.FD, "BRS": Flag.BITRATE_SWITCH, "ESI": Flag.ERROR_STATE, "Dir": Flag.SENT}
+_OPTIONAL = ("BusChannel", *_FLAGS)  # 0 where invalid, and the frame is kept
 _LAST_NUMERIC = 6  # cc_type; those above make texts, or numbers of texts
 _ALL_INVALID, _MAY_BE_INVALID = 1, 2  # cn_flags
 _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFrame": Flag.ERROR}
@@ -285,12 +286,7 @@ def _frames(
     flags = np.full(n, _KINDS[kind], np.uint8)
     if kind != "CAN_ErrorFrame":
         flags[extended] |= np.uint8(Flag.EXTENDED)
-    for name, flag in (
-        ("EDL", Flag.FD),
-        ("BRS", Flag.BITRATE_SWITCH),
-        ("ESI", Flag.ERROR_STATE),
-        ("Dir", Flag.SENT),
-    ):
+    for name, flag in _FLAGS.items():
         flags[column(name) != 0] |= np.uint8(flag)
     length = _lengths(samples, (flags & Flag.FD) != 0)
     payload = column("DataBytes")

@@ -129,9 +129,8 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
             if text[i] > 32:
                 return NO_FRAME
         elif column == 73 and flag & ERROR:  # what follows describes the error
-            out.channel[n], out.id[n] = max(channel - 1, 0) & 0xFF, 0
-            out.flags[n], out.length[n] = ERROR, 0
-            return line_end(text, i)
+            out.id[n] = 0
+            break
         elif column == 73:  # I: id
             value, behind = hexadecimal(text, i)
             if behind - i > 4:
@@ -143,8 +142,7 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
             out.id[n] = value
             i = behind
         elif column == 100:  # d: direction
-            if text[i] == 84:
-                flag |= SENT
+            flag |= SENT if text[i] == 84 else 0
             i = word(text, i)
         elif column == 76 or column == 108:  # L: length code, l: length
             count, behind = decimal(text, i)
