@@ -301,8 +301,8 @@ def _late(
             def by(t: Floats, size: float = size, course: Any = course) -> Floats:
                 if course is None:
                     return np.full(len(t), size)
-                goes_with = quantities.get(course.goes_with, lambda t: t)
-                return size * np.interp(goes_with(t), course.at, course.seconds)
+                covariate = quantities.get(course.covariate, lambda t: t)
+                return size * np.interp(covariate(t), course.at, course.seconds)
 
             late[signal] = delayed(late[signal], by)
     return late

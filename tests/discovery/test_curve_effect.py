@@ -111,7 +111,7 @@ def test_deviations_are_unknowns_of_the_model():
     effects = curve_effects("curve_2", delay, MACHINE)
     assert [effect.name for effect in effects] == list(values)
     curves = [effect.lateness["engine_torque"] for effect in effects]
-    assert all(curve.at == tuple(AT) and curve.goes_with == "engine_speed" for curve in curves)
+    assert all(curve.at == tuple(AT) and curve.covariate == "engine_speed" for curve in curves)
     seconds = np.array([curve.seconds for curve in curves])
     per_unit = seconds[0, 1] / TALL[1]
     assert per_unit != 0.0

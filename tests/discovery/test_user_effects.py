@@ -50,17 +50,25 @@ def test_what_the_vehicle_has_already_is_left_out(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("q.temp_disc", "q.temp_dsc", "asks for 'temp_dsc', which is not there; did you mean"),
-        ("q.temp_disc", "q.temp_body_rate", "asks for 'temp_body_rate' before the equations make"),
-        ("g.size", "g.sise", "asks for 'sise', which is not there; did you mean 'size'"),
-        ('"sliding_torque"', '"sliding_torqe"', "changes 'sliding_torqe', which the equations hav"),
-        ("g.size", "None", "cannot be written out: TypeError"),
+        ("q.temp_disc", "q.temp_dsc", "uses 'temp_dsc', which does not exist; did you mean"),
+        ("q.temp_disc", "q.temp_body_rate", "uses 'temp_body_rate' before the equations assign"),
+        ("g.size", "g.sise", "uses 'sise', which does not exist; did you mean 'size'"),
+        (
+            '"sliding_torque"',
+            '"sliding_torqe"',
+            "changes 'sliding_torqe', not a quantity of the eq",
+        ),
+        ("g.size", "None", "cannot be evaluated: TypeError"),
         ('"dry_clutch"', '"alsd"', "is of the model 'alsd', expected 'dry_clutch'"),
         ('"own", "dry', '"wear", "dry', "'wear' has the name of one in the library"),
         ("-0.5, 0.5", "-0.5, 0.0", "has size between -0.5 and 0, expected"),
         ("-0.5, 0.5", "0.1, 0.5", "has size between 0.1 and 0.5, expected"),
-        ("0.5),)", "0.5, shape=True),)", "has no number that makes it absent at 0"),
-        ("0.5),)", f"0.5),){DELAYED.format('engine_torqe')}", "delays 'engine_torqe', which is no"),
+        ("0.5),)", "0.5, shape=True),)", "has no gain, expected at least one"),
+        (
+            "0.5),)",
+            f"0.5),){DELAYED.format('engine_torqe')}",
+            "delays 'engine_torqe', which is not",
+        ),
         ("0.5),)", f"0.5),){DELAYED.format('engine_torque')}{TURNING}", "is late by more at one"),
     ],
 )

@@ -15,10 +15,12 @@ from scipy.integrate import solve_ivp
 
 from clutchest.compute.forward import Forward, forward
 from clutchest.errors import ClutchestError
-from clutchest.models.alsd import driveline, energy, full, pack
+from clutchest.models.alsd import driveline, full, pack
 from clutchest.models.alsd.friction import LAWS, karnopp, lugre, reset_integrator
 from clutchest.models.model import Model
 from clutchest.vehicle import load_vehicle
+
+from . import alsd_energy
 
 Columns = dict[str, NDArray[np.float64]]
 WATCHED = ("pack_force", "motor_angle", "current", "clutch_torque")
@@ -152,7 +154,7 @@ def test_the_step_converges_with_its_order() -> None:
 
 def test_energy_is_balanced() -> None:
     """Through play at both gears, an engagement, a reversal of slip under load, and a release."""
-    accounted = replace(full.RIG, pieces=(*full.RIG.pieces, energy.account))
+    accounted = replace(full.RIG, pieces=(*full.RIG.pieces, alsd_energy.account))
     heats = ("heat_armature", "heat_motor_friction", "heat_film", "heat_driveline")
     watched = (
         "electrical_power",

@@ -34,7 +34,7 @@ class Clocks:
         for i, (name, size, lateness) in enumerate(self.late):
             if name not in found or not len(signal := found[name]):
                 continue
-            value = self._at(lateness.goes_with, signal.time, new)
+            value = self._at(lateness.covariate, signal.time, new)
             late = np.interp(value, lateness.at, lateness.seconds)
             most = lateness.most
             time = signal.time + size * (most - np.where(np.isfinite(value), late, most))
@@ -43,7 +43,7 @@ class Clocks:
             self._put_off[i] = float(max(time.max(), ahead[0]))
             found[name] = replace(signal, time=time).take(keep)
         for _, _, lateness in self.late:
-            of = lateness.goes_with
+            of = lateness.covariate
             if of in new and len(valid := new[of].only_valid()):
                 self._value[of] = float(valid.value[-1])
         return found

@@ -235,10 +235,10 @@ def _delayed(signals: Signals, compiled: Compiled, t: Floats) -> list[DelayedSig
 
 def _late_by(varies: Lateness, signals: Signals, t: Floats) -> Floats:
     """A delay at events at ``t`` (K), s; the most where nothing is known of what it goes with."""
-    if varies.goes_with == TIME:
+    if varies.covariate == TIME:
         return np.interp(t, varies.at, varies.seconds)
-    if varies.goes_with not in signals.available:
+    if varies.covariate not in signals.available:
         return np.full(len(t), varies.most)
-    known = signals[varies.goes_with].only_valid()
+    known = signals[varies.covariate].only_valid()
     late = np.interp(known.at(t), varies.at, varies.seconds)
     return np.where(t < known.time[0], varies.most, late)

@@ -1,4 +1,4 @@
-"""Ways in which equations may be wrong that no effect knows."""
+"""Errors of equations that no effect describes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ErrorTerm:
     ``changes``: quantity → what one unit of error does to it; or ``late``: a signal and by how many
     s one unit delays it.  ``covariates``: what the error may correlate with, anything unless given:
     a sensor's error correlates with what its reading is made from.  ``slow``: what it does adds up
-    over minutes, so that quick changes of it are not seen.
+    over minutes, so that quick changes of it have no visible effect.
     """
 
     equation: str

@@ -84,11 +84,11 @@ class Expressions:
 
     @property
     def plays(self) -> list[int]:
-        """Indices of the numbers of effects by which what it drags along hangs back."""
+        """Indices of the numbers of effects that say how far the step map's result lags behind."""
         sees = ca.which_depends(self.mapped, self.u0, 1, True)
         dragged = [i for i, seen in enumerate(sees) if seen]
         by = ca.which_depends(self.mapped[dragged], self.g, 1, False)
-        return [k for k, hangs in enumerate(by) if hangs]
+        return [k for k, depends in enumerate(by) if depends]
 
     def along(self, wanted: ca.SX, x: Floats, u: Floats, w: Floats, p: Floats, g: Floats) -> Floats:
         """Values (k, K) of the expressions ``wanted`` (k) at K moments: ``x`` (K, n), ``u``
@@ -109,14 +109,14 @@ class Model:
     A piece reads quantities and assigns new ones; ``<state>_rate`` is a state's derivative (0
     unless assigned), ``<state>_after_step`` what each step resets it to.  ``renewed`` names states
     that are a plain random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
-    ``anchor`` is the signal that no drive can do without: its samples set the pace, and where it is
-    a sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
+    ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
+    sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
     of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
     otherwise.
     ``doubted`` names states whose standard deviation, as a filter holds it, equations may use as
     ``<state>_std``; where nothing is estimated it is 0.
-    ``unobservable`` says of a state why no signal at hand can inform it.  ``implied`` names for a
-    noisy input the quantity that says what it is by other measurements: input → quantity.  Vary a
+    ``unobservable``: state → why no available signal informs it.  ``implied``: noisy input → the
+    quantity that other measurements imply for it.  Vary a
     model with :meth:`swap`, :meth:`without` and :meth:`with_effects`; each returns a new one.
     """
 
@@ -159,16 +159,16 @@ class Model:
         return replace(self, states=changed)
 
     def unobserved(self, why: Mapping[str, str]) -> Model:
-        """The same model, with states that nothing at hand informs: state → why."""
+        """The same model, with states that no available signal informs: state → why."""
         return replace(self, unobservable=dict(why))
 
     def with_effects(self, effects: tuple[Effect, ...]) -> Model:
-        """The same model with these effects in its equations, and the states they bring."""
-        brought = tuple(state for effect in effects for state in effect.states)
-        return replace(self, effects=effects, states=self.states + brought)
+        """The same model with these effects in its equations, and with their states."""
+        own = tuple(state for effect in effects for state in effect.states)
+        return replace(self, effects=effects, states=self.states + own)
 
     def taking(self, effects: Iterable[Effect]) -> tuple[Effect, ...]:
-        """Those of which these equations have every quantity and signal that they change."""
+        """The effects of which these equations have every quantity and signal that they change."""
         bare = set(replace(self, effects=()).expressions().quantities.names())
         inputs = {item.name for item in self.inputs}
 

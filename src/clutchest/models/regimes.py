@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from clutchest.models.thresholds import Thresholds
 from clutchest.signals import Floats
 
-FREE, SLIDING = "free_running", "sliding"  # flags that say more than which equations act
+FREE, SLIDING = "free_running", "sliding"  # flags that the timeline and the kernel use as well
 
 
 class Mode(IntEnum):
@@ -24,7 +24,7 @@ class Mode(IntEnum):
     slipping = 1
     locked = 2
     retracted = 3  # locked, and the actuator fully retracted
-    unknown = 4  # no signal tells the slip
+    unknown = 4  # no signal gives the slip
 
 
 MODE_NAMES = tuple(mode.name for mode in Mode)
@@ -57,7 +57,7 @@ class Observed:
 
     ``at`` gives a signal's values (n,), None where there is no such signal; ``missing`` (n,) times
     at which a signal that the equations need is missing, ``lost`` those at which it has been for so
-    long that nothing is known of the machine; ``parameters`` of the vehicle file by key.
+    long that the state of the machine is unknown; ``parameters`` of the vehicle file by key.
     """
 
     time: Floats
@@ -81,7 +81,7 @@ Refinement = Callable[[NDArray[np.uint8], Outputs, Container[str]], NDArray[np.u
 def as_judged(
     mode: NDArray[np.uint8], outputs: Outputs, inputs: Container[str]
 ) -> NDArray[np.uint8]:
-    """The modes as the signals have them, whatever the estimates say."""
+    """The modes as judged from the signals alone."""
     return mode
 
 
@@ -90,9 +90,9 @@ class RegimeRules:
     """How a machine's regimes are known.
 
     ``modes``: names as the output files have them, the last one "unknown"; ``signals``: canonical
-    columns that ``judge`` looks at; ``refine``: mode (r,) by what is estimated, from the modes that
+    columns that ``judge`` uses; ``refine``: mode (r,) by what is estimated, from the modes that
     the signals give, the model's outputs by name, (r,) each, and the names of its inputs;
-    ``event``: the mode whose stretches are reported as events, "" for none.
+    ``event``: the mode whose intervals are reported as events, "" for none.
     """
 
     modes: tuple[str, ...] = ("running", "unknown")
@@ -114,7 +114,7 @@ def average(time: Floats, value: Floats, window: float) -> Floats:
 
 @njit(cache=True)
 def lasting(time, flag, least):  # type: ignore[no-untyped-def]
-    """``flag`` where it holds for at least ``least`` s on end."""
+    """``flag`` where it holds for at least ``least`` s without a break."""
     kept, start = np.zeros(len(flag), np.bool_), 0
     for k in range(len(flag)):
         if not flag[k]:
@@ -141,14 +141,14 @@ def since(time, flag):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def around(time, flag, guard):  # type: ignore[no-untyped-def]
     """``flag``, widened by ``guard`` s on both sides."""
-    found, last, following = flag.copy(), -1, -1
+    widened, last, following = flag.copy(), -1, -1
     for k in range(len(flag)):
         last = k if flag[k] else last
-        found[k] |= last >= 0 and time[k] - time[last] < guard
+        widened[k] |= last >= 0 and time[k] - time[last] < guard
     for k in range(len(flag) - 1, -1, -1):
         following = k if flag[k] else following
-        found[k] |= following >= 0 and time[following] - time[k] < guard
-    return found
+        widened[k] |= following >= 0 and time[following] - time[k] < guard
+    return widened
 
 
 def runs(flag: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -12,8 +12,8 @@ from types import MappingProxyType
 class State:
     """A quantity with memory.
 
-    ``process_noise`` (unit/√s) and ``initial_std`` (unit) hold where the vehicle file is silent;
-    ``useful_std`` is the largest standard deviation at which the estimate still tells something;
+    ``process_noise`` (unit/√s) and ``initial_std`` (unit) hold unless the vehicle file has others;
+    ``useful_std`` is the largest standard deviation at which the estimate is of use;
     ``informed_by`` is the manoeuvre that lowers it.  ``parked_noise`` (unit/√s) is what a parked
     vehicle adds: wear and friction stay as they were; ``slip_noise`` (unit/√J) is what slip adds,
     by the energy it turns to heat.  What is not ``carried`` starts every drive
@@ -62,8 +62,8 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A signal that drives the equations.  ``default`` stands in where no such signal is mapped;
-    None means that the model cannot do without.  ``gap``: longest hole, s, that may be bridged."""
+    """A signal that drives the equations.  ``default`` is used where no such signal is mapped;
+    None: the model requires the signal.  ``gap``: longest gap, s, that may be bridged."""
 
     name: str
     unit: str
@@ -79,8 +79,8 @@ class Sensor:
 
     It is read from the signal ``column`` (its own name unless given), only while the clutch is in
     ``mode`` (any unless given).  ``repeats``: s, for how long the estimator takes a reading to
-    repeat its own error, so that the average over twice as long is worth one reading: what the
-    equations lack of second order is no noise that hundreds of readings a second average away.
+    repeat its own error, so that the average over twice as long counts as one reading: errors of
+    second order in the equations do not average out over hundreds of readings a second.
     """
 
     name: str
@@ -96,8 +96,8 @@ class Sensor:
 class Column:
     """A canonical signal that a vehicle file may map.
 
-    ``possible``: lowest and highest value that nature allows, and how fast it changes at most, per
-    s.  ``rests``: it may stay at exactly 0 though it is alive.  How a bus may call it: its ``spn``
+    ``possible``: lowest and highest value that is physically possible, and the fastest change, per
+    s.  ``rests``: it may stay at exactly 0 without being frozen.  Names on a bus: its ``spn``
     (J1939), a regular expression ``named`` that its name matches, ``companions`` (SPNs of signals
     that belong to it, by the vehicle file's key), ``reference_spn`` of what 100 % of it stands for.
     ``geared_by``: the signal by which a gear is inferred, where a wheel speed times a gear's ratio

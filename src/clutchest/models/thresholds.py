@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """When a clutch counts as what.
+    """Thresholds of a machine's regimes.
 
     ``lock_slip`` rad/s and ``lock_time`` s: slip below this for this long is locked, averaged over
     ``lock_average`` s where a shuffling driveline shakes the speeds;
-    ``retracted_position`` mm: motor position below which the actuator is home, for ``settle`` s;
-    ``open_margin`` mm beyond the nominal kiss point: surely open, however hot;
+    ``retracted_position`` mm: motor position below which the actuator is retracted, after
+    ``settle`` s;
+    ``open_margin`` mm beyond the nominal kiss point: open at any temperature;
     ``guard`` s around each transition without information from torque; ``gap`` s without a
     sample that the model needs: likewise.
     """
@@ -29,17 +30,17 @@ class Thresholds:
 
     @property
     def ahead(self) -> float:
-        """What is known this much later, s, does not change a regime any more."""
+        """Signals this much later, s, have no influence on a regime."""
         return self.lock_average / 2 + self.lock_time + self.guard
 
     @property
     def back(self) -> float:
-        """Nor does what was known this much earlier, s."""
+        """Nor have signals this much earlier, s."""
         return self.lock_average + self.lock_time + self.settle + 2 * self.guard
 
     @classmethod
     def of(cls, modes: Mapping[str, float]) -> Thresholds:
-        """Those of a vehicle file, defaults where it is silent."""
+        """Those that a vehicle file states, else the defaults."""
         return cls(**modes)
 
 

@@ -1,4 +1,4 @@
-"""Why an effect of a user's own file cannot stand in a model's equations."""
+"""Validation of effects of a user's own file against a machine's equations."""
 
 from __future__ import annotations
 
@@ -17,47 +17,49 @@ SAME = 1e-9  # relative
 
 
 def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float]) -> str | None:
-    """In words, what is wrong with an ``effect`` for a ``machine``; None where nothing is.
+    """The defect of an ``effect`` for a ``machine``, in words; None for a valid one.
 
-    It must change what is there, by what is there before, into numbers; at 0 it must change
-    nothing.  ``parameters``: values at which that is tried.
+    It must change quantities that the equations assign, by quantities assigned before, into finite
+    numbers; at gain 0 it must change nothing.  ``parameters``: values at which that is tried.
     """
     model = machine.equations(machine.units)
     if effect.model != machine.name:
         return f"is of the model '{effect.model}', expected '{machine.name}'"
     if not effect.gains:
-        return "has no number that makes it absent at 0, expected one that is no shape"
+        return "has no gain, expected at least one parameter with shape=False"
     for number in effect.gains:
         if not number.lower <= 0.0 < number.upper:
             return (
                 f"has {number.key} between {number.lower:g} and {number.upper:g}, expected "
-                "0 or less and more than 0"
+                "a lower bound of at most 0 and an upper bound above 0"
             )
     inputs = [item.name for item in model.inputs]
     for signal in effect.delays:
         if signal not in inputs:
-            return f"delays '{signal}', which is no input" + nearest(signal, inputs)
+            return f"delays '{signal}', which is not an input" + nearest(signal, inputs)
     without = model.expressions()
     known = without.quantities.names()
     own = [f"{state.name}_rate" for state in effect.states]
     try:
         for changed in effect.terms(Gains({n.key: ca.SX.sym(n.key) for n in effect.parameters})):
             if changed not in (*known, *own):
-                return f"changes '{changed}', which the equations have not{nearest(changed, known)}"
-        return _off(model, effect, without, parameters)
+                return f"changes '{changed}', not a quantity of the equations" + nearest(
+                    changed, known
+                )
+        return _defect_of_values(model, effect, without, parameters)
     except AttributeError as error:
         if error.name in known:
-            return f"asks for '{error.name}' before the equations make it"
-        there = [n.key for n in effect.parameters] if isinstance(error.obj, Gains) else known
-        return f"asks for '{error.name}', which is not there" + nearest(str(error.name), there)
+            return f"uses '{error.name}' before the equations assign it"
+        valid = [n.key for n in effect.parameters] if isinstance(error.obj, Gains) else known
+        return f"uses '{error.name}', which does not exist" + nearest(str(error.name), valid)
     except Exception as error:  # whatever the user's file does wrong
-        return f"cannot be written out: {type(error).__name__}: {str(error).splitlines()[-1]}"
+        return f"cannot be evaluated: {type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def _off(
+def _defect_of_values(
     model: Model, effect: Effect, without: Expressions, parameters: Mapping[str, float]
 ) -> str | None:
-    """What of the equations is no number with an effect in them, or changes though it is at 0."""
+    """Whether the equations give numbers with an effect in them, and the same ones at gain 0."""
     rng = np.random.default_rng(0)
     n, nu = len(model.states), len(model.inputs)
     x, u = rng.uniform(LEAST, MOST, (POINTS, n)), rng.uniform(LEAST, MOST, (POINTS, nu))
@@ -65,19 +67,21 @@ def _off(
     p = np.array([parameters.get(q.key, 1.0) for q in model.parameters])
     with_ = model.with_effects((effect,)).expressions()
     absent = np.array([n.default if n.shape else 0.0 for n in effect.parameters])
-    there = np.array([n.default if n.shape else n.upper / 2.0 for n in effect.parameters])
-    old = without.along(_made(without, n), x, u, w, p, np.zeros(0))
+    present = np.array([n.default if n.shape else n.upper / 2.0 for n in effect.parameters])
+    old = without.along(_results(without, n), x, u, w, p, np.zeros(0))
     longer = np.column_stack([x, np.zeros((POINTS, len(effect.states)))])
-    new, more = (with_.along(_made(with_, n), longer, u, w, p, g) for g in (absent, there))
+    at_zero, at_half = (
+        with_.along(_results(with_, n), longer, u, w, p, g) for g in (absent, present)
+    )
     fine = np.isfinite(old)
-    if np.any(fine.any(axis=1) & ~(fine & np.isfinite(new) & np.isfinite(more)).any(axis=1)):
-        return "makes something that is no number"
-    both = fine & np.isfinite(new)
-    if np.any(np.abs(new - old)[both] > SAME * np.maximum(np.abs(old), 1.0)[both]):
-        return "changes the equations at 0, expected that it is absent there"
+    if np.any(fine.any(axis=1) & ~(fine & np.isfinite(at_zero) & np.isfinite(at_half)).any(axis=1)):
+        return "makes a quantity that is not a finite number"
+    both = fine & np.isfinite(at_zero)
+    if np.any(np.abs(at_zero - old)[both] > SAME * np.maximum(np.abs(old), 1.0)[both]):
+        return "changes the equations at gain 0, where it must be absent"
     return None
 
 
-def _made(e: Expressions, states: int) -> ca.SX:
-    """What an effect may change, of the model's own ``states``."""
+def _results(e: Expressions, states: int) -> ca.SX:
+    """The results that an effect may change, of the model's own ``states``."""
     return ca.vertcat(e.rate[:states], e.readings, e.outputs, e.initial[:states])

@@ -10,7 +10,7 @@ import casadi as ca
 
 from clutchest.models.model import Quantities
 
-FLOOR = 1e-4  # Nm: a Coulomb level of nought would leave the Dahl model without a time constant
+FLOOR = 1e-4  # Nm: a Coulomb level of 0 would leave the Dahl model without a time constant
 
 
 def gear(q: Quantities) -> None:

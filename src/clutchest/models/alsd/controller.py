@@ -1,6 +1,6 @@
 """Controllers of the rig, as pieces of the model.
 
-Both are PI controllers with a limit; the integrator is let go by as much as the limit takes away
+Both are PI controllers with a limit; the integrator is reduced by as much as the limit takes away
 (back-calculation), so that it does not wind up.
 """
 
@@ -23,8 +23,8 @@ def current_controller(q: Quantities) -> None:
     error = q.current_request - q.current
     wanted = q.current_proportional * error + q.current_integrator
     q.armature_voltage = _limited(wanted, q.supply_voltage)
-    beyond = (q.armature_voltage - wanted) / q.current_proportional
-    q.current_integrator_rate = q.current_integral * (error + beyond)
+    excess = (q.armature_voltage - wanted) / q.current_proportional
+    q.current_integrator_rate = q.current_integral * (error + excess)
 
 
 def angle_controller(q: Quantities) -> None:
@@ -38,5 +38,5 @@ def slip_controller(q: Quantities) -> None:
     error = q.final_drive_ratio * q.slip_request - q.drive_speed
     wanted = q.servo_proportional * error + q.servo_integrator
     q.drive_torque = _limited(wanted, q.servo_torque_limit)
-    beyond = (q.drive_torque - wanted) / q.servo_proportional
-    q.servo_integrator_rate = q.servo_integral * (error + beyond)
+    excess = (q.drive_torque - wanted) / q.servo_proportional
+    q.servo_integrator_rate = q.servo_integral * (error + excess)

@@ -1,4 +1,4 @@
-"""What turns the clutch: the rig's servo motor behind the final drive, or a car's wheels."""
+"""The drive of the clutch: the rig's servo motor with its final drive, or a car's wheels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ REVERSAL = 0.02  # rad/s, over which the driveline's friction turns its sign
 
 
 def wound_up(q: Quantities) -> None:
-    """z = dz(wind-up, α_b2): the bristle behind the differential's play, where that is its."""
+    """z = dz(wind-up, α_b2): the bristle in series with the differential's play."""
     q.deflection = dead_zone(q.wind_up, q.bristle_play)
 
 

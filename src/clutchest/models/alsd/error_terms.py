@@ -1,4 +1,4 @@
-"""Ways in which the differential's equations may be wrong that no effect knows."""
+"""Errors of the differential's equations that no effect describes."""
 
 from __future__ import annotations
 

@@ -11,8 +11,8 @@ from clutchest.models.alsd.reduced import PIECES, slip_measured
 from clutchest.models.alsd.symbols import INPUTS, SENSORS, STATES, WHEELS
 from clutchest.models.model import Model
 
-# Bristles, servo and controllers stand in the full model alone.
-_ELSEWHERE = {
+# Parameters of bristles, servo and controllers: of the full model alone.
+_FULL_MODEL_ONLY = {
     "motor_bristle_stiffness",
     "motor_bristle_damping",
     "ball_ramp_exponent",
@@ -35,7 +35,7 @@ _ELSEWHERE = {
 ALSD = Model(
     name="alsd",
     states=STATES,
-    parameters=tuple(p for p in PARAMETERS if p.key not in _ELSEWHERE),
+    parameters=tuple(p for p in PARAMETERS if p.key not in _FULL_MODEL_ONLY),
     inputs=INPUTS,
     regime=(),
     sensors=SENSORS,
@@ -47,11 +47,11 @@ ALSD = Model(
 )
 
 _NO_SLIP = "no slip speed and no wheel speeds, so that torque and its heat are unknown"
-_NO_TORQUE = "no torque signal: the actuator alone tells the force, not the friction"
+_NO_TORQUE = "no torque signal: the actuator informs the force alone, not the friction"
 
 
 def for_signals(names: Container[str]) -> Model:
-    """The model that the signals at hand can drive."""
+    """The form of the equations that the available signals can drive."""
     model = ALSD
     if "slip_speed" not in names and "wheel_speed_left" in names:
         inputs = (INPUTS[0], *WHEELS, INPUTS[2])

@@ -1,13 +1,13 @@
-"""The reduced model that the estimator runs on: what is fast or stiff stands in its own limit.
+"""The reduced model of the estimator: what is fast or stiff is replaced by its limit.
 
 ====================  ==========================================================================
 motor friction        LuGre's bristle always bent all the way: (5) with (6), no pre-sliding
 ball-ramp friction    as in the full model with i = 1: its bristle bends over radians of the
                       motor
-press plate           quasi-static in the free play, where the squeeze film loads the motor; beyond
-                      it the pack force relaxes with the plate's own time constant; where the pack
-                      begins is as uncertain as the filter has it (``free_play_std``)
-reset spring          taken where the pack's force says that the plate stands
+press plate           quasi-static in the free play, where the squeeze film loads the motor; in
+                      the pack the force relaxes with the plate's own time constant; the point of
+                      contact is as uncertain as the filter's free play (``free_play_std``)
+reset spring          at the plate position that the pack's force implies
 friction potential    begins flat, within some hundred newtons of touching
 driveline             the slip speed is measured; play and bristle wind up with it
 ====================  ==========================================================================
@@ -28,8 +28,8 @@ from clutchest.models.alsd import (
 from clutchest.models.alsd.friction import reset_integrator
 from clutchest.models.model import Quantities
 
-BARELY = 300.0  # N, F_1
-SHARP = 1.0  # N, of a kink whose place is known
+FIRST_CONTACT = 300.0  # N, F_1
+SHARP = 1.0  # N, width of a kink at a known place
 
 
 def axial(q: Quantities) -> None:
@@ -40,19 +40,19 @@ def axial(q: Quantities) -> None:
     """
     ramp, stiffness = q.ball_ramp_ratio, q.ball_ramp_stiffness
     q.input_angle = q.motor_angle / q.gear_ratio
-    beyond = q.input_angle - q.gear_backlash
-    q.contact = beyond > 0  # f(α)
+    angle = q.input_angle - q.gear_backlash  # behind the play
+    q.contact = angle > 0  # f(α)
     plate = q.free_play + q.pack_force / q.pack_stiffness
     q.spring_force = belleville.force(q, q.spring_preload + plate)
     together = stiffness * ramp**2 + q.pack_stiffness
     share = q.pack_stiffness / together
-    reached = share * (stiffness * ramp * (beyond - ramp * q.free_play) - q.spring_force)
+    reached = share * (stiffness * ramp * (angle - ramp * q.free_play) - q.spring_force)
     touching, expected = either_side(reached, share * stiffness * ramp**2 * q.free_play_std)
     q.pack_force_rate = (expected - q.pack_force) * together / q.axial_damping
 
     film = q.axial_damping * q.motor_speed / (q.gear_ratio * ramp)
     lifted = ca.fmax(q.spring_force + film, 0.0) / ramp  # the plate on its way to the pack
-    resting = stiffness * ca.fmax(beyond, 0.0)  # the plate on its limiter
+    resting = stiffness * ca.fmax(angle, 0.0)  # the plate on its limiter
     squeezed = q.axial_damping * q.pack_force_rate / q.pack_stiffness
     pressing = (q.pack_force + touching * q.spring_force + squeezed) / ramp  # against the pack
     q.ball_ramp_torque = (1 - touching) * ca.fmin(resting, lifted) + pressing
@@ -61,11 +61,11 @@ def axial(q: Quantities) -> None:
 
 
 def either_side(value: ca.SX, std: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The chance that what is normal, about ``value`` with ``std``, is above 0, and the mean of
-    what of it is: a filter that took the kink for a line through ``value`` would be sure of the
-    side on which it stands, and of the free play for every step on which nothing is felt.
+    """The probability that a normal quantity, ``value`` ± ``std``, is above 0, and the mean of its
+    positive part.  A filter linearised at ``value`` alone would take one side of the kink for
+    certain, and every step without contact for information about the free play.
 
-    Φ is Gauss's, with tanh in place of the error function, 0.0004 off at most.
+    Φ of the normal distribution by tanh instead of the error function, within 0.0004.
     """
     std = std + SHARP
     z = ca.fmin(ca.fmax(value / std, -20.0), 20.0)
@@ -76,12 +76,12 @@ def either_side(value: ca.SX, std: ca.SX) -> tuple[ca.SX, ca.SX]:
 def pressed_potential(q: Quantities) -> None:
     """T_C = μ N_f r_e F_c⁵/(F_c⁴ + F_1⁴): below F_1 surfaces hardly touch.
 
-    Within one step of touching, whether they slide already hangs on the last micrometre of free
-    play; a slope that begins at nought keeps that from being known too soon.  Torque that is still
-    missing further up the filter would make up for with too little free play.
+    At first contact, whether they slide already depends on the last micrometre of free play; a
+    slope that begins at 0 keeps the filter from knowing it too soon.  Torque that is still missing
+    at a higher force would bias the free play.
     """
     q.friction_now = q.friction_coefficient * q.friction
-    touching = q.pack_force**5 / (q.pack_force**4 + BARELY**4)
+    touching = q.pack_force**5 / (q.pack_force**4 + FIRST_CONTACT**4)
     q.friction_potential = q.friction_now * q.friction_surfaces * q.equivalent_radius * touching
 
 
@@ -102,7 +102,7 @@ def readings(q: Quantities) -> None:
 
 
 def wear(q: Quantities) -> None:
-    """Free play stays as it is, unless an effect says that slip wears the pack."""
+    """Free play is constant, unless an effect lets slip wear the pack."""
     q.free_play_rate = 0.0
 
 

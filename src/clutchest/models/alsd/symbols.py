@@ -126,7 +126,8 @@ STATES = (
     ),
 )
 
-# Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.
+# Pairs of states that one kind of measurement informs together, and the manoeuvre that separates
+# them.
 SEPARATING_MANOEUVRES = (
     Separation(("friction", "pack_force"), "engagements at several currents"),
     Separation(("free_play", "motor_angle"), "the motor at home"),

@@ -72,7 +72,7 @@ def no_correction(q: Quantities) -> None:
 def torque_from_position(q: Quantities) -> None:
     """(5), (16): torque and slope vanish at the kiss point; torque opposes slip.
 
-    Fully closed, at x_cor = 0, the spring gives all it has: the curve ends there.
+    Fully closed, at x_cor = 0, the spring exerts its full force: the curve ends there.
     """
     q.compression = ca.fmax(q.corrected_position, 0.0) - q.kiss_point
     curve = q.torque_cubic * q.compression**3 + q.torque_quadratic * q.compression**2
@@ -120,7 +120,7 @@ def temperatures(q: Quantities) -> None:
 
 
 def two_temperatures(q: Quantities) -> None:
-    """(6)–(7): the collapse for (m c_p)_d → 0; all power enters the body, the disc goes with it."""
+    """(6)–(7): the limit for (m c_p)_d → 0; all power enters the body, the disc follows it."""
     q.body_heat = (
         q.conductance_engine_body * (q.coolant_temp - q.temp_body)
         + q.conductance_body_housing * (q.temp_housing - q.temp_body)
@@ -140,14 +140,14 @@ def housing(q: Quantities) -> None:
 
 
 def wear(q: Quantities) -> None:
-    """Our extension: slip wears the pads in proportion to its energy, as Archard's law has it."""
+    """Extension: the pads wear in proportion to the slip energy (Archard's law)."""
     q.zero_position_rate = -q.wear_rate * 1e-6 * q.power
 
 
 def engine(q: Quantities) -> None:
     """J_e dω_e/dt = M_e − M_c while not locked; the measured slope otherwise.
 
-    That slope also says what torque the engine must have given, without the noise of the report.
+    That slope also implies the torque of the engine, without the noise of the reported one.
     """
     unlocked = (q.true_engine_torque - q.clutch_torque) / q.engine_inertia
     q.engine_speed_rate = q.free_running * unlocked + (1 - q.free_running) * q.engine_acceleration
@@ -196,7 +196,7 @@ DRY_CLUTCH = Model(
 )
 
 _NO_POSITION = "no slave position signal"
-_UNSEEN = ("zero_position", "wear_rate", "friction", "torque_bias")
+_UNINFORMED = ("zero_position", "wear_rate", "friction", "torque_bias")
 _NO_SLIP = "no input shaft speed signal, so that slip and its heat are unknown"
 
 # Without a slave position the clutch torque is what the engine gives less its inertia term.
@@ -206,11 +206,11 @@ WITHOUT_POSITION = (
     .swap(torque_from_position, torque_from_engine)
     .swap(power_modelled, power_measured)
     .swap(engine, engine_as_measured)
-    .with_noise("engine_speed", 15.0)  # the slope of a shaken, coarse signal is a poor guide
-    .unobserved(dict.fromkeys(_UNSEEN, _NO_POSITION))
+    .with_noise("engine_speed", 15.0)  # the slope of a coarse signal with vibrations is imprecise
+    .unobserved(dict.fromkeys(_UNINFORMED, _NO_POSITION))
 )
 
-# Without the input shaft's speed there is no slip to heat anything: only torque and speed remain.
+# Without the input shaft's speed slip and its heat are unknown: only torque and speed remain.
 WITHOUT_SLIP = (
     WITHOUT_POSITION.swap(slip, no_slip)
     .without_input("input_shaft_speed")
@@ -224,7 +224,7 @@ WITHOUT_SLIP = (
 
 
 def at_rest(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dict[str, float]:
-    """State at the start of a drive as far as first inputs tell: (12)–(14) at rest, no slip."""
+    """State at the start of a drive by its first inputs: (12)–(14) at rest, no slip."""
     to_engine = parameters["conductance_engine_body"]
     to_housing = parameters["conductance_body_housing"]
     to_air = parameters["conductance_housing_ambient"]
@@ -242,7 +242,7 @@ def at_rest(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dic
 
 
 def for_signals(names: Container[str]) -> Model:
-    """The model that the signals at hand can drive."""
+    """The form of the equations that the available signals can drive."""
     if "input_shaft_speed" not in names:
         return WITHOUT_SLIP
     return DRY_CLUTCH if "slave_position" in names else WITHOUT_POSITION

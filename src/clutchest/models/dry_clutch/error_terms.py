@@ -1,4 +1,4 @@
-"""Ways in which the dry clutch's equations may be wrong that no effect knows."""
+"""Errors of the dry clutch's equations that no effect describes."""
 
 from __future__ import annotations
 
@@ -92,8 +92,8 @@ SENSOR_FOR = {
     "": "a second sensor, or a clock that its signals share,",
 }
 
-# What an error may correlate with, beside inputs, states, time and slip energy: quantities by name,
-# rates of inputs, and the highest so far of states: a lining that was overheated remembers it.
+# Covariates beside inputs, states, time and slip energy: quantities by name, rates of inputs, and
+# the highest value so far of states, since overheating changes a lining for good.
 COVARIATES = ("slip_speed",)
 RATES = {"position_rate": "slave_position"}
 PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}

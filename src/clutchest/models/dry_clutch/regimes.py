@@ -1,4 +1,4 @@
-"""When the dry clutch is open, slips, is locked or retracted, by speeds and positions."""
+"""The dry clutch's modes, open, slipping, locked and retracted, by speeds and positions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from clutchest.models.regimes import (
 from clutchest.models.thresholds import Thresholds
 from clutchest.signals import Floats
 
-BARELY = 0.1  # of the slip that counts as locked: slower, and noise may be all there is of it
+BARELY = 0.1  # of the slip that counts as locked: below, it may be noise alone
 TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
 
 
@@ -46,7 +46,7 @@ def judge(observed: Observed) -> Regimes:
 
 
 def refine(mode: NDArray[np.uint8], outputs: Outputs, inputs: Container[str]) -> NDArray[np.uint8]:
-    """Pressed together or not is the model's word: the kiss point moves with heat and wear."""
+    """Open or slipping, by the estimated torque: the kiss point moves with heat and wear."""
     if "slave_position" not in inputs:
         return mode
     mode, idle = mode.copy(), np.abs(outputs["transmitted_torque"]) < TORQUE_FLOOR
@@ -69,7 +69,7 @@ def classify(
 
     ``slip`` rad/s, ``position`` x and ``motor`` mm, None where there is no such signal; ``blind``
     marks times at which a needed signal is missing, ``lost`` those at which it has been for so
-    long that nothing is known of the clutch.
+    long that the state of the clutch is unknown.
     """
     if lost is None:
         lost = np.zeros(len(time), bool)
@@ -82,7 +82,7 @@ def classify(
     home = np.zeros(len(time), bool)
     if motor is not None:
         retracted = locked & (motor < thresholds.retracted_position)
-        # a motor about to leave moves the piston before it is seen to be away
+        # a motor that starts to move carries the piston before its position exceeds the threshold
         leaving = around(time, ~retracted, thresholds.guard)
         home = (since(time, retracted) >= thresholds.settle) & ~leaving
     apart = np.zeros(len(time), bool)
@@ -96,7 +96,7 @@ def classify(
     longest, least = thresholds.lock_time, BARELY * thresholds.lock_slip
     slides = ~locked | _ending(time, slip, locked, longest, least)
     slides |= _ending(-time[::-1], slip[::-1], locked[::-1], longest, least)[::-1]
-    # near lock-up and break-away, and where slip passes zero, the sign of the torque is open
+    # near lock-up and break-away, and where slip passes zero, the sign of the torque is unknown
     near = around(time, locked | still, thresholds.guard)
     return Regimes(
         np.where(lost, Mode.unknown, mode).astype(np.uint8),
@@ -109,8 +109,8 @@ def classify(
 @njit(cache=True)
 def _ending(time, slip, locked, longest, least):  # type: ignore[no-untyped-def]
     """Where a clutch that counts as ``locked`` still slides, for ``longest`` s at most: until the
-    slip first falls below ``least``.  What is left of it then makes a thousandth of the heat."""
-    found, start = np.zeros(len(locked), np.bool_), -1
+    slip first falls below ``least``.  The rest of it makes a thousandth of the heat."""
+    sliding, start = np.zeros(len(locked), np.bool_), -1
     for k in range(1, len(locked)):
         if not locked[k]:
             start = -1
@@ -118,9 +118,9 @@ def _ending(time, slip, locked, longest, least):  # type: ignore[no-untyped-def]
             start = k
         if start >= 0:
             along = slip[k] if slip[start] > 0.0 else -slip[k]
-            found[k] = along > least and time[k] - time[start] < longest
-            start = start if found[k] else -1
-    return found
+            sliding[k] = along > least and time[k] - time[start] < longest
+            start = start if sliding[k] else -1
+    return sliding
 
 
 RULES = RegimeRules(

@@ -98,7 +98,7 @@ STATES = (
         0.0,
         0.05,
         0.01,
-        "some ten megajoules of slip, and the actuator retracted before and after",
+        "about 10 MJ of slip energy, and the actuator retracted before and after",
         healthy_std=0.0,
     ),
 )
@@ -118,7 +118,11 @@ PARAMETERS = (
     Parameter("expansion_disc", "mm/K", "k_exp,2", "zero position per disc over body temperature"),
     Parameter("reference_temp", "°C", "T_ref", "temperature at which the torque curve holds"),
     Parameter(
-        "disc_body_temp_cap", "K", "ΔT_cap", "T_d − T_b beyond which the disc adds no more", 0.0
+        "disc_body_temp_cap",
+        "K",
+        "ΔT_cap",
+        "T_d − T_b above which the disc expands no further",
+        0.0,
     ),
     Parameter("zero_position_ref", "mm", "x0_ref", "nominal zero position at T_ref"),
     Parameter("position_origin", "mm", "x_origin", "sensor reading at x = 0"),
@@ -194,10 +198,10 @@ COLUMNS = (
     ),
 )
 
-# The zero position tells of the body's temperature by a coefficient that is itself uncertain, and
-# the product of both errors is beyond a filter of first order.  White readings, 100 a second, would
-# be finer than that product and make body temperature three standard deviations wrong after a
-# heating.
+# The zero position informs the body's temperature by a coefficient that is itself uncertain, and a
+# filter of first order neglects the product of both errors.  White readings, 100 a second, would be
+# more precise than that product and make the body's temperature wrong by three standard deviations
+# after it was heated.
 SENSORS = (
     Sensor("engine_speed", "rad/s", "ω_e", "engine speed"),
     Sensor(
@@ -212,7 +216,8 @@ SENSORS = (
 )
 
 
-# Pairs of states that one kind of measurement knows together, and the manoeuvre that parts them.
+# Pairs of states that one kind of measurement informs together, and the manoeuvre that separates
+# them.
 SEPARATING_MANOEUVRES = (
     Separation(("temp_body", "zero_position"), "slow cooling with the actuator retracted"),
     Separation(("temp_disc", "zero_position"), "slow cooling with the actuator retracted"),

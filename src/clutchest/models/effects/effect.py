@@ -1,14 +1,14 @@
-"""What an effect is: a term in the equations whose gain is zero until data say otherwise.
+"""An effect: a term in the equations that is absent while its gain is zero.
 
 An effect reaches the model through one of four hooks.
 
 - **equation** and **sensor**: :meth:`Effect.terms` names the quantities it changes, and how.  An
   input that the model reads is a sensor's reading too: there the term maps reading → truth, while
   on a ``…_reading`` quantity it maps truth → reading.
-- **timeline**: :attr:`Effect.delays` says which signal arrives late by which of its parameters,
-  :attr:`Effect.lateness` how much later at one time than at another.
-- **step map**: :attr:`Effect.states` brings a state of its own, :meth:`Effect.after_step` updates
-  it after each integration step.
+- **timeline**: :attr:`Effect.delays` names the signal that each of its parameters delays,
+  :attr:`Effect.lateness` how such a delay varies.
+- **step map**: :attr:`Effect.states` adds a state, :meth:`Effect.after_step` updates it after each
+  integration step.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Number:
     plausible sizes; a *shape* (``shape=True``) has no absent value, ``default`` stands where none
     is given and ``grid`` lists what a search tries.  ``healthy``: the standard deviation of a gain
     from one healthy vehicle to the next, which no fault test may mistake for a fault.  ``trials``:
-    sizes of a gain, strong enough that the slope at 0 tells little of what they do.
+    sizes of a gain at which the effect is far from linear in it.
     """
 
     key: str
@@ -79,19 +79,19 @@ class Wording:
         return (self.below if size < 0.0 else self.above).format(self.scale * abs(size))
 
 
-TIME = "time"  # since the drive's start: what a delay may go with beside signals
-# Owners of unknowns in compiled code that are no effects: a parameter of the vehicle file, a
-# state's first value, what an input is off by where untracked states take it in.
+TIME = "time"  # since the drive's start: a covariate of delays beside signals
+# Owners of unknowns in compiled code that are no effects: a parameter of the vehicle file, the
+# initial value of a state, the error of an input where untracked states depend on it.
 PARAMETER, START, INPUT_NOISE = "parameter", "start", "input_noise"
 RESERVED = (PARAMETER, START, INPUT_NOISE)  # names that no effect can have
 
 
 @dataclass(frozen=True, slots=True)
 class Lateness:
-    """A signal's delay per unit of its parameter: ``seconds`` at values ``at`` of the signal that
-    it ``goes_with``, or of ``time``; straight between them, constant beyond."""
+    """A signal's delay per unit of its parameter, s: ``seconds`` at values ``at`` of a
+    ``covariate``, a signal or ``time``; linear between them, constant outside."""
 
-    goes_with: str
+    covariate: str
     at: tuple[float, ...]
     seconds: tuple[float, ...]
 
@@ -102,7 +102,7 @@ class Lateness:
 
     @property
     def reach(self) -> float:
-        """The largest of them, early or late, s; 1 where all are nought."""
+        """The largest of them by magnitude, s; 1 where all are 0."""
         return max(map(abs, self.seconds)) or 1.0
 
 
@@ -123,7 +123,7 @@ class Effect:
     """Base of every effect: subclass it in a file of its own, one class per effect.
 
     ``name`` as vehicle files write it, ``model`` it belongs to, ``parameters`` its numbers,
-    ``equation`` where discovery would find it (``torque``, ``disc_heat``, ``sensor:…``, …).
+    ``equation`` in which it acts (``torque``, ``disc_heat``, ``sensor:…``, …).
     """
 
     name: ClassVar[str]
@@ -132,7 +132,7 @@ class Effect:
     parameters: ClassVar[tuple[Number, ...]]
     states: ClassVar[tuple[State, ...]] = ()
     delays: ClassVar[Mapping[str, str]] = {}  # signal → parameter that holds its delay, s
-    lateness: ClassVar[Mapping[str, Lateness]] = {}  # of those that are late by turns
+    lateness: ClassVar[Mapping[str, Lateness]] = {}  # signal → how its delay varies
     wording: ClassVar[Mapping[str, Wording]] = {}  # of parameters whose size has a plain meaning
 
     def terms(self, g: Gains) -> Mapping[str, Callable[[Any, Any], Any]]:

@@ -17,7 +17,7 @@ def reset_integrator(q: Quantities) -> None:
     limit = q.friction_potential / q.bristle_stiffness + q.bristle_play
     saturated = ca.if_else(
         ca.sign(q.slip_speed) * q.wind_up >= limit, 1.0, 0.0
-    )  # what is beyond z_0 is reset; the rate would only push it there again
+    )  # beyond z_0 it is reset after the step
     q.wind_up_rate = q.slip_speed
     q.friction_torque = (
         q.bristle_stiffness * q.deflection + q.torsional_damping * (1 - saturated) * q.slip_speed

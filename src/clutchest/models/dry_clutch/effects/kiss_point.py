@@ -1,4 +1,4 @@
-"""The kiss point lies elsewhere."""
+"""A shifted kiss point."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from clutchest.models.effects.effect import Effect, Number, Wording
 
 
 class PositionDelay(Effect):
-    """The slave position arrives ``delay`` after it was true.
+    """The slave position is sent ``delay`` after it was true.
 
     Source: ME12 § VI blames such delays for the error at the end of torque pulses.
     """

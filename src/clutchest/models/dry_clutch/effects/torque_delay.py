@@ -6,7 +6,7 @@ from clutchest.models.effects.effect import Effect, Number, Wording
 
 
 class TorqueDelay(Effect):
-    """The reported engine torque arrives ``delay`` after it was true.
+    """The reported engine torque is sent ``delay`` after it was true.
 
     Source: ME12 § VI blames such delays for the error at the end of torque pulses.
     """

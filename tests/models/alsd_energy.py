@@ -1,7 +1,7 @@
-"""Where the energy goes: what is put in, what is stored, what turns to heat.
+"""The energy balance of the differential's rig: power put in, energy stored, and heat.
 
-A piece to be added to the full model of the rig.  What the resets of the two bristles let go is
-heat as well; it follows from the bristles' steps, not from a rate.
+A piece to be added to the full model of the rig.  Energy that the resets of the two bristles
+release is heat as well; it follows from the bristles' steps, not from a rate.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ def _kinetic(q: Quantities) -> ca.SX:
 
 
 def _elastic(q: Quantities) -> ca.SX:
-    beyond = q.resting_spring_force / q.limiter_stiffness - q.plate_position
+    lifted = q.resting_spring_force / q.limiter_stiffness - q.plate_position
     springs = (
         q.ball_ramp_torque**2 / q.ball_ramp_stiffness
         + q.home_torque**2 / q.ball_ramp_stiffness
-        + q.limiter_stiffness * ca.fmax(beyond, 0.0) ** 2
+        + q.limiter_stiffness * ca.fmax(lifted, 0.0) ** 2
         + q.pack_stiffness * q.compression**2
         + q.motor_bristle_stiffness * q.motor_bristle**2
     ) / 2
