@@ -227,7 +227,7 @@ def _steps(vehicle: Vehicle, numbers: _Numbers, dt: float) -> ca.Function:
     has, and normal random numbers, to the states after each."""
     e, model = numbers.e, numbers.model
     with_numbers = ca.substitute(
-        [e.rate, e.mapped, _power(model, e)],
+        [e.rate, e.mapped, model.power(e)],
         [e.w, e.p, e.g],
         [ca.DM(numbers.w), ca.DM(numbers.p), ca.DM(numbers.g)],
     )
@@ -247,11 +247,6 @@ def _steps(vehicle: Vehicle, numbers: _Numbers, dt: float) -> ca.Function:
     after = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4) + ca.sqrt(variance) * random
     step = ca.Function("step", [x, ua, ub, random], [jump(after, ua, ub)])
     return step.mapaccum("steps", TOGETHER * round(GRID / dt))
-
-
-def _power(model: Model, e: Expressions) -> ca.SX:
-    """Heat of friction, W; 0 where the equations have none."""
-    return e.outputs[model.outputs.index("power")] if "power" in model.outputs else ca.SX(0)
 
 
 def _process_noise(vehicle: Vehicle, model: Model) -> tuple[list[float], list[float]]:

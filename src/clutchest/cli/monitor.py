@@ -160,11 +160,7 @@ def _lines(status: SessionStatus, piece: Piece | None, events: Sequence[MonitorE
 
 def _rows(piece: Piece) -> list[dict]:
     track = piece.track
-    columns = {
-        **track.states,
-        "clutch_torque": track.clutch_torque,
-        "slip_energy": track.slip_energy,
-    }
+    columns = {**track.states, **track.outputs}
     return [
         {
             "time": float(at),

@@ -41,7 +41,7 @@ def heun(model: Model, e: Expressions, moves: ca.SX | None = None) -> Step:
     """
     u1, dt = ca.SX.sym("u1", len(model.inputs)), ca.SX.sym("dt")
     q, noise = ca.SX.sym("q", 2 * len(model.states)), ca.SX.sym("noise", len(model.inputs))
-    power = e.outputs[model.outputs.index("power")]
+    power = model.power(e)
     at = [e.x, e.u, e.w, e.p, e.g]
     rates = ca.Function("rates", at, [e.rate, power])
     by_input = ca.Function("by_input", at, [ca.jacobian(e.rate, e.u)])

@@ -195,7 +195,7 @@ def _freeze_frame(run: Run, drive: int, time: float, causes: Sequence[Explanatio
     """Mode, states, inputs and ranked causes at ``time`` s of a drive."""
     track, signals = run.tracks[drive], run.signals.drives[drive]
     row = int(np.clip(np.searchsorted(track.time, time, "right") - 1, 0, len(track.time) - 1))
-    inputs = {}
+    inputs, torque = {}, track.clutch_torque
     for name, signal in signals.items():
         valid = signal.only_valid()
         at = int(np.searchsorted(valid.time, time, "right")) - 1
@@ -211,7 +211,7 @@ def _freeze_frame(run: Run, drive: int, time: float, causes: Sequence[Explanatio
             }
             for name, e in track.states.items()
         },
-        "clutch_torque": float(track.clutch_torque.value[row]),
+        "clutch_torque": float(torque.value[row]) if torque else None,
         "inputs": inputs,
         "causes": [c.fault for c in causes],
     }

@@ -31,7 +31,7 @@ def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]
-    power = e.outputs[model.outputs.index("power")]
+    power = model.power(e)
     values = e.along(
         ca.vertcat(*wanted, power),
         at.states,

@@ -76,20 +76,27 @@ class Track:
 
     ``mode`` uint8 (m,), index into ``mode_names``; ``states`` by state name; ``information``
     is denser than the grid while the clutch slips.  ``smoothed``: the states from what was
-    measured over the whole drive; empty unless asked for.
+    measured over the whole drive; empty unless asked for.  ``clutch_torque`` is None of a machine
+    without an output of that name, ``slip_energy`` where its equations have no output ``power``.
     """
 
     time: Floats
     mode: NDArray[np.uint8]
     mode_names: tuple[str, ...]
     states: Mapping[str, Estimate]
-    clutch_torque: Estimate
-    slip_energy: Estimate
+    clutch_torque: Estimate | None
+    slip_energy: Estimate | None
     innovations: Innovations
     engagements: tuple[Engagement, ...]
     log_likelihood: float
     information: Information
     smoothed: Mapping[str, Estimate] = field(default_factory=dict)
+
+    @property
+    def outputs(self) -> dict[str, Estimate]:
+        """``clutch_torque`` and ``slip_energy`` by name, where the machine has them."""
+        both = {"clutch_torque": self.clutch_torque, "slip_energy": self.slip_energy}
+        return {name: estimate for name, estimate in both.items() if estimate is not None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +140,7 @@ def columns_of(track: Track, drive: int) -> dict[str, Any]:
         if name in track.smoothed:
             columns[f"{name}_smoothed"] = track.smoothed[name].value
             columns[f"{name}_smoothed_std"] = track.smoothed[name].std
-    columns["clutch_torque"] = track.clutch_torque.value
-    columns["clutch_torque_std"] = track.clutch_torque.std
-    columns["slip_energy"] = track.slip_energy.value
-    columns["slip_energy_std"] = track.slip_energy.std
+    for name, quantity in track.outputs.items():
+        columns[name] = quantity.value
+        columns[f"{name}_std"] = quantity.std
     return columns

@@ -55,7 +55,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         names = f"all {len(vehicle.guessed)}" if every else ", ".join(vehicle.guessed)
         warnings.append(f"guessed parameters, by {vehicle.path.name}: {names}")
     warnings += vehicle.notes
-    last, end = tracks[-1], parts[-1]
+    end, energy = parts[-1], tracks[-1].slip_energy
     return {
         "vehicle": vehicle.name,
         **counts.summary(),
@@ -79,17 +79,19 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
                 [(e.start_s, e.start_s + e.duration_s) for e in track.engagements],
             )
         ],
-        "slip_energy_J": _number(last.slip_energy.value),
-        "slip_energy_std_J": _number(last.slip_energy.std),
+        "slip_energy_J": _number(energy.value if energy else None),
+        "slip_energy_std_J": _number(energy.std if energy else None),
         "guessed_parameters": list(vehicle.guessed),
         "log_likelihood": float(sum(track.log_likelihood for track in tracks)),
         "warnings": warnings,
     }
 
 
-def _number(column: Floats) -> float | None:
+def _number(column: Floats | None) -> float | None:
     """The last value, None where there is none."""
-    return float(column[-1]) if len(column) and isfinite(column[-1]) else None
+    if column is None or not len(column):
+        return None
+    return float(column[-1]) if isfinite(column[-1]) else None
 
 
 def _modes(tracks: Sequence[Track]) -> dict[str, float]:

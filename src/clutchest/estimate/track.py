@@ -13,6 +13,7 @@ from clutchest.estimate.observability import Information
 from clutchest.estimate.run import Engagement, Estimate, Innovations, Track
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled, Filtered
+from clutchest.models.model import POWER
 from clutchest.models.regimes import runs
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
@@ -88,12 +89,16 @@ def track_of(
         mode=rows.mode[grid],
         mode_names=compiled.machine.regimes.modes,
         states=states_of(vehicle, compiled, filtered.x[grid], filtered.total[grid]),
-        clutch_torque=_estimate(rows.torque[grid, 0], rows.torque[grid, 1]),
+        clutch_torque=_estimate(rows.torque[grid, 0], rows.torque[grid, 1])
+        if compiled.machine.output
+        else None,
         slip_energy=_estimate(
             filtered.energy[grid, 0],
             filtered.energy[grid, 1],
             "slip_energy" not in model.unobservable,
-        ),
+        )
+        if POWER in model.outputs
+        else None,
         innovations=Innovations(
             tuple(sensor.name for sensor in model.sensors),
             timeline.t[sensed],
@@ -119,6 +124,9 @@ def joined(tracks: Sequence[Track]) -> Track:
             )
         )
 
+    def output(name: str) -> Estimate | None:
+        return estimate([t.outputs[name] for t in tracks]) if name in first.outputs else None
+
     def column(of: Callable[[Track], NDArray]) -> NDArray:
         return memory_mapped.concatenated([of(track) for track in tracks])
 
@@ -127,8 +135,8 @@ def joined(tracks: Sequence[Track]) -> Track:
         mode=column(lambda t: t.mode),
         mode_names=first.mode_names,
         states={name: estimate([t.states[name] for t in tracks]) for name in first.states},
-        clutch_torque=estimate([t.clutch_torque for t in tracks]),
-        slip_energy=estimate([t.slip_energy for t in tracks]),
+        clutch_torque=output("clutch_torque"),
+        slip_energy=output("slip_energy"),
         innovations=Innovations(
             first.innovations.names,
             column(lambda t: t.innovations.time),

@@ -24,7 +24,7 @@ from clutchest.models.delay_relations import DelayRelation
 from clutchest.models.effects.effect import RESERVED, TIME, Effect
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.fault import Follower, ModelFault
-from clutchest.models.model import Expressions, Model
+from clutchest.models.model import POWER, Expressions, Model
 from clutchest.models.procedures import Picture, Procedure
 from clutchest.models.regimes import RegimeRules
 from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
@@ -303,6 +303,8 @@ def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
             yield "inputs", f"have no column '{item.name}'" + nearest(item.name, machine.units)
     for name in _no_numbers(written):
         yield "equations", f"make '{name}' something that is no number"
+    if machine.event is not None and not (machine.output and POWER in model.outputs):
+        yield "event", f"needs an output of the machine, and the equations' output '{POWER}'"
     if machine.output and machine.output not in model.outputs:
         yield "output", f"'{machine.output}' is none of the equations' outputs"
     for name in (name for name in machine.effects if name in RESERVED):

@@ -46,6 +46,7 @@ class Quantities:
         return tuple(vars(self)["_values"])
 
 
+POWER = "power"  # output of what friction turns to heat, where there is any
 BLOCK = 4096  # moments evaluated at a time
 
 Piece = Callable[[Quantities], None]
@@ -56,10 +57,10 @@ class Expressions:
     """The model written out: symbols and what they make.
 
     ``x`` states (n), ``u`` inputs (nu), ``w`` regime flags, ``p`` parameters, ``g`` numbers of the
-    effects; ``rate`` dx/dt (n), ``readings`` one per sensor, ``outputs`` clutch torque and slip
-    power, ``initial`` the start state (n) as a function of ``x``, ``mapped`` the state after the
-    step map, of ``x`` at the step's end, ``u0`` and ``u`` at its start and end; ``implied`` (nu)
-    the inputs, noisy ones as other measurements imply them.
+    effects; ``rate`` dx/dt (n), ``readings`` one per sensor, ``outputs`` those named by
+    :attr:`Model.outputs`, ``initial`` the start state (n) as a function of ``x``, ``mapped`` the
+    state after the step map, of ``x`` at the step's end, ``u0`` and ``u`` at its start and end;
+    ``implied`` (nu) the inputs, noisy ones as other measurements imply them.
     """
 
     x: ca.SX
@@ -210,7 +211,7 @@ class Model:
             g,
             rate=ca.vertcat(*(getattr(q, f"{s.name}_rate") for s in self.states)),
             readings=ca.vertcat(*(getattr(q, f"{s.name}_reading") for s in self.sensors)),
-            outputs=ca.vertcat(*(getattr(q, name) for name in self.outputs)),
+            outputs=ca.SX(ca.vertcat(*(getattr(q, name) for name in self.outputs))),
             initial=ca.vertcat(*(getattr(q, f"initial_{s.name}") for s in self.states)),
             mapped=mapped,
             implied=ca.vertcat(
@@ -256,6 +257,12 @@ class Model:
         if unused := set(terms) - set(q.names()):
             raise AttributeError(f"effects change quantities that '{self.name}' lacks: {unused}")
         return q
+
+    def power(self, written: Expressions) -> ca.SX:
+        """The output ``power``, W that friction turns to heat; 0 of equations without one."""
+        if POWER not in self.outputs:
+            return ca.SX(0)
+        return written.outputs[self.outputs.index(POWER)]
 
     def state(self, name: str) -> int:
         """Index of a state in x."""

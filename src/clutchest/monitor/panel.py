@@ -12,7 +12,7 @@ from rich.text import Text
 from clutchest.estimate.run import Estimate
 from clutchest.models.machine import Machine
 from clutchest.monitor.events import MonitorEvent, SessionStatus
-from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
+from clutchest.record.quantities import OUTPUTS, Quantity
 from clutchest.record.report import plus_minus
 
 _MODE = {
@@ -66,7 +66,7 @@ def _estimates(status: SessionStatus, machine: Machine) -> Table:
         return table
     track = piece.track
     quantities = {s.name: Quantity(s.name, s.unit, s.what) for s in machine.states}
-    rows = [(CLUTCH_TORQUE, track.clutch_torque), (SLIP_ENERGY, track.slip_energy)]
+    rows = [(OUTPUTS[name], estimate) for name, estimate in track.outputs.items()]
     rows += [(quantities[n], e) for n, e in track.states.items() if n in quantities]
     for quantity, estimate in rows:
         value, std = float(estimate.value[-1]), float(estimate.std[-1])

@@ -145,12 +145,13 @@ def live_blueprint(machine: Machine, timeline: str) -> rrb.Blueprint:
     lanes = rrb.StateTimelineView(
         name="mode", origin="/", contents=["/mode"], time_view=rrb.TimeAxis(link="LinkToGlobal")
     )
+    torque = [view("clutch torque [Nm] ± 1σ", ["state/clutch_torque"])] if machine.output else []
     start = rrb.Vertical(
         lanes,
         view("temperatures [°C] ± 1σ", [f"state/{name}" for name in temperatures]),
-        view("clutch torque [Nm] ± 1σ", ["state/clutch_torque"]),
+        *torque,
         rrb.TextLogView(name="events", origin="/events"),
-        row_shares=[1.0, 3.0, 2.0, 1.5],
+        row_shares=[1.0, 3.0, *(2.0 for _ in torque), 1.5],
         name="overview",
     )
     states = rrb.Vertical(

@@ -15,7 +15,7 @@ import rerun as rr
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
-from clutchest.record.quantities import CLUTCH_TORQUE, SLIP_ENERGY, Quantity
+from clutchest.record.quantities import OUTPUTS, Quantity
 from clutchest.record.series import TIMELINE, index, outline
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
@@ -38,7 +38,7 @@ class LiveRecording:
     def __init__(self, path: Path, vehicle: Vehicle, serve: tuple[int, int] | None = None) -> None:
         known = vehicle.machine
         self._states = {s.name: Quantity(s.name, s.unit, s.what) for s in known.states}
-        self._states |= {q.name: q for q in (CLUTCH_TORQUE, SLIP_ENERGY)}
+        self._states |= OUTPUTS
         self._signals = {name: Quantity(name, unit) for name, unit in known.units.items()}
         self._sensors = {s.name: Quantity(s.name, s.unit) for s in known.sensors}
         self._held: dict[str, list[tuple[np.ndarray, ...]]] = defaultdict(list)
@@ -99,7 +99,7 @@ class LiveRecording:
         """A piece of a drive that begins at ``offset`` s on the timeline."""
         time = track.time + offset
         for name, quantity in self._states.items():
-            estimate = track.states.get(name) or getattr(track, name, None)
+            estimate = {**track.states, **track.outputs}.get(name)
             if estimate is None or not np.isfinite(estimate.value).any():
                 continue
             value, std = quantity.read(estimate.value), quantity.read_spread(estimate.std)

@@ -56,6 +56,7 @@ class Quantity:
 
 CLUTCH_TORQUE = Quantity("clutch_torque", "Nm", "torque through the clutch")
 SLIP_ENERGY = Quantity("slip_energy", "J", "heat made by slipping since the drive began")
+OUTPUTS = {quantity.name: quantity for quantity in (CLUTCH_TORQUE, SLIP_ENERGY)}
 
 
 def states_of(run: Run) -> dict[str, Quantity]:

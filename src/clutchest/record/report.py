@@ -64,7 +64,8 @@ def markdown(run: Run) -> str:
     parts += ["## What is known at the end", _states(run), BITS]
     if run.summary["wear"]:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
-    parts += ["## Slip events", _engagements(run)]
+    if run.vehicle.machine.event:
+        parts += ["## Slip events", _engagements(run)]
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
     parts += ["## Sensors against the model", _sensors(run)]

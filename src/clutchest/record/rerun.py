@@ -28,7 +28,7 @@ from clutchest.record.blueprint import (
 from clutchest.record.diagnosis_recording import COLOURS as FAULT_COLOURS
 from clutchest.record.diagnosis_recording import entity, lanes_of, send_log
 from clutchest.record.quantities import (
-    CLUTCH_TORQUE,
+    OUTPUTS,
     SLIP_ENERGY,
     Quantity,
     sensors_of,
@@ -162,14 +162,13 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
 
 def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:
     quantities = states_of(run)
-    groups = _by_unit([CLUTCH_TORQUE, *quantities.values(), SLIP_ENERGY])
+    outputs = [OUTPUTS[name] for name in run.tracks[0].outputs]
+    groups = _by_unit([*outputs[:1], *quantities.values(), *outputs[1:]])
     panels = []
     for group in groups.values():
         lows, highs = [], []
         for k, quantity in enumerate(group):
-            estimates = [
-                t.states.get(quantity.name) or getattr(t, quantity.name) for t in run.tracks
-            ]
+            estimates = [{**t.states, **t.outputs}[quantity.name] for t in run.tracks]
             columns = strung(
                 (
                     start,

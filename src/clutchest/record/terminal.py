@@ -40,7 +40,8 @@ def print_run(run: Run, console: Console) -> None:
         known, style = ("yes", "bold") if state["valid"] else ("no", "dim")
         table.add_row(quantity.words, shown, known, escape(informed(state)), style=style)
     console.print(table)
-    console.print(_slip_events(run))
+    if run.vehicle.machine.event:
+        console.print(_slip_events(run))
     for words in summary["wear"]["words"] if summary["wear"] else ():
         console.print(escape(words))
     for reason, count in summary["frames_rejected"].items():
