@@ -54,9 +54,9 @@ def electrical(q):
 
 
 def mechanical(q):
-    """J dω/dt = K i − T_C sgn ω − b ω; the sign turns smoothly within 0.5 rad/s."""
+    """J dω/dt = K i − T_C sgn ω − b ω; the sign turns smoothly within 2 rad/s."""
     q.coulomb_now = q.coulomb_torque
-    q.friction = q.coulomb_now * ca.tanh(q.speed / 0.5) + q.viscous * q.speed
+    q.friction = q.coulomb_now * ca.tanh(q.speed / 2.0) + q.viscous * q.speed
     q.motor_torque = q.torque_constant * q.current
     q.speed_rate = (q.motor_torque - q.friction) / q.inertia
     q.speed_reading = q.speed

@@ -98,7 +98,7 @@ def _tracked(
 ) -> TrackedStates:
     """Measured rates of the tracked states at every event of ``line``, and their values without the
     noise of their readings, all of which are on the ``whole`` one."""
-    act = np.zeros(len(line.t), bool)
+    act = np.full(len(line.t), not model.regime)
     for flag, _ in model.renewed.values():
         act |= line.W[line.row, model.regime.index(flag)] > 0
     rate = np.zeros((len(line.t), which.sum()))
