@@ -15,7 +15,8 @@ from clutchest.errors import ClutchestError
 from clutchest.generator.generate import draw
 from clutchest.identify import identify, procedures
 from clutchest.identify.fit import Fit
-from clutchest.identify.likelihood import bounds, most_probable, problem_of
+from clutchest.identify.likelihood import most_probable, problem_of
+from clutchest.inference.objective import Objective
 from clutchest.vehicle import load_vehicle
 
 SEED, OTHER = 3001, 3002
@@ -106,7 +107,8 @@ def test_numbers_that_are_held_stay(ramps):
 
 def test_bounds_are_those_of_the_equations(ramps):
     problem = problem_of(ramps, TRUCK)
-    low, high = bounds(problem)
+    objective = Objective.of(problem).with_parameter_bounds()
+    low, high = objective.low, objective.high
     at = problem.index("torque_cubic")
     assert high[at] == pytest.approx(21.0 / 0.42) and low[at] == -np.inf  # the curve rises
 

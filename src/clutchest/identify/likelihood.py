@@ -14,10 +14,9 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from clutchest.errors import ClutchestError
-from clutchest.inference.map_fit import settle
+from clutchest.inference.map_fit import FINE, improve, settle
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import UnknownParameter
@@ -28,19 +27,22 @@ from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
 NO_OTHERS: Mapping[str, float] = MappingProxyType({})
-MOST = 12  # evaluations; the fitter's own steps come close
 BLOCK = 1.0  # s; noise of one block says nothing of the next
 
 
 @dataclass(frozen=True, slots=True)
 class Posterior:
-    """What is probable: ``theta`` (m) in units of the priors' standard deviations, ``covariance``
-    (m, m), and the ``objective`` that they make least, linearised at the ``fit``."""
+    """The most probable numbers: the ``fit`` that makes an ``objective`` least, and the
+    ``covariance`` (m, m), in units of the priors' standard deviations."""
 
     objective: Objective
     fit: Linearisation
-    theta: Floats
     covariance: Floats
+
+    @property
+    def theta(self) -> Floats:
+        """The most probable numbers (m), in units of the priors' standard deviations."""
+        return self.fit.theta
 
     @property
     def problem(self) -> Problem:
@@ -88,41 +90,21 @@ def _words(name: str) -> str:
 
 
 def most_probable(problem: Problem, progress: Progress | None = None) -> Posterior:
-    """All numbers of a problem at once."""
+    """All numbers of a problem at once: the fit of :mod:`~clutchest.inference.map_fit`, to where a
+    step promises nothing any more, parameters within what the equations allow."""
     if progress:
         progress("fitting", None)
-    objective, fit = settle(Objective.of(problem), np.zeros(len(problem.thetas)))
-    low, high = bounds(problem)
-    last: list[Linearisation] = [fit]
-
-    def at(theta: Floats) -> Linearisation:
-        if np.any(last[0].theta != theta) or last[0].raw[0].active is not None:
-            last[:] = [objective.relinearise(last[0], theta.copy())]
-        return last[0]
-
     free = problem.nuisances
-    prior = np.eye(len(free))
-
-    def with_held(numbers: Floats) -> Floats:
-        theta = fit.theta.copy()
-        theta[free] = numbers
-        return theta
-
-    found = least_squares(
-        lambda x: np.concatenate([objective.in_span(at(with_held(x)).r), x]),
-        np.clip(fit.theta[free], low[free], high[free]),
-        lambda x: np.vstack([objective.in_span(at(with_held(x)).psi[:, free]), prior]),
-        bounds=(low[free], high[free]),
-        ftol=1e-6,
-        xtol=1e-6,
-        gtol=1e-6,
-        max_nfev=MOST,
-    )
-    covariance = np.zeros((len(low), len(low)))
-    theta = with_held(found.x)
-    inverse = np.linalg.inv(found.jac.T @ found.jac)
-    covariance[np.ix_(free, free)] = widened(inverse, at(theta), free, problem.blocks(BLOCK))
-    return Posterior(objective, at(theta), theta, covariance)
+    objective, fit = settle(Objective.of(problem), np.zeros(len(problem.thetas)))
+    objective = objective.with_parameter_bounds()
+    begin = objective.relinearise(fit, objective.within_bounds(fit.theta, free), active=free)
+    fit = improve(objective, begin, free, FINE)
+    fit = objective.relinearise(fit, fit.theta)
+    psi = objective.in_span(fit.psi[:, free])
+    inverse = np.asarray(np.linalg.inv(psi.T @ psi + np.eye(len(free))), np.float64)
+    covariance = np.zeros((len(fit.theta), len(fit.theta)))
+    covariance[np.ix_(free, free)] = widened(inverse, fit, free, problem.blocks(BLOCK))
+    return Posterior(objective, fit, covariance)
 
 
 def widened(
@@ -135,17 +117,6 @@ def widened(
     robust = covariance @ (scores.T @ scores + np.eye(len(free))) @ covariance
     wider = np.sqrt(np.maximum(np.diag(robust) / np.diag(covariance), 1.0))
     return covariance * np.outer(wider, wider)
-
-
-def bounds(problem: Problem) -> tuple[Floats, Floats]:
-    """What the equations allow (m)."""
-    allowed = {p.key: (p.lower, p.upper) for p in problem.compiled.model.parameters}
-    low, high = np.full(len(problem.thetas), -np.inf), np.full(len(problem.thetas), np.inf)
-    for i, t in enumerate(problem.thetas):
-        if isinstance(t, UnknownParameter):
-            value = problem.vehicle.parameters[t.key].value
-            low[i], high[i] = ((end - value) / t.unit for end in allowed[t.key])
-    return low, high
 
 
 def along(

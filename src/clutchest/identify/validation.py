@@ -69,7 +69,7 @@ def _errors(objective: Objective, fit: Linearisation) -> dict[str, float | None]
     machine, drives = problem.vehicle.machine, range(len(problem.drives))
     errors = {}
     if pair := machine.compared:
-        at = Posterior(objective, fit, fit.theta, np.zeros((0, 0)))
+        at = Posterior(objective, fit, np.zeros((0, 0)))
         both = [along(at, i, (pair.measured, pair.simulated))[1] for i in drives]
         errors[pair.key] = _rms(np.concatenate([modelled - read for read, modelled in both]))
     model = problem.compiled.model

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,12 +19,23 @@ ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 AHEAD = 0.05  # of a step: where the bend of a valley is measured
 SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
-SLOW = 0.003  # of the cost: what lies so far off need not be known to the last digit
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
 SLIGHT = 2.0  # the same: one that promises less, and of which no part kept it, is the last
 NEARLY = (
     10.0  # of the sum of squares: the noise model is estimated again when it changes it by more
 )
+
+
+class Tolerance(NamedTuple):
+    """Where a fit ends: a step that promises less than ``step`` of −2 ln(probability) is not taken,
+    and one that gained less than ``share`` of the cost was the last: what lies that far off need
+    not be known to the last digit."""
+
+    step: float = SETTLED
+    share: float = 0.003
+
+
+COARSE, FINE = Tolerance(), Tolerance(1e-4, 0.0)
 
 
 def settle(objective: Objective, theta: Floats) -> tuple[Objective, Linearisation]:
@@ -83,7 +96,12 @@ def most_probable(
     return improve(objective, objective.linearise_at(theta, shapes), free)
 
 
-def improve(objective: Objective, lin: Linearisation, free: NDArray[np.int64]) -> Linearisation:
+def improve(
+    objective: Objective,
+    lin: Linearisation,
+    free: NDArray[np.int64],
+    tolerance: Tolerance = COARSE,
+) -> Linearisation:
     """The same from a linearisation on.
 
     Valleys bend: a step along one may climb its wall, and the next one falls back onto its
@@ -95,7 +113,7 @@ def improve(objective: Objective, lin: Linearisation, free: NDArray[np.int64]) -
     last, bend, share = np.zeros(len(lin.theta)), None, 1.0
     for _ in range(STEPS):
         move = step(objective, lin, free, damping)
-        if (promised := _promised(objective, lin, move)) < SETTLED:
+        if (promised := _promised(objective, lin, move)) < tolerance.step:
             break
         move = _lengthened(objective, lin, free, move, last)
         if share < 1.0 and bend is None:
@@ -108,7 +126,7 @@ def improve(objective: Objective, lin: Linearisation, free: NDArray[np.int64]) -
         if lin.cost < best.cost:
             gained, best, climbs, damping = best.cost - lin.cost, lin, 0, damping / 10.0
             last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)
-            if straight and gained < max(SETTLED, SLOW * best.cost):
+            if straight and gained < max(tolerance.step, tolerance.share * best.cost):
                 break
             continue
         last = 0.0 * path

@@ -19,7 +19,7 @@ from clutchest.inference.linearisation import Modulation
 from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.problem import NormalisedInnovations, Problem
-from clutchest.inference.unknowns import Shapes, UnknownGain
+from clutchest.inference.unknowns import Shapes, UnknownGain, UnknownParameter
 from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
@@ -107,6 +107,17 @@ class Objective:
     def with_bounds(self, times: float) -> Objective:
         """One that lets gains go so many ``times`` as far as is plausible."""
         return replace(self, low=times * self.low, high=times * self.high)
+
+    def with_parameter_bounds(self) -> Objective:
+        """One in which parameters stay where the equations allow them."""
+        low, high = self.low.copy(), self.high.copy()
+        allowed = {p.key: p for p in self.problem.compiled.model.parameters}
+        for i, t in enumerate(self.problem.thetas):
+            if isinstance(t, UnknownParameter):
+                value = self.problem.vehicle.parameters[t.key].value
+                low[i] = (allowed[t.key].lower - value) / t.unit
+                high[i] = (allowed[t.key].upper - value) / t.unit
+        return replace(self, low=low, high=high)
 
     def with_prior(self, which: NDArray[np.int64], std: float) -> Objective:
         """One in which these numbers (indices) have another prior standard deviation."""
