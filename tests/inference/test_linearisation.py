@@ -1,4 +1,4 @@
-"""NormalisedInnovations as a function of every unknown number, and their derivatives.
+"""Innovations as a function of every unknown number, and their derivatives.
 
 Most drives here are quiet: sensors a thousand times better than the vehicle file says, and no
 rounding by the bus.  At the numbers that the drive was made with, next to nothing is then left.

@@ -89,7 +89,7 @@ def test_every_reading_of_a_short_stretch_has_variance_one():
 
 
 def test_columns_are_whitened_alike():
-    """NormalisedInnovations and their derivatives: one linear map."""
+    """Innovations and their derivatives: one linear map."""
     rng, n = np.random.default_rng(7), 600
     noise_model = NoiseModel.fit([one(n)], [ar2(n, rng)])
     table = rng.standard_normal((n, 3))

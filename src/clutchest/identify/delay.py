@@ -26,7 +26,7 @@ FEWEST = 6  # stretches
 class DelayEstimate:
     """``value`` ± ``std`` s; ``inside``: not at the end of what is searched.
 
-    ``stretches``: how many alike would tell as much as these, of which a few decide: 1/Σ share².
+    ``stretches``: the number of equal ones with as much information, 1/Σ share².
     """
 
     value: float

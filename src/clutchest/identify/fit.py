@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class Fitted:
     """One number: ``value`` ± ``std``, 95 % interval ``low`` … ``high``, in ``unit``.
 
-    ``prior_std`` is what was known before, None where nothing was.  Not ``determined``: the log
-    cannot tell, ``why`` says why, and ``value`` is the vehicle file's.  ``note``: what the number
+    ``prior_std`` is what was known before, None where nothing was.  Not ``determined``: ``why``
+    says why, and ``value`` is the vehicle file's.  ``note``: what the number
     contains.
     """
 
@@ -36,7 +36,7 @@ class Fitted:
 
     @classmethod
     def unknown(cls, value: float, unit: str, why: str) -> Fitted:
-        """The vehicle file's ``value``, because the log cannot tell."""
+        """The vehicle file's ``value``, which the log does not determine."""
         return cls(value, unit, determined=False, why=why)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from clutchest.vehicle import SignalMap, Vehicle
 LOOSEST = 0.35  # standard deviation of log noise: within a factor of two at 95 %
 LOOSEST_AR = 0.35  # standard deviation of artanh of the AR(1) coefficient
 SLOW = 0.5  # AR(1) coefficient that only quiet readings can show
-SLOWEST = 0.99  # AR(1) coefficient beyond which noise cannot be told from a drift
+SLOWEST = 0.99  # AR(1) coefficient beyond which noise cannot be separated from a drift
 Z = 1.96
 LEAVES = ("noise", "noise_ar", "delay")
 
@@ -39,15 +39,15 @@ def identify_noise(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fi
     """
     units = vehicle.machine.units
     parameters: dict[str, Fitted] = {}
-    found: dict[str, SensorNoise] = {}
+    sensors: dict[str, SensorNoise] = {}
     for done, (name, mapped) in enumerate(vehicle.signals.items()):
         progress(f"noise of {name}", done / len(vehicle.signals))
         readings = [d[name].only_valid() for d in signals.drives if name in d]
-        sensor, noise, ar = _noise(readings, mapped, units[name])
-        parameters[f"signals.{name}.noise"] = noise
-        parameters[f"signals.{name}.noise_ar"] = ar
-        if sensor is not None:
-            found[name] = sensor
+        result = _noise(readings, mapped, units[name])
+        parameters[f"signals.{name}.noise"] = result.noise
+        parameters[f"signals.{name}.noise_ar"] = result.ar
+        if result.sensor is not None:
+            sensors[name] = result.sensor
     progress("delays", None)
     for name, late in delays(signals, vehicle).items():
         parameters[f"signals.{name}.delay"] = late
@@ -61,14 +61,14 @@ def identify_noise(signals: Signals, vehicle: Vehicle, progress: Progress) -> Fi
         parameters=parameters,
         notes=(f"delays are counted from {anchor_of(vehicle)}, whose own cannot be determined",),
         warnings=tuple(dict.fromkeys(w for drive in signals.drives for w in drive.warnings)),
-        draw=partial(_draw, found, units),
+        draw=partial(_draw, sensors, units),
     )
 
 
-def _draw(found: dict[str, SensorNoise], units: dict[str, str], folder: Path) -> None:
+def _draw(sensors: dict[str, SensorNoise], units: dict[str, str], folder: Path) -> None:
     from clutchest.identify.noise_pictures import draw_noise
 
-    draw_noise(found, units, folder)
+    draw_noise(sensors, units, folder)
 
 
 def _with(vehicle: Vehicle, parameters: dict[str, Fitted]) -> Vehicle:
@@ -84,63 +84,81 @@ def _with(vehicle: Vehicle, parameters: dict[str, Fitted]) -> Vehicle:
     return replace(vehicle, signals=signals)
 
 
-def _noise(
-    readings: list[Signal], mapped: SignalMap, unit: str
-) -> tuple[SensorNoise | None, Fitted, Fitted]:
-    """The sensor's noise, and what it says as standard deviation and AR(1) coefficient."""
+@dataclass(frozen=True, slots=True)
+class _Result:
+    """Of one signal: its ``sensor``'s noise, None where nothing can be said of it, and what is
+    written of the ``noise``'s standard deviation and AR(1) coefficient ``ar``."""
 
-    def unknown(why: str) -> tuple[None, Fitted, Fitted]:
-        return (
-            None,
-            Fitted.unknown(mapped.noise, unit, why),
-            Fitted.unknown(mapped.noise_ar, "1", why),
-        )
+    sensor: SensorNoise | None
+    noise: Fitted
+    ar: Fitted
+
+
+def _noise(readings: list[Signal], mapped: SignalMap, unit: str) -> _Result:
+    """The noise of one signal."""
+
+    def undetermined(why: str, sensor: SensorNoise | None = None) -> _Result:
+        noise = Fitted.unknown(mapped.noise, unit, why)
+        return _Result(sensor, noise, Fitted.unknown(mapped.noise_ar, "1", why))
 
     count = sum(len(signal) for signal in readings)
     if not count:
-        return unknown("no valid sample in this log")
+        return undetermined("no valid sample in this log")
     values = [signal.value for signal in readings]
     low, high = min(v.min() for v in values if len(v)), max(v.max() for v in values if len(v))
     if low == high:
-        return unknown(f"always reads {low:.6g} {unit}: whatever noise there is stays in one step")
+        return undetermined(f"always reads {low:.6g} {unit}: any noise is below one step")
     windows = windows_of(readings)
     if not len(windows):
-        return unknown(
-            f"no stretch of {WINDOW} samples on end that is neither broken by gaps nor "
-            f"cut off at zero ({count} samples)"
+        return undetermined(
+            f"no {WINDOW} consecutive samples without a gap and not cut off at zero "
+            f"({count} samples)"
         )
     sensor = estimate(windows, bus_step(values))
     if sensor is None or sensor.total == 0.0:
-        return unknown("moves in straight lines only: no noise can be seen")
+        return undetermined("moves in straight lines only: no noise is visible")
     loose, loose_ar = np.sqrt(np.diag(sensor.covariance))
     if sensor.noise <= BELOW_STEP * sensor.step:
-        step, top = f"{sensor.step:.3g} {unit}", BELOW_STEP * sensor.step
-        high = float(np.hypot(top, sensor.rounding))
-        noise = Fitted(
-            _short(sensor.total),
-            unit,
-            std=_short((high - sensor.rounding) / Z),
-            low=_short(sensor.rounding),
-            high=_short(high),
-            note=f"rounding to steps of {step} hides the rest",
-        )
-        why = f"noise below the step of {step} shows no colour"
-        ar = Fitted.unknown(mapped.noise_ar, "1", why)
-        return sensor, noise, ar
+        return _below_step(sensor, mapped, unit)
     if sensor.ar > SLOWEST or loose > LOOSEST:
-        _, noise, ar = unknown(
-            f"{len(windows)} stretches of {WINDOW} samples do not tell noise "
-            "from the signal's own wander"
+        return undetermined(
+            f"{len(windows)} windows of {WINDOW} samples do not separate noise from the signal's "
+            "own drift",
+            sensor,
         )
-        return sensor, noise, ar
     if not sensor.quiet and np.tanh(np.arctanh(sensor.ar) - Z * loose_ar) > SLOW:
-        _, noise, ar = unknown(
-            "too little of the log is quiet to tell slow noise from the signal's own wander"
+        return undetermined(
+            "too little of the log is quiet to separate slow noise from the signal's own drift",
+            sensor,
         )
-        return sensor, noise, ar
+    noise = _deviation(sensor, unit, loose)
+    if loose_ar > LOOSEST_AR:
+        ar = Fitted.unknown(mapped.noise_ar, "1", "not identifiable from so few samples")
+        return _Result(sensor, noise, ar)
+    return _Result(sensor, noise, _coefficient(sensor, loose_ar))
+
+
+def _below_step(sensor: SensorNoise, mapped: SignalMap, unit: str) -> _Result:
+    """Of noise that rounding hides."""
+    high = float(np.hypot(BELOW_STEP * sensor.step, sensor.rounding))
+    step = f"{sensor.step:.3g} {unit}"
+    noise = Fitted(
+        _short(sensor.total),
+        unit,
+        std=_short((high - sensor.rounding) / Z),
+        low=_short(sensor.rounding),
+        high=_short(high),
+        note=f"rounding to steps of {step} hides the rest",
+    )
+    why = f"noise below the step of {step} shows no autocorrelation"
+    return _Result(sensor, noise, Fitted.unknown(mapped.noise_ar, "1", why))
+
+
+def _deviation(sensor: SensorNoise, unit: str, loose: float) -> Fitted:
+    """The standard deviation, rounding in it; ``loose``: that of its logarithm."""
     low, high = sensor.noise * np.exp(np.array([-Z, Z]) * loose)  # of what is not rounding
     share = sensor.rounding**2 / sensor.total**2
-    noise = Fitted(
+    return Fitted(
         _short(sensor.total),
         unit,
         std=_short(sensor.noise**2 / sensor.total * loose),
@@ -148,19 +166,20 @@ def _noise(
         high=_short(np.hypot(high, sensor.rounding)),
         note=f"{_short(sensor.rounding, 2):g} of it rounding" if share > 0.02 else None,
     )
-    if loose_ar > LOOSEST_AR:
-        return sensor, noise, Fitted.unknown(mapped.noise_ar, "1", "too few samples to tell")
-    low, high = np.tanh(np.arctanh(sensor.ar) + np.array([-Z, Z]) * loose_ar)
-    ar = Fitted(
+
+
+def _coefficient(sensor: SensorNoise, loose: float) -> Fitted:
+    """The AR(1) coefficient; ``loose``: the standard deviation of its artanh."""
+    low, high = np.tanh(np.arctanh(sensor.ar) + np.array([-Z, Z]) * loose)
+    return Fitted(
         _short(sensor.ar),
         "1",
-        std=_short((1 - sensor.ar**2) * loose_ar),
+        std=_short((1 - sensor.ar**2) * loose),
         low=_short(low),
         high=_short(high),
     )
-    return sensor, noise, ar
 
 
 def _short(value: float, digits: int = 5) -> float:
-    """``value`` to as many digits as anyone will read."""
+    """``value`` to so many significant digits."""
     return float(f"{value:.{digits}g}")

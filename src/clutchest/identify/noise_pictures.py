@@ -1,4 +1,4 @@
-"""Pictures of what was found; the only module here that draws."""
+"""Pictures of the identified noise."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from clutchest.signals import Floats
 LAGS = 20
 
 
-def draw_noise(found: Mapping[str, SensorNoise], units: Mapping[str, str], folder: Path) -> None:
+def draw_noise(sensors: Mapping[str, SensorNoise], units: Mapping[str, str], folder: Path) -> None:
     """``noise.png``: per signal the quietest readings, and the autocorrelation of what is left
     of them against the fitted one."""
-    if not found:
+    if not sensors:
         return
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 2.2 * len(found)), layout="constrained")
+    figure = Figure(figsize=(10, 2.2 * len(sensors)), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(len(found), 2, squeeze=False, width_ratios=(2, 1))
-    for (name, sensor), (detail, noise_model) in zip(found.items(), axes, strict=True):
+    axes = figure.subplots(len(sensors), 2, squeeze=False, width_ratios=(2, 1))
+    for (name, sensor), (detail, noise_model) in zip(sensors.items(), axes, strict=True):
         quietest = int(np.argmin(np.nan_to_num(np.nanstd(sensor.windows, axis=1), nan=np.inf)))
         window = sensor.windows[quietest]
         detail.plot(window, ".-", lw=0.6, ms=3, label="readings")
@@ -36,7 +36,7 @@ def draw_noise(found: Mapping[str, SensorNoise], units: Mapping[str, str], folde
         )
         detail.set_ylabel(units[name])
         noise_model.stem(
-            range(LAGS + 1), autocorrelation(sensor.residuals), basefmt=" ", label="left over"
+            range(LAGS + 1), autocorrelation(sensor.residuals), basefmt=" ", label="residuals"
         )
         noise_model.plot(fitted_autocorrelation(sensor), "C1", lw=1.2, label="fitted")
         noise_model.set_ylim(-0.3, 1.05)

@@ -1,4 +1,4 @@
-"""Noise of one sensor: what of its readings is neither a smooth course nor the bus's step.
+"""Noise of one sensor: what of its readings is neither a smooth trend nor the bus's step.
 
 Readings are cut into windows.  Within a window the quantity itself is a straight line of unknown
 level and slope plus an integrated random walk of unknown strength; the noise is AR(1), the same in
@@ -7,7 +7,7 @@ what is left of each window without its straight line (restricted likelihood).  
 the walk differs from window to window: its distribution over a grid, nought included, is
 estimated with the rest (a nonparametric mixture).  Where enough of the log is quiet, a second
 pass has windows between two quiet ones only: a window must not be chosen by its own readings, or
-those whose slow noise happens to be large pass for wander, and what is left has too little of it.
+those whose slow noise happens to be large pass for drift, and what is left has too little of it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MOVING = 15.0  # −2 log likelihood ratio of a quiet window to a moving one; no
 CLUSTERED = 20  # windows from which on their scatter is trusted to widen the interval
 BELOW_STEP = 0.3  # of the bus step: smaller noise is hidden by rounding
 WANDER = np.sqrt(WINDOW**3 / 420)  # of a window less its line, over the steps of its slope
-APART = 5.0  # standard deviations from what all other samples of the window foretell
+APART = 5.0  # standard deviations from what all other samples of the window predict
 LEAST = 0.05  # of the bus step: smaller noise is as good as none
 _STARTS = (-0.3, 0.0, 0.3, 0.6, 0.8, 0.9, 0.95)
 _WALKS = np.concatenate([[0.0], 0.3 * 2.5 ** np.arange(12)])  # strength over the first guess
@@ -40,13 +40,13 @@ _WALKS = np.concatenate([[0.0], 0.3 * 2.5 ** np.arange(12)])  # strength over th
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """What the readings say of a sensor's noise.
+    """The noise of a sensor, estimated from its readings.
 
     ``noise``: standard deviation of the AR(1) part, in the signal's unit; ``ar``: its coefficient
     per sample; ``covariance`` (2, 2) of (log noise, artanh ar); ``step`` of the bus, 0 where the
     readings lie on no lattice; ``residuals`` (W, WINDOW): ``windows`` samples less straight line
-    and walk, NaN where missing; ``quiet``: enough of them are quiet to tell slow noise from what
-    the quantity itself does.
+    and walk, NaN where missing; ``quiet``: enough of them are quiet to separate slow noise from
+    what the quantity itself does.
     """
 
     noise: float
@@ -155,7 +155,7 @@ def far_off(row: Floats) -> NDArray[np.bool_]:
         apart = np.abs(row - np.median(around, axis=1))
         spread = median_std(apart[np.isfinite(apart)]) if np.isfinite(apart).any() else 0.0
         spread = max(spread, bus_step([row[np.isfinite(row)]]))
-        # on a steep course the neighbours lie apart from each other as well
+        # on a steep trend the neighbours lie apart from each other as well
         return apart > OUTLIER * spread + np.ptp(around, axis=1)
 
 
@@ -176,17 +176,18 @@ def estimate(windows: Windows, step: float) -> SensorNoise | None:
     values = np.where(whole.apart(theta), np.nan, windows.values)
     usable = np.isnan(values).sum(axis=1) <= MISSING
     quiet = usable & whole.quiet(theta)
-    calm = usable & windows.between(quiet) & ~whole.moving(theta)
-    if calm.sum() >= CLUSTERED:  # where little else moves, little else can be mistaken for noise
-        input_noise_directions = likelihood.input_noise_directions[
-            likelihood.input_noise_directions <= _quietest(theta, 2 * QUIET)
+    quiet_ones = usable & windows.between(quiet) & ~whole.moving(theta)
+    # where little else moves, little else can be mistaken for noise
+    if quiet_ones.sum() >= CLUSTERED:
+        walk_strengths = likelihood.walk_strengths[
+            likelihood.walk_strengths <= _quietest(theta, 2 * QUIET)
         ]
         likelihood = _Likelihood(
-            _thinned(values[calm]), step, input_noise_directions, likelihood.rough
+            _thinned(values[quiet_ones]), step, walk_strengths, likelihood.rough
         )
     elif usable.any():
         rows = _thinned(values[usable])
-        likelihood = _Likelihood(rows, step, likelihood.input_noise_directions, likelihood.rough)
+        likelihood = _Likelihood(rows, step, likelihood.walk_strengths, likelihood.rough)
     theta = _maximise(likelihood)
     return SensorNoise(
         noise=float(np.exp(theta[0])),
@@ -232,28 +233,24 @@ class _Likelihood:
         self,
         windows: Floats,
         step: float,
-        input_noise_directions: Floats | None = None,
+        walk_strengths: Floats | None = None,
         rough: float = 0.0,
     ) -> None:
         self.windows, self.step = windows, step
-        self.holes = np.isnan(windows)
-        filled = np.where(self.holes, 0.0, windows - np.nanmean(windows, axis=1, keepdims=True))
+        self.missing = np.isnan(windows)
+        filled = np.where(self.missing, 0.0, windows - np.nanmean(windows, axis=1, keepdims=True))
         self.filled = filled
         self.second = np.ascontiguousarray(np.diff(filled, 2, axis=1).T)
         self.rough = rough or _scatter(np.diff(windows, 2, axis=1))
         self.guess = self.noise_for(0.0)
-        self.input_noise_directions = (
-            self.guess / WANDER * _WALKS
-            if input_noise_directions is None
-            else input_noise_directions
+        self.walk_strengths = (
+            self.guess / WANDER * _WALKS if walk_strengths is None else walk_strengths
         )
-        self.weights = np.full(
-            len(self.input_noise_directions), 1 / len(self.input_noise_directions)
-        )
+        self.weights = np.full(len(self.walk_strengths), 1 / len(self.walk_strengths))
 
     def over(self, windows: Floats) -> _Likelihood:
-        """The same distribution of walks over other ``windows`` (W, WINDOW)."""
-        other = _Likelihood(windows, self.step, self.input_noise_directions, self.rough)
+        """The same distribution of walk strengths over other ``windows`` (W, WINDOW)."""
+        other = _Likelihood(windows, self.step, self.walk_strengths, self.rough)
         other.weights = self.weights
         return other
 
@@ -266,7 +263,7 @@ class _Likelihood:
         return float(self.each(theta).sum())
 
     def each(self, theta: Floats, refit: bool = True) -> Floats:
-        """−2 log likelihood of every window; ``refit`` the distribution of walks first."""
+        """−2 log likelihood of every window; ``refit`` the distribution of walk strengths first."""
         if abs(theta[1]) > 3.0 or abs(theta[0] - np.log(self.guess)) > 8.0:
             return np.full(len(self.windows), 1e9)  # AR beyond ±0.995: no noise any more
         if np.exp(theta[0]) < LEAST * self.step:
@@ -275,20 +272,16 @@ class _Likelihood:
         top = table.min(axis=1, keepdims=True)
         ratio = np.exp(-(table - top) / 2)
         if refit:
-            self.weights = np.full(
-                len(self.input_noise_directions), 1 / len(self.input_noise_directions)
-            )
+            self.weights = np.full(len(self.walk_strengths), 1 / len(self.walk_strengths))
             for _ in range(60):  # expectation maximisation, each time afresh
                 shares = ratio * self.weights
                 self.weights = np.mean(shares / shares.sum(axis=1, keepdims=True), axis=0)
         return top[:, 0] - 2 * np.log(ratio @ self.weights)
 
     def table(self, theta: Floats) -> Floats:
-        """−2 log likelihood (W, walks) of every window under every strength of the walk."""
+        """−2 log likelihood (W, strengths) of every window under every strength of the walk."""
         row = toeplitz_row(self.autocovariance(theta))
-        table: Floats = window_likelihood.table(
-            row, self.input_noise_directions, self.second, self.holes
-        )
+        table: Floats = window_likelihood.table(row, self.walk_strengths, self.second, self.missing)
         return table
 
     def autocovariance(self, theta: Floats) -> Floats:
@@ -298,7 +291,7 @@ class _Likelihood:
         row = noise**2 * ar**lag
         if self.step:
             # Rounding errors of neighbours agree while both fall into one step: an average over
-            # all places of the course between steps (Fourier series of the sawtooth).
+            # all places of the trend between steps (Fourier series of the sawtooth).
             moved = 2 * noise**2 * (1 - ar**lag)
             k = np.arange(1, 6)[:, None]
             agree = np.exp(-2 * np.pi**2 * k**2 * moved / self.step**2) / k**2
@@ -310,7 +303,7 @@ class _Likelihood:
         scores where that is wider (the model is never quite true)."""
         h = 0.02
         unit = h * np.eye(2)
-        # the distribution of walks moves along: its own doubt is in the curvature as well
+        # the distribution of walk strengths moves along: its own doubt is in the curvature as well
         at = {
             (i, j): self.total(theta + i * unit[0] + j * unit[1])
             for i in (-1, 0, 1)
@@ -333,42 +326,42 @@ class _Likelihood:
         return inverse * np.outer(wider, wider)
 
     def shares(self, theta: Floats) -> Floats:
-        """Probability (W, walks) of every walk in every window."""
+        """Probability (W, strengths) of every walk in every window."""
         table = self.table(theta)
         shares = np.exp(-(table - table.min(axis=1, keepdims=True)) / 2) * self.weights
         return shares / shares.sum(axis=1, keepdims=True)
 
     def quiet(self, theta: Floats) -> NDArray[np.bool_]:
         """Windows (W,) in which the quantity itself moves less than the noise."""
-        calm = self.input_noise_directions <= _quietest(theta, QUIET)
-        return self.shares(theta)[:, calm].sum(axis=1) > 0.5
+        quiet_ones = self.walk_strengths <= _quietest(theta, QUIET)
+        return self.shares(theta)[:, quiet_ones].sum(axis=1) > 0.5
 
     def moving(self, theta: Floats) -> NDArray[np.bool_]:
         """Windows (W,) in which the quantity moves, beyond what noise could feign."""
         table = self.table(theta)
-        calm = self.input_noise_directions <= _quietest(theta, QUIET)
-        return table[:, calm].min(axis=1) - table.min(axis=1) > MOVING
+        quiet_ones = self.walk_strengths <= _quietest(theta, QUIET)
+        return table[:, quiet_ones].min(axis=1) - table.min(axis=1) > MOVING
 
     def apart(self, theta: Floats) -> NDArray[np.bool_]:
         """Samples (W, WINDOW) far from what the others of their window foretell."""
         likeliest = np.argmax(self.shares(theta), axis=1)
         row = toeplitz_row(self.autocovariance(theta))
-        found = np.zeros(self.windows.shape, bool)
+        far = np.zeros(self.windows.shape, bool)
         differences = np.diff(np.eye(WINDOW), 2, axis=0)
         for j in np.unique(likeliest):
-            half = whiten(factor(row, self.input_noise_directions[j]), differences)
+            half = whiten(factor(row, self.walk_strengths[j]), differences)
             precision = half.T @ half
             for w in np.flatnonzero(likeliest == j):
-                holes = self.holes[w]
+                missing = self.missing[w]
                 pull = half.T @ (half @ self.filled[w])
-                if holes.any():  # as if they had been read where the others foretell them
-                    solved = np.linalg.solve(precision[np.ix_(holes, holes)], pull[holes])
-                    pull = pull - precision[:, holes] @ solved
-                found[w] = np.abs(pull) > APART * np.sqrt(np.diag(precision))
-        return found & ~self.holes
+                if missing.any():  # as if they had been read where the others predict them
+                    solved = np.linalg.solve(precision[np.ix_(missing, missing)], pull[missing])
+                    pull = pull - precision[:, missing] @ solved
+                far[w] = np.abs(pull) > APART * np.sqrt(np.diag(precision))
+        return far & ~self.missing
 
     def residuals(self, theta: Floats) -> Floats:
-        """Readings less the expected line and walk, each window under its likeliest walk."""
+        """Readings less the expected line and walk, each window under its most probable walk."""
         from scipy.linalg import toeplitz
 
         likeliest = np.argmax(self.shares(theta), axis=1)
@@ -377,8 +370,8 @@ class _Likelihood:
         left = np.empty(self.windows.shape)
         for j in np.unique(likeliest):
             rows = np.flatnonzero(likeliest == j)
-            lower = factor(row, self.input_noise_directions[j])
+            lower = factor(row, self.walk_strengths[j])
             white = whiten(lower, np.diff(own, 2, axis=0))
             left[rows] = whiten(lower, self.second[:, rows]).T @ white
-        left[self.holes.any(axis=1)] = np.nan
+        left[self.missing.any(axis=1)] = np.nan
         return left

@@ -1,4 +1,4 @@
-"""Restricted likelihood of windows: a straight line, a walk of its slope, coloured noise.
+"""Restricted likelihood of windows: a straight line, random walk of its slope, AR(1) noise.
 
 Second differences of a window are free of any straight line.  In them the walk is white, and
 whatever is stationary stays so: their covariance is the fourth difference of the noise's
@@ -66,9 +66,9 @@ def _differences(n: int) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def _of_holes(half: Floats, white: Floats, holes: NDArray[np.bool_]) -> float:
+def _of_missing(half: Floats, white: Floats, missing: NDArray[np.bool_]) -> float:
     """What integrating over the missing samples of one window adds to −2 log likelihood."""
-    places = np.flatnonzero(holes)
+    places = np.flatnonzero(missing)
     m, n = len(places), len(half)
     block, side = np.zeros((m, m)), np.zeros(m)
     for a in range(m):
@@ -92,28 +92,28 @@ def _of_holes(half: Floats, white: Floats, holes: NDArray[np.bool_]) -> float:
 
 @njit(cache=True, error_model="numpy")
 def table(
-    row: Floats, input_noise_directions: Floats, second: Floats, holes: NDArray[np.bool_]
+    row: Floats, walk_strengths: Floats, second: Floats, missing: NDArray[np.bool_]
 ) -> Floats:
-    """−2 log likelihood (W, walks) of windows, a constant left out.
+    """−2 log likelihood (W, len(walk_strengths)) of windows, a constant left out.
 
-    ``row`` as of :func:`toeplitz_row`; ``walks`` strengths, standard deviation of the slope's
+    ``row`` as of :func:`toeplitz_row`; ``walk_strengths``: standard deviation of the slope's
     steps; ``second`` (n−2, W) second differences of the readings, any number in place of missing
-    ones; ``holes`` (W, n) True where a sample is missing.
+    ones; ``missing`` (W, n) True where a sample is missing.
     """
     count = second.shape[1]
-    result = np.empty((count, len(input_noise_directions)))
-    any_hole = np.array([holes[w].any() for w in range(count)])
-    differences = _differences(holes.shape[1])
-    for d in range(len(input_noise_directions)):
-        lower = factor(row, input_noise_directions[d])
+    result = np.empty((count, len(walk_strengths)))
+    any_missing = np.array([missing[w].any() for w in range(count)])
+    differences = _differences(missing.shape[1])
+    for d in range(len(walk_strengths)):
+        lower = factor(row, walk_strengths[d])
         white = whiten(lower, second)
         constant = 2.0 * np.log(np.diag(lower)).sum()
-        half = whiten(lower, differences) if any_hole.any() else differences
+        half = whiten(lower, differences) if any_missing.any() else differences
         for w in range(count):
             value = constant
             for k in range(len(white)):
                 value += white[k, w] * white[k, w]
-            if any_hole[w]:
-                value += _of_holes(half, white[:, w], holes[w])
+            if any_missing[w]:
+                value += _of_missing(half, white[:, w], missing[w])
             result[w, d] = value
     return result

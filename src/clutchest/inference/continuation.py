@@ -1,4 +1,4 @@
-"""Continuation: a fit with numbers implausibly far from their priors, led back towards them.
+"""Continuation: a fit with numbers implausibly far from their priors is continued towards them.
 
 Two numbers of which the data determine the product, as heat and what it expands, share a bent
 ridge.  Steps end on it wherever it bends, though it may be far from where their priors are.
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from clutchest.inference.map_fit import SLIGHT, improve
 from clutchest.inference.objective import Linearisation, Objective
 
-ODD = 3.0  # standard deviations of its prior, from which on a number is led back
+ODD = 3.0  # standard deviations of its prior, from which on a number is continued towards it
 SHARES = (0.75, 0.5, 0.25, 0.0)  # of its distance, at which it is held in turn
 
 

@@ -1,7 +1,7 @@
-"""A timeline with the events that tell nothing new left out.
+"""Decimation: a timeline without the events that carry no further information.
 
 A closed clutch says little a hundred times a second: its position at rest moves with temperatures
-that take seconds, and while it is locked the engine's speed tells only where the next slip starts.
+that take seconds, and while it is locked the tracked speed decides only where the next slip starts.
 Nor do samples of inputs, between readings: a straight line from one reading to the next has the
 same integral as the bent one, but for what it is off at its two ends.
 """
@@ -22,7 +22,7 @@ RESTED = 0.25  # s; readings of a clutch at rest are averaged over this
 BENT = 0.05  # s; the same where they turn, as where the disc's expansion meets its cap
 TURNS = 5.0  # standard deviations of a change of slope from one such mean to the next
 SOON = 0.006  # s; as near to a reading as this, an input has no bend of its own
-NEAR = 0.3  # s before and after a regime in which they tell more, all readings stay
+NEAR = 0.3  # s before and after a regime in which they carry more, all readings stay
 
 
 def decimated(line: Timeline, model: Model) -> Timeline:
@@ -111,5 +111,5 @@ def _bends(
     if len(inner):
         second = np.abs(mean[inner - 1] - 2.0 * mean[inner] + mean[inner + 1])
         white = np.sqrt(variance[inner - 1] + 4.0 * variance[inner] + variance[inner + 1])
-        turn[inner] = second / np.maximum(white, median_std(second))  # coloured noise: more
+        turn[inner] = second / np.maximum(white, median_std(second))  # autocorrelated noise: more
     return (turn > TURNS)[stretch]

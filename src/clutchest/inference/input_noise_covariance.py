@@ -1,9 +1,10 @@
 """What noise of the inputs does to states that no reading corrects.
 
 The clutch is heated by the torque at a measured position and the slip of a measured speed, and
-their noise is summed up in its temperatures: a walk that parameters and causes would otherwise
-have to explain, since a fit takes everything for exact that it does not estimate.  So readings are
-known to scatter along certain directions, each that of the noise in one part of the drive.
+their noise is summed up in its temperatures: a random walk that parameters and causes would
+otherwise have to explain, since a fit takes everything for exact that it does not estimate.  So
+readings are known to scatter along certain directions, each that of the noise in one part of the
+drive.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class InputNoiseCovariance:
         return cls(columns @ (turned / strong), strong, turned)
 
     def whiten_in_place(self, table: Floats) -> None:
-        """Take from white readings (K, k) what makes them scatter more along the walk."""
+        """Take from white readings (K, k) what makes them scatter more along these directions."""
         more = 1.0 - 1.0 / np.sqrt(1.0 + self.strong**2)
         share = more[:, None] * (self.along.T @ table)
         for begin in range(0, len(table), SOME):  # memory for some, not for all

@@ -1,4 +1,4 @@
-"""NormalisedInnovations of a drive at given numbers, and their derivatives by every unknown.
+"""Innovations of a drive at given numbers, and their derivatives by every unknown.
 
 A linearisation is a function: numbers and an operating point in; innovations, derivatives and the
 operating point that the numbers imply out.  Innovations depend on the numbers alone; derivatives
@@ -50,7 +50,7 @@ class Modulation(NamedTuple):
 def linearise(
     drive: PreparedDrive, numbers: ModelNumbers, at: OperatingPoint, active: NDArray[np.int64]
 ) -> LinearResponse:
-    """NormalisedInnovations, and derivatives by the ``active`` thetas (a) of the compiled model."""
+    """Innovations, and derivatives by the ``active`` thetas (a) of the compiled model."""
     return _linearised(drive, numbers, at, active, drive.gains, frozen=True)
 
 

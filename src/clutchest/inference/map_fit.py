@@ -1,4 +1,11 @@
-"""The most probable numbers: Gauss–Newton steps on innovations made white, with priors."""
+"""The most probable numbers: Gauss–Newton steps on innovations made white, with priors.
+
+Why not ``scipy.optimize.least_squares``: from the same begin on the same objective, 32 fits of one
+cause to 8 drives of the blind suite (strong causes among them, from costs of 2000 on) took 7.9
+evaluations each and 50 s altogether here, 15.0 and 88 s there (tolerances 1e-4; 18.9 and 106 s with
+1e-6).  Costs agree within 0.1 but for three fits of rivals that lag by 100 and more, which end 1 to
+2 higher here, and one that ends higher there.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +47,7 @@ COARSE, FINE = Tolerance(), Tolerance(1e-4, 0.0)
 
 def settle(objective: Objective, theta: Floats) -> tuple[Objective, Linearisation]:
     """The most probable nuisances with gains as in ``theta``, and an objective with the noise model
-    of what is left: a step for the one, an estimate of the other, in turns."""
+    of what is left: a step for the one, an estimate of the other, alternately."""
     free = objective.problem.nuisances
     lin = improve(objective, cooled(objective, objective.linearise_at(theta), free), free)
     for _ in range(TURNS):

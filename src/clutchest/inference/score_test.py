@@ -96,7 +96,7 @@ class Projected:
     """Columns (K, C) with what n nuisances can explain of them taken out.
 
     ``weight`` (n, C) by how much each nuisance stands in for a column, ``pure`` (K, C) what none
-    takes up, ``score`` (C) and its ``information`` (C, C); ``away`` (q, C): how scores answer to
+    takes up, ``score`` (C) and its ``information`` (C, C); ``away`` (q, C): how scores respond to
     the nuisances that have a prior.
     """
 

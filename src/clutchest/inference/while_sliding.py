@@ -1,4 +1,4 @@
-"""What the equations make of a drive while the surfaces slide, at even steps in time: events come
+"""Quantities of the equations while the surfaces slide, at even steps in time: events come
 closer together where more happens, and would count it more often."""
 
 from __future__ import annotations
