@@ -105,10 +105,10 @@ def _equations(
 ) -> tuple[FaultTestResults | None, str]:
     machine = run.vehicle.machine
     if not machine.faults:
-        return None, f"'{machine.name}' declares no faults of its equations"
+        return None, f"'{machine.name}' declares no faults that its equations show"
     lacking = [name for name in machine.fault_signals if name not in signals]
     if lacking:
-        return None, f"without {', '.join(lacking)} the equations show no fault"
+        return None, f"the fault tests of the equations need {', '.join(lacking)}"
     try:
         blocks = blocks_of(signals, run.vehicle, effects_for(machine), progress)
     except ClutchestError as problem:
