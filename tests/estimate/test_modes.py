@@ -131,3 +131,11 @@ def test_without_slip_or_torque_nothing_winds_up() -> None:
     without_slip = pressing(time, torque, None, 1 / 4e4, lost, 0.1).mode
     assert np.all(without_slip == Mode.slipping)
     assert np.all(pressing(time, None, torque, 1 / 4e4, lost, 0.1).mode == Mode.open)
+
+
+def test_an_actuator_about_to_leave_its_home_is_not_retracted():
+    slip, position, motor = (column[::-1] for column in launch())
+    regimes = modes(slip, position, motor, guard=0.2)
+    leaves = T[np.argmax(motor > 0.3)]
+    last = T[np.flatnonzero(regimes.mode == Mode.retracted)[-1]]
+    assert last == pytest.approx(leaves - 0.2, abs=0.011)
