@@ -11,12 +11,12 @@ from clutchest.discovery.result import (
     Cause,
     Discovery,
     Experiment,
-    Found,
     Gain,
     Identifiable,
     Level,
     Misfit,
     Rival,
+    Size,
     Where,
 )
 from clutchest.models.error_curve import ErrorCurve
@@ -31,14 +31,12 @@ NO_GAIN = Gain(1.011, 1.010, 900.0, 899.4, 21.6, 21.5, (-1.2, 2.3))
 FADE = Cause(
     "friction_fade",
     "torque",
-    {"slope": Found(0.1234, 0.0113), "onset": Found(160.0, 0.0)},
+    {"slope": Size(0.1234, 0.0113), "onset": Size(160.0, 0.0)},
     81.3,
     3e-15,
 )
-WEAR = Cause("wear", "zero_position", {"amount": Found(0.41, 0.06)}, 44.0, 2e-9)
-OFFSET = Cause(
-    "position_offset", "sensor:slave_position", {"offset": Found(-0.4, 0.06)}, 43.8, 2e-9
-)
+WEAR = Cause("wear", "zero_position", {"amount": Size(0.41, 0.06)}, 44.0, 2e-9)
+OFFSET = Cause("position_offset", "sensor:slave_position", {"offset": Size(-0.4, 0.06)}, 43.8, 2e-9)
 
 CURVE = ErrorCurve("torque", "slip_speed", (0.0, 100.0, 200.0), (0.1, 0.2, 0.4))
 

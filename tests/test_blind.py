@@ -242,7 +242,7 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
     from blind.drives import Drive
     from blind.oracle import Oracle
 
-    from clutchest.discovery.search import Search
+    from clutchest.discovery.search import begin
     from clutchest.inference.problem import Problem
 
     gains = (
@@ -260,12 +260,10 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
         number = next(n for n in effects[name].gains if n.key == key)
         size = min(5.0 / oracle.per_largest(gain), 1.0) * number.upper
         hidden = {name: {key: size}}
-        search = Search.begin(
-            Problem.of(drive.signals(hidden), drive.vehicle, tuple(effects.values()))
-        )
-        own = [i for i, candidate in enumerate(search.all) if candidate.name == name]
+        search = begin(Problem.of(drive.signals(hidden), drive.vehicle, tuple(effects.values())))
+        own = [i for i, candidate in enumerate(search.candidates) if candidate.name == name]
         promised = oracle.distance(oracle.twin(hidden))
-        off.append(search.first.z[own].max() - promised)
+        off.append(search.null_scores.z[own].max() - promised)
     assert np.sum(np.square(off)) < chi2.isf(0.001, len(off)), off
 
 

@@ -44,11 +44,18 @@ def search(monkeypatch):
             self.asked: list[dict] = []
 
         def __call__(
-            self, signals, vehicle, *, holdout=None, effects_files=(), progress=None, told=None
+            self,
+            signals,
+            vehicle,
+            *,
+            holdout=None,
+            effects_files=(),
+            progress=None,
+            on_identifiability=None,
         ):
             progress("trying causes", 0.5)
-            if told:
-                told(self.answer.identifiability)
+            if on_identifiability:
+                on_identifiability(self.answer.identifiability)
             self.asked.append(
                 {"signals": signals, "vehicle": vehicle, "holdout": holdout, "files": effects_files}
             )

@@ -16,6 +16,6 @@ def test_a_disc_that_expands_no_further_is_not_taken_for_fade(monkeypatch):
     file's numbers a fit ends at 106 K, with too much torque there."""
     drive = simulate("truck", "launches", 3622288273, duration=1003.0, noise_ar=0.0)
     assert discovering.discover(drive, "truck").verdict == "none"
-    monkeypatch.setattr(verdict, "cause_beyond", lambda search: False)
+    monkeypatch.setattr(verdict, "cause_in_alternative_mode", lambda search: (search, False))
     found = discovering.discover(drive, "truck")
     assert [cause.effect for cause in found.causes] == ["friction_fade"]

@@ -1,4 +1,4 @@
-"""Causes beside others, before the judgement of drives held out."""
+"""Backward elimination of causes that held-out drives do not confirm."""
 
 from types import SimpleNamespace
 
@@ -15,20 +15,23 @@ class Searched:
     def __init__(self, p_of: dict[str, float]) -> None:
         self.p_of = p_of
         self.best = SimpleNamespace(
-            chosen=tuple(SimpleNamespace(name=name, index=i) for i, name in enumerate(p_of))
+            causes=tuple(SimpleNamespace(name=name, index=i) for i, name in enumerate(p_of))
         )
 
     def established(self, cause, of):
         assert of is self.best
         return 50.0, self.p_of[cause.name]
 
-    def without(self, cause):
-        return SimpleNamespace(chosen=tuple(c for c in self.best.chosen if c is not cause))
+    def without(self, cause, of):
+        assert of is self.best
+        return SimpleNamespace(causes=tuple(c for c in of.causes if c is not cause))
 
-    def settle_for(self, fewer):
-        self.best = fewer
+    def reduced_to(self, fewer):
+        reduced = Searched(self.p_of)
+        reduced.best = fewer
+        return reduced
 
-    def stays(self, more, than):
+    def keeps_best(self, more, than):
         return more > 2.0
 
 
@@ -36,17 +39,17 @@ def backward_eliminated(monkeypatch, p_of, gains):
     """Names that are left, and those taken back; ``gains``: what each brings on other drives."""
     search = Searched(p_of)
 
-    def on_another(search, best, other, than):
-        (gone,) = {c.name for c in best.chosen} - {c.name for c in than.chosen}
+    def held_out_gain(search, best, other, than):
+        (gone,) = {c.name for c in best.causes} - {c.name for c in than.causes}
         return SimpleNamespace(total=gains[gone])
 
-    monkeypatch.setattr(verdict, "on_another", on_another)
-    dropped = verdict.backward_eliminated(search, lambda: None)
-    return {c.name for c in search.best.chosen}, dropped
+    monkeypatch.setattr(verdict, "held_out_gain", held_out_gain)
+    search, dropped = verdict.backward_eliminated(search, lambda: None)
+    return {c.name for c in search.best.causes}, dropped
 
 
 @pytest.mark.parametrize(("gain", "kept"), [(5.0, True), (0.5, False), (-5.0, False)])
-def test_a_doubtful_cause_must_be_borne_out(monkeypatch, gain, kept):
+def test_a_doubtful_cause_must_be_confirmed(monkeypatch, gain, kept):
     left, dropped = backward_eliminated(monkeypatch, {"a": SURELY, "b": DOUBTFUL}, {"b": gain})
     assert left == ({"a", "b"} if kept else {"a"})
     assert dropped == ([] if kept else ["b"])

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from clutchest.discovery.candidates import Candidate, candidates, settings
+from clutchest.discovery.candidates import CandidateCause, candidates, settings
 from clutchest.models import machine_of
 from clutchest.models.effects import Effect, Number
 
@@ -78,7 +78,7 @@ def test_settings_are_the_shapes_of_those_chosen():
 
 def test_a_candidate_is_a_value():
     one, two = candidates(problem(Bumpy())), candidates(problem(Bumpy()))
-    assert isinstance(one[0], Candidate)
+    assert isinstance(one[0], CandidateCause)
     with pytest.raises(AttributeError):
         one[0].index = 3  # type: ignore[misc]
     assert one[0].shapes == two[0].shapes

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.discovery import discover as discovering
 from clutchest.discovery import verdict
 from clutchest.discovery.discover import discover
+from clutchest.discovery.held_out import with_signals_of
 from clutchest.discovery.result import Discovery
 from clutchest.errors import ClutchestError
 from clutchest.inference.problem import CLOCK, TIMING, Problem
@@ -49,10 +49,10 @@ def test_of_drives_held_out_the_signals_of_the_log_count_and_every_drive():
     both = replace(one, later=(two,))
     for holdout in ([one, two], [both], both):
         drives = [d for each in ([holdout] if holdout is both else holdout) for d in each.drives]
-        alike = discovering._alike(plain, drives, "dry_clutch")
+        alike = with_signals_of(plain, drives, "dry_clutch")
         assert len(alike) == 2 and all(set(d) == set(plain) for d in alike)
-    assert len(discovering._alike(log, [without(one, "coolant_temp")], "dry_clutch")) == 1
-    assert discovering._alike(log, [], "dry_clutch") == ()
+    assert len(with_signals_of(log, [without(one, "coolant_temp")], "dry_clutch")) == 1
+    assert with_signals_of(log, [], "dry_clutch") == ()
 
 
 def test_a_drive_held_out_must_be_another():
@@ -131,7 +131,7 @@ def test_what_other_drives_speak_against_is_refused_or_no_finding(monkeypatch):
     assert found.verdict == "named"  # it is there beyond doubt
     assert found.extended.effects == TRUCK.effects
     assert any("does not pay" in w for w in found.warnings)
-    monkeypatch.setattr(verdict, "SURE", 0.0)  # as if it might as well be noise
+    monkeypatch.setattr(verdict, "ESTABLISHED", 0.0)  # as if it might as well be noise
     found = discover(one, TRUCK, holdout=others)
     assert found.verdict == "none"
     assert found.causes == () and found.gain is None and found.where is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from clutchest.discovery.holdout_curves import Transfer
+from clutchest.discovery.holdout_curves import HeldOutCurves
 from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction
 from clutchest.discovery.residual_curves import Curve
 from clutchest.signals import Floats
@@ -33,12 +33,12 @@ def held_out_prediction(white: Floats) -> HeldOutPrediction:
     return HeldOutPrediction(AT, white, white, AT, NONE, 0.0)
 
 
-def transfer(misfit: Floats, *left: tuple[Curve, Floats]) -> Transfer:
+def transfer(misfit: Floats, *left: tuple[Curve, Floats]) -> HeldOutCurves:
     """Drives with a ``misfit`` of which each curve leaves what stands beside it."""
     columns = np.column_stack([misfit, *(rest for _, rest in left)])
     span = np.linalg.svd(columns, full_matrices=False)[0]
     curves = tuple(curve for curve, _ in left)
-    return Transfer(
+    return HeldOutCurves(
         curves,
         span,
         held_out_prediction(misfit),
@@ -56,7 +56,7 @@ def test_what_goes_with_it_on_another_road_comes_first(misfit: Floats) -> None:
         misfit, (curve("temp_disc", 100.0), 0.9 * misfit), (curve("temp_body", 95.0), 0.1 * misfit)
     )
     assert [c.covariate for c in carried.ranked()] == ["temp_body", "temp_disc"]
-    chosen, gain = carried.patch([True, True])
+    chosen, gain = carried.best([True, True])
     assert chosen is carried.curves[1]
     assert gain is not None
     assert gain.total == pytest.approx((1 - 0.1**2) * np.sum(misfit**2) / 2.0)
@@ -76,10 +76,10 @@ def test_time_is_not_refuted_by_another_drive_and_patches_only_where_it_pays(
         misfit, (curve("time", 100.0), 2.0 * misfit), (curve("temp_body", 95.0), 1.1 * misfit)
     )
     assert worse.ranked()[0].covariate == "time"
-    assert worse.patch([True, True])[0] is worse.curves[1]
-    assert worse.patch([True, False]) == (None, None)
+    assert worse.best([True, True])[0] is worse.curves[1]
+    assert worse.best([True, False]) == (None, None)
     better = transfer(misfit, (curve("time", 100.0), 0.5 * misfit))
-    assert better.patch([True])[0] is better.curves[0]
+    assert better.best([True])[0] is better.curves[0]
 
 
 def test_a_gain_is_not_measured_where_the_curve_was_chosen() -> None:
@@ -92,11 +92,11 @@ def test_a_gain_is_not_measured_where_the_curve_was_chosen() -> None:
         (curve("temp_disc", 0.0), lucky_first * misfit),
         (curve("temp_body", 0.0), lucky_second * misfit),
     )
-    gain = carried.patch([True, True])[1]
+    gain = carried.best([True, True])[1]
     assert gain is not None
     assert gain.total == pytest.approx((1 - 1.5**2) * np.sum(misfit**2) / 2.0)
 
 
 def test_nothing_that_the_equations_can_follow_is_no_patch(misfit: Floats) -> None:
     carried = transfer(misfit, (curve("position_rate", 100.0), 0.1 * misfit))
-    assert carried.patch([False]) == (None, None)
+    assert carried.best([False]) == (None, None)

@@ -71,7 +71,7 @@ def discover(
             holdout=held_out,
             effects_files=tuple(effects or ()),
             progress=show,
-            told=None if as_json else lambda tells: print_identifiable(tells, Console()),
+            on_identifiability=None if as_json else lambda i: print_identifiable(i, Console()),
         )
         show("writing", None)
         names = [path.name for path in write_discovery(found, out)]

@@ -1,31 +1,34 @@
-"""Numbers past a threshold of some state, where they do as much as a cause."""
+"""Alternative modes of the posterior: values of the unknowns past a threshold of some state, which
+may improve the fit as much as a cause."""
 
 from __future__ import annotations
 
-from clutchest.discovery.search import Hypothesis, Search
+from dataclasses import replace
+
+from clutchest.discovery.cause_set import CauseSet, cost_of
+from clutchest.discovery.search import Search
 from clutchest.inference.multistart import multistart
 
 
-def model_in_alternative_mode(search: Search) -> bool:
-    """Whether the model as it is explains the data better past a threshold: then it is there."""
+def model_in_alternative_mode(search: Search) -> Search | None:
+    """The search begun again in a mode in which the model without a cause fits better; None where
+    there is none."""
     null = search.objective.linearise_at(search.null.fit.theta)
     fit = multistart(search.objective, null, search.free(()))
-    if fit is not None:
-        search.move_to(Hypothesis((), fit))
-    return fit is not None
+    return None if fit is None else search.restarted_at(CauseSet((), fit))
 
 
-def cause_in_alternative_mode(search: Search) -> bool:
-    """Whether one of the best's causes brings too little beside numbers past a threshold: then it
-    goes, and there may be others to find."""
-    for cause in search.best.chosen:
-        fewer = search.without(cause)
-        fit = multistart(search.objective, fewer.fit, search.free(fewer.chosen))
+def cause_in_alternative_mode(search: Search) -> tuple[Search, bool]:
+    """Whether one of the best's causes is superfluous in another mode: it is dropped, and the
+    search is to go on from there."""
+    for cause in search.best.causes:
+        fewer = search.without(cause, search.best)
+        fit = multistart(search.objective, fewer.fit, search.free(fewer.causes))
         if fit is None:
             continue
-        there, again = Hypothesis(fewer.chosen, fit), search.fitted(search.best.chosen, fit)
-        search.best = best = min(search.best, again, key=lambda h: h.cost)
+        there, same = CauseSet(fewer.causes, fit), search.fitted(search.best.causes, fit)
+        best = min(search.best, same, key=cost_of)
+        search = replace(search, best=best)
         if there.cost - best.cost < search.least_gain(there):
-            search.move_to(there)
-            return True
-    return False
+            return search.restarted_at(there), True
+    return search, False

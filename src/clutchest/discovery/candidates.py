@@ -12,7 +12,7 @@ from clutchest.models.effects import Effect, Number
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class CandidateCause:
     """``index`` of its gain in θ; ``shapes`` (key, value) of its effect."""
 
     effect: Effect
@@ -31,10 +31,10 @@ class Candidate:
         return f"{self.name}.{self.gain.key}"
 
 
-def candidates(problem: Problem) -> tuple[Candidate, ...]:
+def candidates(problem: Problem) -> tuple[CandidateCause, ...]:
     """Every gain of every effect, at every value of the grids of its shapes."""
     return tuple(
-        Candidate(effect, gain, problem.index(f"{effect.name}.{gain.key}"), shapes)
+        CandidateCause(effect, gain, problem.index(f"{effect.name}.{gain.key}"), shapes)
         for effect in problem.effects.values()
         if not effect.name.startswith(PREFIX)
         for gain in effect.gains
@@ -49,7 +49,7 @@ def _grid(effect: Effect) -> Iterator[tuple[tuple[str, float], ...]]:
 
 
 def settings(
-    chosen: tuple[Candidate, ...],
+    causes: tuple[CandidateCause, ...],
 ) -> dict[tuple[str, str], float]:
     """The shapes of a set of candidates as :class:`Problem` takes them."""
-    return {(c.name, key): value for c in chosen for key, value in c.shapes}
+    return {(c.name, key): value for c in causes for key, value in c.shapes}

@@ -6,38 +6,38 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from clutchest.discovery.candidates import Candidate, settings
+from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.result import Experiment
 from clutchest.errors import ClutchestError
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ScoreTest, d_prime, score_test
+from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.signals import Signals
-from clutchest.vehicle import Vehicle
 
-APART = 4.0  # standard deviations at which two causes are separated
+SEPARATED = 4.0  # standard deviations at which two causes are separated
 SEED = 1  # of the simulated manoeuvres
 
-Sized = tuple[Candidate, float]  # and its size, in its unit
+Sized = tuple[CandidateCause, float]  # and its size, in its unit
 
 
 def propose(
     rivals: Sequence[Sized],
     beside: Sequence[Sized],
-    vehicle: Vehicle,
-    scenarios: Sequence[str],
+    machine: Machine,
     simulated: Callable[[str, dict[str, dict[str, float]]], Signals],
     problem_of: Callable[[Signals], Problem],
     progress: Progress | None = None,
 ) -> Experiment:
-    """The manoeuvre in which the closest two of ``rivals`` lie furthest apart, each judged by one
-    simulated drive with the first rival in it, and the causes ``beside`` it that are certain."""
+    """The manoeuvre in which the closest two of ``rivals`` are separated best, each judged by one
+    drive ``simulated`` with the first rival and the causes ``beside`` it that are certain."""
     names = " or ".join(c.name for c, _ in rivals)
-    best, scenario, tried, why = 0.0, None, False, ""
+    best, scenario, simulable, why = 0.0, None, False, ""
     hidden: dict[str, dict[str, float]] = {}
     for c, size in (rivals[0], *beside):  # two numbers of one effect may be among them
         hidden.setdefault(c.name, {}).update({c.gain.key: size * c.gain.upper, **dict(c.shapes)})
+    scenarios = machine.scenario_names
     for k, name in enumerate(scenarios):
         if progress:
             progress(f"simulating '{name}'", k / len(scenarios))
@@ -46,15 +46,15 @@ def propose(
         except ClutchestError as error:  # a cause of the user's own, or too large for a manoeuvre
             why = str(error)
             continue
-        tried = True
+        simulable = True
         if least > best:
             best, scenario = least, name
-    if scenario is not None and best >= APART:
+    if scenario is not None and best >= SEPARATED:
         return Experiment(
             f"drive '{scenario}': it separates {names} by {best:.0f} standard deviations", scenario
         )
-    sensor = vehicle.machine.sensor_to_separate([c.effect.equation for c, _ in rivals])
-    if not tried:
+    sensor = machine.sensor_to_separate([c.effect.equation for c, _ in rivals])
+    if not simulable:
         return Experiment(
             f"no manoeuvre could be simulated ({why}); {sensor} would separate {names}", None
         )

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import Found
-from clutchest.discovery.search import Hypothesis, Search
+from clutchest.discovery.result import Size
+from clutchest.discovery.search import Search
 from clutchest.inference.map_fit import covariance
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import StatedGain
@@ -22,7 +23,7 @@ from clutchest.models.machine import Machine
 from clutchest.models.model import Model
 from clutchest.vehicle import Vehicle
 
-Sizes = Mapping[str, Mapping[str, Found]]  # effect → key → number
+Sizes = Mapping[str, Mapping[str, Size]]  # effect → key → number
 
 
 def extend(
@@ -102,11 +103,11 @@ def _corrected_curves(vehicle: Vehicle, sizes: Sizes) -> dict[str, ErrorCurve]:
     return curves
 
 
-def corrected(search: Search, h: Hypothesis) -> dict[str, dict[str, Found]]:
+def corrected(search: Search, h: CauseSet) -> dict[str, dict[str, Size]]:
     """Numbers that the vehicle file states, but not exactly, as they are estimated beside the
-    causes of a hypothesis: their sizes hold beside no others."""
+    causes of a set: their sizes hold beside no others."""
     problem = search.problem
-    numbers, free = problem.vehicle.effect_numbers, search.free(h.chosen)
+    numbers, free = problem.vehicle.effect_numbers, search.free(h.causes)
     wanted = {
         int(i): t for i in problem.nuisances if isinstance(t := problem.thetas[i], StatedGain)
     }
@@ -115,9 +116,9 @@ def corrected(search: Search, h: Hypothesis) -> dict[str, dict[str, Found]]:
     fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
     variance = np.diag(covariance(search.objective, fit, free))
     least = {(e.name, n.key): n.least for e in problem.compiled.model.effects for n in e.gains}
-    sizes: dict[str, dict[str, Found]] = {}
+    sizes: dict[str, dict[str, Size]] = {}
     for i, t in wanted.items():
         value = numbers[t.effect].get(t.key, 0.0) + float(fit.theta[i] * t.unit)
         std = float(np.sqrt(variance[free == i][0]) * t.unit)
-        sizes.setdefault(t.effect, {})[t.key] = Found(max(value, least[t.effect, t.key]), std)
+        sizes.setdefault(t.effect, {})[t.key] = Size(max(value, least[t.effect, t.key]), std)
     return sizes

@@ -1,7 +1,7 @@
-"""Curves carried over to the drives held out: what an error goes with, it goes with there too.
+"""Held-out prediction with curves: an error correlates with the same covariate in other drives.
 
-In one drive much goes alike: bodies warm as time passes, and speeds fall as the plate comes back.
-On another road it goes otherwise.
+Within one drive covariates correlate with each other: bodies warm as time passes, and speeds fall
+as the plate comes back.  In a drive on another road they do less.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from clutchest.signals import Floats
 
 
 @dataclass(frozen=True, slots=True)
-class Transfer:
-    """``curves`` (n) as they were found, foretelling the readings (K) of another problem,
-    everything else fitted anew, with each curve to first order.
+class HeldOutCurves:
+    """Predictions of the readings (K) of another problem without and with each of ``curves`` (n) as
+    they were estimated, all other unknowns fitted anew, to first order.
 
     ``span`` (K, q): what lies outside of it is noise of the inputs and the same for all.
     """
@@ -39,7 +39,7 @@ class Transfer:
     after: tuple[HeldOutPrediction, ...]
 
     @classmethod
-    def of(cls, search: Search, curves: Sequence[Curve], other: Problem) -> Transfer:
+    def of(cls, search: Search, curves: Sequence[Curve], other: Problem) -> HeldOutCurves:
         """Curves of a search on the drives of another problem."""
         objective, free = Objective.of(other), other.nuisances
         fit = fitted(objective, carried(search, search.null.fit, other))
@@ -72,41 +72,41 @@ class Transfer:
         return cls(tuple(curves), objective.span, refitted(fit.r), after)
 
     def ranked(self) -> list[Curve]:
-        """The likeliest first, by both problems."""
+        """The most likely first, by both problems."""
         gained = np.sum(self._gained(), axis=1)
         return [self.curves[i] for i in np.argsort(-self._evidence(gained), kind="stable")]
 
-    def patch(self, usable: Sequence[bool]) -> tuple[Curve | None, Gain | None]:
-        """Of the ``usable`` curves (n) the one that both problems speak for, and what it gains.
+    def best(self, usable: Sequence[bool]) -> tuple[Curve | None, Gain | None]:
+        """Of the ``usable`` curves (n) the most likely by both problems, and what it gains.
 
-        Which curve it is, is decided for the one half of the drives by the log and the other half:
-        a gain is no gain on data that were used to find it.
+        For each half of the drives the curve is selected by the log and the other half: a gain is
+        measured on data that were not used for the selection.
         """
         gained = self._gained()
         chosen = self._chosen(np.sum(gained, axis=1), usable)
         if chosen is None:
             return None, None
         halves = [self._chosen(2.0 * gained[:, 1 - k], usable) for k in (0, 1)]
-        judged = [
+        parts = [
             (self.before if i is None else self.after[i]).only(partial(_in_half, k))
             for k, i in enumerate(halves)
         ]
-        after = HeldOutPrediction.joined(judged)
+        after = HeldOutPrediction.joined(parts)
         return self.curves[chosen], between(self.before, after, self.span)
 
     def _chosen(self, gained: Floats, usable: Sequence[bool]) -> int | None:
-        """Index of the likeliest that pays if it has to, gaining so much each (n)."""
-        # at some time of another drive, nothing need go wrong
-        pays = [
+        """Index of the most likely one with gains ``gained`` (n); a curve over time must gain."""
+        # an error at some time of one drive need not recur at that time of another
+        allowed = [
             yes and (curve.covariate != "time" or gain > 0.0)
             for yes, curve, gain in zip(usable, self.curves, gained, strict=True)
         ]
-        likely = np.where(pays, self._evidence(gained), -np.inf)
-        return int(np.argmax(likely)) if any(pays) else None
+        likely = np.where(allowed, self._evidence(gained), -np.inf)
+        return int(np.argmax(likely)) if any(allowed) else None
 
     def _evidence(self, gained: Floats) -> Floats:
-        """2 ln of the Bayes factor (n) on both problems, when curves gain so much (n) on the other;
-        a curve over time is not refuted where its time was another drive's."""
+        """2 ln of the Bayes factor (n) on both problems, with the gains (n) ``gained`` on the
+        other; a curve over time is not refuted by another drive."""
         over_time = np.array([curve.covariate == "time" for curve in self.curves])
         counts = np.where(over_time, np.maximum(gained, 0.0), gained)
         return np.array([curve.evidence for curve in self.curves]) + 2.0 * counts
@@ -115,12 +115,12 @@ class Transfer:
         """ln(probability) that each curve gains in each half of the drives (n, 2)."""
         second = _in_half(1, self.before.at).astype(np.int64)
         old = (self.span @ (self.span.T @ self.before.white)) ** 2
-        found = np.zeros((len(self.curves), 2))
+        gains = np.zeros((len(self.curves), 2))
         for i, after in enumerate(self.after):
             new = (self.span @ (self.span.T @ after.white)) ** 2
             sums = np.bincount(second, old - new, minlength=2)
-            found[i] = (sums + (self.before.cost - after.cost) / 2.0) / 2.0
-        return found
+            gains[i] = (sums + (self.before.cost - after.cost) / 2.0) / 2.0
+        return gains
 
 
 def _in_half(k: int, t: Floats) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""What an extension gains on data that were not used to find it."""
+"""The gain of an extension: prediction of data that were not used to identify it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.result import Gain
-from clutchest.discovery.search import BEYOND, Hypothesis, Search
+from clutchest.discovery.search import RELEASED, Search
 from clutchest.discovery.torque import torques
 from clutchest.inference.map_fit import cooled, improve, most_probable, with_noise_estimated
 from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
@@ -20,23 +21,23 @@ from clutchest.signals import Floats
 
 BLOCK = 20.0  # s; what lies closer together is not independent
 RESAMPLED = 1000
-PARTS = 4  # of a log, foretold in turns
+PARTS = 4  # of a log, for cross-validation
 
 
-def on_another(
-    search: Search, best: Hypothesis, other: Problem, than: Hypothesis | None = None
+def held_out_gain(
+    search: Search, best: CauseSet, other: Problem, than: CauseSet | None = None
 ) -> Gain:
-    """Of a hypothesis fitted to one problem, on the drives of another; more ``than`` by one with
-    fewer causes, the model as it is unless given.
+    """Of a cause set fitted to one problem, on the drives of another; over that of a set with fewer
+    causes (``than``), none unless given.
 
-    Gains and shapes are those found.  Everything else that is not known is fitted anew, with and
-    without the causes, and costs what its prior makes it cost: the vehicle file says nothing of it,
-    and a number far off what is stated would be the same finding by another name.
+    Gains and shapes are those identified.  All other unknowns are fitted anew, with and without the
+    causes, at the cost of their priors: a parameter far off its stated value would be the same
+    result by another name.
     """
     objective, than = Objective.of(other), than or search.null
     with_, without = (carried(search, h.fit, other) for h in (best, than))
     shapes, fewer = best.fit.shapes, than.fit.shapes
-    # noise as what was found leaves it
+    # the noise model is that of the residuals with the causes
     objective, after = with_noise_estimated(objective, fitted(objective, with_, shapes))
     objective = objective.with_span([after.psi])
     known, gains = objective.prior > 0.0, objective.prior == 0.0
@@ -53,7 +54,7 @@ def on_another(
 
 
 def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
-    """The most probable nuisances, from ``theta`` on, which may be far off; gains as there."""
+    """The most probable nuisances, from a ``theta`` on that may be far off; gains as there."""
     free = objective.problem.nuisances
     return improve(objective, cooled(objective, objective.linearise_at(theta, shapes), free), free)
 
@@ -63,7 +64,7 @@ def _cost(fit: Linearisation) -> float:
 
 
 def carried(search: Search, fit: Linearisation, other: Problem) -> Floats:
-    """θ of another problem, with what a fit of the first one says of the vehicle."""
+    """θ of another problem, with the vehicle's unknowns as in a fit of the first one."""
     theta = np.zeros(len(other.thetas))
     theta[: other.shared] = fit.theta[: search.problem.shared]
     if late := len(search.problem.delayed):
@@ -71,30 +72,28 @@ def carried(search: Search, fit: Linearisation, other: Problem) -> Floats:
     return theta
 
 
-def in_turns(search: Search, best: Hypothesis) -> Gain:
-    """Of a hypothesis on the log in which it was found, where there is no other: each part of the
-    log in turn is foretold by numbers of the vehicle fitted to the rest, what the drive started
-    from anew.  Which causes they are numbers of was decided on all of it."""
-    problem, objective = (
-        search.problem,
-        search.objective.with_bounds(BEYOND),
-    )  # sizes are as released
+def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
+    """Of a cause set on the log in which it was identified, where there is no other: each part of
+    the log is predicted with parameters fitted to the rest, initial states estimated anew.  Which
+    causes there are was decided on all of it."""
+    problem, objective = search.problem, search.objective.with_bounds(RELEASED)
     times = _one_after_another(problem, [d.readings.t for d in problem.drives])
     edges = np.quantile(times, np.linspace(0.0, 1.0, PARTS + 1))[1:-1]
     part = np.searchsorted(edges, times)
-    found: list[HeldOutPrediction] = []
-    for hypothesis in (search.null, best):
-        fit = objective.linearise_at(hypothesis.fit.theta, hypothesis.fit.shapes)
+    predictions: list[HeldOutPrediction] = []
+    for causes in (search.null, best):
+        fit = objective.linearise_at(causes.fit.theta, causes.fit.shapes)
         parts: list[HeldOutPrediction] = []
         for k in range(PARTS):
             rest = objective.without(part == k)
             rest = rest.with_span([rest.whitened(fit).psi])
-            theta = improve(rest, rest.whitened(fit), search.free(hypothesis.chosen)).theta
+            theta = improve(rest, rest.whitened(fit), search.free(causes.causes)).theta
             held_out = most_probable(objective, _starts(problem), theta, fit.shapes)
             parts.append(HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k)))
-        found.append(HeldOutPrediction.joined(parts))
+        predictions.append(HeldOutPrediction.joined(parts))
     assert objective.span is not None
-    return replace(between(found[0], found[1], objective.span), other_logs=False)
+    before, after = predictions
+    return replace(between(before, after, objective.span), other_logs=False)
 
 
 def _lies(edges: Floats, k: int, t: Floats) -> NDArray[np.bool_]:
@@ -103,7 +102,7 @@ def _lies(edges: Floats, k: int, t: Floats) -> NDArray[np.bool_]:
 
 
 def _starts(problem: Problem) -> NDArray[np.int64]:
-    """Indices of what drives start from."""
+    """Indices of initial states."""
     return np.array(
         [k for k, t in enumerate(problem.thetas) if isinstance(t, InitialState)], np.int64
     )
@@ -117,9 +116,9 @@ def _one_after_another(problem: Problem, times: Sequence[Floats]) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class HeldOutPrediction:
-    """What was foretold of readings (K) ``at`` times s: the ``white`` innovations and those over
-    their ``own`` standard deviations; how far the ``torque`` was missed, Nm, at ``torque_at`` s;
-    what the numbers behind it ``cost`` in −2 ln(their prior).
+    """Residuals of predicted readings (K) ``at`` times s: the ``white`` innovations and those over
+    their ``own`` standard deviations; the error of the ``torque``, Nm, at ``torque_at`` s; what the
+    unknowns behind it ``cost`` in −2 ln(their prior).
     """
 
     at: Floats
@@ -145,11 +144,11 @@ class HeldOutPrediction:
 
     @property
     def without_torque(self) -> HeldOutPrediction:
-        """The same where it is not known what torque the equations would make."""
+        """The same where the torque of the equations is not computed."""
         return replace(self, torque_at=np.zeros(0), torque=np.zeros(0))
 
     def only(self, when: Callable[[Floats], NDArray[np.bool_]]) -> HeldOutPrediction:
-        """The same at times s ``when`` it counts; nothing elsewhere."""
+        """The same at times s ``when`` it counts; 0 at other times."""
         mine, its = when(self.at), when(self.torque_at)
         return HeldOutPrediction(
             self.at,
@@ -162,7 +161,7 @@ class HeldOutPrediction:
 
     @classmethod
     def joined(cls, parts: Sequence[HeldOutPrediction]) -> HeldOutPrediction:
-        """Parts put together; the vehicle is one, and its numbers cost once."""
+        """Parts put together; the vehicle is one, and its parameters cost once."""
         white, own, torque = (
             np.sum([getattr(one, name) for one in parts], axis=0)
             for name in ("white", "own", "torque")
@@ -189,7 +188,8 @@ def between(before: HeldOutPrediction, after: HeldOutPrediction, span: Floats) -
 
 
 def _interval(gained: Floats, at: Floats) -> Floats:
-    """Of the sum of what is ``gained`` (K) ``at`` times s, 95 %, by drawing blocks again."""
+    """95 % confidence interval of the sum of what is ``gained`` (K) ``at`` times s: block
+    bootstrap."""
     _, of = np.unique(np.floor(at / BLOCK), return_inverse=True)
     sums = np.bincount(of, gained)
     rng = np.random.default_rng(0)

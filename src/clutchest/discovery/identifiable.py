@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchest.discovery.candidates import Candidate
+from clutchest.discovery.candidates import CandidateCause
 from clutchest.discovery.result import Identifiable
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ScoreTest, d_prime
@@ -15,13 +15,13 @@ from clutchest.signals import Floats
 
 
 def identifiability(
-    causes: Sequence[Candidate], units: Floats, scores: ScoreTest, level: float
+    causes: Sequence[CandidateCause], units: Floats, scores: ScoreTest, level: float
 ) -> tuple[Identifiable, ...]:
-    """For each effect: the size found in half of such logs at the family-wise ``level``, and the
-    effect that could best pass for it."""
+    """For each effect: the size that is detected in half of such logs at the family-wise ``level``,
+    and the effect that resembles it most."""
     sizes = scores.threshold(level) / scores.std  # in units of each gain; 0 where std is inf
     sizes = np.where(np.isfinite(scores.std), sizes, np.inf)
-    found = []
+    results = []
     for name in dict.fromkeys(c.name for c in causes):
         own = [i for i, c in enumerate(causes) if c.name == name]
         # the size itself is judged by what is plausible: 1 in units of a gain
@@ -35,21 +35,31 @@ def identifiability(
             if sizes[i] < 1e6
             else []
         )
-        left, nearest = min(rivals, default=(None, None))
-        found.append(
+        distance, nearest = min(rivals, default=(None, None))
+        results.append(
             Identifiable(
                 name,
                 causes[i].gain.unit,
                 float(sizes[i] * units[causes[i].index]) if sizes[i] < 1e6 else None,
                 causes[i].gain.upper,
                 nearest,
-                left,
+                distance,
             )
         )
-    return tuple(found)
+    return tuple(results)
 
 
-def untried(problem: Problem, effects: Sequence[Effect]) -> list[str]:
+def not_testable(problem: Problem, effects: Sequence[Effect]) -> list[Identifiable]:
+    """The same of ``effects`` that the equations of these signals cannot have: never detectable."""
+    known = {*problem.effects, *problem.vehicle.effect_numbers}
+    return [
+        Identifiable(e.name, e.gains[0].unit, None, e.gains[0].upper, None, None)
+        for e in effects
+        if e.name not in known
+    ]
+
+
+def untested_effects(problem: Problem, effects: Sequence[Effect]) -> list[str]:
     """Of ``effects`` those that these signals' equations cannot have, by the signal that would
     bring them: a sentence for each."""
     machine, usable = problem.vehicle.machine, problem.usable

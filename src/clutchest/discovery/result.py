@@ -13,7 +13,7 @@ from clutchest.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Size:
     """A number with its standard deviation."""
 
     value: float
@@ -28,7 +28,7 @@ class Cause:
 
     effect: str
     equation: str
-    parameters: Mapping[str, Found]
+    parameters: Mapping[str, Size]
     statistic: float
     p_value: float
 

@@ -1,4 +1,5 @@
-"""What a search comes to: the causes that stand, and whether something without a name is left."""
+"""From a search to a verdict: the causes that are established, and whether an error without a name
+remains."""
 
 from __future__ import annotations
 
@@ -10,126 +11,142 @@ from clutchest.discovery.alternative_modes import (
     cause_in_alternative_mode,
     model_in_alternative_mode,
 )
-from clutchest.discovery.holdout_gain import on_another
+from clutchest.discovery.cause_set import CauseSet
+from clutchest.discovery.holdout_gain import held_out_gain
 from clutchest.discovery.residual_curves import Curve, curves
 from clutchest.discovery.result import Gain
-from clutchest.discovery.search import MOST, Hypothesis, Search
+from clutchest.discovery.search import MOST, Search, run
 from clutchest.discovery.shape_profile import Spread, refine
 from clutchest.inference.problem import Problem
 from clutchest.progress import Progress
 
-# Family-wise chance that noise is taken for a cause without a name; several times as much in truth,
-# as curves follow small errors of integration and of time stamps too (of 93 drives in which nothing
-# is hidden, three came out below 0.001).
+# Family-wise p-value below which an error without a name is significant; in truth it is exceeded
+# several times as often, as curves follow small errors of integration and of time stamps too (of 93
+# drives in which nothing is hidden, three were below 0.001).
 UNNAMED = 0.0001
-# Chance of noise from which on other drives may take a finding back.  Below, it is there in this
-# log, whatever they say: a drive may have been spoilt by what passes.
-SURE = 1e-5
+# p-value from which on held-out drives may reject a result.  Below, it is established by this log,
+# whatever they say: a drive may be affected by something that does not last.
+ESTABLISHED = 1e-5
 
-HeldOut = Callable[[], Problem]  # drives held out, linearised when they are asked for
+HeldOut = Callable[[], Problem]  # held-out drives, linearised when they are asked for
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class Verdict:
     """The answer of one log.
 
-    ``best`` the causes that stand, ``tied`` others that the data do not exclude, of sizes as the
-    data say, ``lost`` those they do; ``limit``: what the best costs at plausible sizes, as those
-    that lost have them.  ``spreads``: what is not known of shapes.  ``errors`` of the model as it
-    is as curves, the likeliest first; ``unnamed``: whether they say more than any cause.
-    ``dropped``: names of causes that the drives held out do not bear out.
+    ``search`` as it ended.  ``best`` the causes that are established, ``tied`` others that the data
+    do not exclude, of sizes as the data say, ``rejected`` those they do; ``limit``: the cost of the
+    best at plausible sizes, to which that of rejected ones is compared.  ``spreads``: the
+    uncertainty of shapes.  ``errors`` of the model without a cause as curves, the most likely
+    first; ``unnamed``: whether they explain more than any cause.  ``dropped``: names of causes that
+    are not confirmed on held-out drives.
     """
 
-    best: Hypothesis
-    tied: Sequence[Hypothesis]
-    lost: Sequence[Hypothesis]
+    search: Search
+    best: CauseSet
+    tied: Sequence[CauseSet]
+    rejected: Sequence[CauseSet]
     limit: float
     spreads: Mapping[frozenset[str], Spread]
-    errors: list[Curve]
+    errors: Sequence[Curve]
     unnamed: bool
     dropped: Sequence[str]
 
     @property
-    def verdict(self) -> str:
+    def name(self) -> str:
         """As ``discovery.json`` has it."""
         if self.unnamed:
             return "unknown"
-        return "none" if not self.best.chosen else "ambiguous" if self.tied else "named"
+        return "none" if not self.best.causes else "ambiguous" if self.tied else "named"
 
     @property
-    def sets(self) -> list[Hypothesis]:
+    def sets(self) -> list[CauseSet]:
         """The best and those tied with it."""
         return [self.best, *self.tied]
 
 
-def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> Judged:
-    """Search, and say what stands; ``other``: drives that may take doubtful causes back."""
-    errors = _left_over(search, search.null)
-    if _significant(errors) and model_in_alternative_mode(search):
-        errors = _left_over(search, search.null)
-    search.run(progress)
-    for _ in range(MOST):  # a place that was left must not be come back to for ever
-        if not cause_in_alternative_mode(search):
+def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> Verdict:
+    """Search, and decide what is established; ``other``: drives that may reject doubtful causes."""
+    errors = _residual_errors(search, search.null)
+    if _significant(errors) and (moved := model_in_alternative_mode(search)) is not None:
+        search, errors = moved, _residual_errors(moved, moved.null)
+    search = run(search, progress)
+    for _ in range(MOST):  # a mode that was left must not be entered for ever
+        search, moves = cause_in_alternative_mode(search)
+        if not moves:
             break
-        search.run(progress)
-        errors = _left_over(search, search.null)
-    dropped = backward_eliminated(search, other) if other else []
-    spreads, tied, left = refine(search), search.tied(), errors
-    lost = [h for h in search.rivals if h not in tied]
-    limit = search.best.cost
-    if search.best.chosen:
+        search = run(search, progress)
+        errors = _residual_errors(search, search.null)
+    search, dropped = backward_eliminated(search, other) if other else (search, [])
+    search, spreads = refine(search)
+    return _verdict(search, spreads, errors, dropped)
+
+
+def _verdict(
+    search: Search,
+    spreads: Mapping[frozenset[str], Spread],
+    errors: Sequence[Curve],
+    dropped: Sequence[str],
+) -> Verdict:
+    """Of a search that has ended; ``errors`` of the model without a cause."""
+    best, tied, remaining = search.best, search.tied, errors
+    rejected = [h for h in search.rivals if h not in tied]
+    limit = best.cost
+    if best.causes:
         tied = [search.released(h).bare for h in tied]
-        search.best = search.released(search.best)
-        left = _left_over(search, search.best)
-    unnamed = _significant(left)
-    if len(search.best.chosen) > 1:  # one curve may do as much as several causes
-        errors = _left_over(search, search.null)
+        best = search.released(best)
+        remaining = _residual_errors(search, best)
+    unnamed = _significant(remaining)
+    if len(best.causes) > 1:  # one curve may explain as much as several causes
+        errors = _residual_errors(search, search.null)
         most = max((curve.worth for curve in errors), default=0.0)
-        unnamed |= most > search.null.cost - search.best.cost
-    return Judged(search.best, tied, lost, limit, spreads, errors, unnamed, dropped)
+        unnamed |= most > search.null.cost - best.cost
+    search = replace(search, best=best)
+    return Verdict(search, best, tied, rejected, limit, spreads, errors, unnamed, dropped)
 
 
-def backward_eliminated(search: Search, other: HeldOut) -> list[str]:
-    """Take back causes that might be noise beside others, and that the drives held out do not
-    bear out: names."""
-    dropped, borne_out = list[str](), set[int]()
-    while len(search.best.chosen) > 1:
-        doubts = [
+def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, list[str]]:
+    """Backward elimination of causes that might be noise beside others and are not confirmed on
+    held-out drives; the search without them, and their names."""
+    dropped, confirmed = list[str](), set[int]()
+    while len(search.best.causes) > 1:
+        doubtful = [
             (search.established(c, search.best)[1], c)
-            for c in search.best.chosen
-            if c.index not in borne_out
+            for c in search.best.causes
+            if c.index not in confirmed
         ]
-        p, cause = max(doubts, key=lambda doubt: doubt[0], default=(0.0, None))
-        if cause is None or p <= SURE:
+        p, cause = max(doubtful, key=lambda each: each[0], default=(0.0, None))
+        if cause is None or p <= ESTABLISHED:
             break
-        fewer = search.without(cause)
-        gained = on_another(search, search.best, other(), fewer)
-        if gained.total > 0.0 and search.stays(2.0 * gained.total, fewer):
-            borne_out.add(cause.index)
+        fewer = search.without(cause, search.best)
+        gain = held_out_gain(search, search.best, other(), fewer)
+        if gain.total > 0.0 and search.keeps_best(2.0 * gain.total, fewer):
+            confirmed.add(cause.index)
             continue
-        search.settle_for(fewer)
+        search = search.reduced_to(fewer)
         dropped.append(cause.name)
-    return dropped
+    return search, dropped
 
 
-def rejected_by_holdout(search: Search, judged: Judged, gained: Gain) -> bool:
-    """Whether a finding might be noise and is none when what other drives ``gained`` counts as
-    well."""
-    more = 2.0 * gained.total
-    if judged.unnamed:
-        p = judged.errors[0].p_value
+def rejected_by_holdout(verdict: Verdict, gain: Gain) -> bool:
+    """Whether a result might be noise and is not significant when the ``gain`` on held-out drives
+    counts as well."""
+    search, more = verdict.search, 2.0 * gain.total
+    if verdict.unnamed:
+        p = verdict.errors[0].p_value
         likelier = exp(min(-more / 2.0, 700.0))
-        return p > SURE and p * likelier > UNNAMED
-    p = max(search.established(c, judged.best)[1] for c in judged.best.chosen)
-    return p > SURE and not search.stays(more)
+        return p > ESTABLISHED and p * likelier > UNNAMED
+    p = max(search.established(c, verdict.best)[1] for c in verdict.best.causes)
+    return p > ESTABLISHED and not search.keeps_best(more)
 
 
 def _significant(errors: Sequence[Curve]) -> bool:
     return bool(errors) and errors[0].p_value < UNNAMED
 
 
-def _left_over(search: Search, h: Hypothesis) -> list[Curve]:
-    """What neither nuisances nor the causes of a hypothesis explain."""
+def _residual_errors(search: Search, h: CauseSet) -> list[Curve]:
+    """Errors that neither nuisances nor the causes of a set explain."""
     fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
     fit = replace(fit, raw=())  # room for the curves
-    return curves(search.objective, fit, search.free(h.chosen), seed=3)
+    return curves(search.objective, fit, search.free(h.causes), seed=3)

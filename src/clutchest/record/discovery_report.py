@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from math import exp, isfinite, log
 
-from clutchest.discovery.result import Cause, Discovery, Found, Gain, Rival, either
+from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
 from clutchest.models.effects import Effect, effects_of_file
 from clutchest.record.quantities import Quantity
 from clutchest.record.report import rounded, table
@@ -224,7 +224,7 @@ def _fitted(cause: Cause, effect: Effect | None) -> str:
     )
 
 
-def _number(number: Found) -> str:
+def _number(number: Size) -> str:
     known = isfinite(number.std) and number.std > 0
     return rounded(number.value, number.std) if known else f"{number.value:.4g}"
 

@@ -1,0 +1,101 @@
+"""What a verdict states: causes with their sizes, rivals, and where the error is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest.discovery.cause_set import CauseSet, cost_of
+from clutchest.discovery.residual_curves import Curve
+from clutchest.discovery.result import Cause, Rival, Size, Where
+from clutchest.discovery.verdict import Verdict
+from clutchest.inference.map_fit import covariance
+from clutchest.inference.problem import Problem
+
+MOST_RIVALS = 6
+Sizes = Mapping[tuple[str, str], Size]  # (effect, key) → size
+
+
+def causes_of(verdict: Verdict) -> tuple[Cause, ...]:
+    """Those of the most likely set first; of an effect in several sets, each size as it is in the
+    first that has it."""
+    causes: dict[str, Cause] = {}
+    for h in verdict.sets:
+        for (name, key), size in _sizes_in(verdict, h).items():
+            if name not in causes:
+                cause = next(c for c in h.causes if c.name == name)
+                statistic = verdict.search.established(cause, h)
+                causes[name] = Cause(name, cause.effect.equation, {}, *statistic)
+            if key not in causes[name].parameters:
+                parameters = {**causes[name].parameters, key: size}
+                causes[name] = replace(causes[name], parameters=parameters)
+    return tuple(causes.values())
+
+
+def _sizes_in(verdict: Verdict, h: CauseSet) -> dict[tuple[str, str], Size]:
+    """The sizes of one set of causes: gains and shapes with their standard deviations."""
+    search, spread = verdict.search, verdict.spreads[h.names]
+    problem = search.problem
+    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
+    # of a signal that is late, the tolerance is part of its delay
+    within = problem.tolerances(c.index for c in h.causes)
+    free = np.setdiff1d(search.free(h.causes), within)
+    std = np.sqrt(np.diag(covariance(search.objective, fit, free)) + spread.variance[free])
+    sizes: dict[tuple[str, str], Size] = {}
+    for c in h.causes:
+        unit = problem.units[c.index]
+        of_noise, clock = std[free == c.index][0] * unit, problem.clock(c.index)
+        value = float(fit.theta[c.index] * unit)
+        sizes[c.name, c.gain.key] = Size(value, float(np.hypot(of_noise, clock)))
+        for key, shape in c.shapes:
+            sizes[c.name, key] = Size(shape, spread.std.get((c.name, key), 0.0))
+    return sizes
+
+
+def sizes_of(causes: Sequence[Cause]) -> Sizes:
+    """Every size of the causes."""
+    return {(c.effect, key): size for c in causes for key, size in c.parameters.items()}
+
+
+def sizes_by_effect(h: CauseSet, sizes: Sizes) -> dict[str, dict[str, Size]]:
+    """Effect → key → size of the effects of a cause set."""
+    by_effect: dict[str, dict[str, Size]] = {}
+    for c in h.causes:
+        for key in (c.gain.key, *(key for key, _ in c.shapes)):
+            by_effect.setdefault(c.name, {})[key] = sizes[c.name, key]
+    return by_effect
+
+
+def rivals_of(problem: Problem, verdict: Verdict) -> tuple[Rival, ...]:
+    """Rejected sets, the most likely first; one of whose causes nothing remains is none."""
+    rejected = [h for h in verdict.rejected if all(h.fit.theta[c.index] != 0.0 for c in h.causes)]
+    return tuple(
+        Rival(
+            " and ".join(h.effects),
+            h.cost - verdict.limit,
+            {
+                f"{c.name}.{key}" if len(h.causes) > 1 else key: value
+                for c in h.causes
+                for key, value in (
+                    (c.gain.key, float(h.fit.theta[c.index] * problem.units[c.index])),
+                    *c.shapes,
+                )
+            },
+        )
+        for h in sorted(rejected, key=cost_of)[:MOST_RIVALS]
+    )
+
+
+def where_of(
+    verdict: str, best: CauseSet, errors: Sequence[Curve], peaks: Mapping[str, str]
+) -> Where | None:
+    """The equation, and covariates ranked by how likely an error is that correlates with them; a
+    state stands for its ``peaks`` as well."""
+    if verdict == "none":
+        return None
+    equation = errors[0].equation if verdict == "unknown" else best.causes[0].effect.equation
+    ranked = [c.covariate for c in errors if c.equation == equation]
+    names = dict.fromkeys(peaks.get(covariate, covariate) for covariate in ranked)
+    return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)

@@ -1,0 +1,71 @@
+"""The answer in one sentence, and warnings beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from clutchest.discovery.answer import Sizes, sizes_by_effect
+from clutchest.discovery.cause_set import CauseSet
+from clutchest.discovery.result import Cause, Where, either
+from clutchest.models.effects import Effect
+
+
+def sentence(
+    verdict: str, sets: Sequence[CauseSet], sizes: Sizes, where: Where | None, excited: bool
+) -> str:
+    """The answer in words, with the ``sizes``; ``excited``: whether the data could show any cause
+    at all."""
+    if verdict == "none" and not excited:
+        return "These data excite no known cause: they neither confirm nor refute the model."
+    if verdict == "none":
+        return "The model explains these data: no error is detectable in them."
+    if verdict == "unknown":
+        assert where is not None
+        first = where.covariates[0] if where.covariates else ""
+        first = f"the highest {first} so far" if where.peak else first
+        correlates = f" that correlates with {first}" if first else ""
+        return (
+            f"The equation '{where.equation}' has an error{correlates}, and no known cause "
+            "explains it."
+        )
+    required = either([_with_sizes(h, sizes) for h in sets])
+    which = "; they do not separate these" if verdict == "ambiguous" else ""
+    return f"The data require {required}{which}."
+
+
+def _with_sizes(h: CauseSet, sizes: Sizes) -> list[str]:
+    """Names of the effects of a cause set with their sizes."""
+    effects = {c.name: c.effect for c in h.causes}
+    words = []
+    for name, own in sizes_by_effect(h, sizes).items():
+        units = {n.key: n.unit for n in effects[name].parameters}
+        numbers = [
+            f"{key} = {size.value:.3g} ± {size.std:.2g} {units[key]}".removesuffix(" 1")
+            for key, size in own.items()
+        ]
+        meanings = [w.of(own[key].value) for key, w in effects[name].wording.items() if key in own]
+        words.append(f"{name} ({'; '.join([', '.join(numbers), *meanings])})")
+    return words
+
+
+def not_confirmed(what: str) -> str:
+    """A warning where held-out drives reject what the log suggests."""
+    return (
+        f"{what}: significant in the log, but not confirmed on held-out drives; attributed to noise"
+    )
+
+
+def implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
+    """Warnings where the data require a size that is larger than plausible."""
+    effect = next(effect for effect in effects if effect.name == cause.effect)
+    warnings = []
+    for n in effect.gains:
+        if (size := cause.parameters.get(n.key)) is None:
+            continue
+        nearest = min(max(size.value, n.lower), n.upper)
+        if abs(size.value - nearest) > 2.0 * size.std:
+            warnings.append(
+                f"{cause.effect}: {n.key} = {size.value:.3g} ± {size.std:.2g} {n.unit} "
+                f"is larger than plausible ({nearest:.3g})"
+            )
+    return warnings
