@@ -15,7 +15,7 @@ from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.search import LEVEL, Search, begin, run
 from clutchest.discovery.sentences import sentence
 from clutchest.discovery.shape_profile import refine
-from clutchest.discovery.verdict import Verdict
+from clutchest.discovery.verdict import SearchVerdict
 from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.signals import Floats
@@ -219,7 +219,7 @@ def test_two_numbers_of_one_effect_act_together_and_a_sensor_may_do_for_one_of_t
         assert abs(value - {"amount": 1.2, "rate": 0.2}[c.gain.key]) < 3.0 * std
     for order in (sets, sets[::-1]):  # whichever is the likelier
         refined, spreads = refine(search)
-        verdict = Verdict(refined, order[0], order[1:], [], 0.0, spreads, [], False, [])
+        verdict = SearchVerdict(refined, order[0], order[1:], [], 0.0, spreads, [], False, [])
         causes = causes_of(verdict)
         assert {c.effect for c in causes} == {"wear", "position_offset"}
         words = sentence("ambiguous", verdict.sets, sizes_of(causes), None, True)

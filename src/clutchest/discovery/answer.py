@@ -10,7 +10,7 @@ import numpy as np
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Rival, Size, Where
-from clutchest.discovery.verdict import Verdict
+from clutchest.discovery.verdict import SearchVerdict
 from clutchest.inference.map_fit import covariance
 from clutchest.inference.problem import Problem
 
@@ -18,7 +18,7 @@ MOST_RIVALS = 6
 Sizes = Mapping[tuple[str, str], Size]  # (effect, key) → size
 
 
-def causes_of(verdict: Verdict) -> tuple[Cause, ...]:
+def causes_of(verdict: SearchVerdict) -> tuple[Cause, ...]:
     """Those of the most likely set first; of an effect in several sets, each size as it is in the
     first that has it."""
     causes: dict[str, Cause] = {}
@@ -34,7 +34,7 @@ def causes_of(verdict: Verdict) -> tuple[Cause, ...]:
     return tuple(causes.values())
 
 
-def _sizes_in(verdict: Verdict, h: CauseSet) -> dict[tuple[str, str], Size]:
+def _sizes_in(verdict: SearchVerdict, h: CauseSet) -> dict[tuple[str, str], Size]:
     """The sizes of one set of causes: gains and shapes with their standard deviations."""
     search, spread = verdict.search, verdict.spreads[h.names]
     problem = search.problem
@@ -68,7 +68,7 @@ def sizes_by_effect(h: CauseSet, sizes: Sizes) -> dict[str, dict[str, Size]]:
     return by_effect
 
 
-def rivals_of(problem: Problem, verdict: Verdict) -> tuple[Rival, ...]:
+def rivals_of(problem: Problem, verdict: SearchVerdict) -> tuple[Rival, ...]:
     """Rejected sets, the most likely first; one of whose causes nothing remains is none."""
     rejected = [h for h in verdict.rejected if all(h.fit.theta[c.index] != 0.0 for c in h.causes)]
     return tuple(

@@ -32,7 +32,7 @@ from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.sentences import implausible, not_confirmed, sentence
 from clutchest.discovery.user_effects import user_effects
-from clutchest.discovery.verdict import HeldOut, Verdict, judge, rejected_by_holdout
+from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, rejected_by_holdout
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
 from clutchest.models.effects import Effect
@@ -165,7 +165,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     )
 
 
-def _outcome(task: _Task, verdict: Verdict, other: HeldOut | None) -> _Outcome:
+def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Outcome:
     """The verdict, measured on held-out drives, which may reject it."""
     outcome = _Outcome(verdict.name, verdict.errors, None, None)
     if verdict.name == "none":
@@ -186,7 +186,7 @@ def _outcome(task: _Task, verdict: Verdict, other: HeldOut | None) -> _Outcome:
     return _Outcome("none", outcome.errors, None, None, (not_confirmed(what),))
 
 
-def _unnamed(task: _Task, verdict: Verdict, other: HeldOut | None) -> _Outcome:
+def _unnamed(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Outcome:
     """The errors as curves, those of the leading equation as held-out drives rank them; the one
     that stands for a cause without a name, and what it gains there."""
     errors, search = verdict.errors, verdict.search
@@ -206,7 +206,7 @@ def _unnamed(task: _Task, verdict: Verdict, other: HeldOut | None) -> _Outcome:
 
 
 def _extended(
-    task: _Task, verdict: Verdict, outcome: _Outcome, causes: Sequence[Cause]
+    task: _Task, verdict: SearchVerdict, outcome: _Outcome, causes: Sequence[Cause]
 ) -> tuple[Vehicle, str | None, list[str]]:
     """The extended vehicle, the name of its curve, and why it was refused where it was."""
     if outcome.gain is not None and outcome.gain.total < 0.0:
@@ -254,7 +254,7 @@ def _other(task: _Task) -> HeldOut | None:
     return cache(lambda: task.problem(replace(first, later=tuple(later))))
 
 
-def _experiment(task: _Task, verdict: Verdict) -> Experiment:
+def _experiment(task: _Task, verdict: SearchVerdict) -> Experiment:
     """The manoeuvre that separates the sets of causes."""
     from clutchest.simulated import simulate
 

@@ -32,7 +32,7 @@ HeldOut = Callable[[], Problem]  # held-out drives, linearised when they are ask
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class SearchVerdict:
     """The answer of one log.
 
     ``search`` as it ended.  ``best`` the causes that are established, ``tied`` others that the data
@@ -66,7 +66,7 @@ class Verdict:
         return [self.best, *self.tied]
 
 
-def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> Verdict:
+def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> SearchVerdict:
     """Search, and decide what is established; ``other``: drives that may reject doubtful causes."""
     errors = _residual_errors(search, search.null)
     if _significant(errors) and (moved := model_in_alternative_mode(search)) is not None:
@@ -88,7 +88,7 @@ def _verdict(
     spreads: Mapping[frozenset[str], Spread],
     errors: Sequence[Curve],
     dropped: Sequence[str],
-) -> Verdict:
+) -> SearchVerdict:
     """Of a search that has ended; ``errors`` of the model without a cause."""
     best, tied, remaining = search.best, search.tied, errors
     rejected = [h for h in search.rivals if h not in tied]
@@ -103,7 +103,7 @@ def _verdict(
         most = max((curve.worth for curve in errors), default=0.0)
         unnamed |= most > search.null.cost - best.cost
     search = replace(search, best=best)
-    return Verdict(search, best, tied, rejected, limit, spreads, errors, unnamed, dropped)
+    return SearchVerdict(search, best, tied, rejected, limit, spreads, errors, unnamed, dropped)
 
 
 def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, list[str]]:
@@ -129,7 +129,7 @@ def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, list[st
     return search, dropped
 
 
-def rejected_by_holdout(verdict: Verdict, gain: Gain) -> bool:
+def rejected_by_holdout(verdict: SearchVerdict, gain: Gain) -> bool:
     """Whether a result might be noise and is not significant when the ``gain`` on held-out drives
     counts as well."""
     search, more = verdict.search, 2.0 * gain.total
