@@ -49,14 +49,91 @@ def test_units_in_either_encoding(encoding, tmp_path):
 
 def test_j1939_is_known_by_the_protocol_of_the_file(tmp_path):
     path = tmp_path / "a.dbc"
-    text = ONE.replace("BO_ 100", f"BO_ {0x98FEF100}")
+    text = ONE.replace("BO_ 100", f"BO_ {0x98EFF100}")
+    defined = 'BA_DEF_ "ProtocolType" STRING ;\nBA_DEF_DEF_ "ProtocolType" "";\n'
     path.write_text(text)
     assert not load([path]).message("One").is_j1939
-    path.write_text(
-        text + 'BA_DEF_ "ProtocolType" STRING ;\nBA_DEF_DEF_ "ProtocolType" "";\n'
-        'BA_ "ProtocolType" "J1939";\n'
-    )
+    path.write_text(text + defined + 'BA_ "ProtocolType" "J1939";\n')
     assert load([path]).message("One").is_j1939
+    path.write_text(text.replace(str(0x98EFF100), str(0x98FEF100)) + defined)
+    assert not load([path]).message("One").is_j1939
+
+
+@pytest.mark.parametrize(
+    ("ids", "fits"),
+    [
+        ((0x98FEF1FE, 0x8CF00400, 0x98FF5003), True),
+        ((0x98FEF1FE, 100), True),  # an id of 11 bits is no objection
+        ((0x98FF5003, 0x98FF5103), False),  # proprietary groups alone say nothing
+        ((0x98FEF100, 0x98DA10F1, 0x98DAF110), False),
+        ((0x90424060, 0x902CC040), False),
+        ((100,), False),
+    ],
+)
+def test_j1939_without_an_attribute_is_known_by_its_ids(ids, fits, tmp_path):
+    messages = [f'BO_ {i} M{k}: 2 A\n SG_ S : 0|8@1+ (1,0) [0|0] "" A\n' for k, i in enumerate(ids)]
+    (tmp_path / "a.dbc").write_text(HEAD + "".join(messages))
+    database = load([tmp_path / "a.dbc"])
+    extended = [message for message in database.messages.values() if message.extended]
+    assert all(message.is_j1939 == fits for message in extended)
+    assert len(database.warnings) == fits
+    if fits:
+        assert "parameter groups" in database.warnings[0]
+        assert database.find(0x18FEF121, True).name == "M0"
+
+
+def with_bad_parts() -> str:
+    return (
+        HEAD + "BO_ 1 A: 8 A\n"
+        ' SG_ 2x : 0|8@1+ (1,0) [0|0] "" A\n SG_ y : 8|8@1+ (1,0) [0|0] "" A\n'
+        'BO_ 2 1B: 8 A\n SG_ y : 8|8@1+ (1,0) [0|0] "" A\n'
+        f'BO_ {0x0CF00400} C: 8 A\n SG_ z : 8|8@1- (2,0) [0|0] "" A\n'
+        'BO_ 4 D: 8 A\n SG_ z : 8|8@1+ (1,0) [0|0] "" A\n'
+        'VAL_ 4 q 0 "a" ;\nVAL_ 9 z 0 "a" ;\n'
+        f'VAL_ {0x0CF00400} z 0 "off" ;\nBO_ what 5\nCM_ "never closed\n'
+    )
+
+
+def test_what_is_not_valid_is_named_and_the_rest_used(tmp_path, caplog):
+    path = tmp_path / "bad.dbc"
+    path.write_text(with_bad_parts())
+    database = load([path])
+    signals = {name: list(message.signals) for name, message in database.messages.items()}
+    assert signals == {"A": ["y"], "C": ["z"], "D": ["z"]}
+    assert database.message("C").id == 0x0CF00400 and database.message("C").extended
+    assert all(str(path) in warning for warning in database.warnings)
+    for part in (
+        "line 5: 'SG_ 2x",
+        "line 7: 'BO_ 2 1B",
+        "line 9: message 'C': id 217056256 has more than 11 bits",
+        "line 13: 'VAL_ 4 q",
+        "line 14: 'VAL_ 9 z",
+        "line 16: 'BO_ what 5'",
+        "line 17: 'CM_ \"never closed'",
+    ):
+        assert sum(part in warning for warning in database.warnings) == 1, part
+    assert load([path]) == database  # from the cache
+    assert caplog.records == []
+
+
+def test_messages_of_one_name_or_id_are_named(tmp_path, caplog):
+    signal = ' SG_ S : 0|8@1+ (1,0) [0|0] "" A\n'
+    (tmp_path / "a.dbc").write_text(
+        f"{HEAD}BO_ 256 Motor: 8 A\n{signal}BO_ 257 Motor: 8 A\n{signal}BO_ 256 Two: 8 A\n{signal}"
+    )
+    database = load([tmp_path / "a.dbc"])
+    assert list(database.messages) == ["Motor", "Two"]
+    assert any("'Motor' and 'Two' have the same id" in w for w in database.warnings)
+    assert any("'Motor' is already known" in w for w in database.warnings)
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+def test_byte_order_marks(encoding, tmp_path):
+    mark = "\ufeff" if encoding.endswith(("le", "be")) else ""
+    (tmp_path / "a.dbc").write_bytes((mark + ONE).encode(encoding))
+    database = load([tmp_path / "a.dbc"])
+    assert database.message("One").signal("S").unit == "°C" and database.warnings == ()
 
 
 def test_unknown_names_come_with_the_nearest(truck):
@@ -68,12 +145,12 @@ def test_unknown_names_come_with_the_nearest(truck):
 
 def test_a_broken_dbc_names_file_and_line(tmp_path):
     path = tmp_path / "broken.dbc"
-    path.write_text(ONE + "BO_ what 5\n")
-    with pytest.raises(ClutchestError, match=r"broken\.dbc, line 6.*'BO_ what 5'") as caught:
+    path.write_text("no DBC\n" + ONE)
+    with pytest.raises(ClutchestError, match=r"broken\.dbc, line 1.*'no DBC'") as caught:
         load([path])
     assert "\n" not in str(caught.value)
-    path.write_text(ONE + 'CM_ "never closed\n')
-    with pytest.raises(ClutchestError, match=r"broken\.dbc, line 6"):
+    path.write_text(HEAD + "BO_ what 5\n")
+    with pytest.raises(ClutchestError, match=r"no messages.*line 4: 'BO_ what 5'"):
         load([path])
     path.write_text(HEAD)
     with pytest.raises(ClutchestError, match="no messages"):
@@ -106,8 +183,9 @@ def test_a_frame_finds_its_message(truck):
 def test_real_dbcs_that_are_not_clean(real):
     (warning,) = load([real("vw_pq.dbc")]).warnings
     assert "overlapping" in warning
-    with pytest.raises(ClutchestError, match=r"hyundai_can\.dbc, line 1656"):
-        load([real("hyundai_can.dbc")])
+    hyundai = load([real("hyundai_can.dbc")])
+    assert len(hyundai.messages) == 146
+    assert ["line 1656" in hyundai.warnings[0], "line 1657" in hyundai.warnings[1]] == [True] * 2
 
 
 @pytest.mark.parametrize(

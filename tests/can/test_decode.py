@@ -8,11 +8,12 @@ import pytest
 
 from clutchest.can.database import Message, load
 from clutchest.can.decode import decode, rows_of
+from clutchest.can.encode import encode
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.shipped import locate
 from clutchest.signals import Why
-from samples import EVERYTHING
+from samples import EVERYTHING, random_frames
 
 
 @pytest.fixture(scope="module")
@@ -219,3 +220,55 @@ def test_unknown_signal_and_one_that_is_too_wide(truck, tmp_path):
     path.write_text('VERSION ""\nBS_:\nBU_: A\nBO_ 1 M: 16 A\n SG_ S : 0|72@1+ (1,0) [0|0] "" A\n')
     with pytest.raises(ClutchestError, match="'S' of message 'M' has 72 bits"):
         decode(Frames.empty(1), np.arange(1), load([path]).message("M"), ["S"])
+
+
+BRANCHES = """VERSION ""
+BS_:
+BU_: A
+BO_ 7 Debug: 8 A
+ SG_ Mux M : 0|4@1+ (1,0) [0|0] "" A
+ SG_ Stamp m0 : 24|8@1+ (1,0) [0|0] "" A
+ SG_ Speed m0 : 8|16@1+ (0.25,0) [0|0] "rpm" A
+ SG_ Stamp m1 : 24|8@1+ (1,0) [0|0] "" A
+ SG_ Torque m1 : 8|16@1- (0.5,0) [0|0] "Nm" A
+ SG_ Stamp m2 : 39|12@0- (0.5,3) [0|0] "" A
+ SG_ Stamp m5 : 39|12@0- (0.5,3) [0|0] "" A
+ SG_ Torque m5 : 8|8@1+ (1,0) [0|0] "Nm" A
+"""
+
+
+def test_one_name_in_several_branches_of_a_multiplexer(tmp_path, monkeypatch):
+    monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path))
+    (tmp_path / "a.dbc").write_text(BRANCHES)
+    database = load([tmp_path / "a.dbc"])
+    assert load([tmp_path / "a.dbc"]) == database  # as it was kept
+    message = database.message("Debug")
+    stamp = message.signal("Stamp")
+    assert stamp.multiplexer_ids == {0, 1} and [b.multiplexer_ids for b in stamp.branches] == [
+        {2, 5}
+    ]
+    rng = np.random.default_rng(8)
+    frames = random_frames(400, seed=8)
+    frames.data[:, 0] = rng.integers(0, 7, 400)
+    frames.length[:] = 8
+    reference = cantools.database.load_file(str(tmp_path / "a.dbc")).get_message_by_name("Debug")
+    rows = np.arange(400)
+    columns = decode(frames, rows, message, ["Stamp", "Speed", "Torque"])
+    expected = {
+        row: reference.decode(frames.data[row].tobytes(), decode_choices=False)
+        for row in rows.tolist()
+        if frames.data[row, 0] & 0xF in (0, 1, 2, 5)
+    }
+    for name, column in columns.items():
+        carried = [row for row, values in expected.items() if name in values]
+        assert column.rows.tolist() == carried
+        assert column.value.tolist() == [expected[row][name] for row in carried]
+
+
+def test_branches_are_encoded_where_they_lie(tmp_path):
+    (tmp_path / "a.dbc").write_text(BRANCHES)
+    message = load([tmp_path / "a.dbc"]).message("Debug")
+    values = {"Mux": np.array([0, 1, 2, 5]), "Stamp": np.array([7.0, 8.0, -900.5, 90.5])}
+    frames = encode(message, values, np.arange(4))
+    stamp = decode(frames, np.arange(4), message, ["Stamp"])["Stamp"]
+    assert stamp.rows.tolist() == [0, 1, 2, 3] and stamp.value.tolist() == [7.0, 8.0, -900.5, 90.5]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,9 @@ from clutchest.errors import ClutchestError, nearest
 if TYPE_CHECKING:
     import cantools.database.can as cantools_can
 
+# What is read of a DBC depends on these.
+_READERS = [Path(__file__).parent / name for name in ("database.py", "j1939.py", "recovery/dbc.py")]
+
 
 @dataclass(frozen=True, slots=True)
 class SignalLayout:
@@ -23,7 +27,8 @@ class SignalLayout:
     significant), ``width`` bits; value = raw · ``scale`` + ``offset`` in ``unit``, the bus unit.
     Integers of the DBC stay integers, so that the arithmetic is exact.  ``coded``: the raw value
     may be a J1939 code.  ``multiplexer``: name of the signal that switches this one on, where its
-    value is one of ``multiplexer_ids``.
+    value is one of ``multiplexer_ids``; ``branches``: the same signal where it lies elsewhere in
+    other branches of the multiplexer.
     """
 
     name: str
@@ -41,6 +46,19 @@ class SignalLayout:
     multiplexer_ids: frozenset[int] = frozenset()
     spn: int | None = None
     coded: bool = False
+    branches: tuple[SignalLayout, ...] = ()
+
+    def with_branch(self, other: SignalLayout) -> SignalLayout:
+        """This signal, which has the ``other`` layout in another branch of its multiplexer."""
+        for k, layout in enumerate((self, *self.branches)):
+            here = replace(layout, multiplexer_ids=other.multiplexer_ids, branches=())
+            if here == other:
+                ids = layout.multiplexer_ids | other.multiplexer_ids
+                if k == 0:
+                    return replace(self, multiplexer_ids=ids)
+                merged = replace(layout, multiplexer_ids=ids)
+                return replace(self, branches=(*self.branches[: k - 1], merged, *self.branches[k:]))
+        return replace(self, branches=(*self.branches, other))
 
     @property
     def first_bit(self) -> int:
@@ -128,91 +146,111 @@ def _load_one(path: Path, warnings: list[str]) -> list[Message]:
         content = path.read_bytes()
     except OSError as error:
         raise ClutchestError(f"{path}: cannot be read ({error.strerror})") from None
-    this = Path(__file__)
-    known = _of_plain(recalled(content, this))
-    messages, complaint = known or _read(path, content)
+    known = _of_plain(recalled(content, _READERS))
+    messages, complaints = known or _read(path, content)
     if known is None:
-        remember(content, this, _plain(messages, complaint))
-    if complaint:
-        warnings.append(f"{path}: {complaint}")
+        remember(content, _READERS, _plain(messages, complaints))
+    warnings += [f"{path}: {complaint}" for complaint in complaints]
     return messages
 
 
-def _plain(messages: Sequence[Message], complaint: str) -> dict[str, Any]:
+def _plain(messages: Sequence[Message], complaints: Sequence[str]) -> dict[str, Any]:
     """What was read of a DBC, as JSON can hold it."""
-    plain = []
-    for message in messages:
-        signals = [
-            {**asdict(signal), "multiplexer_ids": sorted(signal.multiplexer_ids)}
-            for signal in message.signals.values()
-        ]
-        plain.append({**asdict(message), "signals": signals})
-    return {"complaint": complaint, "messages": plain}
+
+    def plain(signal: SignalLayout) -> dict[str, Any]:
+        branches = [plain(branch) for branch in signal.branches]
+        ids = sorted(signal.multiplexer_ids)
+        return {**asdict(signal), "multiplexer_ids": ids, "branches": branches}
+
+    return {
+        "complaints": list(complaints),
+        "messages": [
+            {**asdict(message), "signals": [plain(signal) for signal in message.signals.values()]}
+            for message in messages
+        ],
+    }
 
 
-def _of_plain(given: Any) -> tuple[list[Message], str] | None:
+def _of_plain(given: Any) -> tuple[list[Message], list[str]] | None:
     """What :func:`_plain` was made of; None if it is nothing of that kind."""
+
+    def signal(plain: dict[str, Any]) -> SignalLayout:
+        ids = frozenset(plain["multiplexer_ids"])
+        branches = tuple(signal(branch) for branch in plain["branches"])
+        return SignalLayout(**{**plain, "multiplexer_ids": ids, "branches": branches})
+
     try:
         messages = []
         for message in given["messages"]:
-            signals = [
-                SignalLayout(**{**signal, "multiplexer_ids": frozenset(signal["multiplexer_ids"])})
-                for signal in message["signals"]
-            ]
-            named = {signal.name: signal for signal in signals}
-            messages.append(Message(**{**message, "signals": named}))
-        return messages, str(given["complaint"])
+            signals = {plain["name"]: signal(plain) for plain in message["signals"]}
+            messages.append(Message(**{**message, "signals": signals}))
+        return messages, [str(complaint) for complaint in given["complaints"]]
     except (TypeError, KeyError):
         return None
 
 
-def _read(path: Path, content: bytes) -> tuple[list[Message], str]:
-    """The messages as cantools has them, and what it would have refused."""
-    import cantools.database
-    from textparser import ParseError, TokenizeError
-
-    complaint = ""
+def _text(content: bytes) -> str:
+    """The text of a DBC in whatever encoding: by its byte order mark, UTF-8, else Windows'."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", "replace")
     try:
-        text = content.decode()
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = content.decode("cp1252", "replace")  # what most DBC editors write
+        return content.decode("cp1252", "replace")  # what most DBC editors write
 
-    def parsed(strict: bool) -> cantools_can.Database:
-        database = cantools.database.can.Database(strict=strict)
-        database.add_dbc_string(text)
-        return database
 
+def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
+    """The messages as cantools has them, and what of the file is not valid."""
+    from clutchest.can.recovery.dbc import Irreparable, parsed
+
+    text = _text(content)
     try:
-        try:
-            database = parsed(strict=True)
-        except cantools.database.Error as error:  # overlapping signals and the like
-            database = parsed(strict=False)
-            complaint = f"{error} Loaded without that check."
-    except ParseError as error:
+        database, complaints = parsed(text)
+    except Irreparable as error:
+        if not error.line:
+            raise ClutchestError(f"{path}: {error}") from None
         line = text.splitlines()[error.line - 1].strip()
-        raise ClutchestError(
-            f"{path}, line {error.line}, column {error.column}: not valid in a DBC: {line[:80]!r}"
-        ) from None
-    except TokenizeError as error:
-        number = text.count("\n", 0, error.offset) + 1
-        line = text.splitlines()[number - 1].strip()
-        raise ClutchestError(f"{path}, line {number}: not valid in a DBC: {line[:80]!r}") from None
-    except Exception as error:  # cantools lets its own lookups fail on a broken file
-        raise ClutchestError(
-            f"{path}: not a DBC that can be read ({type(error).__name__}: {error})"
-        ) from None
+        raise ClutchestError(f"{path}, line {error.line}: {error}: {line[:80]!r}") from None
     if not database.messages:
-        raise ClutchestError(f"{path}: no messages; expected a DBC with BO_ lines")
+        why = f"; {complaints[0]}" if complaints else ""
+        raise ClutchestError(f"{path}: no messages; expected a DBC with BO_ lines{why}")
+    is_j1939, assumed = _is_j1939(database)
+    if assumed:
+        complaints.append(
+            "no attribute says that this is J1939, but its ids are those of J1939 parameter "
+            "groups: messages are matched by them"
+        )
+    messages = [_message(message, is_j1939) for message in database.messages]
+    ids: dict[tuple[int, bool], str] = {}
+    for message in messages:
+        first = ids.setdefault((message.id, message.extended), message.name)
+        if first != message.name:
+            complaints.append(f"messages '{first}' and '{message.name}' have the same id")
+    return messages, complaints
+
+
+def _is_j1939(database: cantools_can.Database) -> tuple[bool, bool]:
+    """Whether the bus is a J1939 one, and whether only the ids themselves say so."""
     attributes = database.dbc.attributes if database.dbc else {}
+    defined = database.dbc.attribute_definitions if database.dbc else {}
     protocol = attributes.get("ProtocolType")
-    bus_is_j1939 = protocol is not None and str(protocol.value).upper() == "J1939"
-    return [_message(message, bus_is_j1939) for message in database.messages], complaint
+    if protocol is not None:
+        return str(protocol.value).upper() == "J1939", False
+    if "ProtocolType" in defined or "VFrameFormat" in defined:
+        return False, False
+    ids = [message.frame_id for message in database.messages if message.is_extended_frame]
+    fitting = j1939.fits(ids)
+    return fitting, fitting
 
 
 def _message(message: Any, bus_is_j1939: bool) -> Message:
     extended = bool(message.is_extended_frame)
     is_j1939 = extended and (message.protocol == "j1939" or bus_is_j1939)
-    signals = {signal.name: _signal(signal, is_j1939) for signal in message.signals}
+    signals: dict[str, SignalLayout] = {}
+    for signal in message.signals:
+        layout = _signal(signal, is_j1939)
+        first = signals.get(layout.name)
+        signals[layout.name] = layout if first is None else first.with_branch(layout)
     cycle = message.cycle_time
     return Message(
         message.name,

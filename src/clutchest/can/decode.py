@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -86,6 +86,12 @@ def _column(
     message: Message,
     layout: SignalLayout,
 ) -> DecodedColumn:
+    if layout.branches:
+        parts = [
+            _column(rows, data, length, message, replace(branch, branches=()))
+            for branch in (layout, *layout.branches)
+        ]
+        return _joined(parts)
     if layout.width > 64:
         raise ClutchestError(
             f"signal '{layout.name}' of message '{message.name}' has "
@@ -112,6 +118,19 @@ def _column(
         why[(why == Why.VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
     value[why != Why.VALID] = np.nan
     return DecodedColumn(rows, value, raw, why)
+
+
+def _joined(parts: Sequence[DecodedColumn]) -> DecodedColumn:
+    """The samples of one signal from the branches of a multiplexer, in the order of the log."""
+    rows, raw = np.concatenate([p.rows for p in parts]), [p.raw for p in parts]
+    order = np.argsort(rows, kind="stable")
+    same = len({bits.dtype for bits in raw}) == 1
+    return DecodedColumn(
+        rows[order],
+        np.concatenate([p.value for p in parts])[order],
+        np.concatenate(raw if same else [bits.view(np.int64) for bits in raw])[order],
+        np.concatenate([p.why for p in parts])[order],
+    )
 
 
 def extract(data: NDArray[np.uint8], layout: SignalLayout) -> NDArray:

@@ -78,9 +78,10 @@ def encode(
             )
     for name in values:
         layout = message.signal(name)
-        active = _active(message, layout, columns)
-        raw = _raw(message, layout, columns[name][active])
-        data[active] = _insert(data[active], layout, raw)
+        for branch in (layout, *layout.branches):
+            active = _active(message, branch, columns)
+            raw = _raw(message, branch, columns[name][active])
+            data[active] = _insert(data[active], branch, raw)
     for layout in message.signals.values():
         if layout.name.endswith("Counter") and layout.name not in values:
             counts = np.arange(n, dtype=np.uint64) % np.uint64(_counter_size(layout))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.signals import Why
 
+_STANDARD = frozenset((0xF0, 0xFD, 0xFE))  # PDU formats of groups that SAE has assigned
+_MOST = 0.8  # of a database's 29-bit ids
 _PDU1 = 0x3FF0000  # data pages and PDU format; the next byte is a destination address
 _PDU2 = 0x3FFFF00  # …where the format is 240 or more it belongs to the group's number
 
@@ -27,6 +31,14 @@ def pgn_mask(can_id: int) -> int:
 def pgn(can_id: int) -> int:
     """Parameter group number of a 29-bit id: priority, addresses left out."""
     return (can_id & pgn_mask(can_id)) >> 8
+
+
+def fits(can_ids: Sequence[int]) -> bool:
+    """Whether these 29-bit ids are those of a J1939 database: nearly all are broadcast groups, and
+    some in the formats of the standard's own (engine, transmission, vehicle; data page 0)."""
+    formats = [can_id >> 16 & 0x3FF for can_id in set(can_ids)]
+    broadcast = [form for form in formats if form & 0xFF >= 240]
+    return len(broadcast) >= _MOST * len(formats) and not _STANDARD.isdisjoint(formats)
 
 
 def with_source(can_id: int, source_address: int) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -17,27 +18,28 @@ from clutchest import __version__
 from clutchest.cache import cache_folder, kept
 
 
-def recalled(content: bytes, reader: Path) -> Any:
-    """What :func:`remember` was given for a DBC with this ``content`` by the source file
-    ``reader``, as JSON holds it; None if that is nothing, or not whole."""
+def recalled(content: bytes, readers: Sequence[Path]) -> Any:
+    """What :func:`remember` was given for a DBC with this ``content`` by these source files, as
+    JSON holds it; None if that is nothing, or not whole."""
     try:
-        return json.loads(_place(content, reader).read_text(encoding="utf-8"))
+        return json.loads(_place(content, readers).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
 
 
-def remember(content: bytes, reader: Path, layout: Any) -> None:
+def remember(content: bytes, readers: Sequence[Path], layout: Any) -> None:
     """Keep the ``layout`` of a DBC, where the disk allows it and JSON can hold it."""
-    place = _place(content, reader)
+    place = _place(content, readers)
     with suppress(OSError, TypeError, ValueError):
         place.unlink(missing_ok=True)
         place.parent.mkdir(parents=True, exist_ok=True)
         kept(place.parent, place.name, json.dumps(layout))
 
 
-def _place(content: bytes, reader: Path) -> Path:
-    """The file's name changes with the DBC, with its reader and with the versions of both."""
+def _place(content: bytes, readers: Sequence[Path]) -> Path:
+    """The file's name changes with the DBC, with its readers and with the versions."""
     digest = hashlib.sha256(content)
     digest.update(f"{__version__} {version('cantools')}".encode())
-    digest.update(reader.read_bytes())
+    for reader in readers:
+        digest.update(reader.read_bytes())
     return cache_folder() / f"dbc_{digest.hexdigest()[:24]}.json"

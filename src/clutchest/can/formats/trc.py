@@ -163,8 +163,7 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
                     return i
         else:  # N, R and what else there may be
             i = word(text, i)
-    out.channel[n] = max(channel - 1, 0) & 0xFF
-    out.flags[n], out.length[n] = flag, count
+    out.channel[n], out.flags[n], out.length[n] = max(channel - 1, 0) & 0xFF, flag, count
     return line_end(text, i)
 
 

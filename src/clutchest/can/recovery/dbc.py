@@ -1,0 +1,157 @@
+"""A DBC of which cantools refuses a part: the rest of it, and what was left out and why."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from clutchest.can.log_source import quiet
+
+if TYPE_CHECKING:
+    from cantools.database.can import Database
+
+_MOST = 200  # repairs of one file
+_KEYWORD = re.compile(
+    r"\s*(VERSION|NS_|BS_|BU_|VAL_TABLE_|BO_|SG_|BO_TX_BU_|EV_|ENVVAR_DATA_|CM_|BA_DEF_DEF_|"
+    r"BA_DEF_REL_|BA_DEF_|BA_REL_|BA_|VAL_|SIG_VALTYPE_|SIG_GROUP_|SG_MUL_VAL_|SGTYPE_)(?=[\s:])"
+)
+_MESSAGE = re.compile(r"\s*BO_\s+(?P<id>\d+)\s+(?P<name>\w+)\s*:")
+_SIGNAL = re.compile(r"\s*SG_\s+(?P<name>\w+)")
+# What refers to a message or to one of its signals by the message's id.
+_REFERENCE = re.compile(
+    r"\s*(?:CM_\s+SG_|CM_\s+BO_|BA_\s+\"[^\"]*\"\s+SG_|BA_\s+\"[^\"]*\"\s+BO_|VAL_|SIG_VALTYPE_|"
+    r"SG_MUL_VAL_|SIG_GROUP_|BO_TX_BU_)\s+(?P<id>\d+)\s*:?\s*(?P<signal>[A-Za-z_]\w*)?"
+)
+_OF_SIGNALS = re.compile(r"\s*(CM_\s+SG_|BA_\s+\"[^\"]*\"\s+SG_|VAL_|SIG_VALTYPE_|SG_MUL_VAL_)\s")
+_EXTENDED = 1 << 31
+_INVALID = "not valid in a DBC"
+
+
+class Irreparable(Exception):
+    """Nothing of the file can be used; ``line`` where it is wrong, 0 if that is not known."""
+
+    def __init__(self, line: int, why: str) -> None:
+        super().__init__(why)
+        self.line = line
+
+
+@dataclass
+class _Text:
+    """The lines of a DBC, the ones left out empty, so that numbers of lines stay."""
+
+    lines: list[str]
+    complaints: list[str] = field(default_factory=list)
+
+    def statement(self, line: int) -> tuple[int, int]:
+        """First line and the one behind the last of what stands at ``line``, from 0."""
+        first = min(line, len(self.lines) - 1)
+        while first > 0 and not _KEYWORD.match(self.lines[first]):
+            first -= 1
+        is_message = bool(re.match(r"\s*BO_\s", self.lines[first]))
+        end = first + 1
+        while end < len(self.lines):
+            keyword = _KEYWORD.match(self.lines[end])
+            if keyword and not (is_message and keyword[1] == "SG_"):
+                break
+            end += 1
+        return first, end
+
+    def leave_out(self, line: int, why: str) -> None:
+        """Empty the statement at ``line``; a message goes with its signals."""
+        first, end = self.statement(line)
+        words = self.lines[first].strip()[:60]
+        if not _KEYWORD.match(self.lines[first]) or words.startswith(("VERSION", "NS_", "BS_")):
+            raise Irreparable(line + 1, why)
+        self.complaints.append(f"line {line + 1}: {words!r} left out: {why}")
+        self.lines[first:end] = [""] * (end - first)
+
+    def message_line(self, name: str) -> int | None:
+        """The line of a message, by its name."""
+        for number, line in enumerate(self.lines):
+            match = _MESSAGE.match(line)
+            if match and match["name"] == name:
+                return number
+        return None
+
+    def make_extended(self, number: int) -> bool:
+        """Mark the id of the message at this line as one of 29 bits, wherever it is referred to."""
+        match = _MESSAGE.match(self.lines[number])
+        if match is None or int(match["id"]) >= 1 << 29:
+            return False
+        old, new = match["id"], str(int(match["id"]) | _EXTENDED)
+        for k, line in enumerate(self.lines):
+            refers = _MESSAGE.match(line) or _REFERENCE.match(line)
+            if refers and refers["id"] == old:
+                self.lines[k] = line[: refers.start("id")] + new + line[refers.end("id") :]
+        self.complaints.append(
+            f"line {number + 1}: message '{match['name']}': id {old} has more than 11 bits and is "
+            "not marked as extended; taken as one of 29 bits"
+        )
+        return True
+
+    def accept(self, why: str, strict: bool) -> bool:
+        """Change or leave out the message that cantools refuses: an id of too many bits, signals
+        that overlap.  Whether to be strict from now on."""
+        named = re.search(r"in message (\w+)", why)
+        number = self.message_line(named[1]) if named else None
+        if number is not None and "frame id" in why:
+            if "Standard" not in why or not self.make_extended(number):
+                self.leave_out(number, why)
+        elif strict:
+            self.complaints.append(f"{why} Loaded without that check.")
+            return False
+        elif number is not None:
+            self.leave_out(number, why)
+        else:
+            raise Irreparable(0, why)
+        return strict
+
+    def leave_out_references(self) -> bool:
+        """Empty what refers to a message or signal that is not there; whether there was any."""
+        known: dict[str, set[str]] = {}
+        current: set[str] = set()
+        for line in self.lines:
+            if message := _MESSAGE.match(line):
+                current = known.setdefault(message["id"], set())
+            elif signal := _SIGNAL.match(line):
+                current.add(signal["name"])
+        before = len(self.complaints)
+        for number, line in enumerate(self.lines):
+            refers = _REFERENCE.match(line)
+            if refers is None:
+                continue
+            if refers["id"] not in known:
+                self.leave_out(number, f"no message has the id {refers['id']}")
+            elif _OF_SIGNALS.match(line) and refers["signal"] not in known[refers["id"]]:
+                self.leave_out(number, f"its message has no signal '{refers['signal']}'")
+        return len(self.complaints) > before
+
+
+def parsed(text: str) -> tuple[Database, list[str]]:
+    """The database, and in words what was left out of it or tolerated.
+
+    Raises Irreparable.
+    """
+    import cantools.database
+    from textparser import ParseError, TokenizeError
+
+    given, strict = _Text(text.splitlines()), True
+    with quiet("cantools"):
+        for _ in range(_MOST):
+            whole = "\n".join(given.lines) + "\n"
+            database = cantools.database.can.Database(strict=strict)
+            try:
+                database.add_dbc_string(whole)
+                return database, given.complaints
+            except ParseError as error:
+                given.leave_out(error.line - 1, _INVALID)
+            except TokenizeError as error:
+                given.leave_out(whole.count("\n", 0, error.offset), _INVALID)
+            except cantools.database.Error as error:
+                strict = given.accept(str(error), strict)
+            except Exception as error:  # cantools lets its own lookups fail
+                if not given.leave_out_references():
+                    why = f"not a DBC that can be read ({type(error).__name__}: {error})"
+                    raise Irreparable(0, why) from None
+    raise Irreparable(0, f"more than {_MOST} lines are not valid")
