@@ -1,11 +1,13 @@
-"""Torque error while slipping: static curves, three-state model open loop, and the filter.
+"""Torque error while slipping: static curves, three-state model open loop, no model, the filter.
 
     python benchmarks/torque.py [--seeds 20] [--scenarios city launches heating] [--jobs 2]
                                 [--json FILE] [--undisturbed] [--wear-rate 0]
 
 Drives come from the independent generator with parameters drawn from the vehicle file's spreads;
 every model uses the file's own values.  During the drives the clutch wears, and its friction and
-the bias of the reported torque wander.  "static, refitted" is what a static model can do at best:
+the bias of the reported torque wander.  "no model" is the trivial rival, M_e − J dω/dt: reported
+engine torque, its mean over 0.1 s, less the inertia times the slope of a straight line through the
+engine speed of the same 0.1 s.  "static, refitted" is what a static model can do at best:
 its curve is fitted by least squares to the torque that production sensors give on another drive
 of the same truck, same scenario, another road.  Errors are root mean squares over the samples
 (10 Hz) in which the true clutch slips, as a share of the maximum engine torque; the intervals are
@@ -29,7 +31,7 @@ from numpy.typing import NDArray
 
 import clutchest
 from clutchest.estimate.open_loop import open_loop
-from clutchest.estimate.samples import slope
+from clutchest.estimate.samples import slope, slope_count
 from clutchest.models.dry_clutch.equations import (
     DRY_CLUTCH,
     following_speed,
@@ -39,7 +41,7 @@ from clutchest.models.dry_clutch.equations import (
 
 Floats = NDArray[np.float64]
 
-NAMES = ("static", "static, refitted", "P modelled", "P measured", "filter")
+NAMES = ("static", "static, refitted", "P modelled", "P measured", "no model", "filter")
 CURVE = ("torque_cubic", "torque_quadratic", "kiss_point")
 WEAR_RATE = 0.02  # mm/MJ
 DISTURBANCES = {
@@ -111,6 +113,17 @@ def refitted(drive: clutchest.Signals, vehicle: clutchest.Vehicle) -> clutchest.
     return replace(vehicle, parameters={**vehicle.parameters, **changed})
 
 
+def without_model(drive: clutchest.Signals, vehicle: clutchest.Vehicle, time: Floats) -> Floats:
+    """M_e − J dω/dt at ``time``, Nm: both over the samples of SLOPE_WINDOW s around it."""
+    torque = drive["engine_torque"].only_valid()
+    count = slope_count(float(np.median(np.diff(torque.time))))
+    mean = np.convolve(torque.value, np.full(count, 1.0 / count), mode="valid")
+    mean = np.interp(time, torque.time[count // 2 : count // 2 + len(mean)], mean)
+    acceleration, _ = slope(drive["engine_speed"].only_valid(), 0.0)
+    inertia = vehicle.parameters["engine_inertia"].value
+    return mean - inertia * np.interp(time, acceleration.time, acceleration.value)
+
+
 def errors_of(
     drive: clutchest.Signals, other: clutchest.Signals, vehicle: clutchest.Vehicle
 ) -> dict[str, float]:
@@ -118,7 +131,10 @@ def errors_of(
     of the same truck."""
     truth, following = drive.truth, following_speed(DRY_CLUTCH)
     track = clutchest.replay(drive, vehicle, rate=RATE).tracks[0]
-    found = {"filter": (track.time, track.clutch_torque.value)}
+    torques = {
+        "filter": (track.time, track.clutch_torque.value),
+        "no model": (track.time, without_model(drive, vehicle, track.time)),
+    }
     for name, model, car in (
         ("static", static(following), vehicle),
         ("static, refitted", static(following), refitted(other, vehicle)),
@@ -126,9 +142,9 @@ def errors_of(
         ("P measured", with_measured_power(following), vehicle),
     ):
         run = open_loop(drive, car, model, RATE)
-        found[name] = run.time, run.torque
+        torques[name] = run.time, run.torque
     result = {}
-    for name, (time, torque) in found.items():
+    for name, (time, torque) in torques.items():
         wrong = torque - np.interp(time, truth.time, truth.columns["clutch_torque"])
         result[name] = float(np.sqrt(np.mean(wrong[slipping(drive, time)] ** 2)))
     return result
@@ -148,16 +164,18 @@ def one(task: tuple[Drives, str, int]) -> tuple[str, int, dict[str, float]]:
 
 
 def summary(errors: Mapping[str, Floats]) -> dict[str, tuple[float, float, float]]:
-    """(mean, 2.5 %, 97.5 %) by model, and of the ratio of the filter's mean error to that of the
-    refitted static curve; ``errors`` (drives,) by model."""
+    """(mean, 2.5 %, 97.5 %) by model, and of the ratios of the filter's mean error to those of the
+    refitted static curve and of M_e − J dω/dt; ``errors`` (drives,) by model."""
     count = len(errors["filter"])
     picks = np.random.default_rng(0).integers(0, count, (4000, count))
     means = {name: values[picks].mean(axis=1) for name, values in errors.items()}
     means["ratio"] = means["filter"] / means["static, refitted"]
-    told = {name: float(values.mean()) for name, values in errors.items()}
-    told["ratio"] = told["filter"] / told["static, refitted"]
+    means["ratio to no model"] = means["filter"] / means["no model"]
+    mean = {name: float(values.mean()) for name, values in errors.items()}
+    mean["ratio"] = mean["filter"] / mean["static, refitted"]
+    mean["ratio to no model"] = mean["filter"] / mean["no model"]
     limits = {name: np.percentile(values, [2.5, 97.5]) for name, values in means.items()}
-    return {name: (told[name], float(low), float(high)) for name, (low, high) in limits.items()}
+    return {name: (mean[name], float(low), float(high)) for name, (low, high) in limits.items()}
 
 
 def main() -> None:
@@ -178,26 +196,28 @@ def main() -> None:
     )
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     tasks = [(drives, *pair) for pair in product(arguments.scenarios, seeds)]
-    found: dict[str, dict[int, dict[str, float]]] = {name: {} for name in arguments.scenarios}
+    errors_by_drive: dict[str, dict[int, dict[str, float]]] = {
+        name: {} for name in arguments.scenarios
+    }
     with get_context("spawn").Pool(arguments.jobs) as pool:
         for done, (scenario, seed, errors) in enumerate(pool.imap_unordered(one, tasks), 1):
-            found[scenario][seed] = errors
+            errors_by_drive[scenario][seed] = errors
             print(f"{done}/{len(tasks)}: {scenario}, seed {seed}", file=sys.stderr)
 
     largest = clutchest.load_vehicle(arguments.vehicle).parameters["engine_torque_max"].value
     print(f"torque RMS error while slipping, % of {largest:.0f} Nm, {arguments.seeds} drives each")
     wandering = [f"{key} {value:g}" for key, value in drives.disturbances.items()]
     print(f"wear {arguments.wear_rate:g} mm/MJ; " + (", ".join(wandering) or "undisturbed"))
-    columns = (*NAMES, "ratio")
-    titles = (*NAMES, "filter / refitted")
+    columns = (*NAMES, "ratio", "ratio to no model")
+    titles = (*NAMES, "filter / refitted", "filter / no model")
     print(f"{'':12}" + "".join(f"{title:>22}" for title in titles))
     table = {}
-    for scenario, runs in found.items():
+    for scenario, runs in errors_by_drive.items():
         by_model = {name: [runs[seed][name] for seed in seeds] for name in NAMES}
-        told = summary({name: np.array(values) for name, values in by_model.items()})
-        cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*told[name]) for name in columns]
+        row = summary({name: np.array(values) for name, values in by_model.items()})
+        cells = ["{:.2f} [{:.2f}, {:.2f}]".format(*row[name]) for name in columns]
         print(f"{scenario:12}" + "".join(cell.rjust(22) for cell in cells))
-        table[scenario] = {"mean_low_high": told, "errors": by_model}
+        table[scenario] = {"mean_low_high": row, "errors": by_model}
     if arguments.json:
         about = {
             "seeds": list(seeds),
