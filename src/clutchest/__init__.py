@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clutchest.discovery.discover import discover
     from clutchest.discovery.result import Discovery
     from clutchest.errors import ClutchestError
+    from clutchest.estimate.filterpy_engine import filterpy_of
     from clutchest.estimate.replay import replay
     from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
     from clutchest.monitor.monitor import Monitor
@@ -44,6 +45,7 @@ _HOMES = {
     "Vehicle": "clutchest.vehicle",
     "diagnose": "clutchest.diagnosis.diagnose",
     "discover": "clutchest.discovery.discover",
+    "filterpy_of": "clutchest.estimate.filterpy_engine",
     "load_vehicle": "clutchest.vehicle",
     "read_log": "clutchest.reading",
     "replay": "clutchest.estimate.replay",
@@ -67,6 +69,7 @@ __all__ = [
     "__version__",
     "diagnose",
     "discover",
+    "filterpy_of",
     "load_vehicle",
     "read_log",
     "replay",

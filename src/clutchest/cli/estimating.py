@@ -22,6 +22,7 @@ def estimated(
     *,
     rate: float = 10.0,
     smooth: bool = False,
+    engine: str = "kernel",
     traffic: bool = False,
 ) -> Run:
     """The estimates over ``logs`` from ``start`` to ``stop``, carried on from ``state``.
@@ -42,6 +43,14 @@ def estimated(
     signals = read_log(logs, car, TimeWindow.parse(start, stop), traffic=traffic)
     meanwhile("clutchest.record.rerun")  # not earlier: two that import only take turns
     try:
-        return replay(signals, car, rate=rate, state=before, smooth=smooth, progress=show)
+        return replay(
+            signals,
+            car,
+            rate=rate,
+            state=before,
+            smooth=smooth,
+            engine=engine,
+            progress=show,
+        )
     except StateError as problem:
         raise ClutchestError(f"{state}: {problem}") from None

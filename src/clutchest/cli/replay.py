@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -9,6 +10,13 @@ import typer
 from clutchest.cli.estimating import estimated
 from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, State, To, VehicleName
 from clutchest.cli.terminal import answer, progress
+
+
+class Engine(StrEnum):
+    """As ``clutchest.estimate.engines`` has them."""
+
+    kernel = "kernel"
+    filterpy = "filterpy"
 
 
 def replay(
@@ -24,6 +32,12 @@ def replay(
         bool,
         typer.Option("--smooth", help="Also the estimates that each whole drive supports."),
     ] = False,
+    engine: Annotated[
+        Engine,
+        typer.Option(
+            "--engine", help="Which filter: the compiled one, or filterpy's (the same, slowly)."
+        ),
+    ] = Engine.kernel,
     innovations: Annotated[
         bool, typer.Option("--innovations", help="Also write innovations.parquet: every misfit.")
     ] = False,
@@ -47,7 +61,9 @@ def replay(
         from clutchest.record.files import write_run
         from clutchest.record.terminal import print_run
 
-        run = estimated(logs, vehicle, start, stop, state, show, rate=rate, smooth=smooth)
+        run = estimated(
+            logs, vehicle, start, stop, state, show, rate=rate, smooth=smooth, engine=engine
+        )
         show("writing", None)
         written = write_run(run, out, innovations=innovations)
     names = [path.name for path in written]

@@ -16,6 +16,7 @@ import numpy as np
 from clutchest.compute.records import Belief
 from clutchest.estimate.delay_equalisation import Clocks
 from clutchest.estimate.drive_setup import DriveSetup, held_on
+from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.initial_state import History, carried_on, fresh, leave
 from clutchest.estimate.run import Engagement, Track
 from clutchest.estimate.sample_timing import SampleTiming
@@ -28,13 +29,11 @@ from clutchest.estimate.timeline import (
 )
 from clutchest.estimate.track import Rows, engagements, track_of
 from clutchest.estimate.whole_log import (
-    CONSIDERING,
     Compiled,
     Filtered,
     compile_model,
     copied,
     delays,
-    run,
 )
 from clutchest.progress import Progress
 from clutchest.signals import LOST, Floats, Signal
@@ -66,7 +65,7 @@ class Drive:
 
     ``names`` of the signals that it has, each with a sample in what comes first; t = 0 is at
     ``start_ns``, where a clock tells it; ``rate`` Hz of the output grid; ``state`` as an earlier
-    run left it.
+    run left it; ``engine``: the filter, one of ``ENGINES``.
     """
 
     def __init__(
@@ -77,8 +76,10 @@ class Drive:
         rate: float,
         state: Mapping[str, Any] | None,
         progress: Progress | None = None,
+        engine: str = KERNEL,
     ) -> None:
         self.vehicle, self.start_ns, self.state = vehicle, start_ns, state
+        self.filter = filter_of(engine)
         model = vehicle.machine.equations(set(names))
         self.compiled: Compiled = compile_model(vehicle, model, progress=progress)
         self.setting = DriveSetup(vehicle, self.compiled.model, rate, delays(vehicle))
@@ -254,7 +255,7 @@ class Drive:
             )
             self.start = copied(self.belief)
             self.first_s = float(line.t[0])
-        filtered = run(self.compiled, line, self.belief, CONSIDERING, gained=self.gained)
+        filtered = self.filter(self.compiled, line, self.belief, gained=self.gained)
         self.belief, self.last = filtered.final, line
         rows = Rows.of(self.compiled, line, filtered)
         events = self._slips(rows, last)

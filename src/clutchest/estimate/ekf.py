@@ -1,4 +1,4 @@
-"""The online filter: filterpy's extended Kalman filter, with the clutch's equations in it.
+"""filterpy's extended Kalman filter with a machine's equations in it.
 
 It is also the reference that the compiled whole-log kernel must agree with: it calls the same
 model functions, but integrates, propagates and updates by itself and by filterpy.
@@ -14,7 +14,10 @@ from filterpy.kalman import ExtendedKalmanFilter
 from clutchest.compute.records import Belief
 from clutchest.compute.step import SMALL, TERMS
 from clutchest.estimate.timeline import Timeline
-from clutchest.estimate.whole_log import ROBUST_LIMIT, Compiled
+from clutchest.estimate.whole_log import (
+    ROBUST_LIMIT,
+    Compiled,
+)
 from clutchest.signals import Floats
 
 
@@ -24,8 +27,9 @@ class OnlineFilter(ExtendedKalmanFilter):
     ``start`` as the whole-log filter takes it; ``timeline`` gives noise and regimes; innovations
     beyond ``limit`` standard deviations count for less.
 
-    With ``consider`` the uncertain parameters follow the states in ``x`` and ``P`` as constants
-    that no measurement corrects (Schmidt's consider filter): ``x`` (n + m), ``P`` (n + m, n + m).
+    With ``consider`` the slip energy (J) and the uncertain parameters follow the states in ``x``
+    and ``P``, as numbers that no measurement corrects (Schmidt's consider filter): ``x``
+    (n + 1 + m), ``P`` (n + 1 + m, n + 1 + m), the parameters as deviations from their values.
     """
 
     def __init__(
@@ -38,15 +42,27 @@ class OnlineFilter(ExtendedKalmanFilter):
         limit: float = ROBUST_LIMIT,
     ) -> None:
         self.states, self.consider = len(start.x), consider
-        super().__init__(dim_x=self.states + (len(compiled.thetas) if consider else 0), dim_z=1)
+        size = self.states + (1 + len(compiled.thetas) if consider else 0)
+        super().__init__(dim_x=size, dim_z=1)
+        self.compiled, self.timeline, self.limit = compiled, timeline, limit
+        self.functions, self.p, self.g = compiled.functions, compiled.p, compiled.g
         self.x, self.P = np.array(start.x), np.array(start.P)
         if consider:
-            spread, across = np.diag(compiled.spread**2), start.S * compiled.spread**2
-            self.x = np.append(start.x, np.zeros(len(spread)))
-            self.P = np.block([[start.P + across @ start.S.T, across], [across.T, spread]])
-        self.functions, self.p, self.g = compiled.functions, compiled.p, compiled.g
-        self.timeline, self.limit = timeline, limit
+            self.x, self.P = _with_constants(start, compiled.spread)
         self.doubts = np.sqrt(np.diag(start.P)[self.functions.DOUBTED])
+        if len(self.doubts) and start.held[0] >= 0.0:  # as the last reading left them
+            self.doubts = start.held[: len(self.doubts)].copy()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What ``x`` holds, one after the other; a parameter of an effect as ``effect.number``."""
+        states = tuple(state.name for state in self.compiled.model.states)
+        if not self.consider:
+            return states
+        thetas = (
+            key if owner == "parameter" else f"{owner}.{key}" for owner, key in self.compiled.thetas
+        )
+        return (*states, "slip_energy", *thetas)
 
     def holding(self, row: int) -> Floats:
         """What holds now: regime flags, and standard deviations that equations may use."""
@@ -61,12 +77,17 @@ class OnlineFilter(ExtendedKalmanFilter):
         self.functions.dynamics(x, u, self.holding(row), self.p, self.g, f, A, B)
         return f, A, B
 
-    def power(self, x: Floats, u: Floats, row: int) -> float:
-        """Slip power in W: the model's last output."""
+    def power(self, x: Floats, u: Floats, row: int) -> tuple[float, Floats]:
+        """Slip power in W, the model's last output, and its derivative (n) by x."""
+        y, Y, _ = self.outputs(x, u, row)
+        return float(y[-1]), Y[-1]
+
+    def outputs(self, x: Floats, u: Floats, row: int) -> tuple[Floats, Floats, Floats]:
+        """The model's outputs with their derivatives by x and by u."""
         f = self.functions
         y, Y, Yu = np.zeros(f.OUTPUTS), np.zeros((f.OUTPUTS, len(x))), np.zeros((f.OUTPUTS, len(u)))
         f.outputs(x, u, self.holding(row), self.p, self.g, y, Y, Yu)
-        return float(y[-1])
+        return y, Y, Yu
 
     def mapped(self, x: Floats, u0: Floats, u1: Floats, row: int) -> tuple[Floats, Floats]:
         """The state after the step map, and its derivative (n, n)."""
@@ -99,7 +120,8 @@ class OnlineFilter(ExtendedKalmanFilter):
         D = dt * D
         guess, J0 = self.mapped(x + dt * phi1 * f0, u0, u1, row)
         f1, A1, B1 = self.rates(guess, u1, row)
-        energy = dt / 2 * (self.power(x, u0, row) + self.power(guess, u1, row))
+        power0, power1 = self.power(x, u0, row), self.power(guess, u1, row)
+        energy = dt / 2 * (power0[0] + power1[0])
         bend = f1 - f0 - decay * (guess - x)
         xn, J1 = self.mapped(x + dt * (phi1 * f0 + phi2 * bend), u0, u1, row)
         straight = dt * (phi1[:, None] * A0 + (f0 * by_z1)[:, None] * D)
@@ -108,7 +130,9 @@ class OnlineFilter(ExtendedKalmanFilter):
         bent = dt * (phi2[:, None] * bent + (bend * by_z2)[:, None] * D)
         if self.consider:
             self.F = np.eye(self.dim_x)
-            self.F[:n, n:] = self.by_parameters(x, xn, u)
+            self.F[:n, n + 1 :], self.F[n, n + 1 :] = self.by_parameters(x, xn, u)
+            self.F[n, :n] = dt / 2 * (power0[1] + power1[1] @ G)
+            self.x[n] += energy
         self.x[:n] = xn
         self.F[:n, :n] = J1 @ (one + straight + bent)
         lasting = phi(2 * decay * dt)[0]
@@ -118,17 +142,21 @@ class OnlineFilter(ExtendedKalmanFilter):
         self.Q = np.zeros((self.dim_x, self.dim_x))
         self.Q[:n, :n] = np.diag(of_process) + dt / 2 * of_inputs
 
-    def by_parameters(self, x: Floats, xn: Floats, u: tuple[float, Floats, Floats, int]) -> Floats:
-        """Derivative (n, m) of a step from ``x`` to ``xn`` by the uncertain parameters, at the
-        inputs that other measurements imply: see ``compute.kernel.step_answer``."""
+    def by_parameters(
+        self, x: Floats, xn: Floats, u: tuple[float, Floats, Floats, int]
+    ) -> tuple[Floats, Floats]:
+        """Derivatives (n, m) and (m) of a step from ``x`` to ``xn`` and of its energy by the
+        uncertain parameters, at the inputs that other measurements imply: see
+        ``compute.kernel.step_answer``."""
         dt, u0, u1, row = u
         w, v0, v1 = self.holding(row), np.zeros(len(u0)), np.zeros(len(u1))
         self.functions.implied(x, u0, w, self.p, self.g, v0)
         self.functions.implied(xn, u1, w, self.p, self.g, v1)
-        G, of_energy = np.zeros((self.states, self.dim_x - self.states)), np.zeros(self.dim_x)
+        m = self.functions.THETAS
+        G, of_energy = np.zeros((self.states, m)), np.zeros(m)
         slope = (v1 - v0) / dt
         self.functions.step_signature(x, v0, v1, dt, w, self.p, self.g, slope, G, of_energy)
-        return G
+        return G, of_energy
 
     def advance(self, span: float, u0: Floats, u1: Floats, row: int) -> None:
         """Predict over ``span`` s, in steps no longer than the regime allows."""
@@ -145,42 +173,51 @@ class OnlineFilter(ExtendedKalmanFilter):
         h = self.functions.reading(sensor, x[:n], u, w, self.p, self.g, H[:n])
         if self.consider:
             self.functions.reading_signature(sensor, x[:n], u, w, self.p, self.g, by_theta)
-            H[n:] = by_theta
+            H[n + 1 :] = by_theta
         return float(h), H
 
-    def correct(self, sensor: int, z: float, R: float, u: Floats, row: int) -> tuple[float, float]:
-        """Take one reading; returns innovation and its predicted variance."""
+    def correct(
+        self, sensor: int, z: float, R: float, u: Floats, row: int
+    ) -> tuple[float, float, float]:
+        """Take one reading; returns innovation, its predicted and its used variance."""
         h, H = self.predicted(sensor, self.x, u, row)
         S = float(H @ self.P @ H) + R
         used = max(S, (z - h) ** 2 / self.limit**2)
         measured, R_used = np.array([z]), R + (used - S)
         if self.consider:
-            self._leave_parameters(measured - h, H, R_used)
+            self._leave_constants(measured - h, H, R_used)
         else:
             self.update(
                 measured, HJacobian=lambda x: H[None, :], Hx=lambda x: np.array([h]), R=R_used
             )
+            self.SI = 1.0 / self.S  # which filterpy 1.4 leaves as it was
         self._in_proportion(z - h)
-        return float(z - h), float(S)
+        return float(z - h), float(S), float(used)
+
+    def _own(self) -> tuple[Floats, Floats]:
+        """Covariance of states and energy but for what parameters do to them, and that rest; both
+        as large as ``P`` is without the parameters."""
+        k = self.states + 1 if self.consider else self.states
+        across, variance = self.P[:k, k:], np.diag(self.P)[k:]
+        theirs = across / np.where(variance > 0.0, variance, 1.0) @ across.T
+        return self.P[:k, :k] - theirs, theirs
 
     def _in_proportion(self, innovation: float) -> None:
         """See ``compute.kernel.in_proportion``; what parameters do to the state stays as it is."""
-        n, scales, doubted = self.states, self.functions.SCALES, self.functions.DOUBTED
+        scales, doubted = self.functions.SCALES, self.functions.DOUBTED
         if not len(scales) and not len(doubted):
             return
-        across, variance = self.P[:n, n:], np.diag(self.P)[n:]
-        theirs = across / np.where(variance > 0.0, variance, 1.0) @ across.T
-        own = self.P[:n, :n] - theirs
+        own, theirs = self._own()
         for i in scales:
             before = self.x[i] - float(self.K[i, 0]) * innovation
             ratio = self.x[i] / before if before > 0.0 < self.x[i] else 1.0
             own[i] *= ratio
             own[:, i] *= ratio
-        self.P[:n, :n] = own + theirs
+        self.P[: len(own), : len(own)] = own + theirs
         self.doubts = np.sqrt(np.diag(own)[doubted])
 
-    def _leave_parameters(self, innovation: Floats, H: Floats, R: float) -> None:
-        """filterpy's update with no gain on the parameters: Joseph's form allows any gain."""
+    def _leave_constants(self, innovation: Floats, H: Floats, R: float) -> None:
+        """filterpy's update with no gain on energy and parameters: Joseph's form allows any."""
         self.y, self.S = innovation, np.array([[H @ self.P @ H + R]])
         self.SI = 1.0 / self.S
         self.K = (self.P @ H)[:, None] * self.SI
@@ -190,19 +227,53 @@ class OnlineFilter(ExtendedKalmanFilter):
         self.P = rest @ self.P @ rest.T + R * (self.K @ self.K.T)
         self._log_likelihood = self._likelihood = self._mahalanobis = None
 
+    def take(self, k: int) -> tuple[float, float, float] | None:
+        """Predict to event ``k`` of the timeline from the one before it, and take its reading:
+        innovation, its predicted and its used variance; None where nothing is read."""
+        line = self.timeline
+        if k and line.t[k] > line.t[k - 1]:
+            self.advance(line.t[k] - line.t[k - 1], line.u[k - 1], line.u[k], line.row[k])
+        if line.sensor[k] < 0:
+            return None
+        return self.correct(line.sensor[k], line.z[k], line.R[k], line.u[k], line.row[k])
+
     def run(self) -> tuple[Floats, Floats, float]:
         """Filter the whole timeline: ``x`` and ``P`` after every event, log-likelihood."""
         line = self.timeline
         xs, Ps = np.empty((len(line.t), self.dim_x)), np.empty((len(line.t), *self.P.shape))
         total = 0.0
         for k in range(len(line.t)):
-            if k and line.t[k] > line.t[k - 1]:
-                self.advance(line.t[k] - line.t[k - 1], line.u[k - 1], line.u[k], line.row[k])
-            if line.sensor[k] >= 0:
-                self.correct(line.sensor[k], line.z[k], line.R[k], line.u[k], line.row[k])
+            if self.take(k) is not None:
                 total += float(self.log_likelihood)
             xs[k], Ps[k] = self.x, self.P
         return xs, Ps, total
+
+    def belief(self) -> Belief:
+        """State, covariance and responses as the whole-log filter has them (with ``consider``)."""
+        n, own = self.states, self._own()[0]
+        variance = self.compiled.spread**2
+        S = self.P[: n + 1, n + 1 :] / np.where(variance > 0.0, variance, 1.0)
+        held = np.full(n, -1.0)
+        held[: len(self.doubts)] = self.doubts
+        return Belief(
+            x=self.x[:n].copy(),
+            P=own[:n, :n].copy(),
+            S=S[:n].copy(),
+            E=np.array([self.x[n], own[n, n]]),
+            cE=own[n, :n].copy(),
+            sE=S[n].copy(),
+            held=held,
+        )
+
+
+def _with_constants(start: Belief, spread: Floats) -> tuple[Floats, Floats]:
+    """``x`` and ``P`` with slip energy and parameters behind the states."""
+    variance = np.diag(spread**2)
+    responses = np.vstack([start.S, start.sE])
+    across = responses @ variance
+    own = np.block([[start.P, start.cE[:, None]], [start.cE[None, :], start.E[1:, None]]])
+    P = np.block([[own + across @ responses.T, across], [across.T, variance]])
+    return np.concatenate([start.x, start.E[:1], np.zeros(len(spread))]), P
 
 
 def phi(z: Floats) -> tuple[Floats, Floats, Floats, Floats]:

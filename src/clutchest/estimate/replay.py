@@ -18,13 +18,14 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.drive import Drive, begun
 from clutchest.estimate.drive_setup import Unusable, warnings_of
+from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.initial_state import History, leave
 from clutchest.estimate.run import Run, Track
 from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
-from clutchest.estimate.whole_log import CONSIDERING, compile_model, delays, run
+from clutchest.estimate.whole_log import compile_model, delays
 from clutchest.progress import Progress
 from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -41,6 +42,7 @@ def replay(
     rate: float = 10.0,
     state: Mapping[str, Any] | None = None,
     smooth: bool = False,
+    engine: str = KERNEL,
     progress: Progress | None = None,
 ) -> Run:
     """Estimate temperatures, wear, friction and torque over every drive in ``signals``.
@@ -48,8 +50,10 @@ def replay(
     ``vehicle`` as loaded, or what ``load_vehicle`` takes.
     ``rate`` Hz of the output grid; ``state`` as an earlier run's ``Run.final``, carried over the
     time in between; with ``smooth`` also what each whole drive tells of the states at every time;
-    ``progress`` is called with a text and the share done.  Drives that lack a signal which the
-    model needs are left out with a warning.  Raises ClutchestError where all of them do.
+    ``engine``: the filter, ``kernel`` or ``filterpy``, which give the same and the latter some
+    hundred times as slowly; ``progress`` is called with a text and the share done.  Drives that
+    lack a signal which the model needs are left out with a warning.  Raises ClutchestError where
+    all of them do.
     """
     vehicle = load_vehicle(vehicle)
     if not 0.0 < rate <= FASTEST:
@@ -59,7 +63,7 @@ def replay(
     estimate = _whole if smooth else _in_stretches
     for drive in signals.drives:
         try:
-            track, part, state = estimate(drive, vehicle, rate, state, progress)
+            track, part, state = estimate(drive, vehicle, rate, state, engine, progress)
         except Unusable as problem:
             unusable.append((drive, problem))
             continue
@@ -106,12 +110,13 @@ def _in_stretches(
     vehicle: Vehicle,
     rate: float,
     state: Mapping[str, Any] | None,
+    engine: str,
     progress: Progress | None,
 ) -> tuple[Track, Part, Mapping[str, Any]]:
     """One drive, stretch by stretch: what the filter needs and makes on its way takes no more
     memory in a longer log."""
     usable = {name: signal for name, signal in signals.items() if signal.valid.any()}
-    drive = Drive(vehicle, usable, signals.start_ns, rate, state, progress)
+    drive = Drive(vehicle, usable, signals.start_ns, rate, state, progress, engine)
     warnings = list(warnings_of(signals, drive.setting))
     heard = max(float(signal.time[np.argmax(signal.valid)]) for signal in usable.values())
     stops = np.arange(max(heard + HEAD, STRETCH), signals.end - HEAD, STRETCH)
@@ -149,6 +154,7 @@ def _whole(
     vehicle: Vehicle,
     rate: float,
     state: Mapping[str, Any] | None,
+    engine: str,
     progress: Progress | None,
 ) -> tuple[Track, Part, Mapping[str, Any]]:
     """One drive at once, since a smoother goes back over all of it."""
@@ -157,7 +163,7 @@ def _whole(
     even = evenly_late(signals, vehicle)
     timeline = build(even, vehicle, compiled.model, rate, delays(vehicle))
     start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)
-    filtered = run(compiled, timeline, start, CONSIDERING, progress=progress)
+    filtered = filter_of(engine)(compiled, timeline, start, progress=progress)
     track = track_of(vehicle, compiled, timeline, filtered)
     over = smoothed(compiled, timeline, start, filtered, progress)
     track = replace(track, smoothed=states_of(vehicle, compiled, over.x, over.variance))

@@ -207,7 +207,7 @@ def run(
     n, m, K = len(start.x), len(compiled.thetas), len(timeline.t)
     belief = copied(start)
     gained = np.zeros((2, n)) if gained is None else gained
-    rows = _empty_rows(compiled, timeline)
+    rows = empty_rows(compiled, timeline)
     results = EventResults(np.zeros((K, 3)), np.zeros((K if options.keep else 0, m)))
     weighting = _weighting(compiled, K, options)
     regimes, work = regimes_of(timeline), compiled.functions.workspace(timeline.W.shape[1])
@@ -279,7 +279,7 @@ def _weighting(compiled: Compiled, K: int, options: FilterOptions) -> Weighting:
     )
 
 
-def _empty_rows(compiled: Compiled, timeline: Timeline) -> RowResults:
+def empty_rows(compiled: Compiled, timeline: Timeline) -> RowResults:
     """Room for every row that the timeline emits."""
     n, m = len(compiled.model.states), len(compiled.thetas)
     rows = int(timeline.emit.max(initial=-1)) + 1
