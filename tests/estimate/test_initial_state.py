@@ -1,4 +1,4 @@
-"""Priors and process noise: of the vehicle file, of a parameter's spread, or of the state itself."""
+"""Priors and process noise: the vehicle file's, a parameter's spread, or the state's own."""
 
 from __future__ import annotations
 
