@@ -140,7 +140,7 @@ MACHINE = Machine.of(
         ErrorTerm("heat", {"heat": lambda value, g: value + 2.0 * g}, slow=True),  # W
         ErrorTerm("timing:voltage", late=("voltage", 0.005)),
     ),
-    covariates=("motor_torque",),
+    covariates={"motor_torque": "Nm"},
     effects=(CoulombChange(), Stribeck(), CurrentGain()),
     faults=(ModelFault("coulomb_change", CoulombChange(), "change", 0.3, (16, 18)),),
     excitations={"mixed": mixed},

@@ -21,7 +21,7 @@ def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
     """Name → value at every event (K) of the drive at an operating point."""
     model, line = drive.compiled.model, drive.line
     machine = drive.compiled.machine
-    quantities, rates = machine.covariates, machine.rates
+    quantities, rates = tuple(machine.covariates), machine.rates
     found = {
         item.name: at.inputs[:, j]
         for j, item in enumerate(model.inputs)

@@ -66,9 +66,9 @@ class Machine:
     vehicle file may state, with its unit.
 
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
-    ``covariates``, quantities of the equations that an error may correlate with, beside inputs,
-    states, time and energy; ``rates`` of inputs (name → input) and ``peaks`` (name → the state
-    whose highest value so far it is); ``effects``, the library; ``separating_sensors`` and
+    ``covariates``, quantities of the equations that an error may correlate with (name → unit),
+    beside inputs, states, time and energy; ``rates`` of inputs (name → input) and ``peaks`` (name →
+    the state whose highest value so far it is); ``effects``, the library; ``separating_sensors`` and
     ``sensor_for`` (equation → sensor, "" for all others), which sensor would tell errors apart;
     ``compared``, the pair of a validation.
 
@@ -108,7 +108,7 @@ class Machine:
     wear: Wear | None = None
     limits: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     error_terms: Mapping[str, ErrorTerm] = field(default_factory=lambda: _EMPTY)
-    covariates: tuple[str, ...] = ()
+    covariates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     rates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     peaks: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     effects: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)

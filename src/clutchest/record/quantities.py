@@ -80,11 +80,11 @@ def sensors_of(run: Run) -> dict[str, Quantity]:
     return {name: Quantity(name, units.get(name, "1")) for name in seen}
 
 
-# What misfits are sorted by, beside states and columns.
-_DERIVED = {"time": "s", "slip_speed": "rad/s", "position_rate": "mm/s", "energy": "J"}
-
-
 def quantity_of(machine: Machine, name: str) -> Quantity:
-    """A state, a canonical column or a quantity derived from them, by name."""
-    units = {**_DERIVED, **machine.units, **{s.name: s.unit for s in machine.states}}
+    """A state, a canonical column or what else an error may correlate with, by name."""
+    states = {s.name: s.unit for s in machine.states}
+    rates = {rate: f"{machine.units.get(of, '1')}/s" for rate, of in machine.rates.items()}
+    peaks = {peak: states[of] for peak, of in machine.peaks.items()}
+    units = {"time": "s", "energy": "J", **machine.covariates, **rates, **peaks}
+    units |= machine.units | states
     return Quantity(name, units.get(name, "1"))

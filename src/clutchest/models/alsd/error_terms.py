@@ -35,6 +35,6 @@ SEPARATING_SENSORS = (
     Separation(("motor", "axial_force"), "a torque sensor on the actuator's motor"),
 )
 SENSOR_FOR = {"": "a torque sensor on the half-shaft"}
-COVARIATES = ("slip_speed", "motor_torque")
+COVARIATES = {"slip_speed": "rad/s", "motor_torque": "Nm"}
 RATES = {"voltage_rate": "armature_voltage"}
 PEAKS = {"temp_pack_peak": "temp_pack"}
