@@ -68,8 +68,8 @@ class Machine:
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
     beside inputs, states, time and energy; ``rates`` of inputs (name → input) and ``peaks`` (name →
-    the state whose highest value so far it is); ``effects``, the library; ``separating_sensors`` and
-    ``sensor_for`` (equation → sensor, "" for all others), which sensor would tell errors apart;
+    the state whose highest value so far it is); ``effects``, the library;
+    ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all others), which sensor would tell errors apart;
     ``compared``, the pair of a validation.
 
     For estimation: ``separating_manoeuvres``, what parts two states that one kind of measurement
