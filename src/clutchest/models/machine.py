@@ -69,8 +69,8 @@ class Machine:
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
     beside inputs, states, time and energy; ``rates`` of inputs (name → input) and ``peaks`` (name →
     the state whose highest value so far it is); ``effects``, the library;
-    ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all others), which sensor would tell errors apart;
-    ``compared``, the pair of a validation.
+    ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all others), which sensor
+    would tell errors apart; ``compared``, the pair of a validation.
 
     For estimation: ``separating_manoeuvres``, what parts two states that one kind of measurement
     knows together.
