@@ -12,6 +12,7 @@ import pytest
 from asammdf import MDF
 
 import can
+from clutchest.can import log_source
 from clutchest.can.files import read_blocks, read_frames, write_frames
 from clutchest.can.formats import log_formats
 from clutchest.can.frames import Flag, Frames
@@ -363,6 +364,22 @@ def test_trc_without_a_start_is_relative(tmp_path):
     path.write_text(";##########\n;   PCAN\n 1)  1 0076 2 3E 80\n 2)  3 00000077 1 01\n")
     frames = read_frames(path)
     assert frames.t_ns.tolist() == [1_000_000, 3_000_000] and not frames.absolute
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("suffix", [".log", ".asc.gz", ".trc", ".csv"])
+def test_byte_order_marks(suffix, encoding, tmp_path, monkeypatch):
+    """Of text that went through an editor or a shell of Windows."""
+    monkeypatch.setattr(log_source, "_PIECE", 1001)
+    frames = without_channels(random_frames(3000, seed=12))
+    write_frames(frames, tmp_path / f"a{suffix}")
+    opener = gzip.open if suffix.endswith(".gz") else open
+    with opener(tmp_path / f"a{suffix}", "rb") as file:
+        text = file.read().decode()
+    mark = "" if encoding == "utf-8-sig" else "\ufeff"
+    with opener(tmp_path / f"b{suffix}", "wb") as file:
+        file.write((mark + text.replace("\n", "\r\n")).encode(encoding))
+    assert_equal(read_frames(tmp_path / f"b{suffix}"), frames)
 
 
 def test_csv_stamps_as_python_writes_small_numbers(tmp_path):

@@ -53,7 +53,7 @@ def packets(
     return frames
 
 
-def found(frames: Frames, *messages: Message) -> list[tuple[int, int, bytes]]:
+def assembled(frames: Frames, *messages: Message) -> list[tuple[int, int, bytes]]:
     """(ms, id, payload) of what was put together."""
     whole = transport.reassembled(frames.sorted(), messages)
     return [
@@ -68,8 +68,8 @@ PAYLOAD = bytes(range(100, 139))
 
 def test_a_broadcast_is_put_together():
     frames = packets(PAYLOAD, 0xFEE3, source=0x21)
-    assert found(frames, LONG) == [(300, 0x18FEE321, PAYLOAD)]
-    assert found(frames, ADDRESSED) == []
+    assert assembled(frames, LONG) == [(300, 0x18FEE321, PAYLOAD)]
+    assert assembled(frames, ADDRESSED) == []
     assert len(transport.reassembled(frames, [LONG])) == len(frames)  # the last packet became it
 
 
@@ -82,7 +82,7 @@ def test_transfers_of_several_senders_run_side_by_side():
         packets(bytes(20), 0xFECA, 0x23, start_ms=5),
         packets(PAYLOAD[:20], 0xEF00, 0x21, to=0x31, start_ms=6),
     ]
-    assert found(Frames.concatenate(parts), LONG, ADDRESSED) == [
+    assert assembled(Frames.concatenate(parts), LONG, ADDRESSED) == [
         (156, 0x18EF0021, PAYLOAD[:20]),
         (300, 0x18FEE321, PAYLOAD),
         (303, 0x18FEE322, other),
@@ -94,7 +94,9 @@ def test_a_packet_asked_for_again_comes_again():
     frames = packets(PAYLOAD[:20], 0xEF00, 0x21, to=0x31)
     lost = replace(frames.take(np.array([0, 1, 3])), t_ns=np.array([0, 50, 100]) * 10**6)
     again = replace(frames.take(np.array([2])), t_ns=np.array([180]) * 10**6)
-    assert found(Frames.concatenate([lost, again]), ADDRESSED) == [(180, 0x18EF0021, PAYLOAD[:20])]
+    assert assembled(Frames.concatenate([lost, again]), ADDRESSED) == [
+        (180, 0x18EF0021, PAYLOAD[:20])
+    ]
 
 
 @pytest.mark.parametrize("what", ["packet lost", "too slow", "aborted", "replaced"])
@@ -114,7 +116,7 @@ def test_what_is_not_complete_is_counted(what):
 def test_the_longest_there_is():
     payload = np.random.default_rng(1).bytes(1785)
     longest = replace(LONG, length=1785)
-    assert found(packets(payload, 0xFEE3, 1), longest) == [(12750, 0x18FEE301, payload)]
+    assert assembled(packets(payload, 0xFEE3, 1), longest) == [(12750, 0x18FEE301, payload)]
 
 
 def test_a_mapped_signal_may_come_by_transport(tmp_path):

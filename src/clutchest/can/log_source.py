@@ -7,6 +7,7 @@ next block needs, a line without an end is dropped, and a file that shows nothin
 
 from __future__ import annotations
 
+import codecs
 import logging
 import zlib as plain_zlib
 from collections import Counter
@@ -77,8 +78,32 @@ class Gunzip:
         return b"".join(parts)
 
 
+class Transcoded:
+    """A text in UTF-16, with its byte order mark, as UTF-8; ``begin`` has been read already."""
+
+    def __init__(self, begin: bytes, file: Bytes) -> None:
+        self.file = file
+        self._decoder = codecs.getincrementaldecoder("utf-16")("replace")
+        self._text = self._decoder.decode(begin).encode()
+        self._done = False
+
+    def read(self, size: int, /) -> bytes:
+        """At most ``size`` bytes of UTF-8, fewer only at the end."""
+        parts, wanted = [self._text[:size]], size - len(self._text[:size])
+        self._text = self._text[size:]
+        while wanted > 0 and not self._done:
+            given = self.file.read(_PIECE)
+            self._done = not given
+            text = self._decoder.decode(given, self._done).encode()
+            parts.append(text[:wanted])
+            self._text = text[wanted:]
+            wanted -= len(parts[-1])
+        return b"".join(parts)
+
+
 class LogSource:
-    """One log file, read from its start to its end.
+    """One log file, read from its start to its end; byte order marks are left out, UTF-16 becomes
+    UTF-8.
 
     ``head`` the first bytes; ``position`` how many inflated bytes have been read; ``rejected`` what
     had to be dropped before a reader saw it: reason → number.
@@ -90,8 +115,13 @@ class LogSource:
         self.position = 0
         self.zipped = file.read(2) == b"\x1f\x8b"
         file.seek(0)
-        self._file: Bytes = Gunzip(file) if self.zipped else file
+        self._gunzip = Gunzip(file) if self.zipped else None
+        self._file: Bytes = self._gunzip or file
         self.head = self._file.read(HEAD)
+        if self.head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+            self._file = Transcoded(self.head, self._file)
+            self.head = self._file.read(HEAD)
+        self.head = self.head.removeprefix(codecs.BOM_UTF8)
         self._unread = self.head
         if self.truncated and not self.head:
             raise ClutchestError(f"{path}: damaged gzip data")
@@ -99,7 +129,7 @@ class LogSource:
     @property
     def truncated(self) -> bool:
         """Whether compressed data ended early."""
-        return isinstance(self._file, Gunzip) and self._file.truncated
+        return self._gunzip is not None and self._gunzip.truncated
 
     def read(self, size: int, /) -> bytes:
         """At most ``size`` bytes, fewer only at the end."""
