@@ -127,7 +127,7 @@ def _fitted(
     if name == anchor:
         return Fitted.unknown(before, "s", "the clock from which the others are counted")
     if name not in needs:
-        return Fitted.unknown(before, "s", "nothing that moves fast follows from it")
+        return Fitted.unknown(before, "s", "the machine declares no relation that shows it")
     if delay is None:
         return Fitted.unknown(before, "s", f"needs at least {FEWEST} {needs[name]}")
     if not delay.inside:
