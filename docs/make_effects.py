@@ -14,13 +14,13 @@ from clutchest.models.effects import Effect, Number
 PAGE = Path(__file__).with_name("effects.md")
 HEADING = """# Effects
 
-Terms in the equations of a clutch beyond its paper's. Each is absent at 0. A vehicle file
-puts one into the model that estimates (`[effects]`), and
-`clutchest simulate --effect wear:amount=0.5` into the truth of a simulated drive.
+Terms added to the equations of the papers. Each is absent at 0. A vehicle file adds one to the
+estimator's model (`[effects]`), `clutchest simulate --effect wear:amount=0.5` to the truth of a
+simulated drive.
 
-The range is that of plausible sizes; one that begins at 0 means that only positive values are
-physical. A number with a default is a shape: it says how the effect looks, not how large it is.
-The equation is the place in the model where the effect acts.
+The range is that of plausible values; where it begins at 0, only positive values are physical. A
+number with a default is a shape: it sets the form of the effect, not its size. The equation is the
+part of the model in which the effect acts.
 
 Beside these, every machine that declares error terms has the effect `curve`: an error of one
 equation as a curve over one covariate, its knots, values and covariance in the vehicle file
