@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchest.can.files import write_frames
+from clutchest.can.formats import log_formats
 from clutchest.can.frames import Flag
 from logger_mf4 import logged
 from samples import random_frames
@@ -18,14 +19,13 @@ SEEDS = Path(__file__).parent / "seeds"
 
 
 def main() -> None:
-    for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4", ".db"):
+    for suffix in (entry.suffix for entry in log_formats() if entry.writable):
         frames = random_frames(12, seed=1, fd=True)
         classic = np.flatnonzero((frames.flags & Flag.FD) == 0)
         frames.flags[classic[0]] |= np.uint8(Flag.REMOTE)
         frames.data[classic[0]] = 0
-        if suffix != ".trc":
-            frames.flags[classic[1]], frames.length[classic[1]] = Flag.ERROR, 0
-            frames.data[classic[1]] = 0
+        frames.flags[classic[1]], frames.length[classic[1]] = Flag.ERROR, 0
+        frames.data[classic[1]] = 0
         write_frames(frames, SEEDS / f"written{suffix}")
     path = SEEDS / "logger.mf4"
     path.write_bytes(logged(random_frames(12, seed=1), path, "deflated")[0])
