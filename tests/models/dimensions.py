@@ -20,7 +20,7 @@ _TRANSCENDENTAL = {ca.OP_EXP, ca.OP_LOG, ca.OP_TANH, ca.OP_SIN, ca.OP_COS}
 
 
 class Plain(float):
-    """A number written into an equation: it takes whatever dimension its place asks for."""
+    """A number written into an equation: it takes the dimension of its place."""
 
 
 Carried = Dimensions | Plain
@@ -64,9 +64,9 @@ def carried(function: ca.Function, given: Mapping[int, list[Dimensions]]) -> lis
     return outputs
 
 
-def balances(found: Carried, wanted: Dimensions) -> bool:
-    """Whether a value may stand where ``wanted`` is asked for."""
-    return isinstance(found, Plain) or found == wanted
+def balances(result: Carried, wanted: Dimensions) -> bool:
+    """Whether a value may stand where ``wanted`` is expected."""
+    return isinstance(result, Plain) or result == wanted
 
 
 def _applied(op: int, of: list[Carried]) -> Carried:

@@ -117,10 +117,10 @@ def reference(method: str, amps: float, rpm: float, stiffness: float = 1e6) -> C
     return dict(zip(WATCHED, np.array([rows[k] for k in range(len(grid))]).T, strict=True))
 
 
-def furthest(found: Columns, wanted: Columns) -> dict[str, float]:
+def furthest(result: Columns, wanted: Columns) -> dict[str, float]:
     """Largest difference over full scale."""
     return {
-        name: float(np.abs(found[name] - wanted[name]).max() / np.abs(wanted[name]).max())
+        name: float(np.abs(result[name] - wanted[name]).max() / np.abs(wanted[name]).max())
         for name in WATCHED
     }
 
@@ -135,8 +135,8 @@ def furthest(found: Columns, wanted: Columns) -> dict[str, float]:
 )
 def test_the_step_agrees_with_scipy(method: str, amps: float, rpm: float) -> None:
     """1e-3 of full scale over A1 and A4, at 50 µs a step."""
-    _, found = step_response(amps, rpm)
-    differences = furthest(found, reference(method, amps, rpm))
+    _, result = step_response(amps, rpm)
+    differences = furthest(result, reference(method, amps, rpm))
     assert max(differences.values()) < 1e-3, differences
 
 

@@ -130,9 +130,9 @@ def test_equations_are_the_papers(name: str, measured: bool) -> None:
     evaluate = evaluator(model, [name])
     values = points(model)
     wanted = np.array([getattr(Paper(v, measured), QUANTITIES[name]) for v in values])
-    found = np.array([evaluate(v)[name] for v in values])
+    result = np.array([evaluate(v)[name] for v in values])
     assert np.ptp(wanted) > 0
-    np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-11 * np.abs(wanted).max())
+    np.testing.assert_allclose(result, wanted, rtol=1e-11, atol=1e-11 * np.abs(wanted).max())
 
 
 def test_slow_states_have_no_drift_of_their_own() -> None:
@@ -141,7 +141,7 @@ def test_slow_states_have_no_drift_of_their_own() -> None:
 
 
 def test_torque_and_slope_vanish_at_the_kiss_point() -> None:
-    """(5): and beyond it nothing."""
+    """(5): no torque beyond it."""
     evaluate = evaluator(DRY_CLUTCH, ["reference_torque", "corrected_position", "kiss_point"])
     base = points(DRY_CLUTCH)[0]
     made = evaluate(base)
@@ -288,7 +288,9 @@ def test_without_slip_nothing_heats() -> None:
 # --- the collapse to two states ---
 
 
-def course(model: Model, v: dict[str, float], names: tuple[str, ...], span: float) -> np.ndarray:
+def trajectory(
+    model: Model, v: dict[str, float], names: tuple[str, ...], span: float
+) -> np.ndarray:
     """The named temperatures after ``span`` s of constant inputs and speeds."""
     from scipy.integrate import solve_ivp
 
@@ -319,11 +321,11 @@ def test_two_states_are_the_limit_of_a_disc_without_capacity() -> None:
         "expansion_disc": 0.0,
     }
     temperatures = ("temp_body", "temp_housing")
-    two = course(two_state(DRY_CLUTCH), v, temperatures, 60.0)
+    two = trajectory(two_state(DRY_CLUTCH), v, temperatures, 60.0)
     assert two[0] > truck()["reference_temp"] + 10.0  # the slip does heat the body
     errors = []
     for capacity in (200.0, 20.0, 2.0):
-        three = course(DRY_CLUTCH, {**v, "heat_capacity_disc": capacity}, temperatures, 60.0)
+        three = trajectory(DRY_CLUTCH, {**v, "heat_capacity_disc": capacity}, temperatures, 60.0)
         errors.append(np.abs(three - two).max())
     assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.05)
     assert errors[1] / errors[2] == pytest.approx(10.0, rel=0.05)

@@ -1,4 +1,4 @@
-"""What every effect of the dry clutch does, said a second time in plain numbers."""
+"""What every effect of the dry clutch does, written a second time in plain numbers."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ SAYS: dict[str, Says] = {
     "viscous_drag": lambda v, g, q: {},
 }
 
-# … and what it adds to what comes out; q holds power and the rest without the effect.
+# … and what it adds to the outputs; q holds power and the rest without the effect.
 ADDS: dict[str, Callable[[Values, Values, Values], Values]] = {
     "position_offset": lambda v, g, q: {"zero_position_reading": g["offset"]},
     "transmission_heat_path": lambda v, g, q: {
@@ -147,7 +147,7 @@ def test_worn_pads_start_lower() -> None:
 
 @pytest.mark.parametrize("estimated", [0.0, 0.1])
 def test_a_megajoule_wears_its_rate(estimated: float) -> None:
-    """What the vehicle file says of it, and what the filter finds beside that."""
+    """The rates of the effect and of the state add up."""
     evaluate = evaluator(
         DRY_CLUTCH.with_effects((EFFECTS["wear"],)), ["zero_position_rate", "power"]
     )
@@ -166,10 +166,10 @@ def test_the_plate_follows_the_sensor_with_play(play: float) -> None:
     step = ca.Function("map", [e.x, e.u0, e.u, e.p, e.g], [e.mapped])
     names = argument_names(model)
     rng = np.random.default_rng(12)
-    course = np.cumsum(rng.normal(0.0, 0.1, 300)) + 44.0
-    row, plate = model.state("position_play"), course[0]
+    trajectory = np.cumsum(rng.normal(0.0, 0.1, 300)) + 44.0
+    row, plate = model.state("position_play"), trajectory[0]
     x = np.zeros(len(names[0]))
-    for before, after in pairwise(course):
+    for before, after in pairwise(trajectory):
         u0, u1 = (vector(names[1], {"slave_position": at}) for at in (before, after))
         others = rng.normal(size=len(x))
         x = np.where(np.arange(len(x)) == row, x, others)
@@ -180,10 +180,10 @@ def test_the_plate_follows_the_sensor_with_play(play: float) -> None:
 
 
 def test_only_a_play_drags() -> None:
-    """The input that is dragged along behind, and the number by which, are found in the map."""
+    """The input that is dragged along behind, and the number by which, follow from the map."""
     model = DRY_CLUTCH.with_effects(tuple(EFFECTS.values()))
-    found = model.expressions()
-    assert [model.inputs[j].name for j in found.dragging] == ["slave_position"]
+    result = model.expressions()
+    assert [model.inputs[j].name for j in result.dragging] == ["slave_position"]
     named = [(effect.name, number) for effect, number in model.numbers]
-    assert [named[k] for k in found.plays] == [("position_hysteresis", "play")]
+    assert [named[k] for k in result.plays] == [("position_hysteresis", "play")]
     assert DRY_CLUTCH.expressions().plays == []

@@ -187,10 +187,10 @@ def test_the_signature_is_what_a_small_gain_does(
     )
 
     std = np.sqrt(base.innovation[rows, 1])
-    found = (small.innovation[other, 0] - base.innovation[rows, 0]) / size / std
+    result = (small.innovation[other, 0] - base.innovation[rows, 0]) / size / std
     stated = base.signature[rows, k] / std
     assert np.linalg.norm(stated) * largest > 0.01, "the drive excites it"
-    assert np.linalg.norm(found - stated) <= 0.02 * np.linalg.norm(stated)
+    assert np.linalg.norm(result - stated) <= 0.02 * np.linalg.norm(stated)
 
 
 def _delayed(line: Timeline, shifted: Timeline) -> Timeline:
@@ -292,7 +292,7 @@ def test_torque_opposes_slip(model: str, name: str, bench: BenchOf) -> None:
 
 @pytest.mark.parametrize(("model", "name"), CASES)
 def test_temperatures_relax_to_their_surroundings(model: str, name: str, bench: BenchOf) -> None:
-    """Without slip nothing grows, and all comes to rest between the hottest and the coldest."""
+    """Without slip nothing grows, and everything settles between the hottest and the coldest."""
     from scipy.integrate import solve_ivp
 
     b, effect = bench(model), machine(model).effects[name]
@@ -313,13 +313,13 @@ def test_temperatures_relax_to_their_surroundings(model: str, name: str, bench: 
 
         around = [given[s] for s in b.plausible.surroundings]
         around += b.plausible.beyond.get(name, ())
-        course = solve_ivp(rates, (0.0, 3e5), x0[heated], method="LSODA", rtol=1e-8, atol=1e-8)
+        trajectory = solve_ivp(rates, (0.0, 3e5), x0[heated], method="LSODA", rtol=1e-8, atol=1e-8)
         every = [*around, *x0[heated]]
-        assert course.y.min() >= min(every) - 1e-5
-        assert course.y.max() <= max(every) + 1e-5
-        assert np.all(course.y[:, -1] >= min(around) - 1e-3)
-        assert np.all(course.y[:, -1] <= max(around) + 1e-3)
-        assert np.abs(rates(0.0, course.y[:, -1])).max() < 1e-6
+        assert trajectory.y.min() >= min(every) - 1e-5
+        assert trajectory.y.max() <= max(every) + 1e-5
+        assert np.all(trajectory.y[:, -1] >= min(around) - 1e-3)
+        assert np.all(trajectory.y[:, -1] <= max(around) + 1e-3)
+        assert np.abs(rates(0.0, trajectory.y[:, -1])).max() < 1e-6
 
 
 # --- f. units balance ---
@@ -347,8 +347,8 @@ def check_units(model: Model) -> None:
         "mapped": states,
     }
     made = [ca.densify(getattr(e, name)) for name in wanted]
-    found = carried(ca.Function("units", [e.x, e.u, e.u0, e.w, e.p, e.g], made), given)
-    for (name, units), row in zip(wanted.items(), found, strict=True):
+    result = carried(ca.Function("units", [e.x, e.u, e.u0, e.w, e.p, e.g], made), given)
+    for (name, units), row in zip(wanted.items(), result, strict=True):
         for i, (has, should) in enumerate(zip(row, units, strict=True)):
             if not balances(has, should):
                 raise UnitsError(f"{name}[{i}] has {has}, should have {should}")

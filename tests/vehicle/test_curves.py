@@ -121,9 +121,9 @@ def test_curves_are_read_and_written_back_equal(with_curve, tmp_path: Path) -> N
     both = replace(
         vehicle, curves={**vehicle.curves, "curve_2": late}, effects={"wear": {"rate": 1}}
     )
-    dump_vehicle(both, tmp_path / "again.toml")
-    again = load_vehicle(tmp_path / "again.toml")
-    assert again == both and again.curves == both.curves and again.notes == ()
+    dump_vehicle(both, tmp_path / "copy.toml")
+    copy = load_vehicle(tmp_path / "copy.toml")
+    assert copy == both and copy.curves == both.curves and copy.notes == ()
 
 
 @pytest.mark.parametrize(("change", "where", "message"), WRONG, ids=[m for _, _, m in WRONG])

@@ -189,7 +189,7 @@ def test_a_launch_has_the_gear_in_which_it_ends() -> None:
     gear = engaged_gear(time, wheel, engine, GEARS).gear
     assert (gear[locked_in >= 0] == locked_in[locked_in >= 0])[10:-10].mean() > 0.98
     assert set(gear[time < 6.8]) == {0}, "standing, slipping and locked in first"
-    assert set(gear[time > 7.2]) == {2}, "the shift belongs to the gear to come"
+    assert set(gear[time > 7.2]) == {2}, "the shift belongs to the next gear"
 
 
 def test_shuffle_of_the_driveline_does_not_hide_the_gear() -> None:
@@ -207,8 +207,8 @@ def test_never_locked_is_said() -> None:
 
 
 def test_a_gear_counts_from_shortly_before_it_is_locked() -> None:
-    """What lies further ahead than a launch takes is not looked at: a bus that is still talking
-    could not be told either."""
+    """What lies further ahead than a launch takes has no influence: in a drive in progress it is
+    unknown."""
     time = np.arange(0.0, 30.0, 0.01)
     wheel = np.interp(time, [0, 5, 10, 14, 15, 30], [8, 8, 0, 0, 1.5, 1.5])
     engine = np.where(time < 5, 8.0 * 8, np.where(time < 21, 70.0, 1.5 * 8))
@@ -253,7 +253,7 @@ def test_a_mapped_gear_and_a_second_wheel_are_used(send, truck, bus) -> None:
     mean = 110 * RPM
     expected = np.array([12, 12, 12, 8, np.nan, 6]) * mean
     assert shaft.value == pytest.approx(expected, nan_ok=True, rel=1e-3)
-    assert shaft.why[4] == Why.NOT_AVAILABLE, "neutral ties the shaft to nothing"
+    assert shaft.why[4] == Why.NOT_AVAILABLE, "neutral does not couple the shaft"
 
 
 def test_gt350_launch(real_data) -> None:

@@ -84,15 +84,15 @@ def test_a_log_without_mapped_messages_says_so(logs, send, truck, tmp_path: Path
 
 
 def test_a_dbc_beside_the_log_is_found(logs, bus, edited, tmp_path: Path) -> None:
-    vehicle_file = edited(('dbc = ["hdt_clutch.dbc"]', 'dbc = ["elsewhere.dbc"]'))
+    vehicle_file = edited(('dbc = ["hdt_clutch.dbc"]', 'dbc = ["other.dbc"]'))
     vehicle = load_vehicle(vehicle_file)
     path = logs("a.log", 0.0)
     with pytest.raises(
         ClutchestError,
-        match=r"no such DBC: elsewhere\.dbc; searched: the vehicle file's folder, ",
+        match=r"no such DBC: other\.dbc; searched: the vehicle file's folder, ",
     ):
         read_log(path, vehicle)
-    (tmp_path / "elsewhere.dbc").write_bytes(bus.paths[0].read_bytes())
+    (tmp_path / "other.dbc").write_bytes(bus.paths[0].read_bytes())
     assert len(read_log(path, vehicle)["engine_speed"]) == 100
 
 
@@ -113,8 +113,8 @@ def test_csv_of_canonical_columns(tmp_path: Path, truck, encoding: str) -> None:
     assert signals["slave_position"].value.tolist() == [38.4, 38.5]
     assert signals["slave_position"].unit == "mm"
     assert any("'Öltemperatur' ignored" in w for w in signals.warnings)
-    (tmp_path / "again.csv.gz").write_bytes(gzip.compress(TABLE.encode(encoding)))
-    assert read_log(tmp_path / "again.csv.gz", truck)["engine_speed"].value.tolist() == [100, 102]
+    (tmp_path / "copy.csv.gz").write_bytes(gzip.compress(TABLE.encode(encoding)))
+    assert read_log(tmp_path / "copy.csv.gz", truck)["engine_speed"].value.tolist() == [100, 102]
 
 
 def test_csv_with_semicolons_and_decimal_commas(tmp_path: Path, truck) -> None:
@@ -125,7 +125,7 @@ def test_csv_with_semicolons_and_decimal_commas(tmp_path: Path, truck) -> None:
     assert signals["engine_speed"].time.tolist() == [0.0, 0.5]
 
 
-def test_rows_out_of_order_are_told_and_sorted(tmp_path: Path, truck) -> None:
+def test_rows_out_of_order_are_reported_and_sorted(tmp_path: Path, truck) -> None:
     path = tmp_path / "decoded.csv"
     path.write_text("time,engine_speed\n0.0,100\n0.2,102\n,7\n0.1,101\n0.3,103\n")
     signals = read_log(path, truck)
@@ -137,7 +137,7 @@ def test_rows_out_of_order_are_told_and_sorted(tmp_path: Path, truck) -> None:
     )
 
 
-def test_a_column_in_another_unit_is_told(tmp_path: Path, truck) -> None:
+def test_a_column_in_another_unit_is_reported(tmp_path: Path, truck) -> None:
     """Readings that the bus signal could not carry; those that scatter about its end it could."""
     n = 200
     noise = 0.2 * np.random.default_rng(1).standard_normal(n)
@@ -148,8 +148,8 @@ def test_a_column_in_another_unit_is_told(tmp_path: Path, truck) -> None:
         "coolant_temp": 360.0 + noise,
     }
     pd.DataFrame(columns).to_csv(tmp_path / "rpm.csv", index=False)
-    told = [w for w in read_log(tmp_path / "rpm.csv", truck).warnings if "lie outside" in w]
-    assert told == [
+    warnings = [w for w in read_log(tmp_path / "rpm.csv", truck).warnings if "lie outside" in w]
+    assert warnings == [
         "engine_speed: 200 of 200 samples lie outside of what EEC1.EngineSpeed can carry, "
         "0 to 841.1 rad/s; expected the column in rad/s; is it in rpm?",
         "coolant_temp: 200 of 200 samples lie outside of what ET1.EngineCoolantTemperature can "
@@ -178,7 +178,7 @@ def test_a_file_that_is_not_there_has_its_like_named(tmp_path: Path, truck) -> N
         read_log(tmp_path / "mondy.log", truck)
 
 
-def test_bad_cells_are_told_and_the_good_kept(tmp_path: Path, truck) -> None:
+def test_bad_cells_are_reported_and_the_good_kept(tmp_path: Path, truck) -> None:
     path = tmp_path / "decoded.csv"
     path.write_text("time,engine_speed\n0.0,100\n0.1,oops\nx,102\n0.3,inf\n0.4,104\n")
     signals = read_log(path, truck)
@@ -249,10 +249,10 @@ def test_what_is_written_reads_back(tmp_path: Path, truck, suffix: str) -> None:
         }
     )
     write_signals(signals, tmp_path / f"x{suffix}")
-    again = read_log(tmp_path / f"x{suffix}", truck)
+    copy = read_log(tmp_path / f"x{suffix}", truck)
     for name in signals:
-        assert np.array_equal(again[name].time, signals[name].time)
-        assert np.array_equal(again[name].value, signals[name].value)
+        assert np.array_equal(copy[name].time, signals[name].time)
+        assert np.array_equal(copy[name].value, signals[name].value)
 
 
 def test_table_leaves_invalid_samples_empty() -> None:
@@ -298,7 +298,7 @@ def test_parquet_with_other_times(tmp_path: Path, truck, kind: str) -> None:
     assert signals.start_ns == (1_700_000_000 * 10**9 if kind.startswith("dates") else None)
 
 
-def test_times_below_zero_are_kept_and_told(tmp_path: Path, truck) -> None:
+def test_times_below_zero_are_kept_and_reported(tmp_path: Path, truck) -> None:
     (tmp_path / "x.csv").write_text("time,engine_speed\n-2,60\n-1,61\n1,62\n")
     signals = read_log(tmp_path / "x.csv", truck)
     assert signals["engine_speed"].time.tolist() == [0.0, 1.0, 3.0] and signals.end == 3.0
@@ -312,7 +312,7 @@ def test_the_same_frames_in_two_files_count_once(logs, truck) -> None:
     assert dict(signals.counts.rejected) == {"duplicate": 100}
 
 
-def test_a_clock_that_goes_back_is_told_and_put_in_order(send, truck, tmp_path) -> None:
+def test_a_clock_that_goes_back_is_reported_and_put_in_order(send, truck, tmp_path) -> None:
     frames = send("EEC1", EngineSpeed=np.linspace(600, 700, 100))
     frames.t_ns[40:60] -= 300_000_000
     write_frames(frames, tmp_path / "a.log")
@@ -322,10 +322,10 @@ def test_a_clock_that_goes_back_is_told_and_put_in_order(send, truck, tmp_path) 
     assert any("a.log: the clock goes back 1 time, by 0.29 s" in w for w in signals.warnings)
 
 
-def test_a_frame_that_is_told_twice_counts_once(send, truck, tmp_path) -> None:
+def test_a_frame_that_is_logged_twice_counts_once(send, truck, tmp_path) -> None:
     frames = send("EEC1", EngineSpeed=np.linspace(600, 700, 100))
-    again = frames.take(np.arange(30, 50))
-    write_frames(Frames.concatenate([frames, again]).sorted(), tmp_path / "a.log")
+    copy = frames.take(np.arange(30, 50))
+    write_frames(Frames.concatenate([frames, copy]).sorted(), tmp_path / "a.log")
     signals = read_log(tmp_path / "a.log", truck)
     assert len(signals["engine_speed"]) == 100
     assert signals.counts.rejected["duplicate"] == 20

@@ -47,10 +47,10 @@ def test_values_are_whole_steps_of_the_bus(drive: Signals) -> None:
 
 
 def test_the_same_seed_gives_the_same_drive(truck, drive: Signals) -> None:
-    again = simulate(truck, "launches", 3, nominal=True, duration=60.0)
+    copy = simulate(truck, "launches", 3, nominal=True, duration=60.0)
     other = simulate(truck, "launches", 4, nominal=True, duration=60.0)
     for name in ("engine_speed", "slave_position"):
-        assert np.array_equal(again[name].value, drive[name].value)
+        assert np.array_equal(copy[name].value, drive[name].value)
         assert not np.array_equal(other[name].value[:1000], drive[name].value[:1000])
     assert other.start_ns > drive.start_ns
 

@@ -232,9 +232,9 @@ def test_complaints_name_file_line_key_and_the_nearest(edited, change, where, me
     path = edited(change)
     with pytest.raises(ClutchestError, match=message) as caught:
         load_vehicle(path)
-    told = str(caught.value)
-    assert "\n" not in told
-    assert told.startswith(f"mine.toml:{line_of(path, where)}: ")
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.startswith(f"mine.toml:{line_of(path, where)}: ")
 
 
 def test_a_missing_parameter_is_named_with_its_unit(edited) -> None:
@@ -248,7 +248,7 @@ def test_an_unknown_vehicle_names_the_nearest_shipped_one() -> None:
         load_vehicle("trukc")
 
 
-def test_text_that_is_not_utf8_is_told_with_its_line(tmp_path: Path) -> None:
+def test_text_that_is_not_utf8_names_its_line(tmp_path: Path) -> None:
     path = tmp_path / "latin.toml"
     path.write_bytes('name = "x"\nmodel = "dry_clutch" # °C\n'.encode("latin-1"))
     with pytest.raises(ClutchestError, match=r"^latin\.toml:2: not UTF-8 text$"):
@@ -280,8 +280,8 @@ def test_every_effect_of_the_library_can_stand_in_a_file(edited, tmp_path: Path)
     ]
     vehicle = load_vehicle(edited(extra="[effects]\n" + "\n".join(lines) + "\n"))
     assert vehicle.effects == effects and vehicle.effects_spread == {}
-    dump_vehicle(vehicle, tmp_path / "again.toml")
-    assert load_vehicle(tmp_path / "again.toml") == vehicle
+    dump_vehicle(vehicle, tmp_path / "copy.toml")
+    assert load_vehicle(tmp_path / "copy.toml") == vehicle
 
 
 def test_a_gain_has_its_spread_beside_it_or_in_a_table(edited, tmp_path: Path) -> None:
@@ -291,8 +291,8 @@ def test_a_gain_has_its_spread_beside_it_or_in_a_table(edited, tmp_path: Path) -
         vehicle = load_vehicle(edited(extra=f"[effects]\n{text}\n"))
         assert vehicle.effects == {"wear": {"rate": pytest.approx(0.02), "amount": 1.0}}
         assert vehicle.effects_spread == {"wear": {"rate": pytest.approx(0.003)}}
-        dump_vehicle(vehicle, tmp_path / "again.toml")
-        assert load_vehicle(tmp_path / "again.toml") == vehicle
+        dump_vehicle(vehicle, tmp_path / "copy.toml")
+        assert load_vehicle(tmp_path / "copy.toml") == vehicle
 
 
 def test_a_users_own_effects_are_known_and_enter_the_hash(edited, tmp_path: Path) -> None:
@@ -309,7 +309,7 @@ def test_a_users_own_effects_are_known_and_enter_the_hash(edited, tmp_path: Path
     )
     vehicle = load_vehicle(path)
     assert vehicle.effects == {"humidity": {"change": 0.05}}
-    other = tmp_path / "elsewhere"
+    other = tmp_path / "other"
     other.mkdir()
     dump_vehicle(vehicle, other / "v.toml")
     assert load_vehicle(other / "v.toml") == vehicle

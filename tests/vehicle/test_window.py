@@ -1,4 +1,4 @@
-"""Logs in blocks, and stretches of them."""
+"""Logs in blocks, and time windows of them."""
 
 from __future__ import annotations
 
@@ -64,8 +64,10 @@ def test_the_size_of_the_blocks_does_not_matter(block, busy, truck, monkeypatch)
     assert_same_signals(blocks, whole)
     total = [sum(drive.counts.frames for drive in s.drives) for s in (blocks, whole)]
     assert total == [12_000, 12_000]
-    told = [drive.counts.decoded + sum(drive.counts.rejected.values()) for drive in blocks.drives]
-    assert sum(told) == 12_000
+    counted = [
+        drive.counts.decoded + sum(drive.counts.rejected.values()) for drive in blocks.drives
+    ]
+    assert sum(counted) == 12_000
 
 
 def test_little_is_kept_of_what_is_not_wanted(busy, bus):
