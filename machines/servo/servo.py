@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 
 from clutchest.machine import (
-    Column,
     Effect,
     ErrorTerm,
     Input,
@@ -76,7 +75,7 @@ MODEL = Model(
     INPUTS,
     regime=(),
     sensors=SENSORS,
-    outputs=("motor_torque", "friction"),
+    outputs=("friction",),
     pieces=(electrical, mechanical, thermal),
     anchor="speed",
     longest=(0.002, 0.002),
@@ -103,8 +102,10 @@ class Stribeck(Effect):
     )
 
     def terms(self, g):
-        more = lambda q: g.change * ca.exp(-ca.fabs(q.speed) / g.speed)  # noqa: E731
-        return {"coulomb_now": lambda torque, q: torque * (1 + more(q))}
+        def changed(torque, q):
+            return torque * (1 + g.change * ca.exp(-ca.fabs(q.speed) / g.speed))
+
+        return {"coulomb_now": changed}
 
 
 class CurrentGain(Effect):
@@ -127,12 +128,6 @@ def mixed(rng, time, parameters):
 MACHINE = Machine.of(
     MODEL,
     "DC motor with a load",
-    columns=(
-        Column("voltage", "V", (-60.0, 60.0, 1e4), rests=True, named="voltage"),
-        Column("current", "A", (-50.0, 50.0, 1e5), rests=True, named="current"),
-        Column("speed", "rad/s", (-1e3, 1e3, 1e5), rests=True, named="speed"),
-        Column("ambient_temp", "°C", (-50.0, 80.0, 10.0), named="ambient"),
-    ),
     at_rest=lambda parameters, inputs: {"temp_winding": inputs["ambient_temp"]},
     error_terms=(
         ErrorTerm("current", {"back_emf": lambda value, g: value + 0.2 * g}),  # V

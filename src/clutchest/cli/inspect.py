@@ -22,6 +22,16 @@ def inspect(
             help="Names the messages; repeat for several.  Without it the shipped ones do.",
         ),
     ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            metavar="NAME|FILE.py",
+            show_default=False,
+            help="The machine whose signals are looked for: one by name, or your own file.  "
+            "Without it the shipped one of which most signals are there.",
+        ),
+    ] = "",
     out: Out = DEFAULT_OUT,
     start: From = None,
     stop: To = None,
@@ -35,6 +45,7 @@ def inspect(
     \b
     Example:
       clutchest inspect drive.log --dbc vehicle.dbc --out first-look
+      clutchest inspect bench.log --dbc servo.dbc --model servo.py
     """
     with progress() as show:
         show("reading", None)
@@ -43,7 +54,7 @@ def inspect(
         from clutchest.record.files import finished_into, json_text
         from clutchest.record.terminal import print_inspection
 
-        found = inspect_logs(logs, dbc or (), TimeWindow.parse(start, stop))
+        found = inspect_logs(logs, dbc or (), TimeWindow.parse(start, stop), model)
         with finished_into(out) as folder:
             (folder / "inspect.json").write_text(json_text(found.as_dict()), encoding="utf-8")
             draft = found.vehicle_toml(out / "vehicle.toml")

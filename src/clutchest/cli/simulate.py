@@ -21,7 +21,7 @@ def simulate(
             show_default=False,
             help="Truck: city, launches, ramps, heating, slip-steps, cooldown, pulses, mixed, "
             "cold-start or closed. Differential: rig-steps, rig-slow, rig-ramps, car, "
-            "I1, I2, I3, I4, I5, I6, I7 or I8.",
+            "I1, I2, I3, I4, I5, I6, I7 or I8. Your own machine: the names of its excitations.",
         ),
     ],
     seed: Annotated[

@@ -1,0 +1,193 @@
+"""Whatever is wrong with a machine is one line that names the piece."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from pathlib import Path
+
+import pytest
+
+from clutchest import models
+from clutchest.errors import ClutchestError
+from clutchest.models import machine_in_file, machine_of
+from clutchest.vehicle import load_vehicle
+
+SERVO = Path(__file__).parents[2] / "machines" / "servo"
+TEXT = (SERVO / "servo.py").read_text(encoding="utf-8")
+
+DEFECTS = {  # what is replaced, by what, and words of the message
+    "state twice": ('State("speed"', 'State("current"', "states names 'current' twice"),
+    "unit of a state": ('"speed", "rad/s"', '"speed", "rad/fortnight"', "states has speed in"),
+    "unit of a parameter": ('"viscous", "Nm s/rad"', '"viscous", "Nmm"', "parameters has viscous"),
+    "parameter that is not declared": (
+        "q.viscous * q.speed",
+        "q.viscosity * q.speed",
+        "equations use 'viscosity', which is neither declared nor assigned before; "
+        "did you mean 'viscous'",
+    ),
+    "reading that is missing": (
+        "q.current_reading = q.current",
+        "pass",
+        "equations assign no 'current_reading', what the sensor 'current' reads",
+    ),
+    "text in place of a number": (
+        "q.heat = q.resistance_now * q.current**2",
+        "q.heat = 'hot'",
+        "equations cannot be written out",
+    ),
+    "no number": (
+        "q.heat = q.resistance_now * q.current**2",
+        "q.heat = ca.log(-(q.current**2))",
+        "equations make 'heat' something that is no number",
+    ),
+    "effect of another machine": (
+        '"coulomb_change", "servo"',
+        '"coulomb_change", "alsd"',
+        "effects has 'coulomb_change' of model 'alsd'",
+    ),
+    "effect twice": (
+        'name, model, equation = "stribeck"',
+        'name, model, equation = "coulomb_change"',
+        "effects names 'coulomb_change' twice",
+    ),
+    "effect on a quantity that is not there": (
+        '{"current_reading": lambda reading',
+        '{"curent_reading": lambda reading',
+        "effect 'current_gain' changes 'curent_reading'",
+    ),
+    "error term on a quantity that is not there": (
+        '"current", {"back_emf"',
+        '"current", {"emf"',
+        "error term 'current' changes 'emf'",
+    ),
+    "delay of an unknown signal": ('late=("voltage"', 'late=("volts"', "delays 'volts'"),
+    "covariate": ('"motor_torque": "Nm"', '"torque": "Nm"', "covariates"),
+    "column of a sensor": (
+        'Sensor("current", "A", "i", "winding")',
+        'Sensor("current", "A", "i", "winding", mode="sliding")',
+        "sensors read in mode 'sliding'",
+    ),
+    "gain of a fault": (
+        'CoulombChange(), "change", 0.3',
+        'CoulombChange(), "level", 0.3',
+        "fault 'coulomb_change' has no gain 'level'",
+    ),
+    "piece that does not exist": (
+        "    excitations=",
+        "    excitation=",
+        "there is no piece 'excitation'; did you mean 'excitations'",
+    ),
+    "anchor": ('anchor="speed"', 'anchor="velocity"', "have no column 'velocity' as their anchor"),
+    "syntax": ("MACHINE = Machine.of(", "MACHINE = Machine.of((", "SyntaxError"),
+    "exit": ("import casadi as ca", "raise SystemExit(3)", "SystemExit: 3"),
+    "none": ("MACHINE = Machine.of(", "machine = lambda: Machine.of(", "it defines none"),
+}
+
+
+@pytest.mark.parametrize("what", DEFECTS)
+def test_a_defect_is_one_line_that_names_the_piece(what, tmp_path):
+    old, new, words = DEFECTS[what]
+    assert TEXT.count(old) >= 1
+    path = tmp_path / "servo.py"
+    path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ClutchestError) as problem:
+        machine_in_file(path)
+    assert words in str(problem.value)
+    assert "servo.py" in str(problem.value) and "\n" not in str(problem.value)
+
+
+def test_two_machines_in_one_file_are_refused(tmp_path):
+    path = tmp_path / "servo.py"
+    other = 'import dataclasses\nOTHER = dataclasses.replace(MACHINE, what="another")\n'
+    path.write_text(TEXT + other, encoding="utf-8")
+    with pytest.raises(ClutchestError, match="expected one clutchest.machine.Machine"):
+        machine_in_file(path)
+
+
+def test_a_missing_file_has_its_likes_named(tmp_path):
+    for name in ("servo.toml", "servo.dbc", "servo.py"):
+        (tmp_path / name).write_bytes((SERVO / name).read_bytes())
+    vehicle = tmp_path / "servo.toml"
+    text = vehicle.read_text(encoding="utf-8").replace('"servo.py"', '"sevro.py"')
+    vehicle.write_text(text, encoding="utf-8")
+    with pytest.raises(ClutchestError, match=r"servo\.toml:3: no such file: sevro\.py"):
+        load_vehicle(vehicle)
+
+
+def test_a_changed_file_is_another_machine(tmp_path):
+    path = tmp_path / "servo.py"
+    path.write_text(TEXT, encoding="utf-8")
+    before = machine_in_file(path)
+    path.write_text(TEXT.replace("DC motor with a load", "DC motor"), encoding="utf-8")
+    assert machine_in_file(path).what == "DC motor" != before.what
+
+
+@pytest.mark.parametrize(
+    ("verb", "lacks", "words"),
+    [
+        ("discover", "error_terms", "discover: machine 'servo' declares no error terms"),
+        ("simulate", "excitations", "simulate: machine 'servo' declares no generator"),
+    ],
+)
+def test_a_verb_says_which_piece_is_missing(verb, lacks, words):
+    from dataclasses import replace
+
+    machine = replace(machine_in_file(SERVO / "servo.py"), **{lacks: {}})
+    with pytest.raises(ClutchestError, match=words):
+        machine.supports(verb)
+
+
+# --- registered by a package ----------------------------------------------------------------------
+
+
+class Entry:
+    """As importlib.metadata has them."""
+
+    def __init__(self, name, load, value="package.module:MACHINE"):
+        self.name, self.load, self.value = name, load, value
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    def register(*entries):
+        def entry_points(group, name=None):
+            assert group == "clutchest.machines"
+            return [entry for entry in entries if name in (None, entry.name)]
+
+        monkeypatch.setattr(models, "entry_points", entry_points)
+        machine_of.cache_clear()
+
+    yield register
+    machine_of.cache_clear()
+
+
+def test_an_entry_point_is_named_by_vehicle_files(registered, tmp_path):
+    servo = machine_in_file(SERVO / "servo.py")
+    registered(Entry("servo", lambda: servo))
+    assert machine_of("servo") is servo and "servo" in models.names()
+    text = (SERVO / "servo.toml").read_text(encoding="utf-8").replace('"servo.py"', '"servo"')
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    vehicle = load_vehicle(path)
+    assert vehicle.machine is servo and vehicle.model_file is None
+    assert importlib.metadata.entry_points is not models.entry_points
+
+
+@pytest.mark.parametrize(
+    ("load", "words"),
+    [
+        (lambda: "no machine", "is a str, expected a clutchest.machine.Machine"),
+        (lambda: 1 / 0, "ZeroDivisionError"),
+        (lambda: exit(2), "SystemExit"),
+    ],
+)
+def test_a_wrong_entry_point_is_one_line(registered, load, words):
+    registered(Entry("servo", load))
+    with pytest.raises(ClutchestError, match=words):
+        machine_of("servo")
+
+
+def test_a_name_that_two_packages_register_is_refused(registered):
+    registered(Entry("servo", lambda: None, "a:M"), Entry("servo", lambda: None, "b:M"))
+    with pytest.raises(ClutchestError, match=r"registered twice: a:M, b:M"):
+        machine_of("servo")
