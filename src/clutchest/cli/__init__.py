@@ -19,7 +19,7 @@ from clutchest.cli.monitor import monitor
 from clutchest.cli.play import play
 from clutchest.cli.replay import replay
 from clutchest.cli.reproduce import reproduce
-from clutchest.cli.simulate import simulate
+from clutchest.cli.simulate import WithScenarios, simulate
 from clutchest.cli.terminal import fail
 from clutchest.errors import ClutchestError
 
@@ -42,7 +42,7 @@ for _verb in (
     monitor,
     play,
 ):
-    app.command()(_verb)
+    app.command(cls=WithScenarios if _verb is simulate else None)(_verb)
 
 
 def main() -> None:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from clutchest.cli.options import AsJson, From, To
+from clutchest.cli.groups import grouped
+from clutchest.cli.options import WHOLE, AsJson, WindowOptions
 from clutchest.cli.terminal import note, print_json, progress
 
+if TYPE_CHECKING:
+    from clutchest.reading.conversion import Conversion
 
+
+@grouped
 def convert(
     logs: Annotated[
         list[str],
@@ -34,8 +40,7 @@ def convert(
             help="Decode CAN logs by this vehicle; OUT is then .csv or .parquet.",
         ),
     ] = None,
-    start: From = None,
-    stop: To = None,
+    window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
     """Write logs in another format.
@@ -52,16 +57,19 @@ def convert(
     with progress() as show:
         show("reading", None)
         from clutchest.reading.conversion import Conversion
-        from clutchest.reading.window import TimeWindow
         from clutchest.record.files import finished_into
         from clutchest.vehicle import load_vehicle
 
-        window = TimeWindow.parse(start, stop)
         car = None if vehicle is None else load_vehicle(vehicle)
-        read = Conversion.of(logs, out, car, window)
+        read = Conversion.of(logs, out, car, window.parse())
         show("writing", None)
         with finished_into(out.parent) as folder:
             losses = read.write(folder / out.name)
+    _report(out, read, losses, as_json)
+
+
+def _report(out: Path, read: Conversion, losses: Iterable[str], as_json: bool) -> None:
+    """What was written, what was not read and what the format cannot hold."""
     what = "samples" if read.decoded else "frames"
     if as_json:
         print_json(

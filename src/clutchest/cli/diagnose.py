@@ -7,13 +7,14 @@ from typing import Annotated
 import typer
 
 from clutchest.cli.estimating import estimated
-from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, State, To, VehicleName
+from clutchest.cli.groups import grouped
+from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Out, SourceOptions, WindowOptions
 from clutchest.cli.terminal import answer, progress
 
 
+@grouped
 def diagnose(
-    logs: Logs,
-    vehicle: VehicleName,
+    source: SourceOptions,
     explain: Annotated[
         bool,
         typer.Option(
@@ -21,10 +22,8 @@ def diagnose(
             help="Also which faults this drive can detect and isolate.",
         ),
     ] = False,
-    state: State = None,
     out: Out = DEFAULT_OUT,
-    start: From = None,
-    stop: To = None,
+    window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
     """Test drives for faults: of messages, of signals, of the actuator and of the clutch.
@@ -42,7 +41,7 @@ def diagnose(
         from clutchest.diagnosis.diagnose import diagnose as test
         from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
 
-        run = estimated(logs, vehicle, start, stop, state, show, traffic=True)
+        run = estimated(source, window, show, traffic=True)
         diagnosis = test(run, progress=show)
         show("writing", None)
         names = [path.name for path in write_diagnosis(diagnosis, out)]

@@ -7,33 +7,26 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName, apart
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, apart
 from clutchest.cli.terminal import answer, progress
+
+EffectsFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects",
+        metavar="FILE.py",
+        show_default=False,
+        help="Your own hypotheses, effect classes, tested beside the library's; repeat for "
+        "several.",
+    ),
+]
 
 
 def discover(
     logs: Logs,
     vehicle: VehicleName,
-    holdout: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--holdout",
-            metavar="LOG",
-            show_default=False,
-            help="A log that is used only to measure the gain of the extended model; repeat for "
-            "several.",
-        ),
-    ] = None,
-    effects: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--effects",
-            metavar="FILE.py",
-            show_default=False,
-            help="Your own hypotheses, effect classes, tested beside the library's; repeat for "
-            "several.",
-        ),
-    ] = None,
+    holdout: Holdout = None,
+    effects: EffectsFiles = None,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
@@ -65,7 +58,7 @@ def discover(
         show("reading", None)
         signals = read_log(logs, car)
         held_out = read_log(holdout, car).drives if holdout else None
-        found = search(
+        discovery = search(
             signals,
             car,
             holdout=held_out,
@@ -74,5 +67,11 @@ def discover(
             on_identifiability=None if as_json else lambda i: print_identifiable(i, Console()),
         )
         show("writing", None)
-        names = [path.name for path in write_discovery(found, out)]
-    answer(found.summary(), as_json, lambda console: print_discovery(found, console), out, names)
+        names = [path.name for path in write_discovery(discovery, out)]
+    answer(
+        discovery.summary(),
+        as_json,
+        lambda console: print_discovery(discovery, console),
+        out,
+        names,
+    )

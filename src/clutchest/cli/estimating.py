@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchest.cli.options import SourceOptions, WindowOptions
 from clutchest.cli.terminal import meanwhile
 from clutchest.progress import Progress
 
@@ -13,11 +13,8 @@ if TYPE_CHECKING:
 
 
 def estimated(
-    logs: list[str],
-    vehicle: str,
-    start: str | None,
-    stop: str | None,
-    state: Path | None,
+    source: SourceOptions,
+    window: WindowOptions,
     show: Progress,
     *,
     rate: float = 10.0,
@@ -25,7 +22,7 @@ def estimated(
     engine: str = "kernel",
     traffic: bool = False,
 ) -> Run:
-    """The estimates over ``logs`` from ``start`` to ``stop``, carried on from ``state``.
+    """The estimates over the logs of a ``source`` within a time window.
 
     Raises ClutchestError that names the file in which something is wrong.
     """
@@ -33,14 +30,13 @@ def estimated(
     from clutchest.estimate.initial_state import StateError
     from clutchest.estimate.replay import replay
     from clutchest.reading import read_log
-    from clutchest.reading.window import TimeWindow
     from clutchest.record.files import read_state
     from clutchest.vehicle import load_vehicle
 
-    car = load_vehicle(vehicle)
-    before = None if state is None else read_state(state)
+    car = load_vehicle(source.vehicle)
+    before = None if source.state is None else read_state(source.state)
     show("reading", None)
-    signals = read_log(logs, car, TimeWindow.parse(start, stop), traffic=traffic)
+    signals = read_log(source.logs, car, window.parse(), traffic=traffic)
     meanwhile("clutchest.record.rerun")  # not earlier: two that import only take turns
     try:
         return replay(
@@ -53,4 +49,4 @@ def estimated(
             progress=show,
         )
     except StateError as problem:
-        raise ClutchestError(f"{state}: {problem}") from None
+        raise ClutchestError(f"{source.state}: {problem}") from None

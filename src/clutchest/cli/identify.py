@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Logs, Out, VehicleName, apart
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, apart
 from clutchest.cli.terminal import answer, progress
 from clutchest.identify import OF_EVERY_MACHINE
 
@@ -24,16 +24,7 @@ def identify(
     ],
     logs: Logs,
     vehicle: VehicleName,
-    holdout: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--holdout",
-            metavar="LOG",
-            show_default=False,
-            help="A log that is not fitted, only used to measure what the numbers are worth; "
-            "repeat for several.",
-        ),
-    ] = None,
+    holdout: Holdout = None,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:

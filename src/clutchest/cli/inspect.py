@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, To
+from clutchest.cli.groups import grouped
+from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Logs, Out, WindowOptions
 from clutchest.cli.terminal import answer, progress
 
 
+@grouped
 def inspect(
     logs: Logs,
     dbc: Annotated[
@@ -33,8 +35,7 @@ def inspect(
         ),
     ] = "",
     out: Out = DEFAULT_OUT,
-    start: From = None,
-    stop: To = None,
+    window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a log, and draft a vehicle file for it.
@@ -50,14 +51,14 @@ def inspect(
     with progress() as show:
         show("reading", None)
         from clutchest.reading.inspection import inspect_logs
-        from clutchest.reading.window import TimeWindow
         from clutchest.record.files import finished_into, json_text
         from clutchest.record.terminal import print_inspection
 
-        found = inspect_logs(logs, dbc or (), TimeWindow.parse(start, stop), model)
+        inspection = inspect_logs(logs, dbc or (), window.parse(), model)
         with finished_into(out) as folder:
-            (folder / "inspect.json").write_text(json_text(found.as_dict()), encoding="utf-8")
-            draft = found.vehicle_toml(out / "vehicle.toml")
+            (folder / "inspect.json").write_text(json_text(inspection.as_dict()), encoding="utf-8")
+            draft = inspection.vehicle_toml(out / "vehicle.toml")
             (folder / "vehicle.toml").write_text(draft, encoding="utf-8")
             names = sorted(path.name for path in folder.iterdir())
-    answer(found.as_dict(), as_json, lambda console: print_inspection(found, console), out, names)
+    result = inspection.as_dict()
+    answer(result, as_json, lambda console: print_inspection(inspection, console), out, names)

@@ -7,10 +7,13 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, VehicleName
 from clutchest.cli.terminal import progress
 
@@ -22,30 +25,55 @@ if TYPE_CHECKING:
 REDRAW = 0.2  # s between two pictures of the panel
 
 
-def monitor(
-    interface: Interface,
-    vehicle: VehicleName,
-    channel: Channel = None,
+@dataclass(frozen=True, slots=True)
+class BusOptions:
+    """Where the frames are."""
+
+    interface: Interface
+    channel: Channel = None
+
+
+@dataclass(frozen=True, slots=True)
+class SessionOptions:
+    """How long a session is, where it starts from, and what it sends."""
+
     duration: Annotated[
         float | None,
         typer.Option(metavar="S", min=0.0, show_default=False, help="Stop after so many seconds."),
-    ] = None,
-    out: Out = DEFAULT_OUT,
-    state: State = None,
+    ] = None
+    state: State = None
     rate: Annotated[
         float,
         typer.Option(metavar="HZ", min=0.1, max=100.0, help="Rows per second of the estimates."),
-    ] = 10.0,
+    ] = 10.0
+    send_dm1: Annotated[
+        bool, typer.Option("--send-dm1", help="Broadcast active trouble codes as J1939 DM1.")
+    ] = False
+
+
+@dataclass(frozen=True, slots=True)
+class ViewerOptions:
+    """A live Rerun viewer."""
+
     serve: Annotated[
         bool,
         typer.Option("--serve", help="Also serve a live Rerun viewer, to this machine only."),
-    ] = False,
+    ] = False
     port: Annotated[
         int, typer.Option(metavar="N", min=1024, max=65534, help="Port of the viewer.")
-    ] = 9090,
-    send_dm1: Annotated[
-        bool, typer.Option("--send-dm1", help="Broadcast active trouble codes as J1939 DM1.")
-    ] = False,
+    ] = 9090
+
+
+DEFAULT_SESSION, NO_VIEWER = SessionOptions(), ViewerOptions()
+
+
+@grouped
+def monitor(
+    bus: BusOptions,
+    vehicle: VehicleName,
+    session: SessionOptions = DEFAULT_SESSION,
+    viewer: ViewerOptions = NO_VIEWER,
+    out: Out = DEFAULT_OUT,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object per line instead of the panel.")
     ] = False,
@@ -63,6 +91,24 @@ def monitor(
       clutchest monitor --interface udp_multicast --vehicle truck --serve
     """
     os.environ.setdefault("RUST_LOG", "error")  # the recording's own remarks are not the user's
+    watching = _started(bus, vehicle, session, viewer, out)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: _end(watching))
+    if as_json:
+        watching.run(session.duration, _lines)
+        return
+    if sys.stdout.isatty():
+        _watch(watching, session.duration)
+    else:
+        status = watching.run(session.duration, _words)
+        print(f"{status.frames} frames, {status.lost} lost, {status.rows} rows of estimates")
+    print(f"Written to {out}: {', '.join(watching.written)}")
+
+
+def _started(
+    bus: BusOptions, vehicle: str, session: SessionOptions, viewer: ViewerOptions, out: Path
+) -> Monitor:
+    """A monitor that listens to the bus, with fault tests."""
     with progress() as show:
         show("loading", None)
         from clutchest.can.bus import open_bus
@@ -74,33 +120,23 @@ def monitor(
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)
-        before = None if state is None else read_state(state)
+        before = None if session.state is None else read_state(session.state)
         watching: Monitor = Monitor(
-            open_bus(interface, channel),
+            open_bus(bus.interface, bus.channel),
             car,
             out=out,
-            rate=rate,
+            rate=session.rate,
             state=before,
-            serve=(port - 1, port) if serve else None,
-            reopen=lambda: open_bus(interface, channel, watching.messages),
+            serve=(viewer.port - 1, viewer.port) if viewer.serve else None,
+            reopen=lambda: open_bus(bus.interface, bus.channel, watching.messages),
             progress=show,
         )
         # a bus that is not there is said before anything is compiled for it, and one that is there
         # is listened to meanwhile
         show("compiling the fault tests, once on this machine", None)
-        send = watching.send if send_dm1 else None
+        send = watching.send if session.send_dm1 else None
         watching.add_watcher(FaultWatcher(car, load_database(car), send, log=out / RECEIVED))
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: _end(watching))
-    if as_json:
-        watching.run(duration, _lines)
-        return
-    if sys.stdout.isatty():
-        _watch(watching, duration)
-    else:
-        status = watching.run(duration, _words)
-        print(f"{status.frames} frames, {status.lost} lost, {status.rows} rows of estimates")
-    print(f"Written to {out}: {', '.join(watching.written)}")
+    return watching
 
 
 def _end(watching: Monitor) -> None:

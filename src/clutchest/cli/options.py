@@ -1,14 +1,19 @@
-"""What the verbs ask for alike: logs, a vehicle, a folder, JSON instead of words."""
+"""Options that several verbs have: logs, a vehicle, a folder, a time window, JSON."""
 
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from clutchest.errors import ClutchestError
+from clutchest.shipped import shipped
+
+if TYPE_CHECKING:
+    from clutchest.reading.window import TimeWindow
 
 Logs = Annotated[
     list[str],
@@ -25,7 +30,7 @@ VehicleName = Annotated[
         "--vehicle",
         metavar="V",
         show_default=False,
-        help="A vehicle file, or a shipped vehicle: truck, gt350, j1939_t270, alsd_rig, alsd_car.",
+        help=f"A vehicle file, or a shipped vehicle: {', '.join(shipped('vehicles'))}.",
     ),
 ]
 State = Annotated[
@@ -75,13 +80,51 @@ To = Annotated[
 ]
 
 
+Holdout = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--holdout",
+        metavar="LOG",
+        show_default=False,
+        help="A log that is not fitted, only used to measure what the result gains; repeat for "
+        "several.",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class WindowOptions:
+    """Which part of every drive."""
+
+    start: From = None
+    stop: To = None
+
+    def parse(self) -> TimeWindow:
+        """As readers take it.  Raises ClutchestError for what is no time."""
+        from clutchest.reading.window import TimeWindow
+
+        return TimeWindow.parse(self.start, self.stop)
+
+
+WHOLE = WindowOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class SourceOptions:
+    """Drives to estimate over: logs of a vehicle, and the state that the drive before left."""
+
+    logs: Logs
+    vehicle: VehicleName
+    state: State = None
+
+
 def _folder(out: Path) -> Path:
-    """That results can be put there is asked before the work, not after it."""
+    """That results can be written there is checked before the work, not after it."""
     nearest = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not nearest.is_dir():
         raise ClutchestError(f"{nearest}: is a file, expected a folder for the results")
     if not os.access(nearest, os.W_OK):
-        raise ClutchestError(f"{nearest}: must not be written to, expected a folder that may")
+        raise ClutchestError(f"{nearest}: is not writable, expected a folder that is")
     return out
 
 
@@ -99,7 +142,7 @@ DEFAULT_OUT = Path("clutchest-out")
 
 
 def apart(logs: list[str], holdout: list[str] | tuple[()]) -> None:
-    """No log may both find a cause and measure what it is worth."""
+    """No log may both be fitted and measure the gain."""
     used = {Path(log).resolve() for log in logs}
     for log in holdout:
         if Path(log).resolve() in used:

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from clutchest.cli.estimating import estimated
-from clutchest.cli.options import DEFAULT_OUT, AsJson, From, Logs, Out, State, To, VehicleName
+from clutchest.cli.groups import grouped
+from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Out, SourceOptions, WindowOptions
 from clutchest.cli.terminal import answer, progress
 
 
@@ -19,11 +20,10 @@ class Engine(StrEnum):
     filterpy = "filterpy"
 
 
+@grouped
 def replay(
-    logs: Logs,
-    vehicle: VehicleName,
+    source: SourceOptions,
     out: Out = DEFAULT_OUT,
-    state: State = None,
     rate: Annotated[
         float,
         typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
@@ -39,10 +39,9 @@ def replay(
         ),
     ] = Engine.kernel,
     innovations: Annotated[
-        bool, typer.Option("--innovations", help="Also write innovations.parquet: every misfit.")
+        bool, typer.Option("--innovations", help="Also write innovations.parquet.")
     ] = False,
-    start: From = None,
-    stop: To = None,
+    window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
     """Estimate temperatures, wear and friction over recorded drives.
@@ -61,9 +60,7 @@ def replay(
         from clutchest.record.files import write_run
         from clutchest.record.terminal import print_run
 
-        run = estimated(
-            logs, vehicle, start, stop, state, show, rate=rate, smooth=smooth, engine=engine
-        )
+        run = estimated(source, window, show, rate=rate, smooth=smooth, engine=engine)
         show("writing", None)
         written = write_run(run, out, innovations=innovations)
     names = [path.name for path in written]

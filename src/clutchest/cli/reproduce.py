@@ -43,26 +43,26 @@ def reproduce(
         from clutchest.record.files import finished_into, json_text
         from clutchest.reproduce import paper
 
-        found = paper(name)(show)
+        result = paper(name)(show)
         show("drawing", None)
         with finished_into(out) as folder:
-            (folder / "table.json").write_text(json_text(found.as_dict()), encoding="utf-8")
-            found.draw(folder)
+            (folder / "table.json").write_text(json_text(result.as_dict()), encoding="utf-8")
+            result.draw(folder)
             names = sorted(path.name for path in folder.iterdir())
-    answer(found.as_dict(), as_json, lambda console: _print(found, console), out, names)
-    if not found.passed:
+    answer(result.as_dict(), as_json, lambda console: _print(result, console), out, names)
+    if not result.passed:
         raise typer.Exit(1)
 
 
-def _print(found: Reproduction, console: Console) -> None:
+def _print(result: Reproduction, console: Console) -> None:
     """The table, the data's imperfections, and how far each may grow."""
     from rich.markup import escape
     from rich.table import Table
 
     table = Table(
-        "", "stated", "obtained", "", title=found.title, title_justify="left", show_lines=True
+        "", "stated", "obtained", "", title=result.title, title_justify="left", show_lines=True
     )
-    for row in found.rows:
+    for row in result.rows:
         claim = row.claim
         fails = [name for name, verdict in row.without.items() if not verdict.passed]
         idle = [name for name, verdict in row.without.items() if verdict.passed]
@@ -84,7 +84,7 @@ def _print(found: Reproduction, console: Console) -> None:
         )
     console.print(table)
     console.print("Imperfections of the data:")
-    for name, (size, unit, what) in found.imperfections.items():
+    for name, (size, unit, what) in result.imperfections.items():
         console.print(f"  {name} {size:g} {'' if unit == '1' else unit}: {escape(what)}")
-    for note in found.notes:
+    for note in result.notes:
         console.print(f"[yellow]note:[/] {escape(note)}")

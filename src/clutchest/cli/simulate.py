@@ -3,52 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
+from clutchest.cli.groups import grouped
 from clutchest.cli.options import AsJson, VehicleName
 from clutchest.cli.terminal import print_json, progress
 
 
-def simulate(
-    vehicle: VehicleName,
-    scenario: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            show_default=False,
-            help="Truck: city, launches, ramps, heating, slip-steps, cooldown, pulses, mixed, "
-            "cold-start or closed. Differential: rig-steps, rig-slow, rig-ramps, car, "
-            "I1, I2, I3, I4, I5, I6, I7 or I8. Your own machine: the names of its excitations.",
-        ),
-    ],
-    seed: Annotated[
-        int, typer.Option(metavar="N", min=0, show_default=False, help="Same seed, same drive.")
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="LOG",
-            show_default=False,
-            help="The log to write, format by suffix; .csv and .parquet hold decoded signals.",
-        ),
-    ],
+@dataclass(frozen=True, slots=True)
+class TruthOptions:
+    """The truth of a simulated drive."""
+
     nominal: Annotated[
         bool,
         typer.Option(
             "--nominal", help="Parameters as in the vehicle file, not drawn from their spreads."
         ),
-    ] = False,
+    ] = False
     duration: Annotated[
         float | None,
         typer.Option(
             metavar="S", min=0.1, show_default=False, help="Seconds, instead of the scenario's own."
         ),
-    ] = None,
+    ] = None
     effect: Annotated[
         list[str] | None,
         typer.Option(
@@ -56,7 +38,7 @@ def simulate(
             show_default=False,
             help="Something that is wrong with the truth; repeat for several.",
         ),
-    ] = None,
+    ] = None
     disturb: Annotated[
         list[str] | None,
         typer.Option(
@@ -65,7 +47,7 @@ def simulate(
             help="What wanders during the drive: torque_bias_walk Nm/√s from a start of "
             "torque_bias_std Nm, friction_walk 1/√s from friction_std; repeat for several.",
         ),
-    ] = None,
+    ] = None
     truck_seed: Annotated[
         int | None,
         typer.Option(
@@ -75,7 +57,70 @@ def simulate(
             help="Draws the truck's parameters, while --seed draws the drive: another drive of "
             "the same truck. The same as --seed unless said.",
         ),
-    ] = None,
+    ] = None
+
+    def given(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+        """Effects and disturbances by name.  Raises BadParameter for what is neither."""
+        effects: dict[str, dict[str, float]] = {}
+        for text in self.effect or ():
+            name, colon, values = text.partition(":")
+            if not colon:
+                raise typer.BadParameter(
+                    f"'{text}' is not NAME:P=V,P2=V2, for example wear:amount=0.5",
+                    param_hint="--effect",
+                )
+            _numbers(values.split(","), effects.setdefault(name.strip(), {}), "--effect")
+        disturbances: dict[str, float] = {}
+        _numbers(self.disturb or (), disturbances, "--disturb")
+        return effects, disturbances
+
+
+DEFAULT_TRUTH = TruthOptions()
+
+
+class WithScenarios(TyperCommand):
+    """A command whose help ends with the scenarios of every machine."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """See :meth:`click.Command.format_epilog`."""
+        from clutchest.models import machine_of, names
+
+        machines = [machine_of(name) for name in names()]
+        with formatter.section("Scenarios"):
+            formatter.write_dl([(m.name, ", ".join(m.scenario_names)) for m in machines])
+
+
+Scenario = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        show_default=False,
+        help="A scenario of the vehicle's machine, as listed below; of your own machine, one of its "
+        "excitations.",
+    ),
+]
+Seed = Annotated[
+    int, typer.Option(metavar="N", min=0, show_default=False, help="Same seed, same drive.")
+]
+Output = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="LOG",
+        show_default=False,
+        help="The log to write, format by suffix; .csv and .parquet hold decoded signals.",
+    ),
+]
+
+
+@grouped
+def simulate(
+    vehicle: VehicleName,
+    scenario: Scenario,
+    seed: Seed,
+    out: Output,
+    truth: TruthOptions = DEFAULT_TRUTH,
     as_json: AsJson = False,
 ) -> None:
     """Make a log of a drive whose truth is known.
@@ -88,17 +133,7 @@ def simulate(
       clutchest simulate --vehicle truck --scenario launches --seed 2 \\
           --effect wear:amount=0.5,rate=0.02 --disturb friction_walk=5e-4 -o worn.mf4
     """
-    effects: dict[str, dict[str, float]] = {}
-    for text in effect or ():
-        name, colon, values = text.partition(":")
-        if not colon:
-            raise typer.BadParameter(
-                f"'{text}' is not NAME:P=V,P2=V2, for example wear:amount=0.5",
-                param_hint="--effect",
-            )
-        _numbers(values.split(","), effects.setdefault(name.strip(), {}), "--effect")
-    disturbances: dict[str, float] = {}
-    _numbers(disturb or (), disturbances, "--disturb")
+    effects, disturbances = truth.given()
     with progress() as show:
         show("simulating", None)
         from clutchest.record.files import finished_into
@@ -106,32 +141,30 @@ def simulate(
         from clutchest.vehicle import load_vehicle
 
         with finished_into(out.parent) as folder:
-            truth = write_simulation(
+            truth_file = write_simulation(
                 folder / out.name,
                 load_vehicle(vehicle),
                 scenario,
                 seed,
                 effects,
-                nominal=nominal,
-                duration=duration,
-                truck_seed=truck_seed,
+                nominal=truth.nominal,
+                duration=truth.duration,
+                truck_seed=truth.truck_seed,
                 disturbances=disturbances,
             )
-    truth = out.parent / truth.name
+    made = {
+        "log": str(out),
+        "truth": str(out.parent / truth_file.name),
+        "scenario": scenario,
+        "seed": seed,
+        "truck_seed": seed if truth.truck_seed is None else truth.truck_seed,
+        "effects": effects,
+        "disturbances": disturbances,
+    }
     if as_json:
-        print_json(
-            {
-                "log": str(out),
-                "truth": str(truth),
-                "scenario": scenario,
-                "seed": seed,
-                "truck_seed": seed if truck_seed is None else truck_seed,
-                "effects": effects,
-                "disturbances": disturbances,
-            }
-        )
-        return
-    print(f"Written: {out} and {truth.name}")
+        print_json(made)
+    else:
+        print(f"Written: {out} and {truth_file.name}")
 
 
 def _numbers(given: Iterable[str], into: dict[str, float], option: str) -> None:

@@ -1,9 +1,9 @@
-"""What a discovery says: verdict, causes, where, what it gains, and what remains open."""
+"""The result of a discovery: verdict, causes, where, gain, and what is not identifiable."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from numpy.typing import NDArray
@@ -22,9 +22,8 @@ class Size:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """An effect that the data ask for, ``statistic`` its gain in −2 ln(probability) over the model
-    without it but with the other causes found, ``p_value`` the chance that noise alone brings as
-    much to any effect of the library."""
+    """An effect that the data require: ``statistic`` by how much it improves the fit beside the
+    other causes, 2 Δ ln L, ``p_value`` family-wise, over all effects of the library."""
 
     effect: str
     equation: str
@@ -35,7 +34,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """An effect that was fitted and lost: by how much in −2 ln(probability)."""
+    """An effect that was fitted and rejected: ``behind`` the best in 2 Δ ln L."""
 
     effect: str
     behind: float
@@ -44,8 +43,8 @@ class Rival:
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """The equation that is wrong, and the quantities its error goes with, best first; ``peak``:
-    with the highest that the first of them has been."""
+    """The equation that is wrong, and the covariates of its error, best first; ``peak``: it
+    correlates with the highest value so far of the first."""
 
     equation: str
     covariates: tuple[str, ...]
@@ -54,12 +53,11 @@ class Where:
 
 @dataclass(frozen=True, slots=True)
 class Identifiable:
-    """What a log can tell of an effect before anything is fitted.
+    """Identifiability of an effect in a log, before anything is fitted.
 
-    ``detectable_size``: found in half of such logs, in the unit of the first gain (None: no size
-    shows); ``plausible_size`` its largest plausible size; ``nearest`` the effect that comes
-    closest to explaining that size away, and the distance left between both in standard
-    deviations.
+    ``detectable_size``: detected in half of such logs, in the unit of the first gain (None: no size
+    is); ``plausible_size`` its largest plausible size; ``nearest`` the effect that resembles it
+    most, and the separability of both in standard deviations.
     """
 
     effect: str
@@ -71,17 +69,17 @@ class Identifiable:
 
     @property
     def excited(self) -> bool:
-        """Whether a plausible size would show."""
+        """Whether a plausible size is detectable."""
         return self.detectable_size is not None and self.detectable_size <= self.plausible_size
 
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Before and after, on data not used to find it; ``ci95`` of nll_before − nll_after.
+    """Before and after, on data not used to identify it; ``ci95`` of nll_before − nll_after.
 
-    ``simulation_rmse``: None where the clutch did not slip there, after a patch also: what it does
-    is known to first order only.  ``other_logs``: on logs held out; else on parts of the log
-    itself, each foretold by the rest.
+    ``simulation_rmse``: None where the clutch did not slip, and after a curve, whose effect is
+    known to first order only.  ``other_logs``: on held-out logs; else cross-validated on parts of
+    the log.
     """
 
     rmse_before: float
@@ -109,7 +107,7 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True)
 class Bins:
-    """Mean misfit of one sensor in one mode over one quantity, in standard deviations.
+    """Mean residual of one sensor in one mode over one covariate, in standard deviations.
 
     ``edges`` (b + 1), ``mean`` (b) with its standard error ``error`` (b), ``count`` (b).
     """
@@ -126,7 +124,7 @@ class Bins:
 @dataclass(frozen=True, slots=True)
 class Level:
     """Of one sensor in one mode: mean square of the whitened innovations (1 if the model is
-    right), their correlation from one to the next, and how many."""
+    right), their autocorrelation at lag 1, and how many."""
 
     sensor: str
     mode: str
@@ -137,10 +135,10 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """Where and when the model misses.
+    """Residuals of the model.
 
     Per drive: ``time`` (K) s, ``sensor`` (K) index into ``sensors``; ``before`` and ``after`` (K),
-    innovations over their standard deviation without and with what was found.  ``torque``:
+    innovations over their standard deviation in the original and the extended model.  ``torque``:
     (time s, measured, simulated, extended) clutch torque in Nm while the clutch slips, the last
     two open loop.
     """
@@ -157,9 +155,9 @@ class Misfit:
 
 @dataclass(frozen=True, slots=True)
 class Discovery:
-    """The answer.  ``sets`` are the names of causes that act together, the likeliest set first:
-    one where they are named, several where the data cannot tell.  ``extended`` is the vehicle with
-    what was identified in its model, ``curve`` the name of the curve added to it, if any;
+    """The answer.  ``sets`` are the names of causes that act together, the most likely first: one
+    where they are named, several where the data do not separate them.  ``extended`` is the vehicle
+    with what was identified in its model, ``curve`` the name of the curve added to it, if any;
     ``sentence`` says it in words."""
 
     vehicle: Vehicle
@@ -181,83 +179,36 @@ class Discovery:
 
     @property
     def unexcited(self) -> tuple[str, ...]:
-        """Effects whose largest plausible size this log would not show."""
+        """Effects that are not detectable in this log even at their largest plausible size."""
         return tuple(i.effect for i in self.identifiability if not i.excited)
 
     @property
     def named(self) -> bool:
-        """Whether there are causes with names, which the model can be run with."""
+        """Whether causes have names: the model can then be run with them."""
         return bool(self.causes)
 
     def summary(self) -> dict[str, Any]:
         """What ``discovery.json`` holds."""
+        where, gain, experiment = self.where, self.gain, self.experiment
         return {
             "verdict": self.verdict,
             "sentence": self.sentence,
-            "causes": [
-                {
-                    "effect": c.effect,
-                    "equation": c.equation,
-                    "parameters": {
-                        k: {"value": f.value, "std": f.std} for k, f in c.parameters.items()
-                    },
-                    "statistic": c.statistic,
-                    "p_value": c.p_value,
-                }
-                for c in self.causes
-            ],
-            "rivals": [
-                {"effect": r.effect, "behind": r.behind, "parameters": dict(r.parameters)}
-                for r in self.rivals
-            ],
-            "where": None
-            if self.where is None
-            else {"equation": self.where.equation, "drivers": list(self.where.covariates)},
+            "causes": [asdict(c) for c in self.causes],
+            "rivals": [asdict(r) for r in self.rivals],
+            "where": where and {"equation": where.equation, "drivers": list(where.covariates)},
             "unexcited": list(self.unexcited),
-            "identifiability": {
-                i.effect: {
-                    "detectable_size": i.detectable_size,
-                    "unit": i.unit,
-                    "plausible_size": i.plausible_size,
-                    "nearest": i.nearest,
-                    "d_prime_nearest": i.d_prime_nearest,
-                }
-                for i in self.identifiability
-            },
-            "gain": None
-            if self.gain is None
-            else {
-                **{
-                    key: getattr(self.gain, key)
-                    for key in (
-                        "rmse_before",
-                        "rmse_after",
-                        "nll_before",
-                        "nll_after",
-                        "simulation_rmse_before",
-                        "simulation_rmse_after",
-                    )
-                },
-                "ci95": list(self.gain.ci95),
-                "other_logs": self.gain.other_logs,
-            },
-            "experiment": None
-            if self.experiment is None
-            else {"words": self.experiment.words, "scenario": self.experiment.scenario},
-            "levels": [
-                {
-                    "sensor": x.sensor,
-                    "mode": x.mode,
-                    "level": x.level,
-                    "lag": x.lag,
-                    "count": x.count,
-                }
-                for x in self.misfit.levels
-            ],
+            "identifiability": {i.effect: _without_name(i) for i in self.identifiability},
+            "gain": gain and {**asdict(gain), "ci95": list(gain.ci95)},
+            "experiment": experiment and asdict(experiment),
+            "levels": [asdict(level) for level in self.misfit.levels],
             **self.counts.summary(),
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }
+
+
+def _without_name(i: Identifiable) -> dict[str, Any]:
+    return {key: value for key, value in asdict(i).items() if key != "effect"}
 
 
 def either(sets: Sequence[Sequence[str]]) -> str:
