@@ -1,4 +1,4 @@
-"""Simulated drives: the generator's truth, sent over the vehicle's own bus and read back."""
+"""Simulated drives: the generator's truth, encoded for the vehicle's bus and decoded from it."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 class Options(TypedDict, total=False):
-    """``duration`` s, the scenario's own unless given; ``nominal``: parameters as they stand in
-    the vehicle file, not drawn from their spreads; ``truck_seed``: draws them, while the seed
-    draws the drive (the same unless said); ``disturbances``: name → size of what wanders during
-    the drive, see :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of
-    all noise in place of the file's; ``outliers``: share of samples that are far off;
-    ``outsider``: a cause beyond ``effects``, see :class:`clutchest.generator.Outsider`."""
+    """``duration`` s, default the scenario's own; ``nominal``: parameters as they stand in the
+    vehicle file, not drawn from their spreads; ``truck_seed``: seed of the parameters, default that
+    of the drive; ``disturbances``: name → size of what varies during the drive, see
+    :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of all noise instead
+    of the file's; ``outliers``: share of samples that are outliers; ``outsider``: a cause that is
+    none of ``effects``, see :class:`clutchest.generator.Outsider`."""
 
     duration: float | None
     nominal: bool
@@ -57,9 +57,9 @@ def simulate(
     effects: Effects | None = None,
     **options: Unpack[Options],
 ) -> Signals:
-    """One drive of ``scenario`` as it reads back from the bus, with ``truth`` on the same clock.
+    """One drive of ``scenario`` as decoded from the bus, with ``truth`` on the same clock.
 
-    ``effects`` (name → parameter → value) join those of the vehicle file itself; see
+    ``effects`` (name → parameter → value) are added to those of the vehicle file; see
     :class:`Options` for the rest.  Raises ClutchestError for unknown names.
     """
     vehicle = load_vehicle(vehicle)
@@ -87,7 +87,7 @@ def simulate_sampled(
     effects: Effects | None = None,
     **options: Unpack[Options],
 ) -> Sampled:
-    """The same drive as its sensors give it, before the bus rounds it to its steps."""
+    """The same drive as measured by its sensors, not yet rounded to the steps of the bus."""
     return _sampled(vehicle, load_database(vehicle), scenario, seed, effects, options)
 
 
@@ -100,7 +100,7 @@ def write_simulation(
     **options: Unpack[Options],
 ) -> Path:
     """Write the drive to ``path`` (format by suffix; ``.csv`` and ``.parquet`` hold decoded
-    signals) and the truth beside it; gives the truth's path, ``PATH.truth.parquet``."""
+    signals) and the truth beside it; returns the truth's path, ``PATH.truth.parquet``."""
     path = Path(path)
     frames, truth, sampled = _drive(vehicle, scenario, seed, effects, options)
     if path.name.lower().endswith((".parquet", ".csv", ".csv.gz")):
@@ -197,7 +197,9 @@ def _from_model(
 
     for key in ("disturbances", "outsider"):
         if options.get(key):
-            raise ClutchestError(f"{key}: '{vehicle.machine.name}' has no generator that knows any")
+            raise ClutchestError(
+                f"{key}: not without a generator, which '{vehicle.machine.name}' does not have"
+            )
     duration = options.get("duration")
     asked = simulated_from_model.Asked(
         scenario,
@@ -211,7 +213,7 @@ def _from_model(
 
 
 def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:
-    """Those of the vehicle file, and those asked for, which override them."""
+    """Those of the vehicle file, overridden by ``effects``."""
     if vehicle.curves:
         raise ClutchestError(
             f"{vehicle.path.name}: {', '.join(vehicle.curves)} cannot be simulated: the generator "
@@ -229,14 +231,14 @@ def _truck_seed(seed: int, options: Options) -> int:
 
 
 def _start(vehicle: Vehicle, scenario: str, seed: int, effects: Effects, options: Options) -> int:
-    """Epoch ns of t = 0: the same for the same drive, and apart for different ones, so that logs
-    read together are not taken for pieces of one drive; a higher seed is a later drive."""
+    """Epoch ns of t = 0: the same for the same drive and different for others, so that logs read
+    together are not taken for pieces of one drive; a higher seed is a later drive."""
     ordered = sorted((name, sorted(values.items())) for name, values in effects.items())
     drive: list[object] = [vehicle.name, scenario, ordered]
     if (truck := _truck_seed(seed, options)) != seed:
         drive.append(truck)
-    if wandering := options.get("disturbances"):
-        drive.append(sorted(wandering.items()))
+    if disturbances := options.get("disturbances"):
+        drive.append(sorted(disturbances.items()))
     fingerprint = repr(tuple(drive))
     slot = crc32(fingerprint.encode()) % 240
     return (_EPOCH + seed % 1000 * 10 * _DAY + slot * _SLOT) * 1_000_000_000
@@ -246,8 +248,8 @@ def _period(vehicle: Vehicle, message: Message, signal: SignalMap) -> float:
     period = signal.period or message.cycle_time_s
     if not period:
         raise ClutchestError(
-            f"{vehicle.path.name}: signals.{signal.name} needs a 'period' (s) "
-            f"to be simulated: no cycle time for {message.name} in the DBC"
+            f"{vehicle.path.name}: signals.{signal.name} requires a 'period' (s) to be simulated: "
+            f"the DBC has no cycle time for {message.name}"
         )
     return period
 
@@ -269,12 +271,12 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
         if signal.reference is not None:
             _put_torque(signal, value / signal.reference * 100, database, put)
             continue
-        # Wheels turn in first gear throughout: what the bus shows of the gearbox is consistent.
+        # First gear throughout, which is the constant gear that the bus sends below.
         shown = value / signal.gears[0] if signal.gears else value
         put(signal.bus, units.convert(shown, units_of[name], signal.bus.unit))
         if signal.other:
             put(signal.other, units.convert(shown, units_of[name], signal.other.unit))
-    for name in sampled.signals:  # messages that only accompany others keep their own beat
+    for name in sampled.signals:  # messages of companions alone have their own period
         signal = vehicle.signals[name]
         for companion, constant in ((signal.friction, FRICTION), (signal.gear, 1.0)):
             if companion:
@@ -300,7 +302,7 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
 def _put_torque(
     signal: SignalMap, percent: Floats, database: Database, put: Callable[[BusSignal, Floats], None]
 ) -> None:
-    """Percent torque with the engine's friction on top, split into whole steps and fraction."""
+    """Percent torque plus the engine's friction, split into whole steps and fraction."""
     shown = percent + FRICTION if signal.friction else percent
     if signal.fraction:
         whole = database.message(signal.bus.message).signal(signal.bus.signal).scale

@@ -1,4 +1,4 @@
-"""Small parts of what a machine declares: what wears, what an event reports, what is compared."""
+"""Small declarations of a machine: wear, events, comparison, separation of errors."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Wear:
-    """What wears, and how far.
+    """The wear of a machine.
 
-    ``state`` tells it by its distance from the parameter ``nominal``, which grows downwards
-    (``sign`` −1) or upwards (+1); ``rate_state`` is the wear per MJ of dissipated energy, "" where
-    it is no state; ``effect`` and its number ``rate`` state that rate in a vehicle file,
-    ``amount`` what was worn before.  ``unit`` of the amount; ``part`` that wears, in words.
-    ``same_as``: effects that no signal can tell from it.
+    It is the difference of ``state`` from the parameter ``nominal``, downwards (``sign`` −1) or
+    upwards (+1); ``rate_state`` is the wear per MJ of dissipated energy, "" where it is no state;
+    ``effect`` and its number ``rate`` state that rate in a vehicle file, ``amount`` the wear so
+    far.  ``unit`` of the amount; ``part`` that wears, in words.  ``same_as``: effects that no
+    signal can distinguish from it.
     """
 
     state: str
@@ -30,10 +30,10 @@ class Wear:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A stretch of the regimes' event mode, as ``summary.json`` reports it.
+    """An interval of the regimes' event mode, as ``summary.json`` reports it.
 
-    ``hottest``: state of the friction surface, whose peak is reported; ``words``: what one is
-    called, in singular and plural.
+    ``hottest``: state of the friction surface, whose peak is reported; ``words``: its name in
+    singular and plural.
     """
 
     hottest: str
@@ -55,7 +55,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """What tells two errors or two states apart: the ``pair`` of names, and ``by`` which sensor or
+    """The separation of two errors or two states: the ``pair`` of names, and ``by`` which sensor or
     manoeuvre, in words."""
 
     pair: tuple[str, str]
