@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from shutil import copy
 
@@ -57,6 +59,16 @@ def test_the_hash_covers_the_machine(own, tmp_path: Path) -> None:
     after = load_vehicle(path)
     assert after.hash != before.hash
     assert after.machine.what == "wet plate"
+    assert before.machine.what == "dry plate on a shaft", "a vehicle in use keeps its machine"
+
+
+def test_another_content_than_the_vehicles_is_refused(own) -> None:
+    vehicle = load_vehicle(own())
+    other = replace(vehicle, model_digest=sha256(b"not loaded here").hexdigest())
+    with pytest.raises(
+        ClutchestError, match=r"plate\.py: was changed after its vehicle was loaded"
+    ):
+        _ = other.machine
 
 
 MODEL = 'model = "plate.py"'

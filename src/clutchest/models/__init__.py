@@ -58,14 +58,20 @@ def shipped_machines() -> tuple[Machine, ...]:
     return tuple(map(machine_of, SHIPPED))
 
 
-def machine_in_file(path: Path) -> Machine:
-    """The machine of a user's own Python file.
+def digest_of(path: Path) -> str:
+    """Which content a user's own Python file has.  Raises ClutchestError where there is no file."""
+    if not path.is_file():
+        raise ClutchestError(f"{path}: no such file{file_like(path)}")
+    return sha256(path.read_bytes()).hexdigest()
+
+
+def machine_in_file(path: Path, digest: str = "") -> Machine:
+    """The machine of a user's own Python file, with the content of that ``digest``, default its
+    present one: a machine in use stays the same while its file is edited.
 
     Raises ClutchestError where the file cannot be read, or defines none or several.
     """
-    if not path.is_file():
-        raise ClutchestError(f"{path}: no such file{file_like(path)}")
-    return _in_file(path, sha256(path.read_bytes()).hexdigest())
+    return _in_file(path, digest or digest_of(path))
 
 
 @cache
@@ -74,6 +80,8 @@ def _in_file(path: Path, digest: str) -> Machine:
     from clutchest.models.machine import Machine
     from clutchest.models.python_file import load_module
 
+    if digest_of(path) != digest:
+        raise ClutchestError(f"{path}: was changed after its vehicle was loaded")
     module = load_module(path, f"clutchest_machine_{digest[:16]}", "a machine")
     machines = {id(value): value for value in vars(module).values() if isinstance(value, Machine)}
     if len(machines) != 1:

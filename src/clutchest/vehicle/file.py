@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, file_like, nearest
-from clutchest.models import machine_in_file, machine_of
+from clutchest.models import digest_of, machine_in_file, machine_of
 from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle.curves import PATCH, read_curves
@@ -65,7 +65,8 @@ def _vehicle(file: TomlFile) -> Vehicle:
             raise file.error((), f"this vehicle file has no '{key}'")
     model = file.string(("model",), data["model"])
     model_file = _beside(file, ("model",), model) if model.endswith(".py") else None
-    machine = _machine(file, model, model_file)
+    model_digest = digest_of(model_file) if model_file else ""
+    machine = _machine(file, model, model_file, model_digest)
     effects_files = tuple(
         _beside(file, ("effects_files",), entry)
         for entry in file.strings(("effects_files",), data.get("effects_files", []))
@@ -106,6 +107,7 @@ def _vehicle(file: TomlFile) -> Vehicle:
         notes=tuple(f"{path.name}: {PATCH}" for path in patches),
         checked=tuple(checked),
         model_file=model_file,
+        model_digest=model_digest,
     )
 
 
@@ -139,9 +141,9 @@ def _monitors(file: TomlFile) -> tuple[dict[str, float], dict[str, tuple[int, in
     return numbers, codes
 
 
-def _machine(file: TomlFile, model: str, model_file: Path | None) -> Machine:
+def _machine(file: TomlFile, model: str, model_file: Path | None, digest: str) -> Machine:
     try:
-        return machine_in_file(model_file) if model_file else machine_of(model)
+        return machine_in_file(model_file, digest) if model_file else machine_of(model)
     except ClutchestError as problem:
         own = file.path.with_name(f"{model}.py")
         hint = f'; the machine of {own.name} is named by its file: model = "{own.name}"'

@@ -95,7 +95,8 @@ class Vehicle:
     → number → value, ``effects_spread`` the standard deviation of gains that are not known exactly;
     ``curves``: the effects that are curves.  ``notes``: what a user should know of the file.
     ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
-    and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine.
+    and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine,
+    ``model_digest`` of its content.
     """
 
     name: str
@@ -117,11 +118,14 @@ class Vehicle:
     checked: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=(), compare=False)
     model_file: Path | None = field(default=None, compare=False)
+    model_digest: str = field(default="", compare=False)
 
     @property
     def machine(self) -> Machine:
         """The machine by name, or the one defined in ``model_file``."""
-        return machine_in_file(self.model_file) if self.model_file else machine_of(self.model)
+        if self.model_file is None:
+            return machine_of(self.model)
+        return machine_in_file(self.model_file, self.model_digest)
 
     @property
     def guessed(self) -> tuple[str, ...]:
