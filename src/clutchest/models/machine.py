@@ -321,7 +321,7 @@ def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
             yield f"fault '{fault.name}'", f"has no gain '{fault.key}'"
     for name in machine.excitations:
         if name in machine.scenarios():
-            yield "excitations", f"names scenario '{name}' again"
+            yield "excitations", f"names scenario '{name}' twice"
 
 
 def _no_numbers(written: Expressions) -> list[str]:

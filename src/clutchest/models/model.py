@@ -85,7 +85,7 @@ class Expressions:
 
     @property
     def plays(self) -> list[int]:
-        """Indices of the numbers of effects that say how far the step map's result lags behind."""
+        """Indices of the numbers of effects that set the play in the step map."""
         sees = ca.which_depends(self.mapped, self.u0, 1, True)
         dragged = [i for i, seen in enumerate(sees) if seen]
         by = ca.which_depends(self.mapped[dragged], self.g, 1, False)

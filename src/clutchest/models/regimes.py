@@ -69,7 +69,7 @@ class Observed:
 
 
 def always(observed: Observed) -> Regimes:
-    """One regime throughout, of a machine whose equations hold whatever it does."""
+    """One regime throughout, of a machine whose equations always hold."""
     known = ~observed.lost
     return Regimes(observed.lost.astype(np.uint8), known, known, known)
 

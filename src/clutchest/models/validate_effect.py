@@ -52,7 +52,7 @@ def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float
             return f"uses '{error.name}' before the equations assign it"
         valid = [n.key for n in effect.parameters] if isinstance(error.obj, Gains) else known
         return f"uses '{error.name}', which does not exist" + nearest(str(error.name), valid)
-    except Exception as error:  # whatever the user's file does wrong
+    except Exception as error:  # the user's code may raise anything
         return f"cannot be evaluated: {type(error).__name__}: {' '.join(str(error).split())}"
 
 

@@ -310,7 +310,7 @@ class Decoding:
         if len(samples.rows) and not samples.any_valid():
             most = Why(int(np.argmax(np.bincount(samples.why))))
             self.warnings.append(f"{where} has no valid sample ({words(most)})")
-        self.warnings += [f"{where}: {found}" for found in clipped(samples.value, layout)]
+        self.warnings += [f"{where}: {end}" for end in clipped(samples.value, layout)]
         return samples
 
     def _canonical(self, signal: SignalMap, samples: Samples, unit: str) -> Signal:

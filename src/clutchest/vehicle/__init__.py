@@ -1,4 +1,4 @@
-"""A vehicle: one TOML file that says which bus signal is what, and its parameters."""
+"""A vehicle: one TOML file that maps its bus signals and states its parameters."""
 
 from clutchest.vehicle.file import load_vehicle
 from clutchest.vehicle.text import dump_vehicle

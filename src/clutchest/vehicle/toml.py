@@ -21,7 +21,7 @@ _QUANTITY = ("value", "unit", "spread", "source")
 
 @dataclass(frozen=True, slots=True)
 class TomlFile:
-    """The parsed file, able to say on which line a key stands."""
+    """The parsed file, with its text to find the line of a key."""
 
     path: Path
     text: str

@@ -69,7 +69,7 @@ MACHINE = Machine(
     scenarios=_scenarios,
     template="alsd_rig",
     unsupported={
-        "discover": "its motor comes to rest anywhere within its play, which the open-loop angle "
-        "does not know"
+        "discover": "its motor may rest anywhere within its play, which an open-loop angle cannot "
+        "represent"
     },
 )
