@@ -1,4 +1,4 @@
-"""A user's own effects are refused in one line where they cannot be looked for."""
+"""A user's own effects are refused in one line where they cannot be tested."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_what_the_vehicle_has_already_is_left_out(tmp_path):
             f"0.5),){DELAYED.format('engine_torqe')}",
             "delays 'engine_torqe', which is not",
         ),
-        ("0.5),)", f"0.5),){DELAYED.format('engine_torque')}{TURNING}", "is late by more at one"),
+        ("0.5),)", f"0.5),){DELAYED.format('engine_torque')}{TURNING}", "has a delay that varies"),
     ],
 )
 def test_what_cannot_be_looked_for_is_said(tmp_path, old, new, words):

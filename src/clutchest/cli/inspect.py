@@ -1,4 +1,4 @@
-"""``inspect``: a first look at a log."""
+"""``inspect``: ids, rates and candidate signals of a log."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def inspect(
             "--model",
             metavar="NAME|FILE.py",
             show_default=False,
-            help="The machine whose signals are looked for: one by name, or your own file.  "
+            help="The machine whose signals are searched: one by name, or your own file.  "
             "Without it the shipped one of which most signals are there.",
         ),
     ] = "",
@@ -40,7 +40,7 @@ def inspect(
 ) -> None:
     """Say what is in a log, and draft a vehicle file for it.
 
-    Lists ids, rates and gaps, and the signals that look like those the estimator needs.  Writes
+    Lists ids, rates and gaps, and the signals that may be those of the estimator.  Writes
     inspect.json and vehicle.toml; the heading of the latter names what is still missing.
 
     \b

@@ -95,7 +95,7 @@ Scenario = Annotated[
     typer.Option(
         metavar="NAME",
         show_default=False,
-        help="A scenario of the vehicle's machine, as listed below; of your own machine, one of its "
+        help="A scenario of the vehicle's machine, as listed below; of your own machine one of its "
         "excitations.",
     ),
 ]

@@ -63,7 +63,7 @@ def answer(
     words(Console())
     print(f"Written to {out}: {', '.join(written)}")
     if "recording.rrd" in written:
-        print(f"To look at it: rerun {out / 'recording.rrd'}")
+        print(f"To view it: rerun {out / 'recording.rrd'}")
 
 
 def note(text: str) -> None:

@@ -1,5 +1,5 @@
-"""What an error may go with, at every event of a drive: inputs, states and the highest that they
-have been, rates, time and energy."""
+"""Covariates of errors at every event of a drive: inputs, states and their highest values so far,
+rates, time and energy."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import numpy as np
 from clutchest.inference.denoising import deadband, denoised_rate
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.models.effects.effect import TIME
+from clutchest.models.machine import ENERGY
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a covariate
 TIME_KNOTS = 8, 36
 AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highest
-STILL = 1e-9  # of its own size; a covariate that moves less is none
+CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
 
 def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
@@ -22,12 +24,12 @@ def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
     model, line = drive.compiled.model, drive.line
     machine = drive.compiled.machine
     quantities, rates = tuple(machine.covariates), machine.rates
-    found = {
+    series = {
         item.name: at.inputs[:, j]
         for j, item in enumerate(model.inputs)
         if item.name not in model.slopes
     }
-    found |= {state.name: at.states[:, i] for i, state in enumerate(model.states)}
+    series |= {state.name: at.states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]
@@ -40,29 +42,29 @@ def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
         drive.compiled.p,
         drive.compiled.g,
     )
-    found |= dict(zip(quantities, values, strict=False))
+    series |= dict(zip(quantities, values, strict=False))
     spans = np.diff(line.t, prepend=line.t[0])
-    # what goes with the noise of a covariate is no error
-    found = {name: deadband(line.t, value, drive.tracked.act) for name, value in found.items()}
-    found |= {
+    # correlation with the noise of a covariate is no error
+    series = {name: deadband(line.t, value, drive.tracked.act) for name, value in series.items()}
+    series |= {
         name: denoised_rate(line.t, at.inputs[:, model.input(of)], drive.tracked.act)
         for name, of in rates.items()
-        if of in found
+        if of in series
     }
-    found |= {name: np.maximum.accumulate(found[of]) for name, of in machine.peaks.items()}
-    found["energy"] = np.cumsum(values[-1] * spans)
-    found["time"] = line.t
-    return found
+    series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
+    series[ENERGY] = np.cumsum(values[-1] * spans)
+    series[TIME] = line.t
+    return series
 
 
 def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:
-    """The inputs that move no further than their noise, and their rates: what goes with them goes
-    with noise."""
+    """The inputs that move no further than their noise, and their rates: what correlates with them
+    correlates with noise."""
     model = drive.compiled.model
     still = np.ptp(at.inputs, axis=0) <= AT_REST * np.sqrt(drive.line.variance)
-    found = {item.name for item, rests in zip(model.inputs, still, strict=True) if rests}
+    resting = {item.name for item, rests in zip(model.inputs, still, strict=True) if rests}
     rates = drive.compiled.machine.rates
-    return found | {name for name, of in rates.items() if of in found}
+    return resting | {name for name, of in rates.items() if of in resting}
 
 
 def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
@@ -72,15 +74,15 @@ def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
     if not len(inside) or not np.isfinite(inside).all():
         return ()
     low, high = np.quantile(inside, [0.002, 0.998])
-    if high - low <= STILL * max(abs(low), abs(high), 1e-9):
+    if high - low <= CONSTANT * max(abs(low), abs(high), 1e-9):
         return ()
-    if name == "time":
+    if name == TIME:
         return tuple(np.linspace(low, high, count) for count in TIME_KNOTS)
     inner = np.quantile(inside, np.linspace(0.0, 1.0, KNOTS)[1:-1])
     even = np.linspace(low, high, KNOTS)[1:-1]
-    found = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))
-    apart = np.min(np.diff(found)) > STILL * (high - low)
-    return (found if apart else np.linspace(low, high, KNOTS),)
+    bends = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))
+    apart = np.min(np.diff(bends)) > CONSTANT * (high - low)
+    return (bends if apart else np.linspace(low, high, KNOTS),)
 
 
 def hats(value: Floats, at: Floats) -> Floats:

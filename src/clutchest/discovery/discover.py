@@ -36,6 +36,7 @@ from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, rejected_
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
 from clutchest.models.effects import Effect
+from clutchest.models.effects.effect import TIME
 from clutchest.progress import Progress
 from clutchest.signals import Counts, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -195,9 +196,7 @@ def _unnamed(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Out
     leading = list(first.values())
     usable = [can_be_stated(c, machine, model) for c in leading]
     if other is None:
-        lasting = [
-            c for c, can in zip(leading, usable, strict=True) if can and c.covariate != "time"
-        ]
+        lasting = [c for c, can in zip(leading, usable, strict=True) if can and c.covariate != TIME]
         curve = max(lasting, key=lambda c: c.evidence, default=None)
         return _Outcome("unknown", errors, curve, None)
     held_out = HeldOutCurves.of(search, leading, other())

@@ -1,4 +1,4 @@
-"""Probes: an error of one equation, of any size at any time, as an effect of one gain."""
+"""Error terms as effects: an error of one equation, of any size at any time, with one gain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from clutchest.models.effects import Effect, Gains, Number
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.machine import Machine
 
-PREFIX = "error in "  # of a probe's name, before its flaw's
+PREFIX = "error in "  # of an effect's name, before its error term's
 
 
 def error_term_effects(machine: Machine) -> tuple[Effect, ...]:

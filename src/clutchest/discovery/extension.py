@@ -18,6 +18,7 @@ from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import StatedGain
 from clutchest.models.curve_effect import covariates_of_curve
 from clutchest.models.effects import effects_of_file
+from clutchest.models.effects.effect import TIME
 from clutchest.models.error_curve import ErrorCurve, free_name, matrix, numbers_of, rounded
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model
@@ -66,7 +67,7 @@ def extend(
 def stated(curve: Curve) -> ErrorCurve:
     """A curve as a vehicle file states it; over time, it is another one in another drive and its
     covariance says nothing."""
-    covariance = () if curve.covariate == "time" else matrix(curve.off.T @ curve.off)
+    covariance = () if curve.covariate == TIME else matrix(curve.off.T @ curve.off)
     return ErrorCurve(
         curve.error_term,
         curve.covariate,

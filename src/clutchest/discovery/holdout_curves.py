@@ -22,6 +22,7 @@ from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import improve, with_noise_estimated
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
+from clutchest.models.effects.effect import TIME
 from clutchest.signals import Floats
 
 
@@ -98,7 +99,7 @@ class HeldOutCurves:
         """Index of the most likely one with gains ``gained`` (n); a curve over time must gain."""
         # an error at some time of one drive need not recur at that time of another
         allowed = [
-            yes and (curve.covariate != "time" or gain > 0.0)
+            yes and (curve.covariate != TIME or gain > 0.0)
             for yes, curve, gain in zip(usable, self.curves, gained, strict=True)
         ]
         likely = np.where(allowed, self._evidence(gained), -np.inf)
@@ -107,7 +108,7 @@ class HeldOutCurves:
     def _evidence(self, gained: Floats) -> Floats:
         """2 ln of the Bayes factor (n) on both problems, with the gains (n) ``gained`` on the
         other; a curve over time is not refuted by another drive."""
-        over_time = np.array([curve.covariate == "time" for curve in self.curves])
+        over_time = np.array([curve.covariate == TIME for curve in self.curves])
         counts = np.where(over_time, np.maximum(gained, 0.0), gained)
         return np.array([curve.evidence for curve in self.curves]) + 2.0 * counts
 

@@ -1,8 +1,8 @@
-"""What no named cause explains: an error of one equation as a free curve over one quantity.
+"""Errors that no named cause explains: a free curve over one covariate in one equation.
 
 Each curve is judged by its Bayes factor: its coefficients have a prior of one size for all, which
 may be any of SCALES, and equations are equally likely to be wrong, whatever number of curves each
-has.  How large a factor noise gives is drawn, not looked up.  Over time, a curve stands for process
+has.  The null distribution of the factor is drawn.  Over time, a curve stands for process
 noise in the equation.
 """
 
@@ -30,7 +30,7 @@ DRAWS = 1000
 SCALES = np.array(
     [0.1, 0.3, 1.0, 3.0, 10.0]
 )  # standard deviations of coefficients, in units of an error
-FAINT = 3e-7  # of a curve, squared: so little left over is no more than its inputs' noise
+NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME = 2.0  # s
 ENTRIES = 1e7  # of derivatives, held at a time
 
@@ -40,10 +40,10 @@ class Curve:
     """An error of ``equation``, in the way of ``error_term``, as a curve over ``covariate``.
 
     ``at`` its knots (c), ``coefficients`` (c) the expected ones (units of the probe); ``off``
-    (c, c) in each row what they may be off by, a standard deviation one way; ``worth`` what they
-    bring in −2 ln(probability) under a prior of one unit, less what noise alone gives.
-    ``evidence`` 2 ln of the Bayes factor against no such error, ``p_value`` the chance that noise
-    gives as much to any curve.
+    (c, c) in rows their principal deviations, one standard deviation each; ``worth`` how much
+    they improve the fit under a prior of one unit, 2 Δ ln L, less what noise alone does.
+    ``evidence`` 2 ln of the Bayes factor against no such error, ``p_value`` family-wise, over all
+    curves.
     """
 
     error_term: str
@@ -60,22 +60,23 @@ class Curve:
 def curves(
     objective: Objective, fit: Linearisation, free: NDArray[np.int64], seed: int
 ) -> list[Curve]:
-    """Every curve over every covariate, the likeliest first, beside what is ``free`` at a fit."""
+    """Every curve over every covariate, the most likely first, beside the ``free`` unknowns at a
+    fit."""
     problem, place = objective.problem, places(objective.problem)
     # without a signal, some equations are others
     error_terms = {k: v for k, v in problem.compiled.machine.error_terms.items() if k in place}
     values = [covariates(*each) for each in zip(problem.drives, fit.implied, strict=True)]
     tables = [
         (name, covariate, at)
-        for covariate, at in _bent(problem, fit, values)
+        for covariate, at in _covariates_with_knots(problem, fit, values)
         for name, error_term in error_terms.items()
-        if _may_go_with(error_term, covariate, at)
+        if _is_tested(error_term, covariate, at)
     ]
     choices = Counter(error_terms[name].equation for name, _, _ in tables)
-    found, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
-    for left, some in _left_over(objective, fit, values, tables, place):
-        whole = [left[:, columns].T @ left[:, columns] for _, columns in some]
-        c = projected_out(fit, free, objective.prior, left)
+    results, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
+    for derivatives, some in _derivatives(objective, fit, values, tables, place):
+        whole = [derivatives[:, columns].T @ derivatives[:, columns] for _, columns in some]
+        c = projected_out(fit, free, objective.prior, derivatives)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
         null += resampled_scores(fit.r, c.pure, DRAWS, rng)
@@ -86,49 +87,49 @@ def curves(
             rank = float(np.trace(covariance @ information))
             if rank < 0.1:
                 continue
-            rare, faint = 2.0 * np.log(choices[equation]), FAINT * gram
-            most = np.maximum(most, evidence(null[:, columns], information, faint) - rare)
-            best, unrest = covariance @ score, 1.0
-            if evidence(score, information, faint) > 0.0:
-                unrest = _unrest(pure, fit.r + pure @ best, blocks, covariance, rank)
-            told = score / unrest, information / unrest, faint / unrest
-            found.append(
+            rare, negligible = 2.0 * np.log(choices[equation]), NEGLIGIBLE * gram
+            most = np.maximum(most, evidence(null[:, columns], information, negligible) - rare)
+            best, dispersion = covariance @ score, 1.0
+            if evidence(score, information, negligible) > 0.0:
+                dispersion = _dispersion(pure, fit.r + pure @ best, blocks, covariance, rank)
+            scaled = score / dispersion, information / dispersion, negligible / dispersion
+            results.append(
                 Curve(
                     name,
                     equation,
                     covariate,
                     at,
-                    *expected(*told),
-                    float(score @ best) / unrest - 2.0 * rank,
-                    float(evidence(*told)) - rare,
+                    *expected(*scaled),
+                    float(score @ best) / dispersion - 2.0 * rank,
+                    float(evidence(*scaled)) - rare,
                     1.0,
                 )
             )
-        del left, c, pure  # before the next ones are made
-    # a Bayes factor of B is given to noise once in B times at most
+        del derivatives, c, pure  # before the next ones are made
+    # noise has a Bayes factor of B once in B times at most
     least = np.sort(np.exp(-most / 2.0))
     named = [
         replace(curve, p_value=float(family_wise(least, np.exp(-curve.evidence / 2.0))))
-        for curve in found
+        for curve in results
     ]
     return sorted(named, key=lambda curve: -curve.evidence)
 
 
-def evidence(score: Floats, information: Floats, faint: Floats) -> Floats:
+def evidence(score: Floats, information: Floats, negligible: Floats) -> Floats:
     """2 ln of the Bayes factor of coefficients of any of SCALES against none; ``score`` (…, c) and
-    its ``information`` (c, c), which says nothing in directions in which it is less than ``faint``
-    (c, c): what is left of a curve that is nearly a known one is noise of the inputs."""
-    each = _of_scales(score, information, faint)[0]
+    its ``information`` (c, c), which counts as none in directions in which it is less than
+    ``negligible`` (c, c): the remainder of a curve that is nearly a known one is input noise."""
+    each = _of_scales(score, information, negligible)[0]
     top = each.max(axis=-1, keepdims=True)
     mean = np.log(np.mean(np.exp((each - top) / 2.0), axis=-1))
     return np.asarray(top[..., 0] + 2.0 * mean)
 
 
-def expected(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats]:
+def expected(score: Floats, information: Floats, negligible: Floats) -> tuple[Floats, Floats]:
     """Coefficients (c) in the mean over SCALES, each as likely as its ``evidence`` says; in rows
     (c, c) the principal directions in which they may be off, by a standard deviation each, of
-    those that the data tell of: the others are known ones'."""
-    each, means, covariances = _of_scales(score, information, faint)
+    those that the data inform: the others are known ones'."""
+    each, means, covariances = _of_scales(score, information, negligible)
     weight = softmax(each / 2.0)
     mean = np.asarray(weight @ means)
     apart = (means - mean) * np.sqrt(weight)[:, None]
@@ -136,21 +137,23 @@ def expected(score: Floats, information: Floats, faint: Floats) -> tuple[Floats,
     return mean, np.sqrt(np.maximum(variance, 0.0))[:, None] * directions.T
 
 
-def _of_scales(score: Floats, information: Floats, faint: Floats) -> tuple[Floats, Floats, Floats]:
+def _of_scales(
+    score: Floats, information: Floats, negligible: Floats
+) -> tuple[Floats, Floats, Floats]:
     """2 ln of the Bayes factor (…, s) of each scale, its most probable coefficients (…, s, c), and
     their covariance (s, c, c)."""
     strength, directions = np.linalg.eigh(information)
-    told = strength > np.sum(directions * (faint @ directions), axis=0)
+    informed = strength > np.sum(directions * (negligible @ directions), axis=0)
     variance = SCALES[:, None] ** 2
-    shrunk = 1.0 + variance * np.where(told, strength, 0.0)
-    along = np.where(told, score @ directions, 0.0)
+    shrunk = 1.0 + variance * np.where(informed, strength, 0.0)
+    along = np.where(informed, score @ directions, 0.0)
     each = along**2 @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
     known = variance / shrunk
-    covariances = (directions * np.where(told, known, 0.0)[:, None, :]) @ directions.T
+    covariances = (directions * np.where(informed, known, 0.0)[:, None, :]) @ directions.T
     return each, (along[..., None, :] * known) @ directions.T, covariances
 
 
-def _unrest(
+def _dispersion(
     pure: Floats, rest: Floats, blocks: NDArray[np.int64], covariance: Floats, rank: float
 ) -> float:
     """How much more the scores of ``pure`` (K, c) scatter from block to block than noise at its
@@ -172,10 +175,10 @@ def places(problem: Problem) -> dict[str, int]:
 Table = tuple[str, str, Floats]  # error term, covariate, knots
 
 
-def _bent(
+def _covariates_with_knots(
     problem: Problem, fit: Linearisation, values: Sequence[Mapping[str, Floats]]
 ) -> list[tuple[str, Floats]]:
-    """What errors may go with in every drive, and where curves over it bend."""
+    """Covariates that vary in every drive, and the knots of curves over them."""
     acts = np.concatenate([drive.tracked.act for drive in problem.drives]).astype(float)
     acts = acts if acts.any() else np.ones(len(acts))
     still = set.intersection(
@@ -189,15 +192,15 @@ def _bent(
     ]
 
 
-def _may_go_with(error_term: ErrorTerm, covariate: str, at: Floats) -> bool:
-    """Whether a curve over ``covariate`` with these knots is looked for."""
+def _is_tested(error_term: ErrorTerm, covariate: str, at: Floats) -> bool:
+    """Whether a curve over ``covariate`` with these knots is tested."""
     quick = len(at) == max(TIME_KNOTS)
     return (not error_term.covariates or covariate in error_term.covariates) and not (
         error_term.slow and quick
     )
 
 
-def _left_over(
+def _derivatives(
     objective: Objective,
     fit: Linearisation,
     values: Sequence[Mapping[str, Floats]],
@@ -205,7 +208,7 @@ def _left_over(
     place: Mapping[str, int],
 ) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:
     """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
-    of each curve; some covariates at a time, as many as memory likes.  ``place`` of each error term
+    of each curve; some covariates at a time, as many as memory holds.  ``place`` of each error term
     in θ."""
     readings = len(fit.r)
     for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
@@ -219,11 +222,11 @@ def _left_over(
         columns = np.concatenate([begins[d, len(at)] + np.arange(len(at)) for _, d, at in some])
         thetas = np.concatenate([np.full(len(at), place[name]) for name, _, at in some])
         ends = np.cumsum([len(at) for _, _, at in some])
-        left = objective.modulated(
+        derivatives = objective.modulated(
             fit, thetas, [Modulation(np.column_stack(b), columns) for b in bases]
         )
         yield (
-            left,
+            derivatives,
             [
                 (table, np.arange(end - len(table[2]), end))
                 for table, end in zip(some, ends, strict=True)

@@ -1,4 +1,4 @@
-"""Clutch torque open loop: what the equations make of the inputs, beside what was measured."""
+"""The compared pair of a machine open loop: simulated from the inputs, beside the measurement."""
 
 from __future__ import annotations
 
@@ -9,32 +9,35 @@ from clutchest.inference.problem import Problem
 from clutchest.inference.while_sliding import while_sliding
 from clutchest.signals import Floats
 
-NAMES = ("measured_torque", "clutch_torque")
-
 Torques = tuple[Floats, Floats, Floats]
 
 
 def torques(problem: Problem, fit: Linearisation) -> list[Torques]:
-    """(time s, measured Nm, simulated Nm) of every drive at a fit while the surfaces slide.
+    """(time s, measured, simulated) of every drive at a fit while the equations act; empty where
+    the machine declares no pair to compare.
 
-    Temperatures, wear and friction follow from the numbers of the fit alone; only speeds and
-    positions are as measured.  What a cause makes of the measurement itself, as a wrong report of
-    the engine's torque does, is simulated with it.
+    States follow from the parameters of the fit alone, only inputs are as measured.  The effect of
+    a cause on the measurement itself, as of a wrong sensor gain, is simulated with it.
     """
     return [_of_drive(problem, fit, drive) for drive in range(len(problem.drives))]
 
 
 def _of_drive(problem: Problem, fit: Linearisation, drive: int) -> Torques:
+    compared = problem.compiled.machine.compared
+    if compared is None:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
     p, g, *_ = problem.numbers(fit.theta, fit.shapes, drive)
-    nominal = problem.compiled.p  # what was measured does not change with what is believed
+    nominal = problem.compiled.p  # the measurement does not depend on the unknowns
     off = np.zeros_like(g)
-    still = [
+    shapes = [
         i
         for i, (effect, n) in enumerate(problem.compiled.model.numbers)
         if any(s.key == n and s.shape for s in effect.parameters)
     ]
-    off[still] = problem.compiled.g[still]
-    time, (read, told, made) = while_sliding(
-        problem.drives[drive], fit.implied[drive], NAMES, (nominal, off), (nominal, g), (p, g)
+    off[shapes] = problem.compiled.g[shapes]
+    names = compared.measured, compared.simulated
+    time, (nominal_pair, reported, extended) = while_sliding(
+        problem.drives[drive], fit.implied[drive], names, (nominal, off), (nominal, g), (p, g)
     )
-    return time, read[0], made[1] + read[0] - told[0]
+    measured = nominal_pair[0]
+    return time, measured, extended[1] + measured - reported[0]

@@ -1,4 +1,4 @@
-"""A user's own suspicions: effects from files of theirs, checked before anything is read."""
+"""A user's own hypotheses: effects from files of theirs, checked before anything is read."""
 
 from __future__ import annotations
 
@@ -15,29 +15,26 @@ from clutchest.vehicle import Vehicle
 def user_effects(files: Sequence[Path], vehicle: Vehicle) -> list[Effect]:
     """Every effect of these ``files`` that the vehicle has not in its model already.
 
-    Raises ClutchestError, with the file's name, for one that cannot be looked for.
+    Raises ClutchestError, with the file's name, for one that cannot be tested.
     """
     values = {key: quantity.value for key, quantity in vehicle.parameters.items()}
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     for path in dict.fromkeys(path.resolve() for path in files):
         for name, effect in effects_of_file(path).items():
             if name in vehicle.effects:
                 continue
             wrong = why_invalid(effect, vehicle.machine, values)
-            if wrong or (wrong := _unsought(effect, vehicle.machine, found)):
+            if wrong or (wrong := _why_untestable(effect, vehicle.machine, effects)):
                 raise ClutchestError(f"{path}: effect '{name}' {wrong}")
-            found[name] = effect
-    return list(found.values())
+            effects[name] = effect
+    return list(effects.values())
 
 
-def _unsought(effect: Effect, machine: Machine, found: dict[str, Effect]) -> str | None:
-    """Why an effect that may stand in the model cannot be looked for."""
+def _why_untestable(effect: Effect, machine: Machine, effects: dict[str, Effect]) -> str | None:
+    """Why an effect that may stand in the model cannot be tested."""
     if effect.lateness:
-        return (
-            "is late by more at one time than at another: nothing to look for, but to be "
-            "stated in the vehicle file"
-        )
-    taken = [("the library", machine.effects), ("another file", found)]
+        return "has a delay that varies: it cannot be tested, only stated in the vehicle file"
+    taken = [("the library", machine.effects), ("another file", effects)]
     for where, names in taken:
         if effect.name in names:
             return f"has the name of one in {where}, expected another"

@@ -12,7 +12,7 @@ import numpy as np
 from clutchest.models.effects.effect import TIME, Effect, Gains, Indices, Lateness, Number
 from clutchest.models.error_curve import DEVIATION, SIZE, ErrorCurve, effect_of_deviation
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.machine import Machine
+from clutchest.models.machine import ENERGY, Machine
 from clutchest.models.model import Model
 from clutchest.models.symbols import State
 from clutchest.signals import Floats
@@ -20,8 +20,8 @@ from clutchest.signals import Floats
 LARGEST = 4.0  # standard deviations by which a curve may be shifted
 # Covariates that are no quantity of the equations: states of the curve's own, and their rates.
 _OWN_STATES: Mapping[str, tuple[str, str, Callable[[Any], Any]]] = {
-    "energy": ("J", "slip energy since the start", lambda q: q.power),
-    "time": ("s", "time since the start", lambda q: 1.0),
+    ENERGY: ("J", "slip energy since the start", lambda q: q.power),
+    TIME: ("s", "time since the start", lambda q: 1.0),
 }
 
 
@@ -49,7 +49,8 @@ def covariates_of_curve(
     names = model.expressions().quantities.names()
     first = min(names.index(quantity) for quantity in error_term.changes if quantity in names)
     known = dict.fromkeys((*names[:first], *error_term.changes))
-    return (*_OWN_STATES, *machine.peaks, *(name for name in known if name in names))
+    own = [name for name in _OWN_STATES if name != ENERGY or "power" in names]
+    return (*own, *machine.peaks, *(name for name in known if name in names))
 
 
 def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: Machine) -> Effect:

@@ -1,6 +1,6 @@
 """pyarrow without pandas.
 
-pyarrow and rerun look for pandas whenever they are given an array.  Loading it would make
+pyarrow and rerun search for pandas whenever they are given an array.  Loading it would make
 ``clutchest replay demo`` take 1.17 s instead of 1.04 s, 1.13 (1.07 … 1.18) times as long in seven
 pairs of runs (``benchmarks/startup.py``).
 """
@@ -27,7 +27,7 @@ class _NoPandas:
 
 @contextmanager
 def without_pandas() -> Iterator[None]:
-    """Have pyarrow take arrays, lists and texts without loading pandas, which it looks for to see
+    """Have pyarrow take arrays, lists and texts without loading pandas, which it imports to see
     whether they are its own; where pandas is loaded already, nothing is different."""
     hidden = _NoPandas()
     if "pandas" not in sys.modules:

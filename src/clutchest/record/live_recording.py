@@ -176,23 +176,23 @@ class LiveRecording:
         self._styled.add(entity)
         if kind == "state":
             quantity = self._states[name]
-            look: Any = rr.Measurements.from_fields(
+            style: Any = rr.Measurements.from_fields(
                 names=quantity.words, units=quantity.shown or None, widths=2.0
             )
         elif kind == "residual":
-            look = rr.SeriesLines(
+            style = rr.SeriesLines(
                 names=["measured − predicted", "+3σ", "−3σ"],
                 colors=np.array([COLOURS[1], BOUND, BOUND], np.uint32),
                 widths=[1.2, 1.0, 1.0],
                 aggregation_policy="MinMax",
             )
         elif kind == "can":
-            look = rr.SeriesLines(
+            style = rr.SeriesLines(
                 names=self._signals[name].words, widths=1.5, aggregation_policy="MinMax"
             )
         else:
             return
-        self._stream.log(entity, look, static=True)
+        self._stream.log(entity, style, static=True)
 
     def _lane(self, entity: str, colours: Mapping[str, int]) -> None:
         self._stream.log(

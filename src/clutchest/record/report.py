@@ -1,4 +1,4 @@
-"""The run in words: what happened, what is known, what should be doubted (Markdown)."""
+"""The run in words (Markdown): estimates, events, warnings, residuals."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def _decimals(value: float, digits: int) -> int:
 
 
 def informed(state: Mapping[str, Any]) -> str:
-    """Why an entry of the summary's ``states`` is not known and what would help; else what told it
-    and what stands in the way of knowing it better."""
+    """Why an entry of the summary's ``states`` is not valid and what would inform it; else its
+    source of information and what limits it."""
     bits, now = state["information_bits"], state["not_observable_now"]
     if not state["valid"]:
         return f"{state['why']}; needs {state['needs']}"
@@ -61,19 +61,19 @@ def informed(state: Mapping[str, Any]) -> str:
 def markdown(run: Run) -> str:
     """Summary, final states, engagements and warnings of ``run`` as one Markdown text."""
     parts = [f"# {run.vehicle.name}", _sources(run), _HOW_TO_READ]
-    parts += ["## What is known at the end", _states(run), BITS]
+    parts += ["## Estimates at the end", _states(run), BITS]
     if run.summary["wear"]:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
     if run.vehicle.machine.event:
         parts += ["## Slip events", _engagements(run)]
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
-    parts += ["## Sensors against the model", _sensors(run)]
+    parts += ["## Residuals of the sensors", _sensors(run)]
     made_by = [
         (what, value if len(value) < 24 else f"{value[:12]}…")
         for what, value in run.provenance.items()
     ]
-    parts += ["## Made by", table(("what", "version or hash"), made_by)]
+    parts += ["## Provenance", table(("what", "version or hash"), made_by)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -93,7 +93,9 @@ def _states(run: Run) -> str:
         shown = plus_minus(quantity, state["value"], state["std"])
         known = "yes" if state["valid"] else "no"
         rows.append((quantity.words, shown, known, informed(state)))
-    return table(("quantity", "value ± 1σ", "known", "informed by, or why not"), rows)
+    return table(
+        ("quantity", "value ± 1σ", "valid", "source of information / reason missing"), rows
+    )
 
 
 def _engagements(run: Run) -> str:
@@ -115,7 +117,8 @@ def _engagements(run: Run) -> str:
         return "The clutch never slipped."
     head = ("drive",) if len(run.tracks) > 1 else ()
     return table(
-        (*head, "start [s]", "lasted [s]", "energy", "peak torque [Nm]", "hottest disc [°C]"), rows
+        (*head, "start [s]", "duration [s]", "energy", "peak torque [Nm]", "hottest disc [°C]"),
+        rows,
     )
 
 
@@ -124,8 +127,8 @@ def _sensors(run: Run) -> str:
         (name, str(s["count"]), _short(s["innovation_rms"]), _short(s["nis_mean"]))
         for name, s in run.summary["sensors"].items()
     ]
-    note = "NIS is the squared misfit over its predicted variance: 1 when the model is honest."
-    return table(("sensor", "samples", "misfit rms [SI, mm]", "mean NIS"), rows) + "\n\n" + note
+    note = "NIS, the normalised innovation squared, is 1 on average if the model is right."
+    return table(("sensor", "samples", "rms innovation [SI, mm]", "mean NIS"), rows) + "\n\n" + note
 
 
 def _short(value: float | None) -> str:

@@ -26,11 +26,11 @@ def outline(values: Floats, most: int) -> NDArray[np.intp]:
     edges = np.linspace(0, n, pairs + 1).astype(np.intp)
     widest = int(np.max(np.diff(edges)))
     together = max(memory_mapped.PORTION // widest, 1)
-    found = []
+    rows = []
     for first in range(0, pairs, together):
-        found.append(_extremes(values, edges[first : first + together + 1], widest))
+        rows.append(_extremes(values, edges[first : first + together + 1], widest))
         memory_mapped.release_memory()
-    return np.concatenate(found)
+    return np.concatenate(rows)
 
 
 def _extremes(values: Floats, edges: NDArray[np.intp], widest: int) -> NDArray[np.intp]:

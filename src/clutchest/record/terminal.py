@@ -1,4 +1,4 @@
-"""What a run or a first look at a log says in a terminal, in a few lines."""
+"""A run, or the inspection of a log, in a terminal in a few lines."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _MOST_WARNINGS = 8
 
 
 def print_run(run: Run, console: Console) -> None:
-    """Print the final states with what told them, slip events and wear in a line or two each, and
-    the warnings of ``run``."""
+    """Print the final states with their source of information, slip events and wear in a line or
+    two each, and the warnings of ``run``."""
     summary = run.summary
     title = f"{escape(run.vehicle.name)}: {summary['duration_s']:.0f} s"
     if len(run.tracks) > 1:
@@ -27,8 +27,8 @@ def print_run(run: Run, console: Console) -> None:
     table = Table(
         "quantity",
         "value ± 1σ",
-        "known",
-        "informed by, or why not",
+        "valid",
+        "source of information /\nreason missing",
         title=f"{title}, at the end",
         title_justify="left",
         caption=BITS,
@@ -72,7 +72,7 @@ def _slip_events(run: Run) -> str:
     )
 
 
-def print_inspection(found: Inspection, console: Console) -> None:
+def print_inspection(inspection: Inspection, console: Console) -> None:
     """Print the ids of a log, the signals that could serve, and what is missing."""
     ids = Table(
         "channel",
@@ -83,10 +83,10 @@ def print_inspection(found: Inspection, console: Console) -> None:
         "Hz",
         "largest gap [s]",
         "bytes",
-        title=f"{found.frames} frames in {found.duration_s:.1f} s",
+        title=f"{inspection.frames} frames in {inspection.duration_s:.1f} s",
         title_justify="left",
     )
-    for row in found.rows:
+    for row in inspection.rows:
         ids.add_row(
             str(row.channel),
             f"{row.id:08X}" if row.extended else f"{row.id:03X}",
@@ -105,9 +105,9 @@ def print_inspection(found: Inspection, console: Console) -> None:
         "to",
         "unit",
         title_justify="left",
-        title="signals that look like what the estimator needs",
+        title="signals that may be those of the estimator",
     )
-    for name, candidates in found.candidates.items():
+    for name, candidates in inspection.candidates.items():
         for candidate in candidates[:3]:
             low, high = candidate.low, candidate.high
             signals.add_row(
@@ -118,7 +118,7 @@ def print_inspection(found: Inspection, console: Console) -> None:
                 candidate.unit,
             )
     console.print(signals)
-    for reason, count in found.rejected.items():
+    for reason, count in inspection.rejected.items():
         console.print(f"not read: {count} × {reason}")
-    for what in found.missing:
+    for what in inspection.missing:
         console.print(f"missing: {escape(what)}")
