@@ -248,16 +248,20 @@ def _invalid(group: Any, channel: Any, records: Any) -> NDArray[np.bool_] | None
 
 def _lengths(samples: Mapping[str, NDArray], is_fd: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Payload bytes (n,) from what a group has; −1 where that is no number."""
-    codes = np.minimum(samples["DLC"].astype(np.int64), 15) if "DLC" in samples else None
-    if "DataLength" in samples:
-        given = samples["DataLength"].astype(np.float64)
-        length = np.where(np.isfinite(given), given, -1).astype(np.int64)
-        # beyond 8 bytes the length is never the code, so what is equal to it is one
-        coded = is_fd & (length == codes) & (length > 8) if codes is not None else None
-        return length if coded is None else np.where(coded, LENGTHS[codes], length)
-    if codes is None:
-        return np.zeros(len(is_fd), np.int64)
-    return np.where(is_fd, LENGTHS[codes], np.minimum(LENGTHS[codes], 8))
+    if "DataLength" not in samples:
+        if "DLC" not in samples:
+            return np.zeros(len(is_fd), np.int64)
+        length = LENGTHS[np.minimum(samples["DLC"].astype(np.int64), 15)]
+        return np.where(is_fd, length, np.minimum(length, 8))
+    given = samples["DataLength"]
+    if given.dtype.kind == "f":
+        given = np.where(np.isfinite(given), given, -1)
+    length = given.astype(np.int64)
+    if "DLC" in samples and np.any(length > 8):
+        # there the length is never the code, so what is equal to it is one
+        coded = is_fd & (length > 8) & (length < 16) & (length == samples["DLC"])
+        length[coded] = LENGTHS[length[coded]]
+    return length
 
 
 def _frames(
