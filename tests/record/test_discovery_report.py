@@ -24,6 +24,7 @@ from clutchest.record.misfit_pictures import draw_misfit, most_significant, piec
 from clutchest.vehicle import load_vehicle
 from discoveries import CURVE, FADE, GAIN, NO_GAIN, VERDICTS, discovery, misfit
 
+COMPARED = machine_of("dry_clutch").compared
 OWN = """
 from clutchest.models.effects import Effect, Number
 
@@ -166,15 +167,17 @@ def test_words_of_each_verdict(tell):
 
 
 def test_the_gain_says_whether_it_pays():
-    assert "rises by 134.2 [95 %: 98.1 to 170.3]" in gain_words(GAIN)
-    assert "not significant" not in gain_words(GAIN)
-    assert "[95 %: -1.2 to 2.3]" in gain_words(NO_GAIN) and "not significant" in gain_words(NO_GAIN)
+    assert "rises by 134.2 [95 %: 98.1 to 170.3]" in gain_words(GAIN, COMPARED)
+    assert "not significant" not in gain_words(GAIN, COMPARED)
+    assert "[95 %: -1.2 to 2.3]" in gain_words(
+        NO_GAIN, COMPARED
+    ) and "not significant" in gain_words(NO_GAIN, COMPARED)
     assert "Not measured: no held-out data (`--holdout LOG`)" in report(discovery("named", None))
     assert "Not measured: no held-out data (`--holdout LOG`)" in printed(discovery("named", None))
 
 
 def test_a_loss_is_told_as_one():
-    lost = gain_words(replace(GAIN, nll_after=909.6, ci95=(-19.2, -4.0)))
+    lost = gain_words(replace(GAIN, nll_after=909.6, ci95=(-19.2, -4.0)), COMPARED)
     assert "ln L falls by 9.6 [95 %: 4.0 to 19.2]" in lost
     assert "makes the prediction worse" in lost and "not significant" not in lost
 
@@ -189,8 +192,8 @@ def test_why_nothing_was_measured():
 
 def test_no_torque_is_told_that_was_not_computed():
     parted = replace(GAIN, simulation_rmse_after=None)
-    assert "torque" in gain_words(GAIN) and "torque" not in gain_words(parted)
-    assert "from 1.420 to 1.010 standard deviations." in gain_words(parted)
+    assert "torque" in gain_words(GAIN, COMPARED) and "torque" not in gain_words(parted, COMPARED)
+    assert "from 1.420 to 1.010 standard deviations." in gain_words(parted, COMPARED)
 
 
 @pytest.mark.parametrize(
@@ -209,8 +212,8 @@ def test_sets_of_causes_in_words(sets, words):
 
 
 def test_the_gain_says_on_what_it_was_measured():
-    assert gain_words(GAIN).startswith("On held-out data ln L rises")
-    alone = gain_words(replace(GAIN, other_logs=False))
+    assert gain_words(GAIN, COMPARED).startswith("On held-out data ln L rises")
+    alone = gain_words(replace(GAIN, other_logs=False), COMPARED)
     assert alone.startswith("Cross-validated over quarters of the log, ln L rises")
 
 

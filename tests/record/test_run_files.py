@@ -136,7 +136,7 @@ def test_terminal_table(run):
     disc = run.summary["states"]["temp_disc"]
     assert f"{disc['value']:.1f} ± {disc['std']:.1f} °C" in text
     assert "Left: 140 MJ [95 %: 36 to 200]." in text
-    assert "1 slip event, 52.0 ± 1.8 kJ of heat, disc at most 96 °C." in text
+    assert "1 slip event, 52.0 ± 1.8 kJ of heat, disc temperature at most 96 °C." in text
     assert "warning: parameter 'kiss_point' is a guess" in text
 
 
@@ -162,5 +162,5 @@ def test_terminal_says_why_not_valid(run):
         replace(run, tracks=tracks, summary={**run.summary, "states": states, "warnings": warnings})
     )
     assert "nothing informs it; needs a [launch]" in text
-    assert "The clutch never slipped." in text
+    assert "No slip event." in text
     assert "… and 12 more warnings" in text

@@ -232,7 +232,7 @@ def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
     words = [*task.signals.warnings, *untested_effects(problem, task.testable)]
     if more := len(problem.drives) - len(task.signals.drives):
         words.append(
-            f"{more} gap(s) in which the clutch may have slipped unobserved: "
+            f"{more} gap(s) in which heat may have been generated unobserved: "
             "the data after each are treated as a separate drive"
         )
     # without a cause, a start may stand in for it
@@ -240,7 +240,7 @@ def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
         start, off = problem.thetas[i], best.fit.theta[i] * problem.units[i]
         assert isinstance(start, InitialState)
         words.append(
-            f"{start.state} starts {off:+.0f} K from that of a clutch at rest: the log "
+            f"{start.state} starts {off:+.0f} K from its value at rest: the log "
             "does not begin at the start of a drive"
         )
     return words

@@ -25,7 +25,7 @@ REACH = 8.0  # standard deviations shown at most; the rest by zooming out
 def write_discovery_recording(discovery: Discovery, path: Path) -> None:
     """Write ``discovery`` and the blueprint that shows it to ``path`` (``.rrd``).
 
-    Entities: ``clutch_torque/measured``, ``/simulated``, ``/extended`` (Nm, while slipping),
+    Entities: ``clutch_torque/measured``, ``/simulated``, ``/extended`` (the pair compared),
     ``residual/<sensor>`` and ``residual/<sensor>/extended`` (innovations over their standard
     deviations in the original and in the extended model), ``drive`` where there are several,
     ``report``.  Where no cause has a name there is no ``extended``.
@@ -63,21 +63,31 @@ def _send_torque(
     ]
     if not discovery.named:
         names.pop()
+    compared = discovery.vehicle.machine.compared
+    if compared is None:
+        return []
+    entity = compared.what.replace(" ", "_")
     shown, values = [], []
     for k, (name, colour, width) in enumerate(names, start=1):
         drives = [
             (start, _parted(torque[0], torque[k]))
             for start, torque in zip(starts, discovery.misfit.torque, strict=True)
         ]
-        value = _send_line(stream, f"clutch_torque/{name}", name, colour, width, drives)
+        value = _send_line(stream, f"{entity}/{name}", name, colour, width, drives)
         if value is not None:
-            shown.append(f"clutch_torque/{name}")
+            shown.append(f"{entity}/{name}")
             values.append(value)
     if not shown:
         return []
     every = np.concatenate(values)
     return [
-        panel("clutch torque while slipping, simulated open loop [Nm]", "Nm", shown, every, every)
+        panel(
+            f"{compared.what}, simulated open loop [{compared.unit}]",
+            compared.unit,
+            shown,
+            every,
+            every,
+        )
     ]
 
 

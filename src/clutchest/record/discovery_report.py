@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from math import exp, isfinite, log
 
 from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
+from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect, effects_of_file
 from clutchest.record.quantities import Quantity
 from clutchest.record.report import rounded, table
@@ -67,8 +68,9 @@ def rivals_rows(rivals: Sequence[Rival]) -> list[tuple[str, str, str]]:
     return rows
 
 
-def gain_words(gain: Gain) -> str:
-    """What the extension gains on data not used to identify it, with its interval."""
+def gain_words(gain: Gain, compared: Comparison | None) -> str:
+    """What the extension gains on data not used to identify it, with its interval; ``compared``:
+    the pair whose open-loop error is reported."""
     on = "On held-out data" if gain.other_logs else "Cross-validated over quarters of the log,"
     low, high = gain.ci95
     value, before, after = gain.total, gain.simulation_rmse_before, gain.simulation_rmse_after
@@ -78,12 +80,13 @@ def gain_words(gain: Gain) -> str:
     change = f"rises by {value:.{digits}f} [95 %: {low:.{digits}f} to {high:.{digits}f}]"
     if value < 0:
         change = f"falls by {-value:.{digits}f} [95 %: {-high:.{digits}f} to {-low:.{digits}f}]"
-    torque = ""
-    if before is not None and after is not None:
-        torque = f", the open-loop torque error from {before:.1f} to {after:.1f} Nm"
+    open_loop = ""
+    if compared is not None and before is not None and after is not None:
+        error = f"{before:.1f} to {after:.1f} {compared.unit}"
+        open_loop = f", the open-loop {compared.what} error from {error}"
     return (
         f"{on} ln L {change}, the rms residual goes from {gain.rmse_before:.3f} to "
-        f"{gain.rmse_after:.3f} standard deviations{torque}.{verdict}"
+        f"{gain.rmse_after:.3f} standard deviations{open_loop}.{verdict}"
     )
 
 
@@ -153,7 +156,8 @@ def _results(discovery: Discovery) -> list[str]:
     if discovery.rivals:
         rows = rivals_rows(discovery.rivals)
         parts += ["## Rejected alternatives", table(("effect", "fitted", "likelihood"), rows)]
-    gain = gain_words(discovery.gain) if discovery.gain else unmeasured_words(discovery)
+    compared = discovery.vehicle.machine.compared
+    gain = gain_words(discovery.gain, compared) if discovery.gain else unmeasured_words(discovery)
     return [*parts, "## The extended model", _extension(discovery), gain]
 
 

@@ -43,7 +43,7 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
     for name, numbers, why in rivals_rows(discovery.rivals):
         console.print(escape(f"rejected: {name} ({numbers}), {why}"))
     if discovery.gain:
-        console.print(escape(gain_words(discovery.gain)))
+        console.print(escape(gain_words(discovery.gain, discovery.vehicle.machine.compared)))
     elif discovery.verdict != "none":
         console.print(escape(f"Gain: {unmeasured_words(discovery)}"))
     console.print(escape(unexcited_words(discovery)))

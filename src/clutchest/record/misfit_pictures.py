@@ -33,7 +33,7 @@ def pieces(time: Floats) -> Iterator[slice]:
 
 def worst_stretch(misfit: Misfit) -> tuple[int, slice] | None:
     """Drive and samples of the slip with the largest torque error, simulated less measured, as the
-    sum of squares; None where the clutch never slipped."""
+    sum of squares; None where there is none."""
     slips = [
         (float(np.nansum((measured[piece] - simulated[piece]) ** 2)), drive, piece)
         for drive, (time, measured, simulated, _) in enumerate(misfit.torque)
@@ -74,22 +74,23 @@ def draw_misfit(discovery: Discovery, path: Path) -> None:
 
 def _draw_torque(discovery: Discovery, axes: Axes) -> None:
     worst = worst_stretch(discovery.misfit)
-    if worst is None:
-        _say(axes, "the clutch never slipped")
+    compared = discovery.vehicle.machine.compared
+    if worst is None or compared is None:
+        _say(axes, "no open-loop comparison")
         return
     drive, piece = worst
     time, measured, simulated, extended = (c[piece] for c in discovery.misfit.torque[drive])
     if np.array_equal(measured, simulated):
-        _say(axes, "no independent measurement of the clutch torque")
+        _say(axes, f"no independent measurement of the {compared.what}")
         return
     axes.plot(time, measured, ".", ms=3, color="0.55", label="measured")
     axes.plot(time, simulated, lw=1.4, color="C0", label="simulated")
     if discovery.named:
         axes.plot(time, extended, lw=1.4, color="C1", label="extended model")
     drives = f"drive {drive}, " if len(discovery.misfit.torque) > 1 else ""
-    axes.set_title("slip event with the largest torque error", loc="left", fontsize=9)
+    axes.set_title(f"largest error of the {compared.what}", loc="left", fontsize=9)
     axes.set_xlabel(f"{drives}time [s]")
-    axes.set_ylabel("Nm")
+    axes.set_ylabel(compared.unit)
     axes.legend(fontsize=8)
 
 

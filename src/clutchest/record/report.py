@@ -65,7 +65,7 @@ def markdown(run: Run) -> str:
     if run.summary["wear"]:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
     if run.vehicle.machine.event:
-        parts += ["## Slip events", _engagements(run)]
+        parts += [f"## {event_words(run)[1].capitalize()}", _engagements(run)]
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
     parts += ["## Residuals of the sensors", _sensors(run)]
@@ -98,6 +98,18 @@ def _states(run: Run) -> str:
     )
 
 
+def event_words(run: Run) -> tuple[str, str]:
+    """What an event of the run's machine is called, and several."""
+    event = run.vehicle.machine.event
+    return event.words if event else ("event", "events")
+
+
+def hottest_words(run: Run) -> str:
+    """What the peak temperature of an event is of."""
+    event = run.vehicle.machine.event
+    return Quantity(event.hottest, "°C").words if event else "temperature"
+
+
 def _engagements(run: Run) -> str:
     rows = []
     for drive, track in enumerate(run.tracks):
@@ -114,10 +126,17 @@ def _engagements(run: Run) -> str:
                 )
             )
     if not rows:
-        return "The clutch never slipped."
+        return f"No {event_words(run)[0]}."
     head = ("drive",) if len(run.tracks) > 1 else ()
     return table(
-        (*head, "start [s]", "duration [s]", "energy", "peak torque [Nm]", "hottest disc [°C]"),
+        (
+            *head,
+            "start [s]",
+            "duration [s]",
+            "energy",
+            "peak torque [Nm]",
+            f"peak {hottest_words(run)} [°C]",
+        ),
         rows,
     )
 

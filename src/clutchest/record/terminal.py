@@ -12,7 +12,13 @@ from rich.table import Table
 from clutchest.estimate.run import Run
 from clutchest.reading.inspection import Inspection
 from clutchest.record.quantities import Quantity, states_of
-from clutchest.record.report import BITS, informed, plus_minus
+from clutchest.record.report import (
+    BITS,
+    event_words,
+    hottest_words,
+    informed,
+    plus_minus,
+)
 
 _MOST_WARNINGS = 8
 
@@ -60,15 +66,15 @@ def print_warnings(warnings: Sequence[str], rest_in: str, console: Console) -> N
 def _slip_events(run: Run) -> str:
     events = [event for track in run.tracks for event in track.engagements]
     if not events:
-        return "The clutch never slipped."
+        return f"No {event_words(run)[0]}."
     energy = sum(event.energy_J for event in events)
     # Parameters are the same in every event: their errors add up rather than average out.
     spread = sum(event.energy_std_J for event in events)
     hottest = np.nanmax([event.peak_temp_disc for event in events])
     return (
-        f"{len(events)} slip event{'s' if len(events) > 1 else ''}, "
+        f"{len(events)} {event_words(run)[len(events) > 1]}, "
         f"{plus_minus(Quantity('energy', 'J'), energy, spread)} of heat, "
-        f"disc at most {hottest:.0f} °C."
+        f"{hottest_words(run)} at most {hottest:.0f} °C."
     )
 
 
