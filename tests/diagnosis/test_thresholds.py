@@ -109,3 +109,15 @@ def test_an_estimated_tail_is_exceeded_as_seldom_as_stated():
             sequential.tail_take(tail, x)
         count += int(np.sum(rng.exponential(1.0, 500) > sequential.tail_bound(tail, 500.0)))
     assert count < 300  # at most once in each of 300
+
+
+def test_a_failing_cusum_heals_within_twice_its_bound():
+    """However long the fault has lasted: the sum is limited, so that 20 healthy samples undo it."""
+    state, changes, n = np.zeros(3), np.zeros((4, 2)), 0
+    gains = np.r_[np.full(5, -1.0), np.full(1000, 1.0), np.full(30, -1.0)]
+    for k, gain in enumerate(gains):
+        n = sequential.cusum_step(state, gain, 10.0, float(k), changes, n)
+    assert n == 2
+    begun, detected = changes[0]
+    assert (begun, detected) == (5.0, 15.0)
+    assert np.isnan(changes[1, 0]) and changes[1, 1] == 1004.0 + 20.0
