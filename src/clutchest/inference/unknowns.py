@@ -101,7 +101,7 @@ Unknown = UnknownParameter | StatedGain | UnknownGain | InitialState | SignalDel
 def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Unknown]:
     """The unknowns that the thetas of a compiled model are, in their order; ``sought``: candidate
     effects by name, other effects are those of the vehicle file."""
-    for (owner, key), spread in zip(compiled.thetas, compiled.spread, strict=True):
+    for (owner, key), spread in zip(compiled.thetas, compiled.spread.tolist(), strict=True):
         if owner == PARAMETER:
             yield UnknownParameter(key, spread)
         elif owner == START:
