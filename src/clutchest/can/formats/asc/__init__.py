@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
-from clutchest.can.formats.asc.reader import read
 from clutchest.can.formats.asc.writer import write
+from clutchest.can.frames import Frames
 from clutchest.can.log_format import LogFormat, has_line
+from clutchest.can.log_source import LogSource
+
+
+def read(source: LogSource) -> Iterator[Frames]:
+    """The frames of such a log, block by block."""
+    from clutchest.can.formats.asc import reader  # compiled functions, which take a while to load
+
+    return reader.read(source)
+
 
 FORMAT = LogFormat(
     title=".asc",
