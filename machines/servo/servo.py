@@ -78,7 +78,7 @@ MODEL = Model(
     outputs=("friction",),
     pieces=(electrical, mechanical, thermal),
     anchor="speed",
-    longest=(0.002, 0.002),
+    longest=(0.001, 0.001),
 )
 
 

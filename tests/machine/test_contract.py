@@ -100,7 +100,7 @@ def test_two_machines_in_one_file_are_refused(tmp_path):
     path = tmp_path / "servo.py"
     other = 'import dataclasses\nOTHER = dataclasses.replace(MACHINE, what="another")\n'
     path.write_text(TEXT + other, encoding="utf-8")
-    with pytest.raises(ClutchestError, match="expected one clutchest\\.machine"):
+    with pytest.raises(ClutchestError, match=r"expected one clutchest\.machine"):
         machine_in_file(path)
 
 
