@@ -1,6 +1,7 @@
 """Curves as effects of a vehicle file."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 
 from clutchest.discovery.extension import can_be_stated, stated
 from clutchest.discovery.residual_curves import Curve
-from clutchest.models.curve_effect import curve_effects
+from clutchest.models import machine_in_file, shipped_machines
+from clutchest.models.curve_effect import covariates_of_curve, curve_effects
 from clutchest.models.dry_clutch import MACHINE
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH
 from clutchest.models.effects import Effect
@@ -146,3 +148,21 @@ def test_over_time_a_curve_is_another_drives():
 def test_a_covariance_without_rank_has_fewer_deviations():
     flat = replace(CURVE, covariance=matrix(np.zeros((4, 4))))
     assert flat.deviations.shape == (0, 4)
+
+
+SERVO = Path(__file__).parents[2] / "machines" / "servo" / "servo.py"
+
+
+@pytest.mark.parametrize(
+    "machine", [*shipped_machines(), machine_in_file(SERVO)], ids=lambda machine: machine.name
+)
+def test_every_error_term_of_every_machine_takes_a_curve(machine):
+    """Over a quantity, over memories of the curve's own, and over its last covariate."""
+    full = machine.equations(machine.units)
+    for name, term in machine.error_terms.items():
+        covariates = covariates_of_curve(term, machine)
+        memories = [c for c in covariates if c in ("time", "energy", *machine.peaks)]
+        for covariate in dict.fromkeys((*memories, covariates[-1])):
+            curve = ErrorCurve(name, covariate, (0.0, 1.0, 3.0), (0.1, 0.2, -0.1))
+            model = full.with_effects(curve_effects("curve_1", curve, machine))
+            assert len(model.expressions().rate.nz) >= len(full.states)

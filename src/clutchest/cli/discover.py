@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, apart
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, disjoint
 from clutchest.cli.terminal import answer, progress
 
 EffectsFiles = Annotated[
@@ -54,7 +54,7 @@ def discover(
 
         car = load_vehicle(vehicle)
         user_effects(effects or (), car)  # a slip of the pen shows now, not when the logs are read
-        apart(logs, holdout or ())
+        disjoint(logs, holdout or ())
         show("reading", None)
         signals = read_log(logs, car)
         held_out = read_log(holdout, car).drives if holdout else None

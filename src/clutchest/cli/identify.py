@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, apart
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, disjoint
 from clutchest.cli.terminal import answer, progress
 from clutchest.identify import OF_EVERY_MACHINE
 
@@ -48,7 +48,7 @@ def identify(
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle)
-        apart(logs, holdout or ())
+        disjoint(logs, holdout or ())
         show("reading", None)
         held_out = read_log(holdout, car) if holdout else None
         fit = run(name, read_log(logs, car), car, show, held_out)

@@ -141,7 +141,7 @@ AsJson = Annotated[
 DEFAULT_OUT = Path("clutchest-out")
 
 
-def apart(logs: list[str], holdout: list[str] | tuple[()]) -> None:
+def disjoint(logs: list[str], holdout: list[str] | tuple[()]) -> None:
     """No log may both be fitted and measure the gain."""
     used = {Path(log).resolve() for log in logs}
     for log in holdout:

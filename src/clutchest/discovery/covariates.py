@@ -81,8 +81,8 @@ def knots(name: str, value: Floats, where: Floats) -> tuple[Floats, ...]:
     inner = np.quantile(inside, np.linspace(0.0, 1.0, KNOTS)[1:-1])
     even = np.linspace(low, high, KNOTS)[1:-1]
     bends = np.unique(np.concatenate([[low], (inner + even) / 2.0, [high]]))
-    apart = np.min(np.diff(bends)) > CONSTANT * (high - low)
-    return (bends if apart else np.linspace(low, high, KNOTS),)
+    distinct = np.min(np.diff(bends)) > CONSTANT * (high - low)
+    return (bends if distinct else np.linspace(low, high, KNOTS),)
 
 
 def hats(value: Floats, at: Floats) -> Floats:

@@ -39,7 +39,7 @@ ENTRIES = 1e7  # of derivatives, held at a time
 class Curve:
     """An error of ``equation``, in the way of ``error_term``, as a curve over ``covariate``.
 
-    ``at`` its knots (c), ``coefficients`` (c) the expected ones (units of the probe); ``off``
+    ``at`` its knots (c), ``coefficients`` (c) the expected ones (units of the error term); ``off``
     (c, c) in rows their principal deviations, one standard deviation each; ``worth`` how much
     they improve the fit under a prior of one unit, 2 Δ ln L, less what noise alone does.
     ``evidence`` 2 ln of the Bayes factor against no such error, ``p_value`` family-wise, over all

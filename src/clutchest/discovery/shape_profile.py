@@ -70,11 +70,11 @@ def _refined(search: Search, h: CauseSet) -> tuple[CauseSet, Spread]:
 
 def _tried(search: Search, h: CauseSet, i: int, key: str) -> dict[float, CauseSet]:
     """Fits at values of one shape of the i-th cause, in order: on both sides as far as they are
-    likely and plausible, and as close as the data tell them apart."""
+    likely and plausible, and as close as the data separate them."""
     number, first = _number(h.causes[i], key), dict(h.causes[i].shapes)[key]
     grid = np.sort(number.grid)
     after = int(np.clip(np.searchsorted(grid, first), 1, len(grid) - 1))
-    step = 2**HALVED  # in the smallest that may come
+    step = 2**HALVED  # in the smallest steps
     small = float(grid[after] - grid[after - 1]) / FINER / step
     tried = {0: h}  # by steps from the first
 

@@ -48,9 +48,9 @@ def covariates_of_curve(
     model = model or machine.equations(machine.units)
     names = model.expressions().quantities.names()
     first = min(names.index(quantity) for quantity in error_term.changes if quantity in names)
-    known = dict.fromkeys((*names[:first], *error_term.changes))
     own = [name for name in _OWN_STATES if name != ENERGY or "power" in names]
-    return (*own, *machine.peaks, *(name for name in known if name in names))
+    # of the changed quantities the first one: a reading's error may depend on the reading itself
+    return (*own, *machine.peaks, *names[: first + 1])
 
 
 def _of_equation(name: str, curve: ErrorCurve, error_term: ErrorTerm, machine: Machine) -> Effect:

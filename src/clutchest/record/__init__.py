@@ -1,1 +1,1 @@
-"""What a run leaves behind: files, a recording to look at, words."""
+"""What a run leaves behind: files, a recording, reports."""
