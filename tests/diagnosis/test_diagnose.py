@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import clutchest
-from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis
+from clutchest.diagnosis.drive_diagnosis import RECOVERY_S, DriveDiagnosis
 from clutchest.diagnosis.isolation import not_excluded
 from clutchest.diagnosis.recursive_residuals import onset_scores
 from clutchest.reading import load_database
@@ -170,6 +170,17 @@ class TestWithoutEquations:
             assert monitor.why
             assert (monitor.threshold is None) <= (monitor.status == "not run")
             assert monitor.false_alarms_per_1000h == run.vehicle.monitors["false_alarms_per_1000h"]
+
+    def test_samples_of_a_stuck_signal_are_not_used(self, run):
+        angle = run.signals["motor_angle"]
+        held = np.where((angle.time > 5) & (angle.time < 6), 1.234, angle.value)
+        signals = replace(
+            run.signals, signals={**run.signals.signals, "motor_angle": replace(angle, value=held)}
+        )
+        valid = DriveDiagnosis.of(run, signals, run.tracks[0]).valid["motor_angle"]
+        time = valid.time[(valid.time > 4.9) & (valid.time < 7.1)]
+        assert not np.any((time > 5.01) & (time < 6.0 + RECOVERY_S))
+        assert time[0] < 5.0 and time[-1] > 6.0 + RECOVERY_S
 
     def test_a_fault_has_a_freeze_frame_and_a_code(self, run):
         angle = run.signals["motor_angle"]
