@@ -49,10 +49,10 @@ def test_of_drives_held_out_the_signals_of_the_log_count_and_every_drive():
     both = replace(one, later=(two,))
     for holdout in ([one, two], [both], both):
         drives = [d for each in ([holdout] if holdout is both else holdout) for d in each.drives]
-        alike = with_signals_of(plain, drives, "dry_clutch")
+        alike = with_signals_of(plain, drives, TRUCK.machine)
         assert len(alike) == 2 and all(set(d) == set(plain) for d in alike)
-    assert len(with_signals_of(log, [without(one, "coolant_temp")], "dry_clutch")) == 1
-    assert with_signals_of(log, [], "dry_clutch") == ()
+    assert len(with_signals_of(log, [without(one, "coolant_temp")], TRUCK.machine)) == 1
+    assert with_signals_of(log, [], TRUCK.machine) == ()
 
 
 def test_a_drive_held_out_must_be_another():

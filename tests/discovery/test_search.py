@@ -12,7 +12,7 @@ from scipy.stats import binomtest, chi2
 import clutchest
 from clutchest.discovery.answer import causes_of, sizes_by_effect, sizes_of
 from clutchest.discovery.cause_set import CauseSet
-from clutchest.discovery.search import LEVEL, Search, begin, run
+from clutchest.discovery.search import LEVEL, Search, begin, columns, run
 from clutchest.discovery.sentences import sentence
 from clutchest.discovery.shape_profile import refine
 from clutchest.discovery.verdict import SearchVerdict
@@ -63,7 +63,7 @@ def test_a_hidden_cause_is_found_alone(hidden):
     (value,), (std,) = sizes(hidden, best)
     assert abs(value - SLOPE) < 3 * std
     assert std < 0.03
-    assert hidden.p_of["friction_speed"] < 1e-4
+    assert hidden.p_values["friction_speed"] < 1e-4
 
 
 def test_a_cause_that_joined_first_goes_when_another_does_without_it():
@@ -116,26 +116,26 @@ def test_rivals_are_fits_that_lost(hidden):
 def test_every_cause_is_scored_at_its_own_shapes(hidden):
     nothing = np.zeros(len(hidden.problem.thetas))
     fit = hidden.objective.linearise_at(nothing)
-    shaped = [c for c in hidden.all if c.name in ("friction_slip", "friction_fade")]
-    plain = next(c for c in hidden.all if c.name == "viscous_drag")
+    shaped = [c for c in hidden.candidates if c.name in ("friction_slip", "friction_fade")]
+    plain = next(c for c in hidden.candidates if c.name == "viscous_drag")
     wanted = [*shaped[::-1], plain]
-    columns = hidden.columns(fit, wanted)
-    for column, c in zip(columns.T, wanted, strict=True):
+    derivatives = columns(hidden.objective, fit, wanted)
+    for column, c in zip(derivatives.T, wanted, strict=True):
         shapes = {(c.name, key): value for key, value in c.shapes}
         alone = hidden.objective.relinearise(fit, fit.theta, shapes).psi[:, c.index]
         np.testing.assert_allclose(column, alone, atol=1e-6 * np.abs(alone).max(initial=1.0))
     slip = [k for k, c in enumerate(wanted) if c.name == "friction_slip"]
-    assert np.linalg.matrix_rank(columns[:, slip]) == len(slip)
+    assert np.linalg.matrix_rank(derivatives[:, slip]) == len(slip)
 
 
 def test_a_cause_in_the_model_explains_its_score_away(hidden):
     """Alone it is significant; beside it, nothing else is."""
-    others = [c for c in hidden.all if c.name not in hidden.best.names]
+    others = [c for c in hidden.candidates if c.name not in hidden.best.names]
     scores = hidden.scores(hidden.best, others, seed=4)
-    assert scores.p_among_all(scores.p_alone(scores.z).min()) > LEVEL
-    first = hidden.first
-    place = next(i for i, c in enumerate(hidden.all) if c.name == "friction_speed")
-    assert first.p_among_all(first.p_alone(first.z)[place]) < LEVEL
+    assert scores.p_family_wise(scores.p_alone(scores.z).min()) > LEVEL
+    first = hidden.null_scores
+    place = next(i for i, c in enumerate(hidden.candidates) if c.name == "friction_speed")
+    assert first.p_family_wise(first.p_alone(first.z)[place]) < LEVEL
 
 
 def test_each_of_two_causes_has_the_chance_that_is_its_own():
