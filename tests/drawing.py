@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from clutchest.compute.kernel import propagate, update
 from clutchest.compute.lowered import (
     HAS_MAP,
     INPUTS,
@@ -23,6 +22,7 @@ from clutchest.compute.lowered import (
     step,
     step_map,
 )
+from clutchest.compute.update import propagate, update
 
 # --- the generated module goes on from here ---
 

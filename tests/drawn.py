@@ -14,6 +14,7 @@ from types import ModuleType
 import numpy as np
 
 import drawing
+from clutchest import generated
 from clutchest.compute import build
 from clutchest.errors import ClutchestError
 from clutchest.estimate.timeline import Timeline
@@ -96,4 +97,4 @@ def _drawing(compiled: Compiled) -> ModuleType:
     """The model's functions with those of :mod:`drawing` behind them."""
     _, text = build.generate(compiled.model, compiled.thetas)
     file = Path(drawing.__file__).read_text(encoding="utf-8")
-    return build.load(*build.named([text, file.split(build.MARK)[1]]))
+    return generated.load(*generated.named([text, file.split(generated.MARK)[1]]))

@@ -18,7 +18,7 @@ from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, Disturbances, Outsider, Sampled
+from clutchest.generator import Channel, Disturbances, DriveRequest, Outsider, Sampled
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
@@ -168,7 +168,7 @@ def _sampled(
     ]
     if machine.generate is None:
         return _from_model(vehicle, scenario, seed, effects, options, channels)
-    sampled: Sampled = machine.generate(
+    request = DriveRequest(
         {key: p.value for key, p in vehicle.parameters.items()},
         {key: p.spread for key, p in vehicle.parameters.items()},
         scenario,
@@ -182,6 +182,7 @@ def _sampled(
         disturbances=Disturbances.of(options.get("disturbances", {})),
         outsider=options.get("outsider"),
     )
+    sampled: Sampled = machine.generate(request)
     return sampled
 
 

@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 
+from clutchest import generated
 from clutchest.compute import build
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model, Quantities
@@ -71,7 +72,7 @@ H = np.array([[1.0, 0.0], [1.0, 2.0]])
 def compiled() -> tuple[str, ModuleType]:
     """Digest and functions of the two tanks, with no thetas."""
     digest, text = build.generate(TANKS, ())
-    return digest, build.load(digest, text)
+    return digest, generated.load(digest, text)
 
 
 def rates(

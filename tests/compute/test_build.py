@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from clutchest import generated
 from clutchest.cache import cache_folder
 from clutchest.compute import build
 from clutchest.models.effects import effects_of_file
@@ -34,13 +35,13 @@ class Faster(Effect):
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A cache of its own."""
     monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path / "cache"))
-    build.load.cache_clear()
+    generated.load.cache_clear()
     return tmp_path / "cache"
 
 
 def test_the_cache_lies_where_the_environment_says(folder: Path) -> None:
     digest, text = build.generate(linear.TANKS, ())
-    module = build.load(digest, text)
+    module = generated.load(digest, text)
     assert module.__file__ is not None
     assert Path(module.__file__) == folder / f"model_{digest}.py"
     assert linear.rates(module, (1.0, 0.0), 0.5) == pytest.approx([-0.2, 0.7])
@@ -65,7 +66,7 @@ def test_an_edited_effect_changes_name_and_answer(folder: Path, tmp_path: Path) 
         file.write_text(EFFECT.format(factor=factor), encoding="utf-8")
         model = linear.TANKS.with_effects(tuple(effects_of_file(file).values()))
         digest, text = build.generate(model, (("faster", "gain"),))
-        functions = build.load(digest, text)
+        functions = generated.load(digest, text)
         digests.append(digest)
         leaks.append(-linear.rates(functions, (1.0, 0.0), 0.0, gain=1.0)[0])
     assert digests[0] != digests[1]
@@ -79,7 +80,7 @@ def test_versions_and_processor_are_part_of_the_name(
     monkeypatch.setattr("llvmlite.binding.get_host_cpu_name", lambda: "another processor")
     assert build.generate(linear.TANKS, ()) != (digest, text)
     monkeypatch.undo()
-    monkeypatch.setattr(build, "__version__", "another version")
+    monkeypatch.setattr(generated, "__version__", "another version")
     assert build.generate(linear.TANKS, ())[0] != digest
 
 
@@ -88,9 +89,9 @@ def test_a_folder_that_cannot_be_made_is_no_obstacle(
 ) -> None:
     (tmp_path / "file").write_text("no folder", encoding="utf-8")
     monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path / "file" / "cache"))
-    build.load.cache_clear()
+    generated.load.cache_clear()
     digest, text = build.generate(linear.TANKS, ())
-    assert linear.rates(build.load(digest, text), (0.0, 1.0), 0.0) == pytest.approx([0.0, -0.3])
+    assert linear.rates(generated.load(digest, text), (0.0, 1.0), 0.0) == pytest.approx([0.0, -0.3])
     assert not build.is_compiled(digest)
 
 
@@ -100,11 +101,13 @@ def test_a_read_only_folder_is_no_obstacle(folder: Path, filled: bool) -> None:
     folder.mkdir()
     digest, text = build.generate(linear.TANKS, ())
     if filled:
-        build.load(digest, text)
-        build.load.cache_clear()
+        generated.load(digest, text)
+        generated.load.cache_clear()
     folder.chmod(0o500)
     try:
-        assert linear.rates(build.load(digest, text), (0.0, 1.0), 0.0) == pytest.approx([0.0, -0.3])
+        assert linear.rates(generated.load(digest, text), (0.0, 1.0), 0.0) == pytest.approx(
+            [0.0, -0.3]
+        )
     finally:
         folder.chmod(0o700)
 

@@ -14,6 +14,7 @@ from scipy.stats import chi2
 
 import clutchest
 import drawn
+from clutchest import generated
 from clutchest.compute import build
 from clutchest.estimate import smooth, timeline, whole_log
 from clutchest.estimate.initial_state import fresh
@@ -64,7 +65,7 @@ def tanks(spread: tuple[float, float], count: int = 600) -> tuple[Compiled, Time
     compiled = Compiled(
         linear.MACHINE,
         TANKS,
-        build.load(digest, text),
+        generated.load(digest, text),
         digest,
         NOMINAL,
         np.zeros(0),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
-from clutchest.generator import Channel, Sampled, generate
+from clutchest.generator import Channel, DriveRequest, Sampled, generate
 from clutchest.generator.effects import complete, numbers
 
 TRUCK = {
@@ -44,6 +45,11 @@ CHANNELS = (
 )
 
 
+def simulated(*arguments: Any, **options: Any) -> Sampled:
+    """A drive of the request with these fields."""
+    return generate(DriveRequest(*arguments, **options))
+
+
 @pytest.fixture
 def truck() -> dict[str, float]:
     return dict(TRUCK)
@@ -55,7 +61,7 @@ def drive() -> Callable[..., Sampled]:
 
     @cache
     def made(scenario: str, seed: int = 1, duration: float | None = None) -> Sampled:
-        return generate(TRUCK, {}, scenario, seed, CHANNELS, nominal=True, duration=duration)
+        return simulated(TRUCK, {}, scenario, seed, CHANNELS, nominal=True, duration=duration)
 
     return made
 

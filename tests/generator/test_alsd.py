@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, Sampled, alsd
+from clutchest.generator import Channel, DriveRequest, Sampled, alsd
 from clutchest.generator.alsd import plant
 from clutchest.generator.alsd.effects import EFFECTS, numbers
 from clutchest.generator.alsd.generate import run
@@ -34,6 +35,10 @@ RIG = (
 CAR = (*ACTUATOR, "wheel_speed_left", "wheel_speed_right", "shaft_torque")
 
 
+def simulated(*arguments: Any, **options: Any) -> Sampled:
+    return alsd.generate(DriveRequest(*arguments, **options))
+
+
 @cache
 def rig() -> dict[str, float]:
     return {key: value.value for key, value in load_vehicle("alsd_rig").parameters.items()}
@@ -42,7 +47,7 @@ def rig() -> dict[str, float]:
 def drive(scenario: str, seed: int = 1, duration: float | None = None, **rest: object) -> Sampled:
     names = CAR if scenario in ON_THE_ROAD else RIG
     channels = [Channel(name, "M", 0.005) for name in names]
-    return alsd.generate(
+    return simulated(
         rig(),
         {},
         scenario,
@@ -50,23 +55,23 @@ def drive(scenario: str, seed: int = 1, duration: float | None = None, **rest: o
         channels,
         nominal=True,
         duration=duration,
-        **rest,  # type: ignore[arg-type]
+        **rest,
     )
 
 
 def record(
-    course: NDArray, effects: Mapping[str, Mapping[str, float]] = {}, **changed: float
+    profile: NDArray, effects: Mapping[str, Mapping[str, float]] = {}, **changed: float
 ) -> Columns:
     parameters = {**rig(), **changed}
     active = complete(effects, EFFECTS)
-    return run(course, numbers(parameters, active, parameters["friction_coefficient"], {}))
+    return run(profile, numbers(parameters, active, parameters["friction_coefficient"], {}))
 
 
 def held(amps: float, seconds: float = 1.0, rpm: float = 25.0) -> NDArray:
-    course = np.zeros(round(seconds * 1000) + 1, plant.COURSE)
-    course["oil"], course["driven"], course["asked"] = 25.0, rpm * RPM, amps
-    course["asked"][:100] = 0.0
-    return course
+    profile = np.zeros(round(seconds * 1000) + 1, plant.PROFILE)
+    profile["oil"], profile["driven"], profile["asked"] = 25.0, rpm * RPM, amps
+    profile["asked"][:100] = 0.0
+    return profile
 
 
 # --- the plant ---
@@ -81,17 +86,17 @@ def test_a_held_current_is_reached_and_makes_torque() -> None:
 
 
 def test_stalled_current_is_ohms() -> None:
-    course = held(0.0)
-    course["actuator"], course["bench"], course["asked"] = plant.VOLTAGE, plant.ROTOR_HELD, 3.0
-    o = record(course, armature_heat_capacity=1e9)
+    profile = held(0.0)
+    profile["actuator"], profile["bench"], profile["asked"] = plant.VOLTAGE, plant.ROTOR_HELD, 3.0
+    o = record(profile, armature_heat_capacity=1e9)
     assert o["current"][-1] == pytest.approx(3.0 / rig()["armature_resistance"], rel=1e-6)
     assert o["motor_speed"][-1] == 0.0
 
 
 def test_a_motor_alone_turns_until_its_voltage_is_its_speeds() -> None:
-    course = held(0.0, 2.0)
-    course["actuator"], course["bench"], course["asked"] = plant.VOLTAGE, plant.MOTOR_ALONE, 6.0
-    o = record(course, armature_heat_capacity=1e9)
+    profile = held(0.0, 2.0)
+    profile["actuator"], profile["bench"], profile["asked"] = plant.VOLTAGE, plant.MOTOR_ALONE, 6.0
+    o = record(profile, armature_heat_capacity=1e9)
     back = 6.0 - rig()["armature_resistance"] * o["current"][-1]
     assert o["motor_speed"][-1] == pytest.approx(back / rig()["back_emf_constant"], rel=1e-4)
 
@@ -133,7 +138,7 @@ def test_an_effect_is_absent_at_zero_and_seen_otherwise(name: str) -> None:
     channels = [Channel(n, "M", 0.005) for n in (*CAR, "armature_temp", "clutch_torque")]
 
     def signals(values: Mapping[str, float]) -> Columns:
-        found = alsd.generate(
+        found = simulated(
             rig(), {}, "car", 3, channels, nominal=True, duration=6.0, effects={name: values}
         )
         return {n: value for n, (_, value) in found.signals.items()}
@@ -164,11 +169,11 @@ def test_bad_requests_are_refused() -> None:
     with pytest.raises(ClutchestError, match=r"unknown scenario 'rig-step'.*rig-steps"):
         drive("rig-step")
     with pytest.raises(ClutchestError, match="scenario 'car' is for a car"):
-        alsd.generate(rig(), {}, "car", 1, [Channel("motor_angle", "M", 0.005)])
+        simulated(rig(), {}, "car", 1, [Channel("motor_angle", "M", 0.005)])
     with pytest.raises(ClutchestError, match="unknown effect 'wear'"):
         drive("rig-steps", duration=1.0, effects={"wear": {}})
     with pytest.raises(ClutchestError, match="parameter 'free_play' is missing"):
-        alsd.generate({k: v for k, v in rig().items() if k != "free_play"}, {}, "I1", 1, [])
+        simulated({k: v for k, v in rig().items() if k != "free_play"}, {}, "I1", 1, [])
 
 
 RECORD = numbers(rig(), complete({}, EFFECTS), 0.11, {})[0]

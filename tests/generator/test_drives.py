@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from clutchest.errors import ClutchestError
-from clutchest.generator import SCENARIOS, Disturbances, generate
+from clutchest.generator import SCENARIOS, Disturbances
 
-from .conftest import CHANNELS, TRUCK
+from .conftest import CHANNELS, TRUCK, simulated
 
 EXACT = ("position_origin", "reference_temp", "engine_torque_max", "disc_body_temp_cap")
 SPREADS = {key: 0.03 * abs(value) for key, value in TRUCK.items() if key not in EXACT}
@@ -32,7 +32,7 @@ def _events(columns, least: float = 15e3):
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("seed", [11, 12])
 def test_every_drive_is_plausible(scenario, seed):
-    d = generate(TRUCK, SPREADS, scenario, seed, CHANNELS, duration=300.0)
+    d = simulated(TRUCK, SPREADS, scenario, seed, CHANNELS, duration=300.0)
     c = d.truth.columns
     for name, column in c.items():
         assert name == "mode" or np.isfinite(column).all(), name
@@ -196,7 +196,7 @@ def test_retracted_slave_reads_the_zero_position(drive):
 def test_drives_start_near_rest_at_plausible_temperatures():
     starts = []
     for seed in range(12):
-        truth = generate(TRUCK, {}, "city", seed, (), nominal=True, duration=0.5).truth
+        truth = simulated(TRUCK, {}, "city", seed, (), nominal=True, duration=0.5).truth
         starts.append([truth.columns[n][0] for n in ("temp_body", "temp_housing", "temp_disc")])
     body, housing, disc = np.array(starts).T
     assert 60 < body.mean() < 80 and 1 < body.std() < 6
@@ -230,7 +230,7 @@ def test_truth_has_its_columns_and_rates(drive):
 
 def test_a_seed_is_a_drive():
     one, same, other = (
-        generate(TRUCK, SPREADS, "city", seed, CHANNELS, duration=60.0) for seed in (5, 5, 6)
+        simulated(TRUCK, SPREADS, "city", seed, CHANNELS, duration=60.0) for seed in (5, 5, 6)
     )
     assert one.parameters == same.parameters != other.parameters
     for name, (time, value) in one.signals.items():
@@ -242,14 +242,14 @@ def test_a_seed_is_a_drive():
 
 
 def test_parameters_are_drawn_with_their_spread():
-    draws = [generate(TRUCK, SPREADS, "closed", seed, (), duration=0.1) for seed in range(80)]
+    draws = [simulated(TRUCK, SPREADS, "closed", seed, (), duration=0.1) for seed in range(80)]
     inertia = [d.parameters["engine_inertia"] for d in draws]
     assert np.std(inertia) == pytest.approx(0.03 * 3.2, rel=0.3)
     assert np.mean(inertia) == pytest.approx(3.2, abs=0.04)
     assert {d.parameters["zero_position_ref"] for d in draws} == {38.4}
     zero = [d.truth.columns["zero_position"][0] for d in draws]
     assert np.std(zero) == pytest.approx(0.2, rel=0.3)
-    nominal = generate(TRUCK, SPREADS, "closed", 1, (), duration=0.1, nominal=True)
+    nominal = simulated(TRUCK, SPREADS, "closed", 1, (), duration=0.1, nominal=True)
     assert nominal.parameters == TRUCK
     assert nominal.truth.columns["zero_position"][0] == 38.4
 
@@ -257,7 +257,7 @@ def test_parameters_are_drawn_with_their_spread():
 def test_disturbances_walk_as_stated():
     ends = []
     for seed in range(60):
-        c = generate(
+        c = simulated(
             TRUCK,
             {},
             "closed",
@@ -309,7 +309,7 @@ def test_bad_input_is_told_in_one_line(change, says):
         "duration": 1.0,
     } | change
     with pytest.raises(ClutchestError) as told:
-        generate(**arguments)
+        simulated(**arguments)
     assert says in str(told.value) and "\n" not in str(told.value)
 
 
@@ -317,7 +317,7 @@ def test_coolant_and_ambient_wander_slowly():
     coolant, ambient = np.array(
         [
             [
-                generate(TRUCK, {}, "closed", seed, CHANNELS, duration=400.0).signals[name][1]
+                simulated(TRUCK, {}, "closed", seed, CHANNELS, duration=400.0).signals[name][1]
                 for name in ("coolant_temp", "ambient_temp")
             ]
             for seed in range(8)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from clutchest.generator import EFFECTS, generate
+from clutchest.generator import EFFECTS
 
-from .conftest import CHANNELS, TRUCK, Bench
+from .conftest import CHANNELS, TRUCK, Bench, simulated
 
 EXPANSION = 0.0096 * 20 + 0.0094 * 60  # mm on the bench: body 90 °C, disc 150 °C
 
@@ -96,7 +96,7 @@ def test_heat_split_moves_power_to_the_body(bench):
 def _pair(effects, scenario="launches", duration=60.0):
     """The same drive without and with the effects."""
     return [
-        generate(TRUCK, {}, scenario, 1, CHANNELS, nominal=True, duration=duration, effects=e)
+        simulated(TRUCK, {}, scenario, 1, CHANNELS, nominal=True, duration=duration, effects=e)
         for e in ({}, effects)
     ]
 

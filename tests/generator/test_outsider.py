@@ -12,11 +12,11 @@ import pytest
 import clutchest
 from clutchest.can import files
 from clutchest.errors import ClutchestError
-from clutchest.generator import Sampled, generate
+from clutchest.generator import Sampled
 from clutchest.shipped import locate
 from clutchest.simulated import simulate_frames
 
-from .conftest import CHANNELS, TRUCK
+from .conftest import CHANNELS, TRUCK, simulated
 
 SECONDS = 60.0
 
@@ -42,7 +42,7 @@ class Always:
 
 
 def driven(outsider: Always | None, scenario: str = "launches") -> Sampled:
-    return generate(
+    return simulated(
         TRUCK, {}, scenario, 1, CHANNELS, nominal=True, duration=SECONDS, outsider=outsider
     )
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from clutchest.generator import generate
-
-from .conftest import CHANNELS, TRUCK
+from .conftest import CHANNELS, TRUCK, simulated
 
 
 def _reference(t: float, y: np.ndarray, plate: float, request: float, held: bool) -> list[float]:
@@ -69,7 +67,7 @@ def test_halving_the_step_changes_nothing_that_matters(drive, monkeypatch):
     whole = drive("launches", 1, 60.0).truth.columns
     run = plant.run
     monkeypatch.setattr(plant, "run", lambda begin, end, _, *rest: run(begin, end, 2, *rest))
-    half = generate(TRUCK, {}, "launches", 1, (), nominal=True, duration=60.0).truth.columns
+    half = simulated(TRUCK, {}, "launches", 1, (), nominal=True, duration=60.0).truth.columns
     assert whole["slip_energy"][-1] > 30e3
     for name, worst in (
         ("temp_disc", 1e-4),
@@ -123,7 +121,7 @@ def test_megajoules_heat_the_body_by_kelvins(truck):
         "conductance_disc_body": 0.0,
         "heat_fraction_body": 1.0,
     }
-    c = generate(truck, {}, "heating", 1, (), nominal=True, duration=300.0).truth.columns
+    c = simulated(truck, {}, "heating", 1, (), nominal=True, duration=300.0).truth.columns
     rise = c["temp_body"][-1] - c["temp_body"][0]
     assert 1.4e6 < c["slip_energy"][-1] < 1.6e6
     assert rise * 1.5e6 / c["slip_energy"][-1] == pytest.approx(37.04, abs=0.02)
@@ -157,4 +155,4 @@ def test_torque_follows_the_sign_of_the_slip(bench):
 
 
 def test_channels_are_not_needed():
-    assert generate(TRUCK, {}, "closed", 3, CHANNELS[:0], duration=1.0).signals == {}
+    assert simulated(TRUCK, {}, "closed", 3, CHANNELS[:0], duration=1.0).signals == {}

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, generate
+from clutchest.generator import Channel
 
-from .conftest import TRUCK
+from .conftest import TRUCK, simulated
 
 
 def _sampled(*channels: Channel, **options):
-    return generate(
+    return simulated(
         TRUCK, {}, "launches", 4, channels, nominal=True, **{"duration": 300.0, **options}
     ).signals
 

@@ -8,8 +8,9 @@ from types import ModuleType
 
 import numpy as np
 
-from clutchest.compute.build import generate_forward, load
+from clutchest.compute.build import generate_forward
 from clutchest.errors import ClutchestError, nearest
+from clutchest.generated import load
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 
 import casadi as ca
-
-from clutchest.compute.step import Step, decays, heun
-from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
-from clutchest.models.model import Expressions, Model
 
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _EXACT = "@njit(cache=True, error_model='numpy')"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
 # last bit beside a term that is nought
-_CONTRACTED = "@njit(cache=True, error_model='numpy', fastmath={'contract'})"
+CONTRACTED = "@njit(cache=True, error_model='numpy', fastmath={'contract'})"
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
 # What each operation of CasADi is in Python; see compute.choices for the named ones.
@@ -136,137 +131,13 @@ def _values(
     return values, written
 
 
-def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
-    """Source of all functions that kernel and online filter call, for one model.
-
-    ``thetas`` are what signatures are taken of: (``"parameter"``, key), (effect name, number),
-    (``"start"``, state), the value with which a state begins, or (``"input_noise"``, input), what
-    an input is off by in the rates of all states but those that readings renew: only fits that
-    track the latter (``transition``) ask for it.
-    """
-    e = model.expressions()
-    taken = heun(model, e)
-    theta = ca.vertcat(ca.SX(0, 1), *(_symbol(model, e, *names) for names in thetas))
-    at = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
-    over = {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
-
-    # a delay shifts a signal in time: its response is that signal's slope over the step, times the
-    # most that a delay is which varies
-    late = ca.SX(len(model.inputs), len(thetas))
-    slope = ca.SX.sym("slope", len(model.inputs))
-    for k, (owner, key) in enumerate(thetas):
-        for effect in model.effects:
-            for signal, number in effect.delays.items():
-                if effect.name == owner and number == key:
-                    varies, j = effect.lateness.get(signal), model.input(signal)
-                    late[j, k] = slope[j] * (varies.reach if varies else 1.0)
-
-    moves = ca.SX.sym("moves", len(model.inputs))
-    calm = heun(model, e, moves) if e.dragging else taken
-    calmly = over | {"u1": calm.u1, "dt": calm.dt, "moves": moves}
-
-    def by_theta(of: ca.SX, taken: Step = taken) -> ca.SX:
-        by_inputs = ca.jacobian(of, e.u) + ca.jacobian(of, taken.u1)
-        return ca.jacobian(of, theta) + ca.mtimes(by_inputs, late)
-
-    # too small to matter within a step: the first order will do
-    taken_in = ca.SX(len(model.states), len(thetas))
-    kept = [i for i, state in enumerate(model.states) if state.name not in model.renewed]
-    for k, (owner, name) in enumerate(thetas):
-        if owner == INPUT_NOISE:
-            taken_in[kept, k] = calm.dt * ca.jacobian(e.rate, e.u)[kept, model.input(name)]
-
-    decay = ca.SX(len(model.states), 1)
-    for i, rate in decays(model, e).items():
-        decay[i] = rate
-
-    started = ca.SX(e.initial.numel(), len(thetas))
-    for k, (owner, name) in enumerate(thetas):
-        if owner == START:
-            started[:, k] = ca.jacobian(e.initial, e.x[model.state(name)])
-
-    parts = [
-        f"STATES, INPUTS, OUTPUTS, SENSORS, THETAS = {len(model.states)}, {len(model.inputs)}, "
-        f"{len(model.outputs)}, {len(model.sensors)}, {len(thetas)}",
-        f"HAS_MAP = {not ca.is_equal(e.mapped, e.x)}",
-        f"SCALES = np.array({[i for i, s in enumerate(model.states) if s.factor]}, np.int64)",
-        f"DOUBTED = np.array({[model.state(name) for name in model.doubted]}, np.int64)",
-        lower(
-            "step",
-            over | {"q": taken.q, "noise": taken.noise},
-            {
-                "xn": taken.x,
-                "F": ca.jacobian(taken.x, e.x),
-                "Q": taken.Q,
-                "energy": taken.energy,
-                "e": ca.jacobian(taken.energy, e.x).T,
-            },
-            "energy",
-        ),
-        lower(
-            "step_signature",
-            over | {"slope": slope},
-            {"G": by_theta(taken.x), "eG": by_theta(taken.energy).T},
-        ),
-        lower("follow", calmly, {"xn": calm.x}),
-        lower(
-            "transition",
-            calmly | {"slope": slope},
-            {"F": ca.jacobian(calm.x, e.x), "G": by_theta(calm.x, calm) + taken_in},
-            compiled=_CONTRACTED,
-        ),
-        _product("carry", ca.jacobian(calm.x, e.x)),
-        lower("gathered", calmly | {"q": calm.q, "noise": calm.noise}, {"Q": calm.Q}),
-        lower("implied", at, {"v": e.implied}),
-        lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),
-        lower(
-            "dynamics",
-            at,
-            {"f": e.rate, "A": ca.jacobian(e.rate, e.x), "B": ca.jacobian(e.rate, e.u)},
-        ),
-        lower(
-            "step_map",
-            {"x": e.x, "u0": e.u0, "u": e.u, "w": e.w, "p": e.p, "g": e.g},
-            {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x)},
-        ),
-        lower(
-            "outputs",
-            at,
-            {"y": e.outputs, "Y": ca.jacobian(e.outputs, e.x), "Yu": ca.jacobian(e.outputs, e.u)},
-        ),
-        lower("outputs_signature", at, {"Ym": ca.jacobian(e.outputs, theta)}),
-        lower(
-            "initial",
-            {"x": e.x, "p": e.p, "g": e.g},
-            {"xi": e.initial, "Si": ca.jacobian(e.initial, theta) + started},
-        ),
-    ]
-    for i, _ in enumerate(model.sensors):
-        h = e.readings[i]
-        parts.append(lower(f"reading_{i}", at, {"h": h, "H": ca.jacobian(h, e.x).T}, "h"))
-        parts.append(lower(f"reading_{i}_signature", at, {"Hm": ca.jacobian(h, theta).T}))
-    parts.append(_dispatch("reading", "H", "", len(model.sensors)))
-    parts.append(_dispatch("reading_signature", "Hm", "_signature", len(model.sensors)))
-    return "\n\n".join(parts)
-
-
-def forward_text(model: Model, watched: Sequence[str]) -> str:
-    """Source of the functions that run a model by itself: a step, and ``watched`` quantities."""
-    e = model.expressions()
-    taken = heun(model, e)
-    shown = ca.vertcat(*(getattr(e.quantities, name) for name in watched))
-    over = {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
-    at = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
-    return "\n\n".join([lower("advance", over, {"xn": taken.x}), lower("watch", at, {"y": shown})])
-
-
-def _product(name: str, matrix: ca.SX) -> str:
+def product(name: str, matrix: ca.SX) -> str:
     """A function ``name(F, X, T, columns)``: T ← T + F X for an F with zeros where ``matrix`` has
     them.  All rows of a column at once, so that columns are loaded once and go in parallel."""
     places = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     rows = {i: [k for row, k in places if row == i] for i, _ in places}
     lines = [
-        _CONTRACTED,
+        CONTRACTED,
         f"def {name}(F, X, T, columns):",
         *(f"    f{i}_{k} = F[{i}, {k}]" for i, k in places),
         "    for c in range(columns):",
@@ -279,18 +150,10 @@ def _product(name: str, matrix: ca.SX) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
+def dispatch(name: str, target: str, suffix: str, sensors: int) -> str:
     """A function that picks a sensor's own function by its index and clears its target first."""
     lines = [_EXACT, f"def {name}(sensor, x, u, w, p, g, {target}):", f"    {target}[:] = 0.0"]
     for i in range(sensors):
         lines.append(f"    if sensor == {i}:")
         lines.append(f"        return reading_{i}{suffix}(x, u, w, p, g, {target})")
     return "\n".join([*lines, "    return 0.0"]) + "\n"
-
-
-def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
-    if owner in (START, INPUT_NOISE):
-        return ca.SX.sym(key)  # the equations know it by what it leads to only
-    if owner == PARAMETER:
-        return e.p[[p.key for p in model.parameters].index(key)]
-    return e.g[[(effect.name, number) for effect, number in model.numbers].index((owner, key))]

@@ -35,7 +35,7 @@ class Events(NamedTuple):
     emit: Any
 
 
-class Regimes(NamedTuple):
+class RegimeTables(NamedTuple):
     """What holds in each regime: flags ``W`` (r, f), process noise ``Q`` (r, 2n), per s and per J
     of slip energy, longest step ``longest`` (r), s; and of the inputs in all of them the ``noise``
     density (nu), per s, and the ``variance`` (nu) of one sample."""

@@ -9,7 +9,6 @@ from math import ceil
 import numpy as np
 from numba import njit
 
-from clutchest.compute.kernel import compiled, entry, inlined, inputs_between
 from clutchest.compute.lowered import (
     INPUTS,
     STATES,
@@ -23,6 +22,7 @@ from clutchest.compute.lowered import (
     transition,
 )
 from clutchest.compute.records import SensitivityWork
+from clutchest.compute.update import compiled, entry, inlined, inputs_between
 
 # --- the generated module goes on from here ---
 

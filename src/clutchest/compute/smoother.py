@@ -13,7 +13,8 @@ from math import ceil
 
 import numpy as np
 
-from clutchest.compute.kernel import (
+from clutchest.compute.lowered import DOUBTED, STATES, THETAS, reading, step
+from clutchest.compute.update import (
     add_product,
     compiled,
     correct_signature,
@@ -27,7 +28,6 @@ from clutchest.compute.kernel import (
     step_answer,
     update,
 )
-from clutchest.compute.lowered import DOUBTED, STATES, THETAS, reading, step
 
 # --- the generated module goes on from here ---
 

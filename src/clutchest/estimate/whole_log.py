@@ -8,13 +8,14 @@ from types import ModuleType
 
 import numpy as np
 
+from clutchest import generated
 from clutchest.compute import build
 from clutchest.compute.records import (
     Belief,
     EventResults,
     Events,
     Numbers,
-    Regimes,
+    RegimeTables,
     RowResults,
     Weighting,
 )
@@ -182,7 +183,7 @@ def compile_model(
     return Compiled(
         vehicle.machine,
         model,
-        build.load(digest, text),
+        generated.load(digest, text),
         digest,
         p,
         np.array(g),
@@ -259,9 +260,9 @@ def events_of(line: Timeline, piece: slice = slice(None), taken: bool = False) -
     )
 
 
-def regimes_of(line: Timeline) -> Regimes:
+def regimes_of(line: Timeline) -> RegimeTables:
     """A timeline's regimes as kernels take them."""
-    return Regimes(line.W, line.Q, line.longest, line.noise, line.variance)
+    return RegimeTables(line.W, line.Q, line.longest, line.noise, line.variance)
 
 
 def _weighting(compiled: Compiled, K: int, options: FilterOptions) -> Weighting:

@@ -7,8 +7,9 @@ Nothing here knows the filter's model; plain numbers go in, arrays come out.
 from clutchest.generator.effects import EFFECTS, Effect
 from clutchest.generator.generate import generate
 from clutchest.generator.outsider import Outsider
+from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Channel, Sampled
-from clutchest.generator.scenarios import SCENARIOS, Scenario
+from clutchest.generator.scenarios import SCENARIOS, TruckScenario
 from clutchest.generator.surroundings import Disturbances
 
 __all__ = [
@@ -16,9 +17,10 @@ __all__ = [
     "SCENARIOS",
     "Channel",
     "Disturbances",
+    "DriveRequest",
     "Effect",
     "Outsider",
     "Sampled",
-    "Scenario",
+    "TruckScenario",
     "generate",
 ]

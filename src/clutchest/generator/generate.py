@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
-from clutchest.generator.asked import asked
 from clutchest.generator.effects import RANGES, Values, complete, numbers
-from clutchest.generator.outsider import SLICE, Outsider, Reading, run_under
-from clutchest.generator.sampling import Channel, Sampled, sample
-from clutchest.generator.scenarios import PER_METRE, SCENARIOS, Scenario
+from clutchest.generator.outsider import SLICE, Reading, run_under
+from clutchest.generator.request import DriveRequest
+from clutchest.generator.sampling import Sampled, sample
+from clutchest.generator.scenarios import PER_METRE, SCENARIOS, TruckScenario
 from clutchest.generator.surroundings import (
     GEARBOX_TEMP,
-    Disturbances,
     Surroundings,
     stream,
     surroundings,
@@ -25,46 +24,27 @@ from clutchest.signals import Floats, Truth
 LONG = 1000.0  # s: from here on the truth is kept at 50 Hz instead of 100 Hz
 
 
-def generate(
-    parameters: Values,
-    spreads: Values,
-    scenario: str,
-    seed: int,
-    channels: Sequence[Channel],
-    *,
-    nominal: bool = False,
-    duration: float | None = None,
-    effects: Mapping[str, Values] | None = None,
-    disturbances: Disturbances | None = None,
-    outliers: float = 0.0,
-    truck_seed: int | None = None,
-    outsider: Outsider | None = None,
-) -> Sampled:
-    """Drive ``scenario`` with a truck drawn around ``parameters`` (keys and units of a dry
-    clutch's vehicle file) with standard deviations ``spreads``; undrawn if ``nominal``.
+def generate(request: DriveRequest) -> Sampled:
+    """A drive with a truck.
 
     ``zero_position_ref`` itself is never drawn: its spread is that of the truth's x0_ref.
-    ``outliers`` is the share of samples that are far off.  ``truck_seed`` draws the truck's
-    parameters and its x0_ref, ``seed`` all that a drive brings: load, road, weather, noise and
-    ``disturbances``; the same unless said.  ``outsider`` is something wrong beyond ``effects``.
     Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
     """
-    truck_seed = seed if truck_seed is None else truck_seed
-    seeds = {"seed": seed, "truck_seed": truck_seed}
-    plan, duration = asked(scenario, SCENARIOS, duration, seeds, parameters, RANGES)
-    disturbances = disturbances or Disturbances()
-    active = complete(effects or {})
+    plan, duration = request.plan(SCENARIOS, RANGES)
+    seed, parameters = request.seed, request.parameters
+    active = complete(request.effects)
     for name in ("torque_delay", "position_delay"):
         if active[name]["delay"] >= duration:
             raise ClutchestError(
                 f"effect '{name}': delay = {active[name]['delay']:g} s, "
                 f"expected less than the drive's {duration:g} s"
             )
-    drawn, zero_position = draw(parameters, {} if nominal else spreads, truck_seed)
+    spreads = {} if request.nominal else request.spreads
+    drawn, zero_position = draw(parameters, spreads, request.machine_seed)
     around = surroundings(
         seed,
         duration,
-        disturbances,
+        request.disturbances,
         active["friction_level"]["change"],
         active["torque_bias"]["bias"],
         plan.cold,
@@ -73,13 +53,12 @@ def generate(
     mass = road.uniform(*plan.mass)
     truck = numbers(drawn, parameters, active, zero_position, mass)
     legs = plan.timetable(road, duration, mass, parameters["kiss_point"])
-    fast, truth = _simulate(plan, duration, legs, truck, around, seed, outsider)
+    fast, truth = _simulate(plan, duration, legs, truck, around, request)
     quantities = _quantities(fast, around, drawn, active)
-    if outsider:
-        quantities = outsider.readings(quantities)
-    return Sampled(
-        sample(channels, quantities, seed, duration, outliers), truth, drawn, seed, scenario
-    )
+    if request.outsider:
+        quantities = request.outsider.readings(quantities)
+    signals = sample(request.channels, quantities, seed, duration, request.outliers)
+    return Sampled(signals, truth, drawn, seed, request.scenario)
 
 
 def draw(parameters: Values, spreads: Values, seed: int) -> tuple[dict[str, float], float]:
@@ -106,31 +85,32 @@ def at_rest(p: NDArray, coolant: float, ambient: float) -> tuple[float, float]:
 
 
 def _simulate(
-    plan: Scenario,
+    plan: TruckScenario,
     duration: float,
     legs: NDArray,
     truck: NDArray,
     around: Surroundings,
-    seed: int,
-    outsider: Outsider | None,
+    request: DriveRequest,
 ) -> tuple[Floats, Truth]:
     """The fast record (n, 6) of ``plant.run``, every FAST·STEP s, and the truth."""
     from clutchest.generator import plant
 
     steps = round(duration / plant.STEP)
     every = 20 if duration > LONG else 10
-    state, situation = _start(plan, truck, around, seed)
+    state, situation = _start(plan, truck, around, request.seed)
     fast = np.empty((steps // plant.FAST + 1, 6))
     slow = np.empty((steps // every + 1, 8))
     grid = np.column_stack((around.friction, around.coolant, around.ambient))
+    drive = plant.TruckDrive(legs, grid, truck, situation, state)
+    record = plant.TruckRecord(every, fast, slow)
+    outsider = request.outsider
     if outsider and (law := outsider.law()):
-        pace = getattr(outsider, "pace", SLICE)
-        run_under(law, pace, steps, legs, grid, truck, situation, state, every, fast, slow)
+        run_under(law, getattr(outsider, "pace", SLICE), steps, drive, record)
     else:
-        plant.run(0, steps + 1, 1, legs, grid, truck, situation, state, every, fast, slow)
+        plant.run(0, steps + 1, 1, drive, record)
     if not (np.isfinite(fast).all() and np.isfinite(slow).all()):
         raise ClutchestError(
-            f"scenario '{plan.name}', seed {seed}: these parameters and effects "
+            f"scenario '{plan.name}', seed {request.seed}: these parameters and effects "
             "let the simulation diverge"
         )
     time = np.arange(len(slow), dtype=np.float64) * (every * plant.STEP)
@@ -157,7 +137,7 @@ def _simulate(
 
 
 def _start(
-    plan: Scenario, truck: NDArray, around: Surroundings, seed: int
+    plan: TruckScenario, truck: NDArray, around: Surroundings, seed: int
 ) -> tuple[Floats, NDArray]:
     """Integrated state and situation at t = 0: standing in neutral, or cruising in top gear."""
     from clutchest.generator import plant

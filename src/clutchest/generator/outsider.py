@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Protocol
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.signals import Floats
+
+if TYPE_CHECKING:
+    from clutchest.generator.situation import TruckDrive, TruckRecord
 
 SLICE = 0.01  # s: a law looks, then what it says holds for so long, unless it has a pace of its own
 
@@ -39,19 +40,7 @@ class Outsider(Protocol):
         ...
 
 
-def run_under(
-    law: Law,
-    pace: float,
-    steps: int,
-    legs: NDArray,
-    slow: Floats,
-    truck: NDArray,
-    situation: NDArray,
-    state: Floats,
-    every: int,
-    fast: Floats,
-    truth: Floats,
-) -> None:
+def run_under(law: Law, pace: float, steps: int, drive: TruckDrive, record: TruckRecord) -> None:
     """``plant.run`` from 0 to ``steps`` in slices of ``pace`` s, between which ``law`` may act.
 
     Raises ClutchestError where it names something that cannot be acted on.
@@ -59,45 +48,41 @@ def run_under(
     from clutchest.generator import plant
 
     each = round(pace / plant.STEP)
-    s, slave = situation[0], float(situation[0]["slave"])
+    s, slave = drive.situation[0], float(drive.situation[0]["slave"])
     for begin in range(0, steps + 1, each):
-        row = min(begin // round(plant.GRID / plant.STEP), len(slow) - 1)
-        seen = {
-            "time": begin * plant.STEP,
-            "temp_body": state[plant.BODY],
-            "temp_housing": state[plant.HOUSING],
-            "temp_disc": state[plant.DISC],
-            "energy": state[plant.ENERGY],
-            "engine_speed": state[plant.ENGINE],
-            "input_shaft_speed": state[plant.SHAFT],
-            "slip_speed": state[plant.ENGINE] - state[plant.SHAFT],
-            "vehicle_speed": state[plant.SPEED],
-            "engine_torque": state[plant.TORQUE],
-            "clutch_torque": s["carried"],
-            "motor_position": s["motor"],
-            "slave_position": s["slave"] + truck[0]["position_origin"],
-            "position_rate": (s["slave"] - slave) / pace,
-            "coolant_temp": slow[row, 1],
-            "ambient_temp": slow[row, 2],
-        }
+        true = _true(begin, (s["slave"] - slave) / pace, drive)
         slave = float(s["slave"])
-        for name, value in law(seen).items():
+        for name, value in law(true).items():
             if name not in plant.FOREIGN:
                 raise ClutchestError(
                     f"an outsider acts on '{name}', which the truck does not have"
                     + nearest(name, plant.FOREIGN)
                 )
             s[f"foreign_{name}"] = value
-        plant.run(
-            begin,
-            min(begin + each, steps + 1),
-            1,
-            legs,
-            slow,
-            truck,
-            situation,
-            state,
-            every,
-            fast,
-            truth,
-        )
+        plant.run(begin, min(begin + each, steps + 1), 1, drive, record)
+
+
+def _true(step: int, position_rate: float, drive: TruckDrive) -> dict[str, float]:
+    """What a law sees at this step."""
+    from clutchest.generator import plant
+
+    s, state, slow = drive.situation[0], drive.state, drive.slow
+    row = min(step // round(plant.GRID / plant.STEP), len(slow) - 1)
+    return {
+        "time": step * plant.STEP,
+        "temp_body": state[plant.BODY],
+        "temp_housing": state[plant.HOUSING],
+        "temp_disc": state[plant.DISC],
+        "energy": state[plant.ENERGY],
+        "engine_speed": state[plant.ENGINE],
+        "input_shaft_speed": state[plant.SHAFT],
+        "slip_speed": state[plant.ENGINE] - state[plant.SHAFT],
+        "vehicle_speed": state[plant.SPEED],
+        "engine_torque": state[plant.TORQUE],
+        "clutch_torque": s["carried"],
+        "motor_position": s["motor"],
+        "slave_position": s["slave"] + drive.numbers[0]["position_origin"],
+        "position_rate": position_rate,
+        "coolant_temp": slow[row, 1],
+        "ambient_temp": slow[row, 2],
+    }

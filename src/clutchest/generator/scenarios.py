@@ -45,7 +45,7 @@ TORQUE_RATE = 700.0  # Nm/s: how fast the control unit lets a held torque grow a
 
 
 @dataclass(frozen=True)
-class Scenario:
+class TruckScenario:
     """``name``, ``what`` it shows and its default ``duration`` s.
 
     ``legs(rng, duration, mass, kiss_point)`` makes the timetable; ``mass`` kg is drawn from that
@@ -290,19 +290,21 @@ def _mixed(rng: Random, duration: float, mass: float, kiss_point: float) -> Legs
     return legs
 
 
-SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
+SCENARIOS: Mapping[str, TruckScenario] = MappingProxyType(
     {
         s.name: s
         for s in (
-            Scenario("city", "launches, gearshifts, cruising, coasting and stops", 1500.0, _city),
-            Scenario(
+            TruckScenario(
+                "city", "launches, gearshifts, cruising, coasting and stops", 1500.0, _city
+            ),
+            TruckScenario(
                 "launches",
                 "some 24 launches, light and heavy, retracted in between",
                 1500.0,
                 _launches,
                 mass=(30e3, 42e3),
             ),
-            Scenario(
+            TruckScenario(
                 "ramps",
                 "position ramped back and forth for 75 s, then closed (D1)",
                 240.0,
@@ -310,19 +312,19 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
                 start_temp=73.0,
                 start_spread=0.0,
             ),
-            Scenario(
+            TruckScenario(
                 "heating",
                 "heated by 1.5 MJ, torque probed cold and hot, closed in between (D4)",
                 2500.0,
                 _heating,
             ),
-            Scenario(
+            TruckScenario(
                 "slip-steps",
                 "slip steps 600–1300 rpm at constant position (D3)",
                 600.0,
                 _slip_steps,
             ),
-            Scenario(
+            TruckScenario(
                 "cooldown",
                 "hot, one heavy heating, then closed for 40 min",
                 2480.0,
@@ -330,11 +332,13 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
                 start_temp=110.0,
                 start_spread=8.0,
             ),
-            Scenario(
+            TruckScenario(
                 "pulses", "torque pulses up to 600 Nm at moderate slip (D7, D9)", 1400.0, _pulses
             ),
-            Scenario("mixed", "stretches of city, launches, slip-steps and pulses", 1200.0, _mixed),
-            Scenario(
+            TruckScenario(
+                "mixed", "stretches of city, launches, slip-steps and pulses", 1200.0, _mixed
+            ),
+            TruckScenario(
                 "cold-start",
                 "launches with an engine as cold as the air",
                 900.0,
@@ -343,7 +347,7 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
                 start_spread=0.5,
                 cold=True,
             ),
-            Scenario(
+            TruckScenario(
                 "closed",
                 "cruising for half an hour without any slip",
                 1800.0,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, ROW, SCENARIOS
-from clutchest.generator.asked import asked
 from clutchest.generator.effects import Values, complete
-from clutchest.generator.outsider import Outsider, Reading
-from clutchest.generator.sampling import Channel, Sampled, sample
+from clutchest.generator.outsider import Reading
+from clutchest.generator.request import DriveRequest
+from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.surroundings import Disturbances, stream
 from clutchest.signals import Floats, Truth
 
@@ -32,57 +32,44 @@ LARGEST: Values = {
 }
 
 
-def generate(
-    parameters: Values,
-    spreads: Values,
-    scenario: str,
-    seed: int,
-    channels: Sequence[Channel],
-    *,
-    nominal: bool = False,
-    duration: float | None = None,
-    effects: Mapping[str, Values] | None = None,
-    outliers: float = 0.0,
-    truck_seed: int | None = None,
-    deviations: Values | None = None,
-    disturbances: Disturbances | None = None,
-    outsider: Outsider | None = None,
-) -> Sampled:
-    """Run ``scenario`` with a differential drawn around ``parameters`` with standard deviations
-    ``spreads``; undrawn if ``nominal``.
+def generate(request: DriveRequest) -> Sampled:
+    """A run of a differential.
 
-    ``truck_seed`` draws the differential's parameters, ``seed`` all that a run brings; the same
-    unless said.  ``deviations``: what the paper admits that its model gets wrong, see
-    ``effects.DEVIATIONS``.  ``disturbances`` and outsiders are the truck's alone.
-    Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
+    ``deviations`` as ``effects.DEVIATIONS`` has them; disturbances and outsiders are the truck's
+    alone.  Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
     """
-    truck_seed = seed if truck_seed is None else truck_seed
-    seeds = {"seed": seed, "truck_seed": truck_seed}
-    plan, duration = asked(scenario, SCENARIOS, duration, seeds, parameters, RANGES)
-    if outsider or (disturbances and disturbances != Disturbances()):
+    plan, duration = request.plan(SCENARIOS, RANGES)
+    if request.outsider or request.disturbances != Disturbances():
         raise ClutchestError(
             "nothing but effects can be wrong with a differential here: "
             "disturbances and outsiders are the truck's"
         )
+    _check_place(request)
+    parameters, seed = request.parameters, request.seed
+    active = complete(request.effects, EFFECTS, LARGEST)
+    drawn = draw(parameters, {} if request.nominal else request.spreads, request.machine_seed)
+    record = numbers(drawn, active, parameters["friction_coefficient"], request.deviations)
+    profile = plan.profile(stream(seed, "course"), duration)
+    columns = run(profile, record)
+    if not all(np.isfinite(column).all() for column in columns.values()):
+        raise ClutchestError(
+            f"scenario '{request.scenario}', seed {seed}: these parameters and effects "
+            "let the simulation diverge"
+        )
+    quantities = _quantities(columns, profile, active)
+    sampled = sample(request.channels, quantities, seed, duration, request.outliers)
+    return Sampled(sampled, _truth(columns), drawn, seed, request.scenario)
+
+
+def _check_place(request: DriveRequest) -> None:
+    """Raises ClutchestError where a car's scenario is asked of the rig, or the other way round."""
+    scenario, channels = request.scenario, request.channels
     wheels = any(channel.name == "wheel_speed_left" for channel in channels)
     if channels and wheels != (scenario in ON_THE_ROAD):
         where, has = ("a car", "maps no") if scenario in ON_THE_ROAD else ("the rig", "maps a")
         raise ClutchestError(
             f"scenario '{scenario}' is for {where}: this vehicle {has} wheel_speed_left"
         )
-    active = complete(effects or {}, EFFECTS, LARGEST)
-    drawn = draw(parameters, {} if nominal else spreads, truck_seed)
-    record = numbers(drawn, active, parameters["friction_coefficient"], deviations or {})
-    course = plan.course(stream(seed, "course"), duration)
-    columns = run(course, record)
-    if not all(np.isfinite(column).all() for column in columns.values()):
-        raise ClutchestError(
-            f"scenario '{scenario}', seed {seed}: these parameters and effects "
-            "let the simulation diverge"
-        )
-    quantities = _quantities(columns, course, active)
-    sampled = sample(channels, quantities, seed, duration, outliers)
-    return Sampled(sampled, _truth(columns), drawn, seed, scenario)
 
 
 def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:
@@ -95,21 +82,21 @@ def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:
     return drawn
 
 
-def run(course: NDArray, record: NDArray) -> dict[str, Floats]:
-    """Columns of the record along ``course``, one row every ROW s, from rest."""
+def run(profile: NDArray, record: NDArray) -> dict[str, Floats]:
+    """Columns of the record along ``profile``, one row every ROW s, from rest."""
     from clutchest.generator.alsd import plant
 
     p = record[0]
     state = np.zeros(1, plant.STATE)
     y = state[0]
-    y["temp_pack"] = y["temp_armature"] = course["oil"][0]
+    y["temp_pack"] = y["temp_armature"] = profile["oil"][0]
     y["free_play"] = p["free_play"]
-    if course["drive"][0] == plant.SLIP:
-        y["drive_speed"] = course["driven"][0] * p["final_drive_ratio"]
-    out = np.zeros((len(course), len(plant.RECORD)))
-    plant.run(course, y, p, out)
+    if profile["drive"][0] == plant.SLIP:
+        y["drive_speed"] = profile["driven"][0] * p["final_drive_ratio"]
+    out = np.zeros((len(profile), len(plant.RECORD)))
+    plant.run(profile, y, p, out)
     return {
-        "time": np.arange(len(course), dtype=np.float64) * ROW,
+        "time": np.arange(len(profile), dtype=np.float64) * ROW,
         **dict(zip(plant.RECORD, out.T, strict=True)),
     }
 
@@ -138,14 +125,14 @@ def _truth(columns: Mapping[str, Floats]) -> Truth:
 
 
 def _quantities(
-    columns: Mapping[str, Floats], course: NDArray, effects: Mapping[str, Values]
+    columns: Mapping[str, Floats], profile: NDArray, effects: Mapping[str, Values]
 ) -> Mapping[str, Reading]:
     """What each sensor reads, without noise, as a function of time."""
 
     def column(value: Floats, gain: float = 1.0, offset: float = 0.0) -> Reading:
         return lambda t: offset + gain * np.interp(t, columns["time"], value)
 
-    torque, mean = columns["clutch_torque"], course["mean_wheel"]
+    torque, mean = columns["clutch_torque"], profile["mean_wheel"]
     return {
         "armature_voltage": column(columns["voltage"]),
         "armature_current": column(columns["current"], 1 + effects["current_gain"]["change"]),

@@ -29,7 +29,7 @@ Record = Any  # a row of a structured array, its columns as attributes
 #   bench     0 complete, 1 pack removed, 2 ball-ramp output fixed, 3 motor alone, 4 rotor held
 #   drive     0 slip controller (``driven`` rad/s), 1 servo torque (Nm), 2 wheels (left − right)/2
 #   oil °C
-COURSE = np.dtype(
+PROFILE = np.dtype(
     [(name, np.float64) for name in ("asked", "driven", "oil", "mean_wheel")]
     + [(name, np.int64) for name in ("actuator", "bench", "drive")]
 )
@@ -256,14 +256,14 @@ def slide(
 
 
 @njit(cache=True, error_model="numpy")
-def run(course: NDArray, y: Record, p: Record, out: Floats) -> None:
-    """Along ``course`` (K) from its first row to its last; ``out`` (K, RECORD) is filled."""
+def run(profile: NDArray, y: Record, p: Record, out: Floats) -> None:
+    """Along ``profile`` (K) from its first row to its last; ``out`` (K, RECORD) is filled."""
     h = STEP
     wheels = 1.0 / (1.0 / p.torsional_stiffness + 0.5 / p.halfshaft_stiffness)
     torque, potential, slip = 0.0, 0.0, 0.0
-    for k in range(len(course)):
-        c = course[k]
-        last = course[max(k - 1, 0)]
+    for k in range(len(profile)):
+        c = profile[k]
+        last = profile[max(k - 1, 0)]
         for i in range(FAST if k > 0 else 0):
             share = (i + 1.0) / FAST
             asked = last.asked + share * (c.asked - last.asked)

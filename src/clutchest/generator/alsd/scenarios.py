@@ -1,4 +1,4 @@
-"""What the rig or the road does: each scenario is a course of requests, drawn by the seed.
+"""What the rig or the road does: each scenario is a profile of requests, drawn by the seed.
 
 Requests are ramped over 15 ms: a step, sampled at 200 Hz, would leave any model with a misfit of
 the sampling.
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from clutchest.generator.alsd.plant import (
     ANGLE,
     COMPLETE,
-    COURSE,
     FAST,
     MOTOR_ALONE,
     NO_PACK,
     OUTPUT_FIXED,
+    PROFILE,
     ROTOR_HELD,
     STEP,
     TORQUE,
@@ -30,7 +30,7 @@ from clutchest.generator.alsd.plant import (
 )
 from clutchest.signals import Floats
 
-ROW = FAST * STEP  # s between rows of a course
+ROW = FAST * STEP  # s between rows of a profile
 RAMP = 0.015  # s
 RPM = pi / 30
 Random = np.random.Generator
@@ -38,21 +38,21 @@ Points = list[tuple[float, float]]  # (time s, value), straight in between
 
 
 @dataclass(frozen=True)
-class Scenario:
-    """``name``, ``what`` it shows, its default ``duration`` s, and what makes its course."""
+class ActuatorScenario:
+    """``name``, ``what`` it shows, its default ``duration`` s, and what makes its profile."""
 
     name: str
     what: str
     duration: float
-    make: Callable[[Random, Floats, NDArray], None]  # (rng, time, course to fill)
+    make: Callable[[Random, Floats, NDArray], None]  # (rng, time, profile to fill)
 
-    def course(self, rng: Random, duration: float) -> NDArray:
-        """The course (K) over ``duration`` s, one row every ROW s."""
+    def profile(self, rng: Random, duration: float) -> NDArray:
+        """The profile (K) over ``duration`` s, one row every ROW s."""
         time = np.arange(round(duration / ROW) + 1, dtype=np.float64) * ROW
-        course = np.zeros(len(time), COURSE)
-        course["oil"] = rng.uniform(25.0, 60.0)
-        self.make(rng, time, course)
-        return course
+        profile = np.zeros(len(time), PROFILE)
+        profile["oil"] = rng.uniform(25.0, 60.0)
+        self.make(rng, time, profile)
+        return profile
 
 
 def _pulses(pulses: list[tuple[float, float, float]]) -> Points:
@@ -186,22 +186,22 @@ def _torsion(rng: Random, time: Floats, c: NDArray) -> None:
     c["driven"] = 250.0 * np.sin(2 * pi * 0.5 * np.maximum(time - 1.0, 0.0))
 
 
-SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
+SCENARIOS: Mapping[str, ActuatorScenario] = MappingProxyType(
     {
         s.name: s
         for s in (
-            Scenario("rig-steps", "current steps at 25 rpm (A1)", 60.0, _rig_steps),
-            Scenario("rig-slow", "12 A at 0.5 rpm (A4)", 18.0, _rig_slow),
-            Scenario("rig-ramps", "current ramps (A5)", 62.0, _rig_ramps),
-            Scenario("car", "corners and split friction on the road", 120.0, _car),
-            Scenario("I1", "resistance over temperature", 600.0, _resistance),
-            Scenario("I2", "inductance", 6.0, _inductance),
-            Scenario("I3", "voltage constant", 32.0, _voltage_constant),
-            Scenario("I4", "torque constant over temperature", 600.0, _torque_constant),
-            Scenario("I5", "inertia and friction of the motor", 32.0, _inertia),
-            Scenario("I6", "ball-ramp friction, preload", 36.0, _ball_ramp),
-            Scenario("I7", "stiffness, free play, backlash", 22.0, _stiffness),
-            Scenario("I8", "torsional stiffness", 9.0, _torsion),
+            ActuatorScenario("rig-steps", "current steps at 25 rpm (A1)", 60.0, _rig_steps),
+            ActuatorScenario("rig-slow", "12 A at 0.5 rpm (A4)", 18.0, _rig_slow),
+            ActuatorScenario("rig-ramps", "current ramps (A5)", 62.0, _rig_ramps),
+            ActuatorScenario("car", "corners and split friction on the road", 120.0, _car),
+            ActuatorScenario("I1", "resistance over temperature", 600.0, _resistance),
+            ActuatorScenario("I2", "inductance", 6.0, _inductance),
+            ActuatorScenario("I3", "voltage constant", 32.0, _voltage_constant),
+            ActuatorScenario("I4", "torque constant over temperature", 600.0, _torque_constant),
+            ActuatorScenario("I5", "inertia and friction of the motor", 32.0, _inertia),
+            ActuatorScenario("I6", "ball-ramp friction, preload", 36.0, _ball_ramp),
+            ActuatorScenario("I7", "stiffness, free play, backlash", 22.0, _stiffness),
+            ActuatorScenario("I8", "torsional stiffness", 9.0, _torsion),
         )
     }
 )

@@ -30,11 +30,11 @@ from clutchest.models.effects import effects_in
 from clutchest.models.machine import Machine
 
 
-def _generate(*arguments: Any, **options: Any) -> Any:
+def _generate(request: Any) -> Any:
     """The generator's plant, loaded when it is asked for."""
     from clutchest.generator import alsd
 
-    return alsd.generate(*arguments, **options)
+    return alsd.generate(request)
 
 
 def _scenarios() -> tuple[str, ...]:

@@ -29,11 +29,11 @@ from clutchest.models.fault import Follower, faults_in
 from clutchest.models.machine import Machine
 
 
-def _generate(*arguments: Any, **options: Any) -> Any:
+def _generate(request: Any) -> Any:
     """The generator's truck, loaded when it is asked for."""
     from clutchest.generator import generate
 
-    return generate(*arguments, **options)
+    return generate(request)
 
 
 def _scenarios() -> tuple[str, ...]:

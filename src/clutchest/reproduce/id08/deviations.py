@@ -161,13 +161,13 @@ def measured(rig: Rig, deviation: Deviation) -> Columns:
     """The same step by the generator, deviating unless the rig does not."""
     off, end = PLOTS[deviation.amps][:2]
     time = times(end)
-    course = np.zeros(len(time), plant.COURSE)
-    course["oil"], course["driven"] = OIL, FAST * RPM
-    course["asked"] = np.where((time >= ON) & (time < off), deviation.amps, 0.0)
+    profile = np.zeros(len(time), plant.PROFILE)
+    profile["oil"], profile["driven"] = OIL, FAST * RPM
+    profile["asked"] = np.where((time >= ON) & (time < off), deviation.amps, 0.0)
     parameters = rig.parameters
     mechanism, effects = (deviation.mechanism, deviation.effects) if rig.deviating else ({}, {})
     return run(
-        course,
+        profile,
         numbers(
             parameters, complete(effects, EFFECTS), parameters["friction_coefficient"], mechanism
         ),

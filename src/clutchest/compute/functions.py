@@ -1,0 +1,208 @@
+"""The functions that kernels and filters call, of one model: its equations, their derivatives, and
+how a step and a reading respond to every theta."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from clutchest.compute.lower import CONTRACTED, dispatch, lower, product
+from clutchest.compute.step import Step, decays, heun
+from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
+from clutchest.models.model import Expressions, Model
+
+
+def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
+    """Source of all functions that kernel and online filter call, for one model.
+
+    ``thetas`` are what signatures are taken of: (``"parameter"``, key), (effect name, number),
+    (``"start"``, state), the value with which a state begins, or (``"input_noise"``, input), what
+    an input is off by in the rates of all states but those that readings renew: only fits that
+    track the latter (``transition``) ask for it.
+    """
+    functions = _Functions.of(model, tuple(thetas))
+    return "\n\n".join(
+        [
+            *_constants(model, thetas),
+            *functions.steps(),
+            *functions.denoised_steps(),
+            *functions.rates(),
+            *functions.readings(),
+        ]
+    )
+
+
+def _constants(model: Model, thetas: Sequence[tuple[str, str]]) -> list[str]:
+    """Sizes, and which states are treated in a way of their own."""
+    e = model.expressions()
+    return [
+        f"STATES, INPUTS, OUTPUTS, SENSORS, THETAS = {len(model.states)}, {len(model.inputs)}, "
+        f"{len(model.outputs)}, {len(model.sensors)}, {len(thetas)}",
+        f"HAS_MAP = {not ca.is_equal(e.mapped, e.x)}",
+        f"SCALES = np.array({[i for i, s in enumerate(model.states) if s.factor]}, np.int64)",
+        f"DOUBTED = np.array({[model.state(name) for name in model.doubted]}, np.int64)",
+    ]
+
+
+@dataclass(frozen=True)
+class _Functions:
+    """The functions of one model, to be lowered: its expressions ``e``, the symbols ``theta`` (m),
+    the inputs' slopes (nu) and what delays do to the inputs, ``late`` (nu, m)."""
+
+    model: Model
+    thetas: tuple[tuple[str, str], ...]
+    e: Expressions
+    theta: ca.SX
+    slope: ca.SX
+    late: ca.SX
+
+    @classmethod
+    def of(cls, model: Model, thetas: tuple[tuple[str, str], ...]) -> _Functions:
+        e, slope = model.expressions(), ca.SX.sym("slope", len(model.inputs))
+        theta = ca.vertcat(ca.SX(0, 1), *(_symbol(model, e, *names) for names in thetas))
+        return cls(model, thetas, e, theta, slope, _late(model, thetas, slope))
+
+    @property
+    def at(self) -> dict[str, ca.SX]:
+        """What holds at one moment."""
+        e = self.e
+        return {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
+
+    def over(self, taken: Step) -> dict[str, ca.SX]:
+        """What holds over a step."""
+        e = self.e
+        return {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
+
+    def by_theta(self, of: ca.SX, taken: Step) -> ca.SX:
+        """Derivative by θ of what comes of a step."""
+        by_inputs = ca.jacobian(of, self.e.u) + ca.jacobian(of, taken.u1)
+        return ca.jacobian(of, self.theta) + ca.mtimes(by_inputs, self.late)
+
+    def steps(self) -> list[str]:
+        """``step`` and ``step_signature``."""
+        taken = heun(self.model, self.e)
+        over = self.over(taken)
+        return [
+            lower(
+                "step",
+                over | {"q": taken.q, "noise": taken.noise},
+                {
+                    "xn": taken.x,
+                    "F": ca.jacobian(taken.x, self.e.x),
+                    "Q": taken.Q,
+                    "energy": taken.energy,
+                    "e": ca.jacobian(taken.energy, self.e.x).T,
+                },
+                "energy",
+            ),
+            lower(
+                "step_signature",
+                over | {"slope": self.slope},
+                {
+                    "G": self.by_theta(taken.x, taken),
+                    "eG": self.by_theta(taken.energy, taken).T,
+                },
+            ),
+        ]
+
+    def denoised_steps(self) -> list[str]:
+        """The same where step maps see inputs without their noise, part by part: ``follow``,
+        ``transition`` with ``carry``, ``gathered``."""
+        model, e = self.model, self.e
+        moves = ca.SX.sym("moves", len(model.inputs))
+        taken = heun(model, e, moves) if e.dragging else heun(model, e)
+        over = self.over(taken) | {"moves": moves}
+        by_state = ca.jacobian(taken.x, e.x)
+        by_theta = self.by_theta(taken.x, taken) + self.by_input_noise(taken)
+        return [
+            lower("follow", over, {"xn": taken.x}),
+            lower(
+                "transition",
+                over | {"slope": self.slope},
+                {"F": by_state, "G": by_theta},
+                compiled=CONTRACTED,
+            ),
+            product("carry", by_state),
+            lower("gathered", over | {"q": taken.q, "noise": taken.noise}, {"Q": taken.Q}),
+        ]
+
+    def by_input_noise(self, taken: Step) -> ca.SX:
+        """Derivative (n, m) of a step by what inputs are off by: to first order, as it is too small
+        to matter within a step."""
+        model, e = self.model, self.e
+        taken_in = ca.SX(len(model.states), len(self.thetas))
+        kept = [i for i, state in enumerate(model.states) if state.name not in model.renewed]
+        for k, (owner, name) in enumerate(self.thetas):
+            if owner == INPUT_NOISE:
+                taken_in[kept, k] = taken.dt * ca.jacobian(e.rate, e.u)[kept, model.input(name)]
+        return taken_in
+
+    def rates(self) -> list[str]:
+        """``implied``, ``decays``, ``dynamics``, ``step_map``, ``outputs`` and ``initial``."""
+        model, e, at = self.model, self.e, self.at
+        decay = ca.SX(len(model.states), 1)
+        for i, rate in decays(model, e).items():
+            decay[i] = rate
+        started = ca.SX(e.initial.numel(), len(self.thetas))
+        for k, (owner, name) in enumerate(self.thetas):
+            if owner == START:
+                started[:, k] = ca.jacobian(e.initial, e.x[model.state(name)])
+        by_x = ca.jacobian(e.rate, e.x)
+        outputs, by_state = e.outputs, ca.jacobian(e.outputs, e.x)
+        ends = {"x": e.x, "u0": e.u0, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
+        jumps = {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x)}
+        first = {"xi": e.initial, "Si": ca.jacobian(e.initial, self.theta) + started}
+        return [
+            lower("implied", at, {"v": e.implied}),
+            lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),
+            lower("dynamics", at, {"f": e.rate, "A": by_x, "B": ca.jacobian(e.rate, e.u)}),
+            lower("step_map", ends, jumps),
+            lower("outputs", at, {"y": outputs, "Y": by_state, "Yu": ca.jacobian(outputs, e.u)}),
+            lower("outputs_signature", at, {"Ym": ca.jacobian(outputs, self.theta)}),
+            lower("initial", {"x": e.x, "p": e.p, "g": e.g}, first),
+        ]
+
+    def readings(self) -> list[str]:
+        """``reading`` and ``reading_signature``, with those of every sensor."""
+        parts, sensors = [], len(self.model.sensors)
+        for i in range(sensors):
+            h, by_theta = self.e.readings[i], ca.jacobian(self.e.readings[i], self.theta).T
+            of = {"h": h, "H": ca.jacobian(h, self.e.x).T}
+            parts.append(lower(f"reading_{i}", self.at, of, "h"))
+            parts.append(lower(f"reading_{i}_signature", self.at, {"Hm": by_theta}))
+        parts.append(dispatch("reading", "H", "", sensors))
+        parts.append(dispatch("reading_signature", "Hm", "_signature", sensors))
+        return parts
+
+
+def _late(model: Model, thetas: Sequence[tuple[str, str]], slope: ca.SX) -> ca.SX:
+    """Derivative (nu, m) of the inputs by delays.  A delay shifts a signal in time: its response is
+    that signal's slope over the step, times the most that a delay is which varies."""
+    late = ca.SX(len(model.inputs), len(thetas))
+    for k, (owner, key) in enumerate(thetas):
+        for effect in model.effects:
+            for signal, number in effect.delays.items():
+                if effect.name == owner and number == key:
+                    varies, j = effect.lateness.get(signal), model.input(signal)
+                    late[j, k] = slope[j] * (varies.reach if varies else 1.0)
+    return late
+
+
+def forward_text(model: Model, watched: Sequence[str]) -> str:
+    """Source of the functions that run a model by itself: a step, and ``watched`` quantities."""
+    e = model.expressions()
+    taken = heun(model, e)
+    shown = ca.vertcat(*(getattr(e.quantities, name) for name in watched))
+    over = {"x": e.x, "u0": e.u, "u1": taken.u1, "dt": taken.dt, "w": e.w, "p": e.p, "g": e.g}
+    at = {"x": e.x, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
+    return "\n\n".join([lower("advance", over, {"xn": taken.x}), lower("watch", at, {"y": shown})])
+
+
+def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
+    if owner in (START, INPUT_NOISE):
+        return ca.SX.sym(key)  # the equations know it by what it leads to only
+    if owner == PARAMETER:
+        return e.p[[p.key for p in model.parameters].index(key)]
+    return e.g[[(effect.name, number) for effect, number in model.numbers].index((owner, key))]
