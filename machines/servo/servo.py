@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from clutchest.machine import (
+    Comparison,
     Effect,
     ErrorTerm,
     Input,
@@ -39,6 +40,7 @@ PARAMETERS = (
 INPUTS = (
     Input("voltage", "V", "U", "at the terminals"),
     Input("ambient_temp", "°C", "T_0", "air", default=25.0, gap=60.0),
+    Input("acceleration", "rad/s^2", "dω/dt", "slope of the measured speed", default=0.0),
 )
 SENSORS = (Sensor("speed", "rad/s", "ω", "shaft"), Sensor("current", "A", "i", "winding"))
 
@@ -59,6 +61,7 @@ def mechanical(q):
     q.motor_torque = q.torque_constant * q.current
     q.speed_rate = (q.motor_torque - q.friction) / q.inertia
     q.speed_reading = q.speed
+    q.measured_torque = q.inertia * q.acceleration + q.friction
 
 
 def thermal(q):
@@ -78,6 +81,7 @@ MODEL = Model(
     outputs=("friction",),
     pieces=(electrical, mechanical, thermal),
     anchor="speed",
+    slopes={"acceleration": "speed"},
     longest=(0.001, 0.001),
 )
 
@@ -136,6 +140,7 @@ MACHINE = Machine.of(
         ErrorTerm("timing:voltage", late=("voltage", 0.005)),
     ),
     covariates={"motor_torque": "Nm"},
+    compared=Comparison("measured_torque", "motor_torque", "Nm", "motor torque"),
     effects=(CoulombChange(), Stribeck(), CurrentGain()),
     faults=(ModelFault("coulomb_change", CoulombChange(), "change", 0.3, (16, 18)),),
     excitations={"mixed": mixed},

@@ -74,7 +74,7 @@ def test_simulate_says_that_truth_and_model_are_the_same(run, tmp_path):
             ("--scenario", "mixed", "--effect", "stribeck:chnge=1"),
             "effect 'stribeck' has no 'chnge'; did you mean 'change'",
         ),
-        (("--scenario", "mixed", "--disturb", "friction_walk=1"), "has no generator"),
+        (("--scenario", "mixed", "--disturb", "friction_walk=1"), "not without a generator"),
     ],
 )
 def test_simulate_refuses_what_is_unknown_in_one_line(run, tmp_path, more, words):
@@ -184,6 +184,7 @@ def test_discover_names_a_hidden_effect_and_nothing_on_a_healthy_drive(
         out = tmp_path / log.stem
         assert run("discover", log, "--vehicle", VEHICLE, "--out", out)[0] == 0
         verdicts[log.stem] = json.loads((out / "discovery.json").read_text())
+    assert verdicts["hidden"]["gain"]["simulation_rmse_after"] < 0.05  # Nm of up to 0.7
     [cause] = verdicts["hidden"]["causes"]
     assert verdicts["hidden"]["verdict"] == "named" and cause["effect"] == "stribeck"
     change = cause["parameters"]["change"]

@@ -82,7 +82,8 @@ def gain_words(gain: Gain, compared: Comparison | None) -> str:
         change = f"falls by {-value:.{digits}f} [95 %: {-high:.{digits}f} to {-low:.{digits}f}]"
     open_loop = ""
     if compared is not None and before is not None and after is not None:
-        error = f"{before:.1f} to {after:.1f} {compared.unit}"
+        decimals = 1 if min(before, after) >= 0.1 else 4
+        error = f"{before:.{decimals}f} to {after:.{decimals}f} {compared.unit}"
         open_loop = f", the open-loop {compared.what} error from {error}"
     return (
         f"{on} ln L {change}, the rms residual goes from {gain.rmse_before:.3f} to "
