@@ -62,3 +62,4 @@ def test_a_healthy_clutch_may_start_warm():
 def test_a_pause_or_its_length_ends_a_block():
     t = np.array([0.0, 1.0, 2.5, 5.5, 6.0, 20.0, 5.6])
     assert block_index(t).tolist() == [0, 0, 0, 1, 1, 2, 1]
+    assert np.bincount(block_index(np.arange(0.0, 18.0))).tolist() == [6, 6, 6]
