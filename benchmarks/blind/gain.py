@@ -43,6 +43,6 @@ def on_held_out(drive: Drive, answer: Mapping[str, Any], extended: Path) -> dict
     oracle, given = Oracle(HeldOut(drive.seed, drive.noise)), answer["outsider"]
     outsider = OUTSIDERS[given["name"]](given["size"], given["phase"]) if given else None
     vehicle = load_vehicle(extended) if extended.exists() else drive.vehicle
-    other = vehicle if vehicle.effects != drive.vehicle.effects else None
+    other = vehicle if vehicle.effect_numbers != drive.vehicle.effect_numbers else None
     gained, possible = oracle.gains(oracle.twin(answer["effects"], outsider), other)
     return {"gained": gained, "possible": possible, "held_out_nll": len(oracle.clean.r) / 2.0}
