@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchest.errors import nearest
 from clutchest.models.effects import Effect, Gains
+from clutchest.models.error_curve import is_curve
 from clutchest.models.machine import Machine
 from clutchest.models.model import Expressions, Model
 
@@ -25,6 +26,8 @@ def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float
     model = machine.equations(machine.units)
     if effect.model != machine.name:
         return f"is of the model '{effect.model}', expected '{machine.name}'"
+    if is_curve(effect.name):
+        return "has a name that is kept for curves, expected another"
     if not effect.gains:
         return "has no gain, expected at least one parameter with shape=False"
     for number in effect.gains:
