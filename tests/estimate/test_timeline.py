@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.samples import slope, told
+from clutchest.estimate.samples import readings_of, slope
 from clutchest.estimate.timeline import build
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH
 from clutchest.models.regimes import Mode
@@ -151,16 +151,16 @@ def test_readings_at_rest_are_averaged():
     rng = np.random.default_rng(3)
     time = np.concatenate([np.arange(0, 0.5, 0.01), np.arange(8.0, 8.17, 0.01)])
     value = rng.normal(38.0, 0.01, len(time))
-    found = told(Signal.of("", "", time, value), 0.01, 0.0, 0.08)
+    found = readings_of(Signal.of("", "", time, value), 0.01, 0.0, 0.08)
     assert found.time == pytest.approx([0.08, 0.25, 0.42, 8.08])
     assert found.value == pytest.approx(
         [value[a:b].mean() for a, b in ((0, 17), (17, 34), (34, 50), (50, 67))]
     )
     assert found.full.tolist() == [True, True, False, True]
     assert found.variance == pytest.approx(0.01**2 * np.array([1.0, 1.0, 17 / 16, 1.0]))
-    assert told(Signal.of("", "", time, value), 0.01, 0.95, 0.08).variance[0] == pytest.approx(
-        0.01**2 * 39 / 17
-    )
+    assert readings_of(Signal.of("", "", time, value), 0.01, 0.95, 0.08).variance[
+        0
+    ] == pytest.approx(0.01**2 * 39 / 17)
 
 
 def test_coloured_noise_counts_for_less():

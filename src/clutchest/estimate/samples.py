@@ -1,4 +1,4 @@
-"""What the samples of one signal tell: slopes, noise, holes, averages."""
+"""Samples of one signal: slopes, noise, gaps, averages."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ def _lines(time, value, count):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """What readings tell: at ``time`` a ``value`` of variance ``variance``, from samples between
+class Readings:
+    """Readings: at ``time`` a ``value`` of variance ``variance``, from samples between
     ``first`` and ``last``, as many as there may be where it is ``full``; (n,) each."""
 
     time: Floats
@@ -108,9 +108,9 @@ class Told:
     full: NDArray[np.bool_]
 
 
-def told(
+def readings_of(
     signal: Signal, noise: float, ar: float, repeats: float, timing: SampleTiming | None = None
-) -> Told:
+) -> Readings:
     """Readings with errors that are white.
 
     Coloured noise repeats itself: its readings count for less.  Those that a sensor ``repeats``
@@ -118,16 +118,16 @@ def told(
     """
     time = signal.time
     if not len(time):
-        return Told(time, time, time, time, time, np.zeros(0, bool))
+        return Readings(time, time, time, time, time, np.zeros(0, bool))
     period = max((timing or SampleTiming.of(signal)).period, 1e-3)
     coloured = (1 + ar) / (1 - ar)
     most = round(2.0 * repeats / period) | 1  # odd: the middle one is where the average holds
     if most == 1:
         variance = np.full(len(time), noise**2 * coloured)
-        return Told(time, signal.value, variance, time, time, np.ones(len(time), bool))
+        return Readings(time, signal.value, variance, time, time, np.ones(len(time), bool))
     first, count, value = _averages(time, signal.value, APART * period, most)
     variance = noise**2 * np.maximum(coloured, most) / count
-    return Told(
+    return Readings(
         time[first + count // 2],
         value,
         variance,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.drive_setup import DriveSetup, usable, warnings_of
 from clutchest.estimate.sample_timing import SampleTiming
-from clutchest.estimate.samples import Told, blind, slope, told, white_density
+from clutchest.estimate.samples import Readings, blind, readings_of, slope, white_density
 from clutchest.models.model import Model
 from clutchest.models.regimes import FREE, Observed, Regimes
 from clutchest.models.thresholds import Thresholds
@@ -84,7 +84,7 @@ class Assembled:
 
     line: Timeline
     stamps: Floats
-    averages: Mapping[int, Told]
+    averages: Mapping[int, Readings]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ def _readings(
     interval: Interval,
     stamps: Floats,
     regime: Regimes,
-) -> dict[int, Told]:
+) -> dict[int, Readings]:
     """The readings of each sensor that has a signal, in the mode in which it is read."""
     readings = {}
     for i, sensor in enumerate(setup.model.sensors):
@@ -183,13 +183,13 @@ def _readings(
             signal = _where(signal, stamps, regime.mode == setup.modes.index(sensor.mode))
         if i in interval.averaged:
             signal = _after(signal, interval.averaged[i])
-        readings[i] = told(
+        readings[i] = readings_of(
             signal, setup.noise(name), setup.noise_ar(name), sensor.repeats, timings[name]
         )
     return readings
 
 
-def _in_order(readings: Mapping[int, Told], bare: Floats, interval: Interval) -> _Events:
+def _in_order(readings: Mapping[int, Readings], bare: Floats, interval: Interval) -> _Events:
     """The ``readings`` by sensor, and the ``bare`` times without one, inside the interval."""
     nothing = np.zeros(len(bare))
     t = np.concatenate([bare, *(r.time for r in readings.values())])

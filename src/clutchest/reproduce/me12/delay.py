@@ -48,7 +48,7 @@ def _falls(time: Floats, torque: Floats) -> Floats:
     return np.asarray(time[at] + share * (time[at + 1] - time[at]))
 
 
-def found(setup: Setup) -> Verdict:
+def judged(setup: Setup) -> Verdict:
     """D9: the measured torque drops later, and discovery names the delay of the right size."""
     from clutchest.discovery.discover import discover
 
@@ -75,7 +75,7 @@ CLAIMS = (
         "end of torque pulses, clutch opened in 0.3 s",
         "§ VI",
         "modelled torque drops faster than measured, for a delay of the reported torque",
-        found,
+        judged,
         {"no delay": lambda s: s.wrong(torque_delay=0.0)},
         ("torque_delay", "torque_error", "parameter_error"),
     ),
