@@ -20,7 +20,7 @@ from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.initial_state import History, carried_on, fresh, leave
 from clutchest.estimate.run import Engagement, Track
 from clutchest.estimate.sample_timing import SampleTiming
-from clutchest.estimate.samples import APART, Readings, slope_count
+from clutchest.estimate.samples import APART, SensorReadings, slope_count
 from clutchest.estimate.timeline import (
     Assembled,
     Interval,
@@ -225,7 +225,7 @@ class Drive:
                 self.worth = max(self.worth, float(open_[0]) + 2 * repeats)
         return before
 
-    def _anew(self, told: Readings, open_: Floats, before: float) -> float:
+    def _anew(self, told: SensorReadings, open_: Floats, before: float) -> float:
         """From where readings are averaged again, s: from the first average that is still open, or
         from the one before it, which may be the last event that has been filtered."""
         first = float(min(open_.min(initial=before), before))

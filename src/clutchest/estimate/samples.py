@@ -96,8 +96,8 @@ def _lines(time, value, count):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True, slots=True)
-class Readings:
-    """Readings: at ``time`` a ``value`` of variance ``variance``, from samples between
+class SensorReadings:
+    """SensorReadings: at ``time`` a ``value`` of variance ``variance``, from samples between
     ``first`` and ``last``, as many as there may be where it is ``full``; (n,) each."""
 
     time: Floats
@@ -110,24 +110,24 @@ class Readings:
 
 def readings_of(
     signal: Signal, noise: float, ar: float, repeats: float, timing: SampleTiming | None = None
-) -> Readings:
-    """Readings with errors that are white.
+) -> SensorReadings:
+    """SensorReadings with errors that are white.
 
     Coloured noise repeats itself: its readings count for less.  Those that a sensor ``repeats``
     are averaged, and their average is no better than one of them.
     """
     time = signal.time
     if not len(time):
-        return Readings(time, time, time, time, time, np.zeros(0, bool))
+        return SensorReadings(time, time, time, time, time, np.zeros(0, bool))
     period = max((timing or SampleTiming.of(signal)).period, 1e-3)
     coloured = (1 + ar) / (1 - ar)
     most = round(2.0 * repeats / period) | 1  # odd: the middle one is where the average holds
     if most == 1:
         variance = np.full(len(time), noise**2 * coloured)
-        return Readings(time, signal.value, variance, time, time, np.ones(len(time), bool))
+        return SensorReadings(time, signal.value, variance, time, time, np.ones(len(time), bool))
     first, count, value = _averages(time, signal.value, APART * period, most)
     variance = noise**2 * np.maximum(coloured, most) / count
-    return Readings(
+    return SensorReadings(
         time[first + count // 2],
         value,
         variance,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.drive_setup import DriveSetup, usable, warnings_of
 from clutchest.estimate.sample_timing import SampleTiming
-from clutchest.estimate.samples import Readings, blind, readings_of, slope, white_density
+from clutchest.estimate.samples import SensorReadings, blind, readings_of, slope, white_density
 from clutchest.models.model import Model
 from clutchest.models.regimes import FREE, Observed, Regimes
 from clutchest.models.thresholds import Thresholds
@@ -84,7 +84,7 @@ class Assembled:
 
     line: Timeline
     stamps: Floats
-    averages: Mapping[int, Readings]
+    averages: Mapping[int, SensorReadings]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ def _readings(
     interval: Interval,
     stamps: Floats,
     regime: Regimes,
-) -> dict[int, Readings]:
+) -> dict[int, SensorReadings]:
     """The readings of each sensor that has a signal, in the mode in which it is read."""
     readings = {}
     for i, sensor in enumerate(setup.model.sensors):
@@ -189,7 +189,7 @@ def _readings(
     return readings
 
 
-def _in_order(readings: Mapping[int, Readings], bare: Floats, interval: Interval) -> _Events:
+def _in_order(readings: Mapping[int, SensorReadings], bare: Floats, interval: Interval) -> _Events:
     """The ``readings`` by sensor, and the ``bare`` times without one, inside the interval."""
     nothing = np.zeros(len(bare))
     t = np.concatenate([bare, *(r.time for r in readings.values())])
