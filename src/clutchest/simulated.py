@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -166,8 +166,6 @@ def _sampled(
         )
         for name, signal in vehicle.signals.items()
     ]
-    if machine.generate is None:
-        return _from_model(vehicle, scenario, seed, effects, options, channels)
     request = DriveRequest(
         {key: p.value for key, p in vehicle.parameters.items()},
         {key: p.spread for key, p in vehicle.parameters.items()},
@@ -182,35 +180,12 @@ def _sampled(
         disturbances=Disturbances.of(options.get("disturbances", {})),
         outsider=options.get("outsider"),
     )
+    if machine.generate is None:
+        from clutchest import simulated_from_model  # with CasADi, which no generator needs
+
+        return simulated_from_model.generate(vehicle, request)
     sampled: Sampled = machine.generate(request)
     return sampled
-
-
-def _from_model(
-    vehicle: Vehicle,
-    scenario: str,
-    seed: int,
-    effects: Effects | None,
-    options: Options,
-    channels: Sequence[Channel],
-) -> Sampled:
-    from clutchest import simulated_from_model
-
-    for key in ("disturbances", "outsider"):
-        if options.get(key):
-            raise ClutchestError(
-                f"{key}: not without a generator, which '{vehicle.machine.name}' does not have"
-            )
-    duration = options.get("duration")
-    asked = simulated_from_model.Asked(
-        scenario,
-        seed,
-        _truck_seed(seed, options),
-        simulated_from_model.DURATION if duration is None else duration,
-        options.get("nominal", False),
-        options.get("outliers", 0.0),
-    )
-    return simulated_from_model.generate(vehicle, asked, _all_effects(vehicle, effects), channels)
 
 
 def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:

@@ -7,19 +7,19 @@ Maruyama's), ten steps to the longest one that the filter may take.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import ceil
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.generator.sampling import Channel, Sampled, sample
+from clutchest.generator.request import DriveRequest
+from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.surroundings import stream
-from clutchest.models.effects import Effect, effects_of_file
+from clutchest.models.effects import Effect, Lateness, effects_of_file
 from clutchest.models.model import Expressions, Model
 from clutchest.models.regimes import Observed
 from clutchest.models.thresholds import Thresholds
@@ -35,19 +35,6 @@ TRUTH_EVERY = 10  # moments of the grid to one row of the truth's table
 Effects = Mapping[str, Mapping[str, float]]
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """What is to be simulated; ``truck_seed`` draws the parameters, ``seed`` the rest; ``nominal``:
-    parameters and start as they are stated; ``outliers``: share of samples that are far off."""
-
-    scenario: str
-    seed: int
-    truck_seed: int
-    duration: float = DURATION
-    nominal: bool = False
-    outliers: float = 0.0
-
-
 @dataclass(frozen=True)
 class _Numbers:
     """Equations with numbers: parameters ``p``, numbers ``g`` of the effects, flags ``w`` that are
@@ -60,19 +47,23 @@ class _Numbers:
     w: Floats
 
 
-def generate(
-    vehicle: Vehicle, asked: Asked, effects: Effects, channels: Sequence[Channel]
-) -> Sampled:
-    """A drive of a vehicle whose machine declares excitations.
+def generate(vehicle: Vehicle, request: DriveRequest) -> Sampled:
+    """A drive of a vehicle whose machine declares excitations; a drive of ``DURATION`` s unless the
+    request states another.
 
-    ``effects``: name → number → value.  Raises ClutchestError for what is unknown, for inputs that
-    the excitation does not give, and where the states do not stay finite.
+    Raises ClutchestError for what is unknown, for disturbances that only a generator of its own
+    makes, for inputs that the excitation does not give, and where the states do not stay finite.
     """
-    if not 0.0 < asked.duration < np.inf:
-        raise ClutchestError(f"duration {asked.duration:g} s: expected more than 0 s")
-    present = _present(vehicle, effects)
+    if any(request.disturbances.sizes().values()) or request.outsider or request.deviations:
+        raise ClutchestError(
+            f"disturbances: not without a generator, which '{vehicle.machine.name}' does not have"
+        )
+    duration = DURATION if request.duration is None else request.duration
+    if not 0.0 < duration < np.inf:
+        raise ClutchestError(f"duration {duration:g} s: expected more than 0 s")
+    present = _present(vehicle, request.effects)
     model = vehicle.machine.equations(vehicle.signals).with_effects(tuple(present))
-    drawn = _drawn(vehicle, model, asked)
+    drawn = _drawn(vehicle, model, request)
     e = model.expressions()
     numbers = _Numbers(
         model,
@@ -81,12 +72,12 @@ def generate(
         np.array([present[effect][key] for effect, key in model.numbers]),
         np.concatenate([np.ones(len(model.regime)), np.zeros(len(model.doubted))]),
     )
-    time = np.arange(ceil(asked.duration / GRID) + 1, dtype=np.float64) * GRID
-    u = _inputs(vehicle, model, asked, time, drawn)
-    x = _integrated(vehicle, numbers, asked, time, u, drawn)
+    time = np.arange(ceil(duration / GRID) + 1, dtype=np.float64) * GRID
+    u = _inputs(vehicle, model, request, time, drawn)
+    x = _integrated(vehicle, numbers, request, time, u, drawn)
     readings = _along(numbers, e.readings, x, u)
     quantities = _quantities(model, time, u, readings)
-    for channel in channels:
+    for channel in request.channels:
         if channel.name not in quantities:
             raise ClutchestError(
                 f"simulate: '{channel.name}' is neither an input nor a sensor of "
@@ -94,11 +85,11 @@ def generate(
             )
     late = _late(present, quantities)
     return Sampled(
-        sample(channels, late, asked.seed, asked.duration, asked.outliers),
+        sample(request.channels, late, request.seed, duration, request.outliers),
         _truth(vehicle, numbers, time, x, u, quantities),
         drawn,
-        asked.seed,
-        asked.scenario,
+        request.seed,
+        request.scenario,
     )
 
 
@@ -120,31 +111,33 @@ def _present(vehicle: Vehicle, effects: Effects) -> dict[Effect, dict[str, float
     return present
 
 
-def _drawn(vehicle: Vehicle, model: Model, asked: Asked) -> dict[str, float]:
+def _drawn(vehicle: Vehicle, model: Model, request: DriveRequest) -> dict[str, float]:
     """Parameters by key: normal, within their bounds.  What is a state's prior varies with it."""
-    rng, drawn = stream(asked.truck_seed, "parameters"), {}
+    seed = request.seed if request.truck_seed is None else request.truck_seed
+    rng, drawn = stream(seed, "parameters"), {}
     fixed = {state.prior for state in model.states}
     for parameter in model.parameters:
         stated = vehicle.parameters[parameter.key]
         off = stated.spread * rng.standard_normal()
-        value = stated.value + (0.0 if asked.nominal or parameter.key in fixed else off)
+        value = stated.value + (0.0 if request.nominal or parameter.key in fixed else off)
         drawn[parameter.key] = float(np.clip(value, parameter.lower, parameter.upper))
     return drawn
 
 
 def _inputs(
-    vehicle: Vehicle, model: Model, asked: Asked, time: Floats, drawn: Mapping[str, float]
+    vehicle: Vehicle, model: Model, request: DriveRequest, time: Floats, drawn: Mapping[str, float]
 ) -> Floats:
     """The inputs (k, nu) at every time, as the excitation gives them."""
     machine = vehicle.machine
-    excitation = machine.excitations.get(asked.scenario)
+    excitation = machine.excitations.get(request.scenario)
     if excitation is None:
         raise ClutchestError(
-            f"unknown scenario '{asked.scenario}'" + nearest(asked.scenario, machine.excitations)
+            f"unknown scenario '{request.scenario}'"
+            + nearest(request.scenario, machine.excitations)
         )
-    where = f"machine '{machine.name}': excitation '{asked.scenario}'"
+    where = f"machine '{machine.name}': excitation '{request.scenario}'"
     try:
-        given = dict(excitation(stream(asked.seed, "excitation"), time, drawn))
+        given = dict(excitation(stream(request.seed, "excitation"), time, drawn))
         values = {
             name: np.broadcast_to(np.asarray(value, float), time.shape)
             for name, value in given.items()
@@ -173,16 +166,20 @@ def _inputs(
 
 
 def _start(
-    vehicle: Vehicle, numbers: _Numbers, asked: Asked, u0: Floats, drawn: Mapping[str, float]
+    vehicle: Vehicle,
+    numbers: _Numbers,
+    request: DriveRequest,
+    u0: Floats,
+    drawn: Mapping[str, float],
 ) -> Floats:
     """The state (n) in which the drive begins, a draw from where the filter takes it to be."""
     model = numbers.model
     rest = vehicle.machine.at_rest(drawn, {i.name: u0[j] for j, i in enumerate(model.inputs)})
     x = np.array([rest.get(state.name, 0.0) for state in model.states], float)
-    rng = stream(asked.seed, "start")
+    rng = stream(request.seed, "start")
     for i, state in enumerate(model.states):
         std = vehicle.estimation.get(state.name, state).initial_std
-        off = 0.0 if asked.nominal else std * rng.standard_normal()
+        off = 0.0 if request.nominal else std * rng.standard_normal()
         x[i] = x[i] * np.exp(off / x[i]) if state.factor and x[i] > 0.0 else x[i] + off
     e = numbers.e
     first = ca.Function("first", [e.x, e.p, e.g], [e.initial])
@@ -192,7 +189,7 @@ def _start(
 def _integrated(
     vehicle: Vehicle,
     numbers: _Numbers,
-    asked: Asked,
+    request: DriveRequest,
     time: Floats,
     u: Floats,
     drawn: Mapping[str, float],
@@ -202,9 +199,9 @@ def _integrated(
     between = ceil(GRID * FINER / min(model.longest))
     steps = _steps(vehicle, numbers, GRID / between)
     fine = np.arange((len(time) - 1) * between + 1) * (GRID / between)
-    rng = stream(asked.seed, "process")
+    rng = stream(request.seed, "process")
     x = np.empty((len(time), len(model.states)))
-    x[0] = now = _start(vehicle, numbers, asked, u[0], drawn)
+    x[0] = now = _start(vehicle, numbers, request, u[0], drawn)
     for begin in range(0, len(fine) - 1, TOGETHER * between):
         moments = np.minimum(np.arange(begin, begin + TOGETHER * between + 1), len(fine) - 1)
         along = np.stack([np.interp(fine[moments], time, column) for column in u.T])
@@ -290,14 +287,14 @@ def _late(
     late = dict(quantities)
     for effect, numbers in present.items():
         for signal, key in effect.delays.items():
-            course = effect.lateness.get(signal)
+            variation = effect.lateness.get(signal)
             size = numbers[key]
 
-            def by(t: Floats, size: float = size, course: Any = course) -> Floats:
-                if course is None:
+            def by(t: Floats, size: float = size, variation: Lateness | None = variation) -> Floats:
+                if variation is None:
                     return np.full(len(t), size)
-                covariate = quantities.get(course.covariate, lambda t: t)
-                return size * np.interp(covariate(t), course.at, course.seconds)
+                covariate = quantities.get(variation.covariate, lambda t: t)
+                return np.asarray(size * np.interp(covariate(t), variation.at, variation.seconds))
 
             late[signal] = delayed(late[signal], by)
     return late

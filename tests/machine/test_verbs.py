@@ -74,7 +74,7 @@ def test_simulate_says_that_truth_and_model_are_the_same(run, tmp_path):
             ("--scenario", "mixed", "--effect", "stribeck:chnge=1"),
             "effect 'stribeck' has no 'chnge'; did you mean 'change'",
         ),
-        (("--scenario", "mixed", "--disturb", "friction_walk=1"), "not without a generator"),
+        (("--scenario", "mixed", "--disturb", "friction_walk=0.01"), "not without a generator"),
     ],
 )
 def test_simulate_refuses_what_is_unknown_in_one_line(run, tmp_path, more, words):
