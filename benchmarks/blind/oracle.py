@@ -356,7 +356,7 @@ def _telling(drive: PreparedDrive) -> NDArray[np.bool_]:
     begins = drive.line.t[1:][flags[1:] & ~flags[:-1]]
     last = np.searchsorted(begins, readings.t, side="right") - 1
     since = readings.t - np.where(last >= 0, begins[np.maximum(last, 0)], -np.inf)
-    slow = drive.line.W[drive.row, free] == 0
+    slow = drive.line.W[readings.row, free] == 0
     renewed = np.isin(
         readings.sensor, [drive.compiled.model.sensor(n) for n in drive.compiled.model.renewed]
     )

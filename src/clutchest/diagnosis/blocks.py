@@ -90,6 +90,7 @@ def blocks_of(
     if present:
         free = np.append(problem.nuisances, list(present))
         fit = most_probable(objective, free, fit.theta)
+    fit = fit.as_point
     [rows] = objective.relinearise(fit, fit.theta).raw
     at_zero = np.column_stack([rows.r - rows.psi @ fit.theta, rows.table[:, 1:]])
     return _blocks(readings, vehicle.machine.states, thetas, replace(rows, table=at_zero))

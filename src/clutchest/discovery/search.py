@@ -166,6 +166,7 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     unusual = _unusual_starts(problem, fit.theta)
     if len(unusual):
         objective, fit = settle(objective.with_prior(unusual, LOOSE), fit.theta)
+    fit = fit.as_point
     fit, every = objective.relinearise(fit, fit.theta), candidates(problem)
     derivatives = columns(objective, fit, every)
     objective = objective.with_span([fit.psi, derivatives])

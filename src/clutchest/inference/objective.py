@@ -52,6 +52,11 @@ class Linearisation:
         return replace(self, r=np.zeros(0), psi=np.zeros((0, len(self.theta))), raw=(), implied=())
 
     @property
+    def as_point(self) -> Linearisation:
+        """The same without innovations and derivatives: others can still be linearised from it."""
+        return replace(self.bare, implied=self.implied)
+
+    @property
     def information(self) -> Floats:
         """ψᵀψ (m, m)."""
         return self.psi.T @ self.psi
