@@ -128,7 +128,7 @@ def test_replay_estimates_the_states_and_nothing_else(run, short_log, tmp_path):
     assert (tmp_path / "recording.rrd").stat().st_size > 10_000
 
 
-def test_an_effect_and_a_delay_reach_the_simulated_bus(servo):
+def test_an_effect_reaches_the_simulated_bus(servo):
     from clutchest.simulated import simulate
 
     plain = simulate(servo, "mixed", 1, duration=5.0)
@@ -213,7 +213,7 @@ def test_diagnose_finds_the_declared_fault_and_none_on_a_healthy_drive(
 
 
 @pytest.mark.slow
-def test_monitor_writes_what_a_replay_would(short_log, tmp_path):
+def test_monitor_writes_the_states_and_nothing_else(short_log, tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("", 0))
         port = probe.getsockname()[1]
