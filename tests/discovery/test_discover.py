@@ -130,13 +130,15 @@ def test_what_other_drives_speak_against_is_refused_or_no_finding(monkeypatch):
     found = discover(one, TRUCK, holdout=others)
     assert found.verdict == "named"  # it is there beyond doubt
     assert found.extended.effects == TRUCK.effects
-    assert any("does not pay" in w for w in found.warnings)
+    assert any("prediction of held-out data worse" in w for w in found.warnings)
     monkeypatch.setattr(verdict, "ESTABLISHED", 0.0)  # as if it might as well be noise
     found = discover(one, TRUCK, holdout=others)
     assert found.verdict == "none"
     assert found.causes == () and found.gain is None and found.where is None
     assert found.extended.effects == TRUCK.effects
-    assert any("friction_speed" in w and "held out" in w for w in found.warnings)
+    assert any(
+        "friction_speed" in w and "not confirmed on held-out drives" in w for w in found.warnings
+    )
 
 
 @pytest.mark.slow

@@ -38,5 +38,5 @@ def test_a_clutch_at_rest_starts_where_it_should():
 def test_a_hot_start_is_no_cause(seed):
     answer = discover(clutchest.simulate(TRUCK, "cooldown", seed, duration=700.0), TRUCK)
     assert answer.verdict == "none"
-    said = [words for words in answer.warnings if "begins in the middle of a drive" in words]
+    said = [words for words in answer.warnings if "does not begin at the start of a drive" in words]
     assert bool(said) == (seed in (22, 24))

@@ -8,7 +8,7 @@ import pytest
 
 import clutchest
 from clutchest.discovery.discover import discover
-from clutchest.record.discovery import title
+from clutchest.record.discovery_report import title
 
 TRUCK = clutchest.load_vehicle("truck")
 
@@ -25,8 +25,8 @@ def test_without_a_signal_nothing_is_claimed(lost):
     assert "friction_level" not in {i.effect for i in answer.identifiability if i.excited}
     assert "friction_level" in answer.unexcited, "or a script would take it for excluded"
     if not any(i.excited for i in answer.identifiability):
-        assert "nothing for or against" in answer.sentence
-        assert title(answer) == "the data cannot tell"
+        assert "neither confirm nor refute" in answer.sentence
+        assert title(answer) == "the data are not informative"
     [said] = [words for words in answer.warnings if lost in words]
-    assert said.startswith(f"not looked for, because there is no {lost}: ")
+    assert said.startswith(f"not tested, because there is no {lost}: ")
     assert "friction_level" in said
