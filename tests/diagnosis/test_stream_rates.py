@@ -27,10 +27,10 @@ def traffic(time, sound=None):
 def test_a_message_is_missing_beyond_the_gap_that_its_tail_reaches(rate, beyond):
     time = np.cumsum(np.random.default_rng(1).uniform(0.08, 0.12, 5000))
     test = Missing("m", rate)
-    test.take(Batch({}, {"m": traffic(time)}, time[-1], {"m": time}, time[-1]))
+    test.take(Batch({}, {"m": traffic(time)}, {"m": time}, time[-1]))
     assert test.threshold == tail_bound(test.tail, H_1000 / tail_mean(test.tail) / rate)
     until = time[-1] + beyond * test.threshold
-    test.take(Batch({}, {"m": traffic(time[:0])}, until, {"m": time[:0]}, until))
+    test.take(Batch({}, {"m": traffic(time[:0])}, {"m": time[:0]}, until))
     assert test.failing == (beyond > 1.0)
 
 
@@ -39,7 +39,7 @@ def test_a_share_of_wrong_frames_is_held_against_lordens_bound(rate):
     rng, time = np.random.default_rng(3), np.arange(0.0, 1000.0, 0.1)
     test = Checksum("m", rate)
     frames = traffic(time, rng.random(len(time)) > 0.01)
-    test.take(Batch({}, {"m": frames}, 1000.0, {"m": time}, 1000.0))
+    test.take(Batch({}, {"m": frames}, {"m": time}, 1000.0))
     assert test.threshold == pytest.approx(log(H_1000 / 0.1 / rate), rel=1e-3)
     assert not test.alarms
 
@@ -49,7 +49,7 @@ def test_noise_is_held_against_the_tail_of_its_level(rate):
     time = np.arange(0.0, 600.0, 0.01)
     value = 0.5 * np.random.default_rng(2).standard_normal(len(time))
     test = Noise("s", rate, 0.5, 0.0)
-    test.take(Batch({"s": Signal.of("s", "", time, value)}, {}, time[-1]))
+    test.take(Batch({"s": Signal.of("s", "", time, value)}, {}))
     assert test.threshold == tail_bound(test.tail, H_1000 / (BLOCK * test.period) / rate)
     assert not test.alarms
 

@@ -64,7 +64,6 @@ class StreamTests:
         return Batch(
             new.signals,
             new.traffic,
-            until,
             {name: on(t) for name, t in new.traffic.items()},
             self._bus_time + silent,
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Container
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import entry_points
@@ -14,7 +13,6 @@ from clutchest.errors import ClutchestError, file_like, nearest
 
 if TYPE_CHECKING:  # equations' machinery is loaded with the first machine
     from clutchest.models.machine import Machine
-    from clutchest.models.model import Model
 
 SHIPPED = ("dry_clutch", "alsd")  # each a package here, with its MACHINE
 GROUP = "clutchest.machines"  # of entry points, each the name of a Machine
@@ -104,8 +102,3 @@ def _with_valid_effects(machine: Machine) -> Machine:
         if wrong := why_invalid(effect, machine, {}):
             raise ClutchestError(f"machine '{machine.name}': effect '{effect.name}' {wrong}")
     return machine
-
-
-def model_for(name: str, signals: Container[str]) -> Model:
-    """The equations of the machine ``name`` in the form that these canonical signals can drive."""
-    return machine_of(name).equations(signals)

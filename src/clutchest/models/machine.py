@@ -87,8 +87,7 @@ class Machine:
     there is none, ``excitations`` drive the machine's own equations: scenario → function (random
     numbers, times (k,) s, parameters by key) that gives the inputs by name, (k,) each, as the bus
     reports them.  ``template``: the shipped vehicle whose numbers a drafted one takes as guesses.
-    ``parts``: what reports call states.  ``unsupported``: verb → why it cannot be asked of this
-    machine.
+    ``unsupported``: verb → why it cannot be applied to this machine.
     """
 
     name: str
@@ -127,7 +126,6 @@ class Machine:
     scenarios: Callable[[], Sequence[str]] = tuple
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
     template: str = ""
-    parts: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     unsupported: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:

@@ -19,16 +19,14 @@ from clutchest.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """New samples of signals and frames of messages, up to the time ``until`` s on the drive's
-    clock.
+    """New samples of signals and frames of messages.
 
     ``bus_time``: for every message, its frames' times (n) on a clock that stands still while the
-    whole bus is silent; ``bus_until`` is ``until`` on that clock.
+    whole bus is silent; ``bus_until`` is where the batch ends on that clock.
     """
 
     signals: Mapping[str, Signal]
     traffic: Mapping[str, Traffic]
-    until: float
     bus_time: Mapping[str, Floats] = field(default_factory=dict)
     bus_until: float = 0.0
 

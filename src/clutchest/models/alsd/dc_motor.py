@@ -30,9 +30,3 @@ def rotor(q: Quantities) -> None:
     net = q.motor_torque - q.motor_friction_torque - load / q.gear_ratio
     q.motor_speed_rate = net / q.motor_inertia
     q.motor_angle_rate = q.motor_speed
-
-
-def rotor_held(q: Quantities) -> None:
-    """The rotor held fast: experiments I1 and I2."""
-    q.motor_speed_rate = 0.0
-    q.motor_angle_rate = 0.0

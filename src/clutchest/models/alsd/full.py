@@ -53,7 +53,6 @@ _CASE = (
 
 _OIL = Input("oil_temp", "°C", "ϑ_oil", "oil in the differential")
 _REQUEST = Input("current_request", "A", "i_aR", "requested armature current")
-_VOLTAGE = Input("armature_voltage", "V", "u_a", "armature voltage")
 _SLIP_REQUEST = Input("slip_request", "rad/s", "ω_sR", "requested slip speed")
 _DRIVE_TORQUE = Input("drive_torque", "Nm", "T_m2", "torque of the servo motor")
 _WHEELS = (
@@ -109,15 +108,6 @@ CAR = replace(
     states=(*_ACTUATOR, *_CONTROLLED),
     inputs=(_REQUEST, *_WHEELS, _OIL),
 )
-
-
-def on_voltage(model: Model) -> Model:
-    """The same rig or car with the armature voltage given, without the current controller."""
-    return replace(
-        model.without(controller.current_controller),
-        states=tuple(s for s in model.states if s.name != "current_integrator"),
-        inputs=tuple(_VOLTAGE if i.name == "current_request" else i for i in model.inputs),
-    )
 
 
 def bare_on_angle(model: Model) -> Model:

@@ -30,12 +30,6 @@ def plate(q: Quantities) -> None:
     q.plate_position_rate = q.plate_speed
 
 
-def plate_fixed(q: Quantities) -> None:
-    """The ball ramp's output held fast: the second run of experiment I7."""
-    q.plate_speed = 0.0
-    q.plate_position_rate = 0.0
-
-
 def potential(q: Quantities) -> None:
     """T_C = μ N_f r_e F_c, the friction potential; effects of slip and temperature change μ."""
     q.friction_now = q.friction_coefficient * q.friction

@@ -14,7 +14,6 @@ from clutchest.signals import Floats
 LEAST = 40.0  # Nm: the clutch transmits
 STEADY = 2.0  # rad/s², of the engine: between two steps
 LARGEST = 0.05  # of the mean torque, over all of the slip: less is no dependence
-CYCLE = 60.0  # s at rest between two series of steps
 SEEN = (63.0, 136.0)  # rad/s, 600 and 1300 rpm
 
 
