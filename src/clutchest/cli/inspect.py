@@ -45,7 +45,7 @@ def inspect(
 
     \b
     Example:
-      clutchest inspect drive.log --dbc vehicle.dbc --out first-look
+      clutchest inspect drive.log --dbc vehicle.dbc --out first
       clutchest inspect bench.log --dbc servo.dbc --model servo.py
     """
     with progress() as show:

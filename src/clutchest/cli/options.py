@@ -21,7 +21,7 @@ Logs = Annotated[
         metavar="LOG",
         show_default=False,
         help="CAN logs (.log .asc .blf .trc .csv .mf4 .db, also .gz), decoded .csv or .parquet, or "
-        "the name of a shipped log: demo.",
+        "the name of a shipped log: alsd, demo.",
     ),
 ]
 VehicleName = Annotated[

@@ -14,7 +14,7 @@ def play(
     log: Annotated[
         str,
         typer.Argument(
-            metavar="LOG", show_default=False, help="A CAN log, or a shipped one: demo."
+            metavar="LOG", show_default=False, help="A CAN log, or a shipped one: alsd, demo."
         ),
     ],
     interface: Interface,

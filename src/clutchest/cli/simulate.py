@@ -44,7 +44,7 @@ class TruthOptions:
         typer.Option(
             metavar="KEY=VALUE",
             show_default=False,
-            help="What wanders during the drive: torque_bias_walk Nm/√s from a start of "
+            help="What varies at random during the drive: torque_bias_walk Nm/√s from a start of "
             "torque_bias_std Nm, friction_walk 1/√s from friction_std; repeat for several.",
         ),
     ] = None

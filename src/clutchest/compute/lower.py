@@ -9,7 +9,7 @@ import casadi as ca
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _EXACT = "@njit(cache=True, error_model='numpy')"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
-# last bit beside a term that is nought
+# last bit beside a term that is zero
 CONTRACTED = "@njit(cache=True, error_model='numpy', fastmath={'contract'})"
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 

@@ -1,6 +1,6 @@
 """The fixed-interval smoother: filtered window by window, smoothed from the end of the log.
 
-This text stands behind the kernel's in the generated module (see ``compute.build``); whoever does
+This text follows the kernel's in the generated module (see ``compute.build``); whoever does
 not smooth does not compile it.
 
 Smoothing is the modified Bryson–Frazier form of the Rauch–Tung–Striebel smoother (G. J. Bierman,

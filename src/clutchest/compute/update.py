@@ -33,7 +33,7 @@ inlined = njit(inline="always", **UNCOUNTED)  # what takes records
 
 # A covariance with a state that is measured again and again, and fed by nothing, fades by a factor
 # at each reading.  Far below 1e-280 a processor takes a hundred times as long over every number;
-# what is added and taken away again makes it nought before.
+# what is added and taken away again makes it zero before.
 TINY = 1e-280
 
 
@@ -214,7 +214,7 @@ def update(x, P, S, h, H, Hm, z, R, considered, K, PH, limit):
 def in_proportion(x, P, cE, K, innovation):
     """What is known of factors, in proportion to where the last update has moved them.
 
-    A reading of a product does not tell its factors apart.  Linearised at one value of a factor
+    A reading of a product does not separate its factors.  Linearised at one value of a factor
     and, once that has moved the factor, at another, two readings would: what both leave open is
     not the same direction.  It is where uncertainties keep their shares of the factors.
     """

@@ -59,7 +59,7 @@ class Innovations:
 
 @dataclass(frozen=True, slots=True)
 class Engagement:
-    """One slip event: s, s, J (± std), Nm, °C; bits that measurements told of each state in it."""
+    """One slip event: s, s, J (± std), Nm, °C; bits of information about each state in it."""
 
     start_s: float
     duration_s: float

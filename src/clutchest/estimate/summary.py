@@ -106,7 +106,7 @@ def _modes(tracks: Sequence[Track]) -> dict[str, float]:
 
 
 def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, dict[str, Any]]:
-    """Final values, standard deviations, whether to trust them, and what would tell more."""
+    """Final values, standard deviations, whether they are valid, and what would improve them."""
     model, track = part.compiled.model, tracks[-1]
     together = strong_correlations(part.compiled, part.final)
     found = {}
@@ -147,7 +147,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
 
 
 def _bits(tracks: Sequence[Track], name: str) -> dict[str, float]:
-    """What measurements told of a state over all drives, in all and by mode."""
+    """Information of measurements about a state over all drives, in all and by mode."""
     informed = [t.information.by_mode() for t in tracks if name in t.information.names]
     modes = {mode: sum(drive[mode][name] for drive in informed) for mode in tracks[0].mode_names}
     return {"total": sum(modes.values()), **modes}

@@ -1,4 +1,4 @@
-"""The recursion behind every coloured noise."""
+"""The recursion behind every autocorrelated noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the truth to what the bus carries: periods, jitter, delays, coloured noise, outliers."""
+"""From the truth to the bus: periods, jitter, delays, autocorrelated noise, outliers."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ WARM_UP = 300.0  # s, time constant at which the coolant of a cold engine reache
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What wanders: ``torque_bias_walk`` Nm/√s from a start of ``torque_bias_std`` Nm;
+    """What varies at random: ``torque_bias_walk`` Nm/√s from a start of ``torque_bias_std`` Nm;
     ``friction_walk`` 1/√s from a start of 1 ± ``friction_std``; standard deviations."""
 
     torque_bias_walk: float = 0.0
@@ -104,7 +104,7 @@ def _walk(seed: int, purpose: str, n: int, start: float, walk: float) -> Floats:
 
 
 def _wander(rng: np.random.Generator, n: int, std: float, time_constant: float) -> Floats:
-    """A stationary second-order wander: smooth, as a thermostat's temperature is."""
+    """A stationary second-order random process: smooth, as a thermostat's temperature is."""
     keep = np.exp(-GRID / time_constant)
     settle = int(5 * time_constant / GRID)
     noise = rng.standard_normal(settle + n)

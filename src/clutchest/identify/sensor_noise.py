@@ -4,7 +4,7 @@ Readings are cut into windows.  Within a window the quantity itself is a straigh
 level and slope plus an integrated random walk of unknown strength; the noise is AR(1), the same in
 every window; the bus rounds to its step.  Noise and AR(1) coefficient maximise the likelihood of
 what is left of each window without its straight line (restricted likelihood).  The strength of
-the walk differs from window to window: its distribution over a grid, nought included, is
+the walk differs from window to window: its distribution over a grid, zero included, is
 estimated with the rest (a nonparametric mixture).  Where enough of the log is quiet, a second
 pass has windows between two quiet ones only: a window must not be chosen by its own readings, or
 those whose slow noise happens to be large pass for drift, and what is left has too little of it.
@@ -116,7 +116,7 @@ def windows_of(signals: Sequence[Signal]) -> Windows:
         keep = ~cut & (np.isnan(window).sum(axis=1) <= MISSING)
         parts.append(window[keep])
         places.append(first + np.flatnonzero(keep))
-        first += count + 2  # the next drive is nobody's neighbour
+        first += count + 2  # the next drive has no neighbours in this one
     return Windows(np.concatenate(parts), np.concatenate(places))
 
 
@@ -223,7 +223,7 @@ def _scatter(values: Floats) -> float:
     if not len(finite):
         return 0.0
     robust = median_std(finite)
-    return robust or float(np.sqrt(np.mean(finite**2)))  # rounding makes most of them nought
+    return robust or float(np.sqrt(np.mean(finite**2)))  # rounding makes most of them zero
 
 
 class _Likelihood:

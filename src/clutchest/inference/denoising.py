@@ -81,7 +81,7 @@ def deadband_of_mean(
 
 
 def denoised_rate(t: Floats, value: Floats, where: NDArray[np.bool_]) -> Floats:
-    """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``BRIEF`` s; nought
+    """The rate of ``value`` (K) at times ``t`` (K), per s, by parabolas through ``BRIEF`` s; zero
     within the reach of its noise, which the innovations hold as well."""
     rate = _smooth(t, value, BRIEF, 1)
     if not len(value):

@@ -72,7 +72,7 @@ def _second(time: Floats, read: Floats, period: float, noise: float) -> Floats:
 
 
 def spacing(t: Floats) -> Floats:
-    """Mean square distance (K), s², of times ``t`` (K) to those before and after; nought where one
+    """Mean square distance (K), s², of times ``t`` (K) to those before and after; zero where one
     of them is far."""
     span = np.diff(t)
     square = np.zeros(len(t))

@@ -70,7 +70,7 @@ class Machine:
     beside inputs, states, time and energy; ``rates`` of inputs (name → input) and ``peaks`` (name →
     the state whose highest value so far it is); ``effects``, the library;
     ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all others), which sensor
-    would tell errors apart; ``compared``, the pair of a validation.
+    would separate errors; ``compared``, the pair of a validation.
 
     For estimation: ``separating_manoeuvres``, what parts two states that one kind of measurement
     knows together.
@@ -191,7 +191,7 @@ class Machine:
             raise ClutchestError(f"{verb}: machine '{self.name}' declares no {lacking}")
 
     def sensor_to_separate(self, equations: Sequence[str]) -> str:
-        """The sensor that would tell errors in these equations apart, in words."""
+        """The sensor that would separate errors in these equations, in words."""
         for separation in self.separating_sensors:
             if set(separation.pair) <= set(equations):
                 return separation.by

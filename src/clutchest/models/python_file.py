@@ -40,7 +40,7 @@ def _line(error: BaseException, path: Path) -> str:
 
 
 def _words(error: BaseException) -> str:
-    """``error`` in one line; a ClutchestError speaks for itself."""
+    """``error`` in one line; a ClutchestError is already one."""
     if isinstance(error, ClutchestError):
         return str(error)
     text = error.msg if isinstance(error, SyntaxError) else str(error)

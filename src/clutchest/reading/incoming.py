@@ -33,7 +33,7 @@ class Incoming:
     """Decodes ``frames``, the drive so far, when it is made, and what follows by :meth:`take`.
 
     The sender of each signal, and whether its gear is sent, are chosen by the drive so far;
-    ``late`` turns True when a further one is heard for the first time.  Frames come in order of
+    ``late`` turns True when a further one is received for the first time.  Frames come in order of
     time, no two with the same stamp; t = 0 is at the first one.
     """
 
@@ -58,7 +58,7 @@ class Incoming:
 
     @property
     def complete(self) -> bool:
-        """Whether everything that the vehicle file maps has been heard."""
+        """Whether everything that the vehicle file maps has been received."""
         wanted = [(name, bus) for name, s in self.vehicle.signals.items() for bus in parts(s)]
         return set(wanted) <= set(self._senders)
 

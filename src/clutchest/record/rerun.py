@@ -204,7 +204,7 @@ def _send_states(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) 
             lows.append((value - std)[shown])
             highs.append((value + std)[shown])
         low, high = np.concatenate([[], *lows]), np.concatenate([[], *highs])
-        if np.isfinite(low).any():  # else this log tells nothing about these states
+        if np.isfinite(low).any():  # else this log has no information about these states
             title = f"{_heading(group)} ± 1σ"
             if len(group) == 1:
                 title += f": {group[0].what}"
@@ -244,7 +244,7 @@ def _send_smoothed(
 
 
 def _informative(run: Run, states: Sequence[Panel]) -> list[Panel]:
-    """The panels that tell about the clutch: not those of states that are measured as they are."""
+    """The panels about the clutch: not those of states that are measured as they are."""
     plain = {f"state/{name}" for drive in run.signals.drives for name in drive}
     plain.add(f"state/{SLIP_ENERGY.name}")  # the report has it event by event
     return [p for p in states if not plain & set(p.entities)]

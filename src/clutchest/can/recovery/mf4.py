@@ -289,7 +289,7 @@ class _Repair:
         self.patches[place] = struct.pack("<Q", blocks[0][0] if blocks else 0)
 
     def copy(self) -> IO[bytes]:
-        """The mended file."""
+        """The repaired file."""
         copied = TemporaryFile()  # noqa: SIM115, its reader closes it
         self.file.seek(0)
         shutil.copyfileobj(self.file, copied, 1 << 20)

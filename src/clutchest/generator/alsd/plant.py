@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from clutchest.signals import Floats
 
 STEP = 2e-5  # s
-SAMPLED = 5  # steps between looks of the controllers
+SAMPLED = 5  # steps between samples of the controllers
 FAST = 50  # steps between rows of inputs and records
 MODES = ("open", "slipping", "locked")
 
@@ -164,7 +164,7 @@ def limited(value: float, most: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def control(y: Record, asked: float, driven: float, c: Record, h: float, p: Record) -> None:
-    """One look of the controllers: armature voltage and servo torque."""
+    """One sample of the controllers: armature voltage and servo torque."""
     if c.actuator == VOLTAGE:
         y.voltage = limited(asked, p.supply_voltage)
     else:

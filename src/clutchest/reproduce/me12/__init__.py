@@ -66,7 +66,7 @@ def reproduce(progress: Progress) -> Reproduction:
         if known
         else (
             "how far imperfections may grow is not known for these numbers: "
-            "python benchmarks/margins.py tells",
+            "python benchmarks/margins.py measures it",
         )
     )
     from clutchest.reproduce.me12.figures import draw

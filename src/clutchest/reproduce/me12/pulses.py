@@ -23,7 +23,7 @@ LARGEST, MOSTLY, MOST = 200.0, 100.0, 0.9  # Nm, Nm, share that counts as most o
 BETTER = 0.5  # of the static model's error: significantly better
 RAISED, GROUP = 200.0, 12.0  # Nm that make a pulse; s between pulses of one group
 PULSES = 6  # of a group
-DECAYS = 0.005  # of the torque from one pulse to the next: surely more is a decay
+DECAYS = 0.005  # of the torque from one pulse to the next: significantly more is a decay
 STEADY = 0.5  # of the other's decay: less is none
 
 

@@ -56,7 +56,7 @@ class Steps:
 
 
 def independent(setup: Setup) -> Verdict:
-    """D3: surely less than ``LARGEST`` from 600 to 1300 rpm."""
+    """D3: significantly less than ``LARGEST`` from 600 to 1300 rpm."""
     steps = Steps.of(replace(setup, imperfections=NONE))
     change, std = steps.slope()
     return Verdict(
