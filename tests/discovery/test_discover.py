@@ -308,5 +308,5 @@ def test_a_delay_that_varies_is_nothing_to_look_for(tmp_path: Path):
         "    delays = {'engine_torque': 'size'}\n"
         "    lateness = {'engine_torque': Lateness('time', (0.0, 9.0), (0.0, 0.1))}\n"
     )
-    with pytest.raises(ClutchestError, match="'own' is late"):
+    with pytest.raises(ClutchestError, match="'own' has a delay that varies"):
         discover(drive(71), TRUCK, effects_files=(tmp_path / "own.py",))

@@ -117,16 +117,26 @@ def _scan(text: Bytes, clock: Ints, out: Table, counts: Ints) -> int:
 @compiled
 def _date(text: Bytes, i: int) -> tuple[int, int]:
     """(ns since 1970, position behind) of a date and time, taken as UTC."""
-    year, behind = decimal(text, i)
-    month, end = decimal(text, behind + 1)
+    # Each separator is checked before what stands behind it: a newline may end the text.
+    year, at = decimal(text, i)
+    if at - i != 4 or text[at] != 45:  # -
+        return 0, i
+    month, end = decimal(text, at + 1)
+    if end - at != 3 or text[end] != 45:
+        return 0, i
     day, at = decimal(text, end + 1)
-    if behind - i != 4 or end - behind != 3 or at - end != 3 or text[at] != 32:
+    if at - end != 3 or text[at] != 32:
         return 0, i
-    hour, behind = decimal(text, at + 1)
-    minute, end = decimal(text, behind + 1)
-    ns, at = stamp(text, end + 1, 1_000_000_000)
-    if at == end + 1 or hour > 23 or minute > 59 or not 1 <= month <= 12 or not 1 <= day <= 31:
+    hour, end = decimal(text, at + 1)
+    if text[end] != 58:  # :
         return 0, i
+    minute, at = decimal(text, end + 1)
+    if text[at] != 58:
+        return 0, i
+    ns, end = stamp(text, at + 1, 1_000_000_000)
+    if end == at + 1 or hour > 23 or minute > 59 or not 1 <= month <= 12 or not 1 <= day <= 31:
+        return 0, i
+    at = end
     # Days of the civil calendar, its years from March on.
     year -= month <= 2
     age = year // 400
