@@ -12,6 +12,7 @@ from clutchest.inference.problem import Problem
 TRUCK = clutchest.load_vehicle("truck")
 
 
+@pytest.mark.slow
 def test_an_input_at_rest_is_told_and_still_has_values():
     """Curves found in another drive ask for them."""
     rest, moves = (

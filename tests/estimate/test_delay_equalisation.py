@@ -65,6 +65,7 @@ def test_pieces_are_put_off_as_the_whole_is(truck, signals):
     assert np.array_equal(Signal.joined(parts).value, whole.value)
 
 
+@pytest.mark.slow
 def test_what_is_late_by_turns_is_estimated_as_what_is_punctual(truck, signals):
     torque, speed = signals["engine_torque"], signals["engine_speed"]
     behind = np.interp(

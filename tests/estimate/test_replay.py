@@ -273,6 +273,7 @@ class TestCarryingOver:
         assert joined.value[-1] == pytest.approx(entire.value[-1], rel=0.01)
         assert joined.std[-1] == pytest.approx(entire.std[-1], rel=0.1)
 
+    @pytest.mark.slow
     def test_states_are_matched_by_name(self, drives):
         signals, first = drives[0]
         played = replace(TRUCK, effects={"position_hysteresis": {"play": 0.01}})
@@ -313,6 +314,7 @@ class TestEffectsInTheVehicleFile:
         assert abs(friction["value"] - 1.0) < 3 * friction["std"]
         assert told.summary["log_likelihood"] > untold.summary["log_likelihood"] + 10
 
+    @pytest.mark.slow
     def test_an_effect_of_the_users_own(self, weak, tmp_path):
         file = tmp_path / "glazing.py"
         file.write_text(

@@ -229,6 +229,7 @@ def test_progress_is_told_from_start_to_end() -> None:
 # --- the truck ---
 
 
+@pytest.mark.slow
 def test_on_its_own_model_it_is_consistent_and_never_less_sure() -> None:
     """Drives drawn as the filter states, its parameters certain: the normalised squared error in
     the middle of a drive within its 99.9 % interval, no standard deviation above the filter's,

@@ -114,6 +114,7 @@ class TestTheSection:
         assert wear["limit"] is None and wear["remaining"] is None
         assert "no limit" in wear["words"][1]
 
+    @pytest.mark.slow
     def test_a_rate_in_the_vehicle_file_counts(self, drive):
         knowing = replace(TRUCK, effects={"wear": {"rate": 0.05}})
         run = clutchest.replay(drive, knowing)

@@ -37,6 +37,7 @@ def stated(effect: str, key: str, value: float, spread: float) -> Vehicle:
     return replace(TRUCK, effects={effect: {key: value}}, effects_spread={effect: {key: spread}})
 
 
+@pytest.mark.slow
 def test_what_is_not_known_exactly_is_fitted_on(tmp_path: Path) -> None:
     """A size two spreads off the truth: the data bring it back, and with it what they lack."""
     true, spread = 0.06, 0.02
@@ -67,6 +68,7 @@ def test_a_filter_holds_them_as_uncertain() -> None:
     assert changed != clutchest.replay(signals, exact).provenance["parameters_hash"]
 
 
+@pytest.mark.slow
 def test_a_delay_that_varies_is_as_uncertain_as_one_that_does_not(tmp_path: Path) -> None:
     """Of a curve that is the same everywhere, in s: its size counts for so many."""
     flat = LATE.replace(str(SECONDS), "(0.02, 0.02, 0.02)")
