@@ -118,10 +118,10 @@ def test_three_commands_of_the_readme_find_a_hidden_cause(tmp_path):
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "200"},
         )
         said.append(ran.stdout)
-    verdict = re.compile(r"The model lacks (\w+) \((\w+) = (\S+) ± ([\d.]+) s/\(100 rad\)\)")
-    (told,), (found,) = verdict.findall(README), verdict.findall(said[1])
-    assert found[:2] == told[:2] == ("friction_speed", "slope")
-    (value, sigma), (size, spread) = map(float, told[2:]), map(float, found[2:])
+    verdict = re.compile(r"data require (\w+) \((\w+) = (\S+) ± ([\d.]+) s/\(100 rad\)")
+    (stated,), (printed,) = verdict.findall(README), verdict.findall(said[1])
+    assert printed[:2] == stated[:2] == ("friction_speed", "slope")
+    (value, sigma), (size, spread) = map(float, stated[2:]), map(float, printed[2:])
     assert abs(size - value) < 0.5 * sigma and abs(spread - sigma) < 0.2 * sigma, "the page is old"
     assert abs(size + 0.12) < 3 * spread
 

@@ -49,7 +49,7 @@ def informed(state: Mapping[str, Any]) -> str:
     bits, now = state["information_bits"], state["not_observable_now"]
     if not state["valid"]:
         return f"{state['why']}; needs {state['needs']}"
-    parts = ["carried over"]
+    parts = ["initial value"]
     if bits["total"] >= NOTHING:
         mode = max((m for m in bits if m != "total"), key=lambda m: bits[m])
         shown = f"{bits['total']:.1f}" if bits["total"] < 100 else f"{bits['total']:.0f}"
