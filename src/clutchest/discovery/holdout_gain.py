@@ -43,8 +43,10 @@ def held_out_gain(
     known, gains = objective.prior > 0.0, objective.prior == 0.0
     begun = after.theta * known + without * gains
     before = min(fitted(objective, without, fewer), fitted(objective, begun, fewer), key=_cost)
-    again = before.theta * known + with_ * gains
-    after = min(fitted(objective, after.theta, shapes), fitted(objective, again, shapes), key=_cost)
+    restart = before.theta * known + with_ * gains
+    after = min(
+        fitted(objective, after.theta, shapes), fitted(objective, restart, shapes), key=_cost
+    )
     assert objective.span is not None
     return between(
         HeldOutPrediction.of(objective, before),

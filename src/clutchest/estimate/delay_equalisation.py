@@ -29,10 +29,10 @@ class Clocks:
 
     def take(self, new: Mapping[str, Signal]) -> Mapping[str, Signal]:
         """The ``new`` samples of every signal; what would overtake the one before it is left out,
-        having been told already."""
-        found = dict(new)
+        having been used already."""
+        equalised = dict(new)
         for i, (name, size, lateness) in enumerate(self.late):
-            if name not in found or not len(signal := found[name]):
+            if name not in equalised or not len(signal := equalised[name]):
                 continue
             value = self._at(lateness.covariate, signal.time, new)
             late = np.interp(value, lateness.at, lateness.seconds)
@@ -41,12 +41,12 @@ class Clocks:
             ahead = np.concatenate([[self._put_off.get(i, -np.inf)], time[:-1]])
             keep = time > np.maximum.accumulate(ahead)
             self._put_off[i] = float(max(time.max(), ahead[0]))
-            found[name] = replace(signal, time=time).take(keep)
+            equalised[name] = replace(signal, time=time).take(keep)
         for _, _, lateness in self.late:
             of = lateness.covariate
             if of in new and len(valid := new[of].only_valid()):
                 self._value[of] = float(valid.value[-1])
-        return found
+        return equalised
 
     def _at(self, of: str, time: Floats, new: Mapping[str, Signal]) -> Floats:
         """What was last known, at each ``time`` (n), of what a delay goes with; NaN: nothing."""

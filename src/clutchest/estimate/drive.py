@@ -39,7 +39,7 @@ from clutchest.progress import Progress
 from clutchest.signals import LOST, Floats, Signal
 from clutchest.vehicle import Vehicle
 
-MARGIN = 1.0  # s more of the past than anything looks back
+MARGIN = 1.0  # s more of the past than anything needs
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class Drive:
         self.timings: dict[str, SampleTiming] = {}
         self.belief: Belief | None = None
         self.gained = np.zeros((2, len(self.compiled.model.states)))
-        self.told: Floats | float = 0.0  # what measurements told up to the last row
+        self.gained_before: Floats | float = 0.0  # information up to the last row
         self.own = np.zeros(len(self.compiled.model.states))  # its variance but for the parameters'
         self.begin = 0.0  # s, of the estimates
         self.done = -np.inf  # events before are filtered
@@ -131,14 +131,16 @@ class Drive:
         if self.belief is None:
             self.begin = max(0.0, min(float(s.time[0]) for s in present.values()))
         since = max(self.begin, self.done - self.back)
-        found = assemble(self.setting, present, self.timings, Interval(since, end, self.averaged))
-        before = self._certain(found, known, last)
-        line = _cut(found.line, self.done, before)
+        assembled = assemble(
+            self.setting, present, self.timings, Interval(since, end, self.averaged)
+        )
+        before = self._certain(assembled, known, last)
+        line = _cut(assembled.line, self.done, before)
         if line is None:
             return None
         signals = {name: Signal.joined(parts) for name, parts in self.unseen.items()}
         self.unseen = {}
-        piece = self._filter(found, line, signals, last)
+        piece = self._filter(assembled, line, signals, last)
         self.done = before
         self._forget()
         return piece
@@ -198,45 +200,47 @@ class Drive:
             known = min(known, float(sure))
         return present, known
 
-    def _certain(self, found: Assembled, known: float, last: bool) -> float:
+    def _certain(self, assembled: Assembled, known: float, last: bool) -> float:
         """Events before this time, s, are final."""
         if last:
             return np.inf
-        stamps = found.stamps
+        stamps = assembled.stamps
         place = np.searchsorted(stamps, known - self.thresholds.ahead, side="right") - 1
         if place < 0:
             return self.done
         judged = float(stamps[place])
         before = float(np.nextafter(judged, np.inf))
         closed = {}
-        for i, told in found.averages.items():
+        for i, readings in assembled.averages.items():
             name = self.setting.model.sensors[i].column or self.setting.model.sensors[i].name
             apart = APART * max(self.timings[name].period, 1e-3)
-            closed[i] = (told.full & (told.last <= judged)) | (judged - told.last > apart)
-            before = min(before, *told.first[~closed[i]], before)
+            closed[i] = (readings.full & (readings.last <= judged)) | (
+                judged - readings.last > apart
+            )
+            before = min(before, *readings.first[~closed[i]], before)
         before = max(before, self.done)
         rate = self.setting.rate
         self.worth = (np.floor(before * rate) + 1) / rate
-        for i, told in found.averages.items():
-            open_ = told.first[~closed[i] | (told.time >= before)]
-            self.averaged[i] = float(np.nextafter(self._anew(told, open_, before), -np.inf))
+        for i, readings in assembled.averages.items():
+            open_ = readings.first[~closed[i] | (readings.time >= before)]
+            self.averaged[i] = float(np.nextafter(self._anew(readings, open_, before), -np.inf))
             if len(open_) and open_[0] <= before:  # nothing before the whole of it is there
                 repeats = self.setting.model.sensors[i].repeats
                 self.worth = max(self.worth, float(open_[0]) + 2 * repeats)
         return before
 
-    def _anew(self, told: SensorReadings, open_: Floats, before: float) -> float:
+    def _anew(self, readings: SensorReadings, open_: Floats, before: float) -> float:
         """From where readings are averaged again, s: from the first average that is still open, or
         from the one before it, which may be the last event that has been filtered."""
         first = float(min(open_.min(initial=before), before))
-        taken = told.first[(told.first < first) & (told.first >= before - self.back)]
+        taken = readings.first[(readings.first < first) & (readings.first >= before - self.back)]
         return float(taken.max(initial=-np.inf)) if len(taken) else first
 
-    def _released_ns(self, row: float, found: Assembled) -> int:
+    def _released_ns(self, row: float, assembled: Assembled) -> int:
         """When the frame came by which a row at this time, s, is certain."""
-        for told in found.averages.values():
-            within = (told.first <= row) & (row <= told.last)
-            row = max(row, *told.last[within], row)
+        for readings in assembled.averages.values():
+            within = (readings.first <= row) & (row <= readings.last)
+            row = max(row, *readings.last[within], row)
         until, moments = row + self.thresholds.ahead, [row]
         for name, time in self.times.items():
             place = int(np.searchsorted(time, until + self.setting.late(name))) + self.lags[name]
@@ -245,13 +249,13 @@ class Drive:
         return (self.start_ns or 0) + round(max(moments) * 1e9)
 
     def _filter(
-        self, found: Assembled, line: Timeline, signals: Mapping[str, Signal], last: bool
+        self, assembled: Assembled, line: Timeline, signals: Mapping[str, Signal], last: bool
     ) -> Piece:
         begins = self.belief is None
         warnings: list[str] = []
         if self.belief is None:
             self.belief, warnings = begun(
-                self.vehicle, self.compiled, found.line, self.state, self.start_ns
+                self.vehicle, self.compiled, assembled.line, self.state, self.start_ns
             )
             self.start = copied(self.belief)
             self.first_s = float(line.t[0])
@@ -259,10 +263,12 @@ class Drive:
         self.belief, self.last = filtered.final, line
         rows = Rows.of(self.compiled, line, filtered)
         events = self._slips(rows, last)
-        track = track_of(self.vehicle, self.compiled, line, filtered, rows, events, self.told)
+        track = track_of(
+            self.vehicle, self.compiled, line, filtered, rows, events, self.gained_before
+        )
         if len(rows.time):
-            self.told, self.own = filtered.gained[-1], filtered.P[-1].diagonal()
-        released = self._released_ns(float(line.t[-1]), found)
+            self.gained_before, self.own = filtered.gained[-1], filtered.P[-1].diagonal()
+        released = self._released_ns(float(line.t[-1]), assembled)
         return Piece(track, line, filtered, signals, begins, released, tuple(warnings))
 
     def _slips(self, rows: Rows, last: bool) -> tuple[Engagement, ...]:

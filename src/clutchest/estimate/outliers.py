@@ -17,7 +17,7 @@ def without_spikes(
     """``signal`` without samples that stick out beyond both neighbours, and how many there were.
 
     A step, a ramp and a peak that lasts two samples stay as they are.  ``noise`` is the standard
-    deviation stated for the signal; 0 leaves everything in.  ``habit`` is the signal's own unless
+    deviation stated for the signal; 0 leaves everything in.  ``timing`` is the signal's own unless
     given.
     """
     if len(signal) < 3 or noise <= 0.0:

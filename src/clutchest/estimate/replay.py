@@ -87,8 +87,8 @@ def replay(
 
 
 def _beside(drive: Signals, unusable: Sequence[tuple[Signals, Unusable]]) -> Signals:
-    """``drive`` with the frames of stretches of the same logs that are no drive counted, and
-    told."""
+    """``drive`` with the frames of unusable stretches of the same logs counted, and a warning for
+    each."""
     counts, warnings = drive.counts, list(drive.warnings)
     for other, problem in unusable:
         rejected = Counter(counts.rejected) + Counter(other.counts.rejected)
@@ -118,8 +118,8 @@ def _in_stretches(
     usable = {name: signal for name, signal in signals.items() if signal.valid.any()}
     drive = Drive(vehicle, usable, signals.start_ns, rate, state, progress, engine)
     warnings = list(warnings_of(signals, drive.setting))
-    heard = max(float(signal.time[np.argmax(signal.valid)]) for signal in usable.values())
-    stops = np.arange(max(heard + HEAD, STRETCH), signals.end - HEAD, STRETCH)
+    latest = max(float(signal.time[np.argmax(signal.valid)]) for signal in usable.values())
+    stops = np.arange(max(latest + HEAD, STRETCH), signals.end - HEAD, STRETCH)
     tracks: list[Track] = []
     recent: list[Track] = []
     done = -np.inf

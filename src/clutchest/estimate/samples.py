@@ -24,17 +24,17 @@ def blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
 
 @njit(cache=True)
 def _blind(time, samples, gap):  # type: ignore[no-untyped-def]
-    found, k = np.zeros(len(time), np.bool_), 0
+    missing, k = np.zeros(len(time), np.bool_), 0
     for i in range(len(time)):
         while k < len(samples) and samples[k] < time[i]:
             k += 1
         if k == 0:
-            found[i] = samples[0] - gap > time[i]
+            missing[i] = samples[0] - gap > time[i]
         elif k == len(samples):
-            found[i] = samples[-1] + gap < time[i]
+            missing[i] = samples[-1] + gap < time[i]
         else:
-            found[i] = samples[k] - samples[k - 1] > gap
-    return found
+            missing[i] = samples[k] - samples[k - 1] > gap
+    return missing
 
 
 def white_density(noise: float, ar: float, period: float) -> float:
@@ -58,7 +58,7 @@ def slope(
     """Slope of a signal by straight lines through ``window`` s, and its standard deviation.
 
     Outside the reach of a full window the nearest full one stands; no line goes through a hole of
-    more than ``gap`` s.  ``habit`` is the signal's own unless given.
+    more than ``gap`` s.  ``timing`` is the signal's own unless given.
     """
     time, value = signal.time, signal.value
     period = (timing or SampleTiming.of(signal)).period
@@ -68,11 +68,11 @@ def slope(
     for a, b in pairwise(edges):
         if b - a >= count:
             slopes[a:b] = _lines(time[a:b], value[a:b], count)
-    found = Signal.of("slope", "", time, slopes)
+    rate = Signal.of("slope", "", time, slopes)
     if len(time) < count:
-        return found, 0.0
+        return rate, 0.0
     moment = period**2 * count * (count**2 - 1) / 12  # Σ (t − mean)² of samples evenly spaced
-    return found, float(noise / np.sqrt(max(moment, 1e-12)))
+    return rate, float(noise / np.sqrt(max(moment, 1e-12)))
 
 
 @njit(cache=True, error_model="numpy")

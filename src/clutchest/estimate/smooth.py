@@ -4,7 +4,7 @@ Kept from the way forward is one belief per window of events.  The way back filt
 again from there and smooths it, so that memory holds one window, whatever the length of the log.
 
 The parameters are unknown too.  With θ at its nominal value a filter leaves innovations ν that
-are linear in θ, and white at the true one.  So the whole log has told of θ (B. Friedland,
+are linear in θ, and white at the true one.  So the whole log informs θ (B. Friedland,
 "Treatment of bias in recursive filtering", IEEE Trans. Automatic Control AC-14, 1969)
 
     C = (Θ⁻¹ + Σ σσᵀ/s)⁻¹,  θ̂ = −C Σ σν/s        σ = ∂ν/∂θ, s variance of ν, Θ the squared spreads

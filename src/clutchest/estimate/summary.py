@@ -109,12 +109,12 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
     """Final values, standard deviations, whether they are valid, and what would improve them."""
     model, track = part.compiled.model, tracks[-1]
     together = strong_correlations(part.compiled, part.final)
-    found = {}
+    states = {}
     for i, state in enumerate(model.states):
         estimate = track.states[state.name]
         value, std = float(estimate.value[-1]), float(estimate.std[-1])
         valid = bool(estimate.valid[-1])
-        told: dict[str, Any] = {
+        entry: dict[str, Any] = {
             "value": value if isfinite(value) else None,
             "std": std if isfinite(std) else None,
             "unit": state.unit,
@@ -122,7 +122,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
         }
         if state.name in model.unobservable:
             why = model.unobservable[state.name]
-            told |= {
+            entry |= {
                 "why": why,
                 "needs": "the missing signal",
                 "information_bits": None,
@@ -134,7 +134,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
             bits = _bits(tracks, state.name)
             partners = together[state.name]
             own = float(np.sqrt(part.own[i]))
-            told |= {
+            entry |= {
                 "why": None if valid else _too_wide(state, std, own, bits["total"], partners),
                 "needs": None if valid else needs(vehicle.machine, state, partners),
                 "information_bits": bits,
@@ -142,8 +142,8 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
                 "not_observable_now": not_observable_now(track.information, state.name),
                 "moves_with": partners,
             }
-        found[state.name] = told
-    return found
+        states[state.name] = entry
+    return states
 
 
 def _bits(tracks: Sequence[Track], name: str) -> dict[str, float]:
@@ -168,7 +168,7 @@ def _too_wide(
 
 def _sensors(tracks: Sequence[Track]) -> dict[str, dict[str, Any]]:
     """Per sensor: samples, root mean square of the innovation, mean normalised square."""
-    found: dict[str, dict[str, Any]] = {}
+    sensors: dict[str, dict[str, Any]] = {}
     names = dict.fromkeys(name for track in tracks for name in track.innovations.names)
     for name in names:
         count, squares, judged = 0, 0.0, 0.0
@@ -181,9 +181,9 @@ def _sensors(tracks: Sequence[Track]) -> dict[str, dict[str, Any]]:
                 misfit = innovation[rows]
                 squares += float(np.sum(misfit**2))
                 judged += float(np.sum((misfit / std[rows]) ** 2))
-        found[name] = {
+        sensors[name] = {
             "count": count,
             "innovation_rms": float(np.sqrt(squares / count)) if count else None,
             "nis_mean": judged / count if count else None,
         }
-    return found
+    return sensors

@@ -154,7 +154,7 @@ def assemble(
         warnings=(),
     )
     repeated = {i for i, sensor in enumerate(model.sensors) if sensor.repeats}
-    return Assembled(line, stamps, {i: told for i, told in readings.items() if i in repeated})
+    return Assembled(line, stamps, {i: each for i, each in readings.items() if i in repeated})
 
 
 def _grid(rate: float, interval: Interval) -> Floats:

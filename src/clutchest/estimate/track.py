@@ -24,7 +24,7 @@ SMALLEST = 200.0  # J; and stronger than this and than its own uncertainty, or i
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """What slip events are told by, on the grid and densely wherever the surfaces slide.
+    """What slip events are made of, on the grid and densely wherever the surfaces slide.
 
     ``time`` (r,) s, ``mode`` (r,), ``torque`` (r, 2) Nm and variance, ``energy`` (r, 3 + m) and
     ``gained`` (r, n) as the kernel has them, ``hottest`` (r,) °C of the friction surface.
@@ -187,7 +187,7 @@ def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
     if not slips.any():
         return ()
     information = Information.of(compiled, time, rows.mode, rows.gained)
-    found = []
+    events = []
     for a, b in zip(*runs(slips), strict=True):
         first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
         gained = rows.energy[last] - rows.energy[first]
@@ -197,7 +197,7 @@ def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
         if duration < SHORTEST or gained[0] < max(SMALLEST, np.sqrt(variance)):
             continue
         passed = rows.torque[int(a) : int(b), 0]
-        found.append(
+        events.append(
             Engagement(
                 start_s=float(time[first]),
                 duration_s=float(duration),
@@ -208,4 +208,4 @@ def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
                 information_bits=information.between(time[first], time[last]).total(),
             )
         )
-    return tuple(found)
+    return tuple(events)

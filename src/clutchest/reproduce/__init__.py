@@ -27,8 +27,8 @@ class Paper:
 
     def __call__(self, progress: Progress) -> Reproduction:
         """Redo the paper's experiments."""
-        found: Reproduction = import_module(self.module).reproduce(progress)
-        return found
+        reproduction: Reproduction = import_module(self.module).reproduce(progress)
+        return reproduction
 
 
 PAPERS = {

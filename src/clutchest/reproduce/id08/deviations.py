@@ -204,14 +204,16 @@ def explain(rig: Rig, deviation: Deviation) -> Explained:
 
 def a9(rig: Rig) -> Verdict:
     """Every deviation shows in the base model, and its extension removes most of the error."""
-    found = [explain(rig, deviation) for deviation in DEVIATIONS]
+    explained = [explain(rig, deviation) for deviation in DEVIATIONS]
     words = "; ".join(
         f"{e.deviation.words}: {'seen' if e.seen else 'not seen'}, {e.deviation.extension.name} "
         f"removes {100 * e.removed:.0f} %"
-        for e in found
+        for e in explained
     )
-    numbers_ = {f"{e.deviation.words} removed": e.removed for e in found}
-    return Verdict(words, all(e.seen and e.removed >= REMOVED for e in found), numbers_, found)
+    numbers_ = {f"{e.deviation.words} removed": e.removed for e in explained}
+    return Verdict(
+        words, all(e.seen and e.removed >= REMOVED for e in explained), numbers_, explained
+    )
 
 
 CLAIMS = (

@@ -50,10 +50,10 @@ def _transient(axes: Axes, response: Response, low: float, high: float) -> None:
     axes.grid(alpha=0.4)
 
 
-def steps(found: Mapping[float, Response]) -> Figure:
+def steps(results: Mapping[float, Response]) -> Figure:
     """Fig. 11: engagement and release at 25 rpm."""
     figure, sheets = sheet(3, 10.0)
-    for axes, (amps, response) in zip(sheets, found.items(), strict=True):
+    for axes, (amps, response) in zip(sheets, results.items(), strict=True):
         _transient(axes, response, *PLOTS[amps][2:])
         axes.set_title(f"i_aR = {amps:g} A", fontsize=9)
     sheets[0].legend(fontsize=7, ncols=5)
@@ -68,10 +68,10 @@ def slow(response: Response) -> Figure:
     return figure
 
 
-def ramps(found: Mapping[float, Columns]) -> Figure:
+def ramps(results: Mapping[float, Columns]) -> Figure:
     """Fig. 13: requested current over motor angle."""
     figure, (axes,) = sheet(height=4.2)
-    for rate, o in found.items():
+    for rate, o in results.items():
         axes.plot(o["motor_angle"] * DEGREES, o["request"], lw=0.9, label=f"{rate:g} A/s")
     axes.set(xlabel="α_m1 [°]", ylabel="i_aR [A]", xlim=(0.0, 1600.0), ylim=(0.0, 20.0))
     axes.legend(fontsize=8)
@@ -88,9 +88,9 @@ def loop(o: Columns, widest: float, highest: float) -> Figure:
     return figure
 
 
-def spring(found: tuple[Floats, Floats, float]) -> Figure:
+def spring(results: tuple[Floats, Floats, float]) -> Figure:
     """Fig. 5b: the reset spring, and where it rests."""
-    displacement, force, preload = found
+    displacement, force, preload = results
     figure, (axes,) = sheet(height=4.2)
     axes.plot(1e3 * displacement, force)
     axes.plot(1e3 * preload, np.interp(preload, displacement, force), "o", label="at rest")
@@ -100,10 +100,10 @@ def spring(found: tuple[Floats, Floats, float]) -> Figure:
     return figure
 
 
-def explained(found: Sequence[Explained]) -> Figure:
+def explained(results: Sequence[Explained]) -> Figure:
     """A9: the deviating rig, the model as it stands, and with its extension."""
-    figure, sheets = sheet(len(found), 2.6 * len(found))
-    for axes, e in zip(sheets, found, strict=True):
+    figure, sheets = sheet(len(results), 2.6 * len(results))
+    for axes, e in zip(sheets, results, strict=True):
         off, end = PLOTS[e.deviation.amps][:2]
         start, stop = e.deviation.window or (off, end)
         name = e.deviation.quantity

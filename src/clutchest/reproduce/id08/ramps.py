@@ -21,11 +21,11 @@ def branches(o: Columns, key: str) -> tuple[tuple[Floats, Floats], tuple[Floats,
     """(``key``, angle in °) on the way up and on the way down, angle as it goes on, sorted."""
     angle = o["motor_angle"] * DEGREES
     turn = int(np.argmax(angle))
-    found = []
+    branches = []
     for rows in (slice(0, turn + 1), slice(turn, None)):
         order = np.argsort(angle[rows], kind="stable")
-        found.append((o[key][rows][order], angle[rows][order]))
-    return found[0], found[1]
+        branches.append((o[key][rows][order], angle[rows][order]))
+    return branches[0], branches[1]
 
 
 def width(o: Columns, key: str, at: float) -> tuple[float, float]:
@@ -36,16 +36,16 @@ def width(o: Columns, key: str, at: float) -> tuple[float, float]:
 
 def a5(rig: Rig) -> Verdict:
     """Loops of current over angle at every rate, that reach 20 A within 1600°."""
-    found = {rate: rig.ramp(rate) for rate in RATES}
+    runs = {rate: rig.ramp(rate) for rate in RATES}
     words, good = [], True
     numbers: dict[str, float] = {}
-    for rate, o in found.items():
+    for rate, o in runs.items():
         reach = float(o["motor_angle"].max() * DEGREES)
         up, down = width(o, "request", 0.85 * reach)
         good &= 1200.0 < reach < 1600.0 and up - down > 2.0
         words.append(f"{rate:g} A/s: {reach:.0f}°, {up - down:.1f} A wide")
         numbers |= {f"reach_{rate:g}_deg": reach, f"width_{rate:g}_A": up - down}
-    return Verdict("; ".join(words), bool(good), numbers, found)
+    return Verdict("; ".join(words), bool(good), numbers, runs)
 
 
 def a6(rig: Rig) -> Verdict:

@@ -108,8 +108,8 @@ class Rig:
             "oil_temp": np.full(len(time), OIL),
         }
         effects = {extension.name: {extension.gains[0].key: size}} if extension else None
-        found = model.run(parameters, start, inputs, PERIOD, STEPS, effects)
-        return {"time": time, "request": request, **found}
+        columns = model.run(parameters, start, inputs, PERIOD, STEPS, effects)
+        return {"time": time, "request": request, **columns}
 
 
 def times(end: float) -> Floats:

@@ -84,9 +84,9 @@ def _responses(rig: Rig) -> dict[float, Response]:
 
 def a1(rig: Rig) -> Verdict:
     """Torques within the plots' axes, the largest near 2500 Nm; released, all goes home."""
-    found = _responses(rig)
+    responses = _responses(rig)
     words, good = [], True
-    for amps, response in found.items():
+    for amps, response in responses.items():
         _, _, low, high = PLOTS[amps]
         torque, angle = response.torque, response.columns["motor_angle"]
         home = abs(angle[-1]) < HOME and abs(torque[-1]) < ONSET
@@ -95,16 +95,16 @@ def a1(rig: Rig) -> Verdict:
             f"{amps:g} A: peak {torque.max():.0f}, settled {response.settled:.0f} Nm, "
             f"motor back at {angle[-1]:.2f} rad"
         )
-    good &= 2000.0 < found[12.0].settled < 2600.0
-    numbers = {f"settled_{amps:g}A_Nm": r.settled for amps, r in found.items()}
-    return Verdict("; ".join(words), bool(good), numbers, found)
+    good &= 2000.0 < responses[12.0].settled < 2600.0
+    numbers = {f"settled_{amps:g}A_Nm": r.settled for amps, r in responses.items()}
+    return Verdict("; ".join(words), bool(good), numbers, responses)
 
 
 def a2(rig: Rig) -> Verdict:
     """A pure delay; shorter for larger requests, but the current falls short of the largest."""
-    found = _responses(rig)
-    delays = {amps: response.delay for amps, response in found.items()}
-    reached = {amps: r.on_the_way() / amps for amps, r in found.items()}
+    responses = _responses(rig)
+    delays = {amps: response.delay for amps, response in responses.items()}
+    reached = {amps: r.on_the_way() / amps for amps, r in responses.items()}
     falling = delays[12.0] < delays[7.0] < delays[2.5]
     pure = delays[12.0] > 0.03
     saved = (delays[2.5] / delays[12.0]) / (12.0 / 2.5)  # 1 if in proportion

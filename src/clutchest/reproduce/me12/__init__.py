@@ -89,12 +89,12 @@ def margins(of: Setup) -> Mapping[str, Mapping[str, Margin]]:
     stored = files(__package__).joinpath(MARGINS)
     if not stored.is_file():
         return {}
-    told = json.loads(stored.read_text(encoding="utf-8"))
-    if told["numbers"] != numbers(of):
+    margins = json.loads(stored.read_text(encoding="utf-8"))
+    if margins["numbers"] != numbers(of):
         return {}
     return {
         row: {name: Margin(**margin) for name, margin in of_row.items()}
-        for row, of_row in told["rows"].items()
+        for row, of_row in margins["rows"].items()
     }
 
 

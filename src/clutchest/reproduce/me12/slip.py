@@ -73,7 +73,7 @@ CLAIMS = (
         "D3",
         "torque at constant position against slip, corrected for heat",
         "Figs. 3, 4",
-        "no correlation from 600 to 1300 rpm on an axis of 50–250 Nm (accepted: surely below 5 %)",
+        "no correlation from 600 to 1300 rpm on an axis of 50–250 Nm (accepted: clearly below 5 %)",
         independent,
         {
             "friction that falls with slip": lambda s: replace(

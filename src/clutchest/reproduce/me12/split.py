@@ -28,10 +28,10 @@ def _fitted(setup: Setup, k_p: float) -> tuple[float, tuple[float, float]]:
         problem = problem.holding(*HALVED)
     posterior = most_probable(problem)
     _, (measured, modelled) = along(posterior, 0, ("measured_torque", "clutch_torque"))
-    found = [posterior.of(key) for key in HALVED]
+    halves = [posterior.of(key) for key in HALVED]
     numbers = [
         vehicle.parameters[k].value if f is None else f[0]
-        for k, f in zip(HALVED, found, strict=True)
+        for k, f in zip(HALVED, halves, strict=True)
     ]
     return rms(modelled - measured), (numbers[0], numbers[1])
 
