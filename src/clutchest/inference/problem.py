@@ -31,6 +31,7 @@ from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
+STEPS = 2  # from nominal inputs to those that numbers imply
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 # s, standard deviation by which the delay of a signal in white noise comes out wrong beside what
 # that noise makes of it: measured on 140 simulated drives; samples come 20 times as far apart.
@@ -229,9 +230,17 @@ class Problem:
         )
 
     def implied(self, theta: Floats, shapes: Shapes) -> tuple[OperatingPoint, ...]:
-        """The operating point of every drive at ``theta`` (m)."""
-        none = np.zeros(0, np.int64)
-        return tuple(drive.implied for drive in self.linearise(theta, shapes, none))
+        """The operating point of every drive at ``theta`` (m).
+
+        Two steps of Gauss and Newton from that of the vehicle file's numbers: after one, inputs
+        are still off by what is not linear on the way, and derivatives by several unknowns, taken
+        at such inputs and at later ones, would differ by more than what tells them apart.
+        """
+        none, at = np.zeros(0, np.int64), None
+        for _ in range(STEPS):
+            at = tuple(drive.implied for drive in self.linearise(theta, shapes, none, at))
+        assert at is not None
+        return at
 
     def _of_drive(
         self, drive: int, numbers: ModelNumbers, wanted: NDArray[np.bool_], at: OperatingPoint
