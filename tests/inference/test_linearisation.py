@@ -14,6 +14,8 @@ import pytest
 
 import clutchest
 from clutchest.generator import Sampled
+from clutchest.inference.linearisation import Modulation
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import TIMING, NormalisedInnovations, Problem
 from clutchest.inference.unknowns import (
     InitialState,
@@ -332,3 +334,25 @@ def test_numbers_are_in_their_units(problem):
     assert problem.thetas[slope] == UnknownGain("friction_speed", "slope", 0.3)
     assert set(problem.gains).isdisjoint(problem.nuisances)
     assert len(problem.gains) + len(problem.nuisances) == len(problem.thetas)
+
+
+def test_derivatives_by_a_constant_curve_are_those_by_the_gain_itself(truck, monkeypatch):
+    """At an operating point far from nominal: what a curve over a covariate does is compared with
+    what nuisances do, to one part in a million, so both are taken at the same inputs."""
+    drive = clutchest.simulate(truck, "launches", 6, {"wear": {"amount": 1.0}}, duration=120.0)
+    problem = Problem.of(drive, truck, LIBRARY)
+    theta = np.zeros(len(problem.thetas))
+    theta[problem.index("wear.amount")] = 1.0 / problem.units[problem.index("wear.amount")]
+    gains = problem.gains
+    ones = Modulation(np.ones((len(problem.drives[0].line.t), 1)), np.zeros(len(gains), np.int64))
+
+    def differ() -> float:
+        fit = Objective.of(problem).linearise_at(theta)
+        curve = Objective.of(problem).modulated(fit, gains, [ones])
+        size = np.linalg.norm(fit.psi[:, gains], axis=0)
+        off = np.linalg.norm(curve - fit.psi[:, gains], axis=0)[size > 1.0] / size[size > 1.0]
+        return float(np.max(off))
+
+    assert differ() < 1e-6
+    monkeypatch.setattr("clutchest.inference.problem.STEPS", 1)
+    assert differ() > 1e-3  # what one step leaves
