@@ -19,12 +19,13 @@ from clutchest.errors import ClutchestError, nearest
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.surroundings import stream
-from clutchest.models.effects import Effect, Lateness, effects_of_file
+from clutchest.models.effects import Effect, Lateness, with_files
 from clutchest.models.model import Expressions, Model
 from clutchest.models.regimes import Observed
 from clutchest.models.thresholds import Thresholds
 from clutchest.signals import Floats, Truth
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import prior_std, process_noise
 
 DURATION = 120.0  # s, unless another one is asked for
 GRID = 1e-3  # s between moments that are kept
@@ -95,9 +96,7 @@ def generate(vehicle: Vehicle, request: DriveRequest) -> Sampled:
 
 def _present(vehicle: Vehicle, effects: Effects) -> dict[Effect, dict[str, float]]:
     """Effect → all its numbers, of those that are asked for."""
-    known = dict(vehicle.machine.effects)
-    for path in vehicle.effects_files:
-        known |= effects_of_file(path)
+    known = with_files(vehicle.machine.effects, vehicle.effects_files)
     present = {}
     for name, values in effects.items():
         if name not in known:
@@ -177,8 +176,7 @@ def _start(
     rest = vehicle.machine.at_rest(drawn, {i.name: u0[j] for j, i in enumerate(model.inputs)})
     x = np.array([rest.get(state.name, 0.0) for state in model.states], float)
     rng = stream(request.seed, "start")
-    for i, state in enumerate(model.states):
-        std = vehicle.estimation.get(state.name, state).initial_std
+    for i, (state, std) in enumerate(zip(model.states, prior_std(vehicle, model), strict=True)):
         off = 0.0 if request.nominal else std * rng.standard_normal()
         x[i] = x[i] * np.exp(off / x[i]) if state.factor and x[i] > 0.0 else x[i] + off
     e = numbers.e
@@ -239,21 +237,11 @@ def _steps(vehicle: Vehicle, numbers: _Numbers, dt: float) -> ca.Function:
     k2 = f(x + dt / 2 * k1, middle)
     k3 = f(x + dt / 2 * k2, middle)
     k4 = f(x + dt * k3, ub)
-    per_second, per_joule = _process_noise(vehicle, model)
+    per_second, per_joule = np.split(process_noise(vehicle, model), 2)
     variance = dt * (ca.DM(per_second) + ca.DM(per_joule) * ca.fabs(heat(x, ua)))
     after = x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4) + ca.sqrt(variance) * random
     step = ca.Function("step", [x, ua, ub, random], [jump(after, ua, ub)])
     return step.mapaccum("steps", TOGETHER * round(GRID / dt))
-
-
-def _process_noise(vehicle: Vehicle, model: Model) -> tuple[list[float], list[float]]:
-    """Variance per s and per J of every state, of those that may vary."""
-    settings = [(state, vehicle.estimation.get(state.name, state)) for state in model.states]
-    adaptive = [setting.role == "adaptive" for _, setting in settings]
-    return (
-        [s.process_noise**2 * a for (_, s), a in zip(settings, adaptive, strict=True)],
-        [state.slip_noise**2 * a for (state, _), a in zip(settings, adaptive, strict=True)],
-    )
 
 
 def _along(numbers: _Numbers, wanted: ca.SX, x: Floats, u: Floats) -> Floats:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchest.estimate.drive_setup import DriveSetup, process_noise
-from clutchest.estimate.initial_state import prior_std
+from clutchest.estimate.drive_setup import DriveSetup
 from clutchest.models import machine_of
 from clutchest.models.model import Model
 from clutchest.vehicle import Estimation, Vehicle, load_vehicle
+from clutchest.vehicle.state_uncertainty import prior_std, process_noise
 
 
 def plain(name: str) -> tuple[Vehicle, Model]:

@@ -19,6 +19,7 @@ from clutchest.models.regimes import SLIDING
 from clutchest.models.thresholds import Thresholds
 from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import process_noise
 
 COARSEST = 0.5  # s between samples of the model's anchor; slip events are little longer
 
@@ -225,19 +226,6 @@ def _cleaned_times(
         stop = len(cleaned) if rows.stop == len(signal) else len(cleaned) - 1
         yield cleaned.time[first:stop], outliers
         memory_mapped.release_memory()
-
-
-def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Floats:
-    """Variance per s, then per J of slip energy, of every state, shape (2n,), by vehicle file or
-    model."""
-    per_second, per_joule = [], []
-    for state in model.states:
-        treated = vehicle.estimation.get(state.name, state)  # by the file, else by the model
-        adaptive = treated.role == "adaptive"
-        density = state.parked_noise if parked else treated.process_noise
-        per_second.append(density**2 if adaptive else 0.0)
-        per_joule.append(state.slip_noise**2 if adaptive else 0.0)
-    return np.array(per_second + per_joule)
 
 
 def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from clutchest.errors import ClutchestError
-from clutchest.estimate.drive_setup import process_noise
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, copied, first_belief, run
-from clutchest.models.model import Model
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import prior_std, process_noise
 
 COOLING = 3600.0  # s, time constant at which the inputs of a parked machine go to their new values
 LONGEST_SOAK = 48 * 3600.0  # s, after which every temperature has settled
@@ -53,20 +52,6 @@ class History:
             self.engagements + engagements,
             self.slip_energy_J + slip_energy_J,
         )
-
-
-def prior_std(vehicle: Vehicle, model: Model) -> Floats:
-    """Standard deviation of every state before any data, shape (n,)."""
-    stds = []
-    for state in model.states:
-        stated = vehicle.estimation.get(state.name)
-        std = stated.initial_std if stated else state.initial_std
-        nominal = vehicle.parameters.get(state.prior)
-        if stated is None and nominal is not None and nominal.spread > 0:
-            # the spread of a state's nominal value is the state's prior
-            std = nominal.spread / (abs(nominal.value) if state.unit == "1" else 1.0)
-        stds.append(std)
-    return np.array(stds)
 
 
 def nominal(compiled: Compiled, timeline: Timeline) -> Floats:

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.estimate.drive_setup import process_noise
 from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import covariance
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.declarations import Wear
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import process_noise
 
 Z = 1.96  # standard deviations of a 95 % interval
 MJ = 1e6

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from clutchest.estimate.initial_state import prior_std
 from clutchest.inference.linearisation import Modulation, modulated
 from clutchest.inference.operating_point import ModelNumbers
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -22,6 +21,7 @@ from clutchest.inference.unknowns import InputNoise, of_compiled
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import prior_std
 
 PARTS = 64  # of a drive, with as much noise in each
 NOTHING = 1e-20  # of a square: rounding

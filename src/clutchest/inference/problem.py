@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.estimate.initial_state import prior_std
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Modulation, linearise, modulated
@@ -30,6 +29,7 @@ from clutchest.models.model import Model
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.state_uncertainty import prior_std
 
 STEPS = 2  # from nominal inputs to those that numbers imply
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states

@@ -9,7 +9,7 @@ from math import exp, isfinite, log
 
 from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
 from clutchest.models.declarations import Comparison
-from clutchest.models.effects import Effect, effects_of_file
+from clutchest.models.effects import Effect, with_files
 from clutchest.record.quantities import Quantity
 from clutchest.record.report import rounded, table
 from clutchest.shipped import shipped
@@ -47,7 +47,7 @@ def whereabouts(discovery: Discovery) -> str | None:
 
 def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
     """Per cause its name, numbers with ±, improvement of the fit (2 Δ ln L) and p-value."""
-    known = _effects(discovery.extended)
+    known = with_files(discovery.extended.machine.effects, discovery.extended.effects_files)
     return [
         (
             c.effect,
@@ -170,7 +170,7 @@ def _lost(counts: Counts) -> str:
 
 
 def _causes(discovery: Discovery) -> str:
-    known = _effects(discovery.extended)
+    known = with_files(discovery.extended.machine.effects, discovery.extended.effects_files)
     rows = [
         (name, _meaning(known.get(name)), numbers, statistic, p_value)
         for name, numbers, statistic, p_value in causes_rows(discovery)
@@ -249,14 +249,6 @@ def _meaning(effect: Effect | None) -> str:
         return ""
     first = inspect.cleandoc(type(effect).__doc__ or "").split("\n\n")[0]
     return " ".join(first.split()).replace("``", "`").replace("|", "\\|")
-
-
-def _effects(vehicle: Vehicle) -> Mapping[str, Effect]:
-    """The library's and the user's own, by name."""
-    known = dict(vehicle.machine.effects)
-    for path in vehicle.effects_files:
-        known |= effects_of_file(path)
-    return known
 
 
 def _argument(vehicle: Vehicle) -> str:

@@ -33,11 +33,9 @@ def read_effects(
     file.known(("effects_spread",), spreads, table, "effect of [effects]")
     if not table and not effects_files:
         return {}
-    from clutchest.models.effects import effects_of_file
+    from clutchest.models.effects import with_files
 
-    library = dict(machine.effects)
-    for path in effects_files:
-        library |= effects_of_file(path)
+    library = with_files(machine.effects, effects_files)
     file.known(("effects",), table, (*library, KIND), f"effect of '{machine.name}'")
     if own := [name for name in table if name not in machine.effects]:
         from clutchest.models.validate_effect import why_invalid

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
@@ -20,7 +20,16 @@ from clutchest.models.effects.effect import (
 )
 from clutchest.models.python_file import load_module
 
-__all__ = ["Effect", "Gains", "Lateness", "Number", "Wording", "effects_in", "effects_of_file"]
+__all__ = [
+    "Effect",
+    "Gains",
+    "Lateness",
+    "Number",
+    "Wording",
+    "effects_in",
+    "effects_of_file",
+    "with_files",
+]
 
 
 def effects_in(package: str) -> Mapping[str, Effect]:
@@ -44,6 +53,15 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
     for name in (name for name in effects if name in RESERVED):
         raise ClutchestError(f"{path}: effect '{name}' has a reserved name, expected another")
     return effects
+
+
+def with_files(library: Mapping[str, Effect], files: Iterable[Path]) -> dict[str, Effect]:
+    """Name → effect, of a machine's ``library`` and of a user's own ``files``.  Raises as
+    :func:`effects_of_file` does."""
+    known = dict(library)
+    for path in files:
+        known |= effects_of_file(path)
+    return known
 
 
 def _defined_in(module: ModuleType) -> list[Effect]:

@@ -1,0 +1,36 @@
+"""How uncertain states are before any data, and what time and slip add to that."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchest.models.model import Model
+from clutchest.signals import Floats
+from clutchest.vehicle.vehicle import Vehicle
+
+
+def prior_std(vehicle: Vehicle, model: Model) -> Floats:
+    """Standard deviation of every state before any data, shape (n,)."""
+    stds = []
+    for state in model.states:
+        stated = vehicle.estimation.get(state.name)
+        std = stated.initial_std if stated else state.initial_std
+        nominal = vehicle.parameters.get(state.prior)
+        if stated is None and nominal is not None and nominal.spread > 0:
+            # the spread of a state's nominal value is the state's prior
+            std = nominal.spread / (abs(nominal.value) if state.unit == "1" else 1.0)
+        stds.append(std)
+    return np.array(stds)
+
+
+def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Floats:
+    """Variance per s, then per J of slip energy, of every state, shape (2n,), by vehicle file or
+    model."""
+    per_second, per_joule = [], []
+    for state in model.states:
+        treated = vehicle.estimation.get(state.name, state)  # by the file, else by the model
+        adaptive = treated.role == "adaptive"
+        density = state.parked_noise if parked else treated.process_noise
+        per_second.append(density**2 if adaptive else 0.0)
+        per_joule.append(state.slip_noise**2 if adaptive else 0.0)
+    return np.array(per_second + per_joule)
