@@ -7,14 +7,20 @@ from pathlib import Path
 import numpy as np
 
 from clutchest.compute.records import Belief, RowResults
-from clutchest.errors import ClutchestError
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.drive_setup import DriveSetup
 from clutchest.estimate.ekf import OnlineFilter
 from clutchest.estimate.initial_state import fresh
 from clutchest.estimate.samples import white_density
 from clutchest.estimate.timeline import Timeline, build
-from clutchest.estimate.whole_log import Compiled, Filtered, compile_model, delays, empty_rows
+from clutchest.estimate.whole_log import (
+    Compiled,
+    Filtered,
+    compile_model,
+    delays,
+    empty_rows,
+    require_finite,
+)
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -47,8 +53,7 @@ def run_filterpy(
             _store(rows, row, engine, timeline.u[k], timeline.row[k], gained)
     if progress:
         progress("filtering", 1.0)
-    if not np.all(np.isfinite(engine.x)):
-        raise ClutchestError("the estimate left the finite numbers: see the parameters' values")
+    require_finite(engine.x)
     m, none = len(compiled.thetas), np.zeros((0, len(start.x)))
     return Filtered(*rows, innovation, np.zeros((0, m)), none, engine.belief(), total)
 

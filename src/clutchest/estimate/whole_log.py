@@ -190,6 +190,12 @@ def compile_model(
     )
 
 
+def require_finite(x: Floats) -> None:
+    """Raises ClutchestError for an estimate ``x`` (n) that is no longer one."""
+    if not np.all(np.isfinite(x)):
+        raise ClutchestError("the estimate left the finite numbers: see the parameters' values")
+
+
 def run(
     compiled: Compiled,
     timeline: Timeline,
@@ -230,8 +236,7 @@ def run(
         )
     if progress:
         progress("filtering", 1.0)
-    if not np.all(np.isfinite(belief.x)):
-        raise ClutchestError("the estimate left the finite numbers: see the parameters' values")
+    require_finite(belief.x)
     return Filtered(*rows, *results, weighting.gains, belief, float(total))
 
 
