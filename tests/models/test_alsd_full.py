@@ -230,7 +230,9 @@ def test_every_law_slides_with_the_friction_potential(law: object) -> None:
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize(("law", "softer"), [(karnopp, 0.05), (lugre, 0.15)], ids=str)
+@pytest.mark.parametrize(
+    ("law", "softer"), [(karnopp, 0.05), (lugre, 0.15)], ids=["karnopp", "lugre"]
+)
 def test_the_structure_apart_winds_up_as_the_lumped_bristle_does(
     law: object, softer: float
 ) -> None:
