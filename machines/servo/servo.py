@@ -1,48 +1,13 @@
 """A DC motor that turns a load: a machine of one's own in one file.
 
-The equations are those of any textbook on electric drives, e.g. Krause, Wasynczuk, Sudhoff,
-"Analysis of Electric Machinery and Drive Systems", chapter 2.  ``docs/machine.md`` builds this file
-step by step.
+The equations: Krause, Wasynczuk, Sudhoff, "Analysis of Electric Machinery and Drive Systems",
+chapter 2.  ``docs/machine.md`` builds this file step by step.
 """
 
 import casadi as ca
 import numpy as np
 
-from clutchest.machine import (
-    Comparison,
-    Effect,
-    ErrorTerm,
-    Input,
-    Machine,
-    Model,
-    ModelFault,
-    Number,
-    Parameter,
-    Sensor,
-    State,
-)
-
-STATES = (  # name, unit, symbol, what, process noise (unit/√s), initial std, useful std
-    State("current", "A", "i", "winding", 0.02, 1.0, 1.0, stiff=True),
-    State("speed", "rad/s", "ω", "shaft", 0.05, 1.0, 5.0),
-    State("temp_winding", "°C", "T", "winding", 0.01, 5.0, 10.0, parked_noise=0.1),
-)
-PARAMETERS = (
-    Parameter("resistance", "Ohm", "R", "of the winding at 25 °C", 0.01),
-    Parameter("inductance", "mH", "L", "of the winding", 0.01),
-    Parameter("torque_constant", "Nm/A", "K", "torque per current, voltage per speed", 0.001),
-    Parameter("inertia", "kg m^2", "J", "of rotor and load", 1e-6),
-    Parameter("coulomb_torque", "Nm", "T_C", "dry friction", 0.0),
-    Parameter("viscous", "Nm s/rad", "b", "viscous friction", 0.0),
-    Parameter("heat_capacity", "J/K", "C", "of the winding", 1.0),
-    Parameter("conductance", "W/K", "G", "from winding to air", 0.0),
-)
-INPUTS = (
-    Input("voltage", "V", "U", "at the terminals"),
-    Input("ambient_temp", "°C", "T_0", "air", default=25.0, gap=60.0),
-    Input("acceleration", "rad/s^2", "dω/dt", "slope of the measured speed", default=0.0),
-)
-SENSORS = (Sensor("speed", "rad/s", "ω", "shaft"), Sensor("current", "A", "i", "winding"))
+from clutchest import machine as cm
 
 
 def electrical(q):
@@ -71,14 +36,29 @@ def thermal(q):
     q.temp_winding_rate = (q.heat - cooling) / q.heat_capacity
 
 
-MODEL = Model(
+MODEL = cm.Model(
     "servo",
-    STATES,
-    PARAMETERS,
-    INPUTS,
-    regime=(),
-    sensors=SENSORS,
-    outputs=("friction",),
+    states=(  # name, unit, symbol, what, process noise (unit/√s), initial std, useful std
+        cm.State("current", "A", "i", "winding", 0.02, 1.0, 1.0, stiff=True),
+        cm.State("speed", "rad/s", "ω", "shaft", 0.05, 1.0, 5.0),
+        cm.State("temp_winding", "°C", "T", "winding", 0.01, 5.0, 10.0, parked_noise=0.1),
+    ),
+    parameters=(
+        cm.Parameter("resistance", "Ohm", "R", "of the winding at 25 °C", 0.01),
+        cm.Parameter("inductance", "mH", "L", "of the winding", 0.01),
+        cm.Parameter("torque_constant", "Nm/A", "K", "torque per current", 0.001),
+        cm.Parameter("inertia", "kg m^2", "J", "of rotor and load", 1e-6),
+        cm.Parameter("coulomb_torque", "Nm", "T_C", "dry friction", 0.0),
+        cm.Parameter("viscous", "Nm s/rad", "b", "viscous friction", 0.0),
+        cm.Parameter("heat_capacity", "J/K", "C", "of the winding", 1.0),
+        cm.Parameter("conductance", "W/K", "G", "from winding to air", 0.0),
+    ),
+    inputs=(
+        cm.Input("voltage", "V", "U", "at the terminals"),
+        cm.Input("ambient_temp", "°C", "T_0", "air", default=25.0, gap=60.0),
+        cm.Input("acceleration", "rad/s^2", "dω/dt", "slope of the measured speed", default=0.0),
+    ),
+    sensors=(cm.Sensor("speed", "rad/s", "ω", "shaft"), cm.Sensor("current", "A", "i", "winding")),
     pieces=(electrical, mechanical, thermal),
     anchor="speed",
     slopes={"acceleration": "speed"},
@@ -86,40 +66,31 @@ MODEL = Model(
 )
 
 
-class CoulombChange(Effect):
+class CoulombChange(cm.Effect):
     """T_C × (1 + ``change``): a bearing that runs dry, a brake that drags."""
 
-    name, model, equation = "coulomb_change", "servo", "friction"
-    parameters = (Number("change", "1", -0.5, 2.0, healthy=0.05),)
-
-    def terms(self, g):
-        return {"coulomb_now": lambda torque, q: torque * (1 + g.change)}
+    name, equation, scales = "coulomb_change", "friction", {"coulomb_now": "change"}
+    parameters = (cm.Number("change", "1", -0.5, 2.0, healthy=0.05),)
 
 
-class Stribeck(Effect):
+class Stribeck(cm.Effect):
     """T_C × (1 + ``change`` · exp(−|ω|/``speed``)): more friction where the shaft turns slowly."""
 
-    name, model, equation = "stribeck", "servo", "friction"
+    name, equation = "stribeck", "friction"
     parameters = (
-        Number("change", "1", -0.5, 2.0),
-        Number("speed", "rad/s", 2.0, 50.0, shape=True, default=10.0, grid=(5.0, 10.0, 20.0)),
+        cm.Number("change", "1", -0.5, 2.0),
+        cm.Number("speed", "rad/s", 2.0, 50.0, shape=True, default=10.0, grid=(5.0, 10.0, 20.0)),
     )
 
     def terms(self, g):
-        def changed(torque, q):
-            return torque * (1 + g.change * ca.exp(-ca.fabs(q.speed) / g.speed))
-
-        return {"coulomb_now": changed}
+        return {"coulomb_now": lambda t, q: t * (1 + g.change * ca.exp(-abs(q.speed) / g.speed))}
 
 
-class CurrentGain(Effect):
+class CurrentGain(cm.Effect):
     """The current sensor reads i × (1 + ``change``)."""
 
-    name, model, equation = "current_gain", "servo", "sensor:current"
-    parameters = (Number("change", "1", -0.3, 0.3),)
-
-    def terms(self, g):
-        return {"current_reading": lambda reading, q: reading * (1 + g.change)}
+    name, equation, scales = "current_gain", "sensor:current", {"current_reading": "change"}
+    parameters = (cm.Number("change", "1", -0.3, 0.3),)
 
 
 def mixed(rng, time, parameters):
@@ -129,19 +100,19 @@ def mixed(rng, time, parameters):
     return {"voltage": voltage, "ambient_temp": np.full(len(time), 22.0)}
 
 
-MACHINE = Machine.of(
+MACHINE = cm.Machine.of(
     MODEL,
     "DC motor with a load",
     at_rest=lambda parameters, inputs: {"temp_winding": inputs["ambient_temp"]},
     error_terms=(
-        ErrorTerm("current", {"back_emf": lambda value, g: value + 0.2 * g}),  # V
-        ErrorTerm("friction", {"friction": lambda value, g: value + 0.01 * g}),  # Nm
-        ErrorTerm("heat", {"heat": lambda value, g: value + 2.0 * g}, slow=True),  # W
-        ErrorTerm("timing:voltage", late=("voltage", 0.005)),
+        cm.ErrorTerm("current", {"back_emf": lambda value, g: value + 0.2 * g}),  # V
+        cm.ErrorTerm("friction", {"friction": lambda value, g: value + 0.01 * g}),  # Nm
+        cm.ErrorTerm("heat", {"heat": lambda value, g: value + 2.0 * g}, slow=True),  # W
+        cm.ErrorTerm("timing:voltage", late=("voltage", 0.005)),
     ),
     covariates={"motor_torque": "Nm"},
-    compared=Comparison("measured_torque", "motor_torque", "Nm", "motor torque"),
+    compared=cm.Comparison("measured_torque", "motor_torque", "Nm", "motor torque"),
     effects=(CoulombChange(), Stribeck(), CurrentGain()),
-    faults=(ModelFault("coulomb_change", CoulombChange(), "change", 0.3, (16, 18)),),
+    faults=(cm.ModelFault("coulomb_change", CoulombChange(), "change", 0.3, (16, 18)),),
     excitations={"mixed": mixed},
 )

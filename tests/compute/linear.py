@@ -39,7 +39,6 @@ TANKS = Model(
         Parameter("drain", "1/s", "d", "out of the lower"),
     ),
     inputs=(Input("inflow", "m/s", "v", "into the upper"),),
-    regime=(),
     anchor="upper_level",
     sensors=(
         Sensor("upper_level", "m", "a", "upper level"),

@@ -41,18 +41,18 @@ DEFECTS = {  # what is replaced, by what, and words of the message
         "equations make 'heat' something that is no number",
     ),
     "effect of another machine": (
-        '"coulomb_change", "servo"',
-        '"coulomb_change", "alsd"',
-        "effects has 'coulomb_change' of model 'alsd'",
+        'name, equation = "stribeck", "friction"',
+        'name, model, equation = "stribeck", "alsd", "friction"',
+        "effects has 'stribeck' of model 'alsd'",
     ),
     "effect twice": (
-        'name, model, equation = "stribeck"',
-        'name, model, equation = "coulomb_change"',
+        'name, equation = "stribeck"',
+        'name, equation = "coulomb_change"',
         "effects names 'coulomb_change' twice",
     ),
     "effect on a quantity that is not there": (
-        '{"current_reading": lambda reading',
-        '{"curent_reading": lambda reading',
+        '{"current_reading": "change"}',
+        '{"curent_reading": "change"}',
         "effect 'current_gain' changes 'curent_reading'",
     ),
     "error term on a quantity that is not there": (
@@ -78,9 +78,9 @@ DEFECTS = {  # what is replaced, by what, and words of the message
         "there is no piece 'excitation'; did you mean 'excitations'",
     ),
     "anchor": ('anchor="speed"', 'anchor="velocity"', "have no column 'velocity' as their anchor"),
-    "syntax": ("MACHINE = Machine.of(", "MACHINE = Machine.of((", "SyntaxError"),
+    "syntax": ("MACHINE = cm.Machine.of(", "MACHINE = cm.Machine.of((", "SyntaxError"),
     "exit": ("import casadi as ca", "raise SystemExit(3)", "SystemExit: 3"),
-    "none": ("MACHINE = Machine.of(", "machine = lambda: Machine.of(", "it defines none"),
+    "none": ("MACHINE = cm.Machine.of(", "machine = lambda: cm.Machine.of(", "it defines none"),
 }
 
 

@@ -308,7 +308,7 @@ def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
     for name in (name for name in machine.effects if name in RESERVED):
         yield "effects", f"has '{name}', which is a reserved name"
     for name, effect in machine.effects.items():
-        if effect.name != name or effect.model != machine.name:
+        if effect.name != name or effect.model not in ("", machine.name):
             yield "effects", f"has '{effect.name}' of model '{effect.model}' as '{name}'"
     for name in machine.covariates:
         if name not in quantities:

@@ -108,8 +108,9 @@ class Model:
     """Equations as an ordered list of pieces, and the effects present in them.
 
     A piece reads quantities and assigns new ones; ``<state>_rate`` is a state's derivative (0
-    unless assigned), ``<state>_after_step`` what each step resets it to.  ``renewed`` names states
-    that are a plain random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
+    unless assigned), ``<state>_after_step`` what each step resets it to.  ``regime``: flags
+    that the pieces read; ``outputs``: quantities that results hold.  ``renewed`` names states that
+    are a plain random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
     ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
     sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
     of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
@@ -125,10 +126,10 @@ class Model:
     states: tuple[State, ...]
     parameters: tuple[Parameter, ...]
     inputs: tuple[Input, ...]
-    regime: tuple[str, ...]
     sensors: tuple[Sensor, ...]
-    outputs: tuple[str, ...]
     pieces: tuple[Piece, ...]
+    regime: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
     anchor: str = ""
     slopes: Mapping[str, str] = field(default_factory=dict)
     longest: tuple[float, float] = (0.02, 0.5)

@@ -24,7 +24,7 @@ def why_invalid(effect: Effect, machine: Machine, parameters: Mapping[str, float
     numbers; at gain 0 it must change nothing.  ``parameters``: values at which that is tried.
     """
     model = machine.equations(machine.units)
-    if effect.model != machine.name:
+    if effect.model not in ("", machine.name):
         return f"is of the model '{effect.model}', expected '{machine.name}'"
     if is_curve(effect.name):
         return "has a name that is kept for curves, expected another"

@@ -51,10 +51,9 @@ MODEL = Model(
     STATES,
     PARAMETERS,
     INPUTS,
-    (),
     SENSORS,
-    ("clutch_torque", "power"),
-    (plate,),
+    pieces=(plate,),
+    outputs=("clutch_torque", "power"),
     anchor="slip_speed",
 )
 

@@ -37,7 +37,6 @@ ALSD = Model(
     states=STATES,
     parameters=tuple(p for p in PARAMETERS if p.key not in _FULL_MODEL_ONLY),
     inputs=INPUTS,
-    regime=(),
     sensors=SENSORS,
     outputs=("friction_potential", "transmitted_torque", "power"),
     pieces=PIECES,

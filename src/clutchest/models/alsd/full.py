@@ -65,7 +65,6 @@ RIG = Model(
     states=(*_ACTUATOR, *_CONTROLLED, *_SERVO),
     parameters=PARAMETERS,
     inputs=(_REQUEST, _SLIP_REQUEST, _OIL),
-    regime=(),
     sensors=(),
     outputs=("clutch_torque", "power"),
     pieces=(

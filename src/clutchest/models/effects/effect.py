@@ -2,7 +2,8 @@
 
 An effect reaches the model through one of four hooks.
 
-- **equation** and **sensor**: :meth:`Effect.terms` names the quantities it changes, and how.  An
+- **equation** and **sensor**: :attr:`Effect.scales` names the quantities that it makes larger by a
+  share, :meth:`Effect.terms` those that it changes otherwise, and how.  An
   input that the model reads is a sensor's reading too: there the term maps reading → truth, while
   on a ``…_reading`` quantity it maps truth → reading.
 - **timeline**: :attr:`Effect.delays` names the signal that each of its parameters delays,
@@ -122,22 +123,24 @@ class Gains:
 class Effect:
     """Base of every effect: subclass it in a file of its own, one class per effect.
 
-    ``name`` as vehicle files write it, ``model`` it belongs to, ``parameters`` its numbers,
-    ``equation`` in which it acts (``torque``, ``disc_heat``, ``sensor:…``, …).
+    ``name`` as vehicle files write it, ``model`` it belongs to, "" for the one that declares it;
+    ``parameters`` its numbers, ``equation`` in which it acts (``torque``, ``disc_heat``,
+    ``sensor:…``, …).
     """
 
     name: ClassVar[str]
-    model: ClassVar[str]
+    model: ClassVar[str] = ""
     equation: ClassVar[str]
     parameters: ClassVar[tuple[Number, ...]]
     states: ClassVar[tuple[State, ...]] = ()
+    scales: ClassVar[Mapping[str, str]] = {}  # quantity → parameter: it is × (1 + parameter)
     delays: ClassVar[Mapping[str, str]] = {}  # signal → parameter that holds its delay, s
     lateness: ClassVar[Mapping[str, Lateness]] = {}  # signal → how its delay varies
     wording: ClassVar[Mapping[str, Wording]] = {}  # of parameters whose size has a plain meaning
 
     def terms(self, g: Gains) -> Mapping[str, Callable[[Any, Any], Any]]:
         """Quantity → function (value, all quantities) → changed value; the same value at gain 0."""
-        return {}
+        return {quantity: _scaled(getattr(g, key)) for quantity, key in self.scales.items()}
 
     def after_step(self, model: Indices, x: Any, u0: Any, u: Any, g: Gains) -> Any:
         """The state after the step map; ``u0``, ``u`` are the inputs at the step's two ends."""
@@ -147,3 +150,7 @@ class Effect:
     def gains(self) -> tuple[Number, ...]:
         """The parameters that make the effect absent at 0."""
         return tuple(number for number in self.parameters if not number.shape)
+
+
+def _scaled(share: Any) -> Callable[[Any, Any], Any]:
+    return lambda value, q: value * (1 + share)
