@@ -95,3 +95,22 @@ def test_the_terminal_names_the_set_and_explains(diagnosis):
     assert "one of angle_offset, friction_level" in text
     assert "SPN 520192, FMI 11" in text
     assert "separability" in text and "never" in text
+
+
+def test_tables_of_eight_faults_are_whole_in_80_columns(diagnosis):
+    names = tuple(f"fault_of_the_signal_{k}" for k in range(8))
+    isolability = Isolability(
+        names,
+        ("mm/h",) * 8,
+        np.full(8, 0.12),
+        np.full((8, 9), 4.4),
+        (0.12,) * 8,
+        dict.fromkeys(names, ("engine_speed", "zero_position through temp_body")),
+    )
+    console = Console(record=True, width=80, file=StringIO())
+    print_diagnosis(replace(diagnosis, isolability=isolability), console, explain=True)
+    text = console.export_text()
+    assert "…" not in text
+    assert all(text.count(name) == 2 for name in names)
+    rows = [line.split() for line in text.splitlines() if "4.4" in line]
+    assert [row.count("4.4") for row in rows] == [8] * 8

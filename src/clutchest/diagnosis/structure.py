@@ -54,10 +54,13 @@ def affected_sensors(
                 for i, state in enumerate(model.states)
                 if changed[i] and (measured[s] & reach[:, i]).any()
             ]
+            others = [name for name in through if name != sensor.name]
             if direct[s] or (sensor.name in model.renewed and sensor.name in through):
                 sensors.append(sensor.name)
             elif through:
-                sensors.append(f"{sensor.name} through {', '.join(through)}")
+                sensors.append(
+                    f"{sensor.name} through {', '.join(others)}" if others else sensor.name
+                )
         affected[fault] = tuple(sensors)
     return affected
 

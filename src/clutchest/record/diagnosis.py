@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.result import Diagnosis, Isolability
 from clutchest.record.diagnosis_report import details, headline
 from clutchest.record.files import finished_into, json_text
@@ -57,33 +59,53 @@ def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = Fals
 
 
 def print_isolability(isolability: Isolability, console: Console) -> None:
-    """Print which faults are detectable in this drive, from which magnitude, and isolable."""
-    numbers = [str(i + 1) for i in range(len(isolability.faults))]
-    table = Table(
-        "",
-        "fault",
-        "detectable from",
-        "separability (σ) of",
-        "none",
-        *numbers,
-        title="detectability in this drive, and separability of each fault from every other (σ)",
-        title_justify="left",
-        caption="4 or more: isolable",
-        caption_justify="left",
-    )
+    """Print which faults are detectable in this drive, from which size, and isolable."""
+    console.print(_detectability(isolability), "")
+    console.print(_separability(isolability))
+
+
+def _detectability(isolability: Isolability) -> Table:
+    """Per fault the smallest size detectable in this drive, and the sensors that it affects."""
+    table = _compact("", "fault", "detectable from", "affects", title="what this drive can detect")
     for i, fault in enumerate(isolability.faults):
-        from_size = isolability.detectable[i]
-        unit = "" if isolability.units[i] == "1" else f" {isolability.units[i]}"
-        row = [f"{d:.1f}" for d in isolability.d_prime[i]]
-        row = [row[-1], *row[:-1]]
-        row[1 + i] = "–"
+        size = isolability.detectable[i]
+        never = "its limit" if fault == WEAR else "never"
         table.add_row(
-            numbers[i],
+            str(i + 1),
             escape(fault),
-            "never" if from_size is None else f"{from_size:.2g}{unit}",
-            f"{isolability.sizes[i]:.2g}{unit}",
-            *row,
+            never if size is None else _sized(size, isolability.units[i]),
+            escape("; ".join(isolability.structure.get(fault, ())) or "no sensor"),
         )
-    console.print(table)
-    for fault, shown in isolability.structure.items():
-        console.print(escape(f"{fault} affects: {', '.join(shown) or 'nothing'}"), style="dim")
+    return table
+
+
+def _separability(isolability: Isolability) -> Table:
+    """The separability of every fault from no fault and from every other one."""
+    numbers = [str(i + 1) for i in range(len(isolability.faults))]
+    title = "separability (σ) from none and from every other; 4 or more: isolable"
+    table = _compact("", "fault of a size", "none", *numbers, title=title)
+    for column in table.columns[2:]:
+        column.justify, column.no_wrap = "right", True
+    for i, fault in enumerate(isolability.faults):
+        *others, none = (f"{d:.1f}" for d in isolability.d_prime[i])
+        others[i] = "–"
+        size = _sized(isolability.sizes[i], isolability.units[i])
+        table.add_row(numbers[i], escape(f"{fault} {size}"), none, *others)
+    return table
+
+
+def _compact(*head: str, title: str) -> Table:
+    """A table without vertical lines, which leaves room for many columns."""
+    return Table(
+        *head,
+        title=title,
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+
+
+def _sized(size: float, unit: str) -> str:
+    return f"{size:.2g}" if unit == "1" else f"{size:.2g} {unit}"

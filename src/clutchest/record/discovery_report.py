@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import shlex
 from collections.abc import Mapping, Sequence
-from math import exp, isfinite, log
+from math import exp, isfinite, log, sqrt
 
 from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
 from clutchest.models.declarations import Comparison
@@ -86,8 +86,8 @@ def gain_words(gain: Gain, compared: Comparison | None) -> str:
         error = f"{before:.{decimals}f} to {after:.{decimals}f} {compared.unit}"
         open_loop = f", the open-loop {compared.what} error from {error}"
     return (
-        f"{on} ln L {change}, the rms residual goes from {gain.rmse_before:.3f} to "
-        f"{gain.rmse_after:.3f} standard deviations{open_loop}.{verdict}"
+        f"{on} ln L {change}, the rms normalised innovation (1 if the model is right) changes from "
+        f"{gain.rmse_before:.3f} to {gain.rmse_after:.3f}{open_loop}.{verdict}"
     )
 
 
@@ -208,13 +208,13 @@ def _extension(discovery: Discovery) -> str:
 
 def _levels(discovery: Discovery) -> str:
     rows = [
-        (x.sensor, x.mode, f"{x.level:.3f}", f"{x.lag:+.3f}", str(x.count))
+        (x.sensor, x.mode, f"{sqrt(x.level):.3f}", f"{x.lag:+.3f}", str(x.count))
         for x in discovery.misfit.levels
     ]
     head = (
         "sensor",
         "mode",
-        "mean square (1 if the model is right)",
+        "rms whitened innovation (1 if the model is right)",
         "autocorrelation at lag 1 (0 if white)",
         "readings",
     )

@@ -84,7 +84,7 @@ class Missing(StreamTest):
         count, long = int(self.tail[COUNT]), int(self.tail[EXCEEDING])
         return (
             f"a gap of more than {self.bound:.3g} s, from {count} gaps of "
-            f"{1e3 * tail_mean(self.tail):.3g} ms on average, {long} of them in the tail"
+            f"{round(1e3 * tail_mean(self.tail), 1):g} ms on average, {long} of them unusually long"
         )
 
 
