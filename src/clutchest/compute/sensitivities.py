@@ -67,10 +67,13 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
         inputs_between(events.u, k, i, steps, ua, ub)
         inputs_between(denoised.inputs, k, i, steps, va, vb)
         for j in range(STATES):
-            xc[j] = x[j]
+            xc[j] = x[j]  # from where the step begins
         for b, j in enumerate(tracking.states):
             xc[j] = denoised.states[k - 1, b]
         follow(x, ua, ub, dt, w, p, g, moves, xn)
+        x, xn = xn, x
+        if tracking.frozen and len(active) == 0:
+            continue  # nothing is to be differentiated
         transition(xc, va, vb, dt, w, p, g, moves, denoised.slope[k], F, G)
         if not tracking.frozen:
             gathered(xc, va, vb, dt, w, p, g, moves, regimes.Q[row], regimes.noise, work.Q)
@@ -80,7 +83,6 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
                 T[j, c] = G[j, active[c]] * work.acts[c]
         carry(F, S, T, T.shape[1])
         S, T = T, S
-        x, xn = xn, x
     return x, xn, S, T
 
 
