@@ -77,6 +77,11 @@ DEFECTS = {  # what is replaced, by what, and words of the message
         "    excitation=",
         "there is no piece 'excitation'; did you mean 'excitations'",
     ),
+    "threshold": (
+        '    covariates={"motor_torque": "Nm"},',
+        '    regimes=cm.RegimeRules(thresholds=("lock_slp",)),',
+        "regimes.thresholds has no threshold 'lock_slp'; did you mean 'lock_slip'",
+    ),
     "anchor": ('anchor="speed"', 'anchor="velocity"', "have no column 'velocity' as their anchor"),
     "syntax": ("MACHINE = cm.Machine.of(", "MACHINE = cm.Machine.of((", "SyntaxError"),
     "exit": ("import casadi as ca", "raise SystemExit(3)", "SystemExit: 3"),

@@ -179,7 +179,7 @@ def test_an_invalid_machine_names_its_line_and_piece(own, tmp_path, change, expe
             None,
             "\n[modes]\nlock_slp = 1.0\n",
             "lock_slp",
-            "unknown threshold 'lock_slp'; did you mean 'lock_slip'",
+            "unknown threshold of 'third' 'lock_slp'; valid: gap",
         ),
         (
             None,

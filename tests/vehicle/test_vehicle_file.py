@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import ast
+import inspect
 import re
 from dataclasses import fields, replace
 from pathlib import Path
@@ -339,3 +341,30 @@ def test_the_files_thresholds_are_those_of_the_modes(edited) -> None:
     assert set(THRESHOLD_UNITS) == {field.name for field in fields(Thresholds)}
     text = "[modes]\n" + "".join(f"{name} = 0.25\n" for name in THRESHOLD_UNITS)
     assert Thresholds.of(load_vehicle(edited(extra=text)).modes).gap == 0.25
+
+
+def test_a_threshold_that_the_machine_does_not_use_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    text = shipped("vehicles")["alsd_rig"].read_text(encoding="utf-8")
+    path.write_text(text + "\n[modes]\nguard = 0.2\n", encoding="utf-8")
+    assert load_vehicle(path).modes == {"guard": 0.2}
+    path.write_text(text + "\n[modes]\nlock_slip = 2.0\n", encoding="utf-8")
+    with pytest.raises(ClutchestError) as caught:
+        load_vehicle(path)
+    line = len(text.splitlines()) + 3
+    assert str(caught.value) == (
+        f"mine.toml:{line}: unknown threshold of 'alsd' 'lock_slip'; valid: gap, guard"
+    )
+
+
+@pytest.mark.parametrize("name", ["dry_clutch", "alsd"])
+def test_the_thresholds_of_a_machine_are_those_that_its_regimes_read(name: str) -> None:
+    """By the syntax tree: an attribute of ``thresholds`` that is read is declared."""
+    rules = machine_of(name).regimes
+    tree = ast.parse(inspect.getsource(inspect.getmodule(rules.judge)))
+    read = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr in THRESHOLD_UNITS
+    }
+    assert read == set(rules.thresholds)

@@ -28,6 +28,7 @@ from clutchest.models.model import POWER, Expressions, Model
 from clutchest.models.procedures import Picture, Procedure
 from clutchest.models.regimes import RegimeRules
 from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
+from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.signals import Floats
 
 ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
@@ -245,6 +246,12 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
     for piece, name in of_columns:
         if name not in columns:
             yield piece, f"has no column '{name}'" + nearest(name, columns)
+    for name in machine.regimes.thresholds:
+        if name not in THRESHOLD_UNITS:
+            yield (
+                "regimes.thresholds",
+                f"has no threshold '{name}'" + nearest(name, THRESHOLD_UNITS),
+            )
     for name in machine.peaks.values():
         if name not in states:
             yield "peaks", f"has no state '{name}'" + nearest(name, states)

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from clutchest.models.thresholds import Thresholds
+from clutchest.models.thresholds import EVERYWHERE, THRESHOLD_UNITS, Thresholds
 from clutchest.signals import Floats
 
 FREE, SLIDING = "free_running", "sliding"  # flags that the timeline and the kernel use as well
@@ -92,7 +92,8 @@ class RegimeRules:
     ``modes``: names as the output files have them, the last one "unknown"; ``signals``: canonical
     columns that ``judge`` uses; ``refine``: mode (r,) by what is estimated, from the modes that
     the signals give, the model's outputs by name, (r,) each, and the names of its inputs;
-    ``event``: the mode whose intervals are reported as events, "" for none.
+    ``event``: the mode whose intervals are reported as events, "" for none; ``thresholds`` that
+    ``judge`` compares with, which a vehicle file may set in ``[modes]``.
     """
 
     modes: tuple[str, ...] = ("running", "unknown")
@@ -100,6 +101,12 @@ class RegimeRules:
     judge: Callable[[Observed], Regimes] = always
     refine: Refinement = as_judged
     event: str = ""
+    thresholds: tuple[str, ...] = ()
+
+    @property
+    def threshold_units(self) -> dict[str, str]:
+        """Threshold → unit, of all that a vehicle file may set."""
+        return {name: THRESHOLD_UNITS[name] for name in (*self.thresholds, *EVERYWHERE)}
 
 
 def average(time: Floats, value: Floats, window: float) -> Floats:

@@ -44,7 +44,7 @@ class Thresholds:
         return cls(**modes)
 
 
-# Thresholds that a vehicle file may set, with their units.
+# Thresholds that vehicle files may set, with their units.
 THRESHOLD_UNITS = {
     "lock_slip": "rad/s",
     "lock_time": "s",
@@ -55,3 +55,4 @@ THRESHOLD_UNITS = {
     "guard": "s",
     "gap": "s",
 }
+EVERYWHERE = ("gap",)  # thresholds that every machine has

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, file_like, nearest
 from clutchest.models import digest_of, machine_in_file, machine_of
-from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle.curves import PATCH, read_curves
 from clutchest.vehicle.effects_section import read_effects
@@ -72,6 +71,9 @@ def _vehicle(file: TomlFile) -> Vehicle:
         for entry in file.strings(("effects_files",), data.get("effects_files", []))
     )
     limits = _section(file, "limits", machine.limits, f"limit of '{machine.name}'")
+    thresholds = _section(
+        file, "modes", machine.regimes.threshold_units, f"threshold of '{machine.name}'"
+    )
     signals = read_signals(file, data, machine.units, machine.name)
     checked = file.strings(("checked",), data.get("checked", []))
     file.known(("checked",), checked, {s.bus.message for s in signals.values()}, "mapped message")
@@ -96,9 +98,7 @@ def _vehicle(file: TomlFile) -> Vehicle:
             if (spread := {key: n.spread for key, n in of.items() if n.spread > 0.0})
         },
         estimation=_estimation(file, machine.states),
-        modes={
-            key: q.value for key, q in _section(file, "modes", THRESHOLD_UNITS, "threshold").items()
-        },
+        modes={key: quantity.value for key, quantity in thresholds.items()},
         limits=limits,
         monitors=false_alarms,
         codes=codes,

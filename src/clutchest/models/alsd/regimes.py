@@ -93,4 +93,5 @@ RULES = RegimeRules(
     judge,
     refine,
     "slipping",
+    ("guard",),
 )

@@ -129,4 +129,13 @@ RULES = RegimeRules(
     judge,
     refine,
     "slipping",
+    (
+        "lock_slip",
+        "lock_time",
+        "lock_average",
+        "open_margin",
+        "retracted_position",
+        "settle",
+        "guard",
+    ),
 )
