@@ -356,7 +356,7 @@ def test_trc_error_frames(version, tmp_path):
     assert frames.flags.tolist() == [0, Flag.ERROR] and frames.id.tolist() == [0x300, 0]
     assert frames.length.tolist() == [2, 0] and not frames.data[1].any()
     assert set(frames.channel) == {0 if version == "1.1" else 1}
-    assert frames.rejected == (("no CAN frame in this line", 1),)
+    assert frames.rejected == (("status of the bus, no frame", 1),)
 
 
 def test_trc_without_a_start_is_relative(tmp_path):

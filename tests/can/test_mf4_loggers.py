@@ -14,6 +14,7 @@ from asammdf.blocks.conversion_utils import from_dict
 from clutchest.can.files import read_frames
 from clutchest.can.formats.mf4 import _signal
 from clutchest.can.frames import LENGTH_CODE, LENGTHS, Flag, Frames
+from clutchest.reading.inspection import inspect_logs
 from samples import random_frames
 
 KIND = "CAN_DataFrame"
@@ -116,3 +117,26 @@ def test_ids_without_a_flag_are_extended_by_their_size(tmp_path):
     given = read_frames(written(tmp_path / "a.mf4", frames, without=("IDE",)))
     np.testing.assert_array_equal(given.flags, frames.flags)
     np.testing.assert_array_equal(given.id, frames.id)
+
+
+@pytest.mark.parametrize(("without", "notes"), [((), 0), (("BusChannel",), 1)])
+def test_groups_that_do_not_say_their_bus_are_reported(without, notes, tmp_path):
+    """Two groups of data frames, as a logger writes one per bus."""
+    frames = data_frames(60)
+    signal = _signal(frames, KIND, 0)
+    kept = [name for name in signal.samples.dtype.names if name.split(".")[1] not in without]
+    signal.samples = signal.samples[kept].copy()
+    path = tmp_path / "a.mf4"
+    with MDF(version="4.10") as mdf:
+        mdf.header.start_time = datetime.fromtimestamp(0, UTC)
+        mdf.append(signal)
+        mdf.append(signal)
+        mdf.save(path, overwrite=True)
+    given = read_frames(path)
+    assert len(given) == 120 and given.rejected == ()
+    assert len(given.notes) == notes
+    for words in given.notes:
+        assert words == f"2 groups of {KIND} have no BusChannel: all are read as channel 0"
+    assert given.sorted().take(slice(0, 3)).notes == given.notes
+    inspection = inspect_logs([path], model="dry_clutch")
+    assert set(given.notes) <= set(inspection.warnings)

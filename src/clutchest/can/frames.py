@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from enum import IntFlag
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -54,10 +55,16 @@ class Frames:
     absolute: bool = True
     rejected: Tally = ()  # lines or objects of the file that were not read
     passed_over: Tally = ()  # frames that were read, but not kept
+    notes: tuple[str, ...] = ()  # what the file leaves open, for a warning
 
     @classmethod
     def empty(
-        cls, n: int = 0, width: int = 8, absolute: bool = True, rejected: Tally = ()
+        cls,
+        n: int = 0,
+        width: int = 8,
+        absolute: bool = True,
+        rejected: Tally = (),
+        notes: tuple[str, ...] = (),
     ) -> Frames:
         """``n`` rows of zeros."""
         return cls(
@@ -69,6 +76,7 @@ class Frames:
             np.zeros((n, width), np.uint8),
             absolute,
             rejected,
+            notes=notes,
         )
 
     def __len__(self) -> int:
@@ -86,6 +94,7 @@ class Frames:
             self.absolute,
             self.rejected,
             self.passed_over,
+            self.notes,
         )
 
     def steps(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
@@ -120,6 +129,7 @@ class Frames:
             "absolute": all(given.pop("absolute")),
             "rejected": added_up(given.pop("rejected")),
             "passed_over": added_up(given.pop("passed_over")),
+            "notes": tuple(dict.fromkeys(chain.from_iterable(given.pop("notes")))),
         }
         for name in list(given):
             columns = given.pop(name)

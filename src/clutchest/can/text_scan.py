@@ -32,15 +32,16 @@ SENT = int(Flag.SENT)
 BLANK = -1  # nothing in it, or nothing that ought to be a frame
 WIDE = -2  # a payload wider than the table
 HEADER = -3  # to be read by Python
-NO_FRAME, BAD_TIME, BAD_ID, BAD_DATA, TOO_SHORT = -4, -5, -6, -7, -8
+NO_FRAME, BAD_TIME, BAD_ID, BAD_DATA, TOO_SHORT, STATUS = -4, -5, -6, -7, -8, -9
 REASONS = {
     NO_FRAME: "no CAN frame in this line",
     BAD_TIME: "time stamp cannot be read",
     BAD_ID: "id is not a CAN id",
     BAD_DATA: "payload cannot be read or is too long",
     TOO_SHORT: "payload is shorter than its stated length",
+    STATUS: "status of the bus, no frame",
 }
-N_CODES = 9
+N_CODES = 10
 SHORTEST = 5  # characters of a line that holds a frame; the least there can be are 6
 
 HEX = np.full(256, -1, np.int64)  # value of a hexadecimal digit

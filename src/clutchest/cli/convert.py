@@ -78,11 +78,14 @@ def _report(out: Path, read: Conversion, losses: Iterable[str], as_json: bool) -
                 what: read.count,
                 "frames_rejected": read.rejected,
                 "lost": list(losses),
+                "warnings": list(read.notes),
             }
         )
         return
     print(f"Written: {out}, {read.count} {what}")
     for reason, count in read.rejected.items():
         note(f"not read: {count} × {reason}")
+    for words in read.notes:
+        note(words)
     for loss in losses:
         note(f"not kept: {loss}")

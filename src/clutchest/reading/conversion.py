@@ -87,6 +87,11 @@ class Conversion:
         return sum(len(signal) for signal in self.content.values())
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What the logs leave open, in words."""
+        return self.content.notes if isinstance(self.content, Frames) else ()
+
+    @property
     def rejected(self) -> dict[str, int]:
         """Frames that were rejected: reason → number."""
         if isinstance(self.content, Frames):

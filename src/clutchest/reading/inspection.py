@@ -239,7 +239,7 @@ def inspect_logs(
         search.wheels,
         search.companions,
         sources,
-        tuple(warning for database in databases for warning in database.warnings),
+        (*frames.notes, *(warning for database in databases for warning in database.warnings)),
         machine,
         model_file,
     )

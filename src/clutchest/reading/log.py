@@ -263,7 +263,8 @@ def _split(frames: Frames) -> list[Frames]:
     # What the file as a whole lost is counted once, with the longest part, which is a drive.
     longest = max(parts, key=len)
     return [
-        part if part is longest else replace(part, rejected=(), passed_over=()) for part in parts
+        part if part is longest else replace(part, rejected=(), passed_over=(), notes=())
+        for part in parts
     ]
 
 

@@ -118,7 +118,7 @@ class Decoding:
             start_ns=first if frames.absolute else None,
             end=(last - first) / 1e9,
             counts=Counts(len(frames) + passed_over.total(), decoded, rejected, account.messages),
-            warnings=(*self.database.warnings, *self.warnings),
+            warnings=(*self.database.warnings, *frames.notes, *self.warnings),
             sources=self.sources,
         )
 

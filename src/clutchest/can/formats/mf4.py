@@ -123,9 +123,23 @@ def _groups(file: Any) -> Iterator[Frames]:
             for kind in _KINDS
             if any(channel.name == kind for channel in group.channels)
         ]
+        notes = tuple(_without_bus(groups))
+        if notes or not parts:
+            yield Frames.empty(absolute=absolute, notes=notes)
         if not parts:
-            yield Frames.empty()
+            return
         yield from parts[0] if len(parts) == 1 else _merged(parts)
+
+
+def _without_bus(groups: Sequence[Any]) -> Iterator[str]:
+    """Of kinds of frames whose groups may be those of several buses and do not say of which."""
+    for kind in _KINDS:
+        names = [
+            {c.name for c in group.channels} for group in groups if group.channel_group.cycles_nr
+        ]
+        bare = sum(kind in present and f"{kind}.BusChannel" not in present for present in names)
+        if bare > 1:
+            yield f"{bare} groups of {kind} have no BusChannel: all are read as channel 0"
 
 
 def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:

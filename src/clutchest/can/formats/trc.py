@@ -30,6 +30,7 @@ from clutchest.can.text_scan import (
     NO_FRAME,
     REMOTE,
     SENT,
+    STATUS,
     WIDE,
     Bytes,
     Ints,
@@ -54,7 +55,7 @@ _COLUMNS = {"1.0": "NOILD", "1.1": "NOTILD", "1.2": "NOBTILD", "1.3": "NOBTIRLD"
 _VERSION = re.compile(rb"^;\$FILEVERSION=(\d+\.\d+)", re.MULTILINE)
 _START = re.compile(rb"^;\$STARTTIME=(\d+(?:\.\d+)?)", re.MULTILINE)
 _STATED = re.compile(rb"^;\$COLUMNS=([A-Za-z](?:,[A-Za-z])*)", re.MULTILINE)
-_ERROR_WORD = np.frombuffer(b"error", np.uint8)
+_ERROR_WORD, _WARNING_WORD = (np.frombuffer(word, np.uint8) for word in (b"error", b"warng"))
 _DAY_0 = datetime(1899, 12, 30, tzinfo=UTC)
 _LAST_DAY = 25_569 + LAST_S // 86_400
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -121,7 +122,7 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
         elif column == 84:  # T: direction of a data frame up to 1.3, kind from 2.0 on
             kind = _kind(text, i)
             if kind < 0:
-                return NO_FRAME
+                return kind
             flag |= kind
             i = word(text, i)
         elif column == 66:  # B: bus, from 1 on
@@ -135,8 +136,10 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
             value, behind = hexadecimal(text, i)
             if behind - i > 4:
                 flag |= EXTENDED
-            if text[i] <= 32 or value == 0xFFFFFFFF:  # 1.0: what happened on the bus
+            if text[i] <= 32:
                 return NO_FRAME
+            if value == 0xFFFFFFFF:  # 1.0
+                return STATUS
             if behind == i or text[behind] > 32 or value > 0x1FFFFFFF:
                 return BAD_ID
             out.id[n] = value
@@ -169,11 +172,13 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
 
 @compiled
 def _kind(text: Bytes, i: int) -> int:
-    """Flags of a line of this type, -1 if it is no frame."""
+    """Flags of a line of this type; STATUS or NO_FRAME if it is no frame."""
     if is_word(text, i, _ERROR_WORD):  # up to 1.3
         return ERROR
+    if is_word(text, i, _WARNING_WORD):
+        return STATUS
     if text[i] <= 32 or text[i + 1] <= 32 or text[i + 2] > 32:
-        return -1
+        return NO_FRAME
     a, b = text[i], text[i + 1]
     if b == 120 and (a == 82 or a == 84):  # Rx, Tx
         return SENT if a == 84 else 0
@@ -191,7 +196,9 @@ def _kind(text: Bytes, i: int) -> int:
         return FD | BRS | ESI
     if a == 66 and b == 73:  # BI
         return FD | ESI
-    return -1
+    if (a == 83 and b == 84) or (a == 69 and (b == 67 or b == 86)):  # ST, EC, EV
+        return STATUS
+    return NO_FRAME
 
 
 _DAY_0_S = 25569 * 86400  # from 30 December 1899 to 1 January 1970
