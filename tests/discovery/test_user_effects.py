@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,7 @@ from clutchest.errors import ClutchestError
 
 TRUCK = clutchest.load_vehicle("truck")
 OWN = """
-from clutchest.models.effects import Effect, Lateness, Number
-from clutchest.models.symbols import State
+from clutchest.machine import Effect, Lateness, Number, State
 
 class Own(Effect):
     name, model, equation = "own", "dry_clutch", "torque"
@@ -90,3 +90,15 @@ def test_two_files_may_not_use_one_name(tmp_path):
     paths = [written(tmp_path), written(tmp_path, name="again.py")]
     with pytest.raises(ClutchestError, match=r"again\.py: effect 'own' has the name of one in ano"):
         user_effects(paths, TRUCK)
+
+
+def test_the_effect_of_the_page_is_valid(tmp_path):
+    """The code in docs/discover.md, "Your own hypothesis", as it stands there."""
+    text = (Path(__file__).parents[2] / "docs" / "discover.md").read_text(encoding="utf-8")
+    section = text.partition("## Your own hypothesis")[2]
+    (code,) = re.findall(r"^```python\n(.*?)^```$", section, re.MULTILINE | re.DOTALL)
+    assert "from clutchest.machine import" in code and "clutchest.models" not in section
+    path = tmp_path / "cold.py"
+    path.write_text(code, encoding="utf-8")
+    (effect,) = user_effects([path], TRUCK)
+    assert effect.name == "cold_lining" and effect.gains[0].one_sided

@@ -49,7 +49,7 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
     module = load_module(path, f"clutchest_effects_{path.stem}", "effects")
     effects = {effect.name: effect for effect in _defined_in(module)}
     if not effects:
-        raise ClutchestError(f"{path}: expected a subclass of clutchest.models.effects.Effect")
+        raise ClutchestError(f"{path}: expected a subclass of clutchest.machine.Effect")
     for name in (name for name in effects if name in RESERVED):
         raise ClutchestError(f"{path}: effect '{name}' has a reserved name, expected another")
     return effects
