@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -103,7 +104,7 @@ class Expressions:
         return values
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Model:
     """Equations as an ordered list of pieces, and the effects present in them.
 
@@ -187,7 +188,11 @@ class Model:
         return tuple((e, number.key) for e in self.effects for number in e.parameters)
 
     def expressions(self) -> Expressions:
-        """Write the equations out.  Raises AttributeError for a quantity that is not there."""
+        """The equations written out.  Raises AttributeError for a quantity that is not there."""
+        return self._written
+
+    @cached_property
+    def _written(self) -> Expressions:
         x = ca.SX.sym("x", len(self.states))
         u = ca.SX.sym("u", len(self.inputs))
         u0 = ca.SX.sym("u0", len(self.inputs))
