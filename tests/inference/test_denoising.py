@@ -12,6 +12,7 @@ from clutchest.inference.denoising import (
     deadband,
     deadband_of_mean,
     denoised_rate,
+    mean_of_slow,
 )
 
 T = np.arange(0.0, 60.0, 0.01)
@@ -160,3 +161,12 @@ def test_a_slow_signal_has_a_path_too(period):
     np.testing.assert_allclose(
         adaptive_mean(t, read, 0.1, 0.0), true, atol=0.5 + 40.0 * period / 3.0
     )
+
+
+def test_a_slow_signal_is_averaged_over_as_many_samples():
+    rng = np.random.default_rng(7)
+    t = np.arange(0.37, 600.0, 1.0)
+    mean = mean_of_slow(t, 30.0 + 0.5 * rng.normal(size=len(t)), 0.5, 0.0)
+    assert np.sqrt(np.mean((mean - 30.0) ** 2)) < 0.5 / 4.0
+    turns = 30.0 + 0.1 * np.maximum(t - 300.0, 0.0)
+    np.testing.assert_allclose(mean_of_slow(t, turns, 0.5, 0.0), turns, atol=2.0 * 0.5)

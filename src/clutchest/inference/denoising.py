@@ -65,6 +65,12 @@ def adaptive_mean(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
     return np.asarray(np.interp(t, grid, value_at))
 
 
+def mean_of_slow(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
+    """The adaptive mean of a signal that comes more seldom than every ``GRID`` s: over as many
+    samples as of one that comes so often, however long they take."""
+    return adaptive_mean(t * (GRID / max(_period(t), GRID)), value, noise, ar)
+
+
 def deadband_of_mean(
     t: Floats, value: Floats, mean: Floats, where: NDArray[np.bool_], most: float, ar: float
 ) -> Floats:

@@ -188,7 +188,8 @@ def _implied(
     """What the ``inputs`` (events, nu), changed in place, must have been at these ``states``
     (events, n), by one Gauss–Newton step from where they are ``at``; as measured where nothing says
     otherwise."""
-    line, tracked = drive.line, drive.tracked
+    line, tracked, regimes = drive.line, drive.tracked, regimes_of(drive.line)
+    quick = np.where(drive.inputs.slow, 0.0, line.noise)
     implied = inputs.copy()
     for j, by in at.corrections.items():
         implied[:, j] += by
@@ -196,7 +197,7 @@ def _implied(
         states,
         line.row,
         MeasuredRates(np.flatnonzero(tracked.which), tracked.rate, tracked.act),
-        regimes_of(line),
+        regimes._replace(noise=quick),
         Numbers(numbers.parameters, numbers.effects),
         inputs,
         implied,

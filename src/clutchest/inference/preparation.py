@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.initial_state import fresh, nominal
-from clutchest.estimate.samples import slope
+from clutchest.estimate.samples import slope, slope_count
 from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.inference.decimation import decimated
-from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_mean
+from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_mean, mean_of_slow
 from clutchest.inference.input_interpolation import InterpolatedInput, spacing
 from clutchest.inference.input_noise_covariance import input_noise_directions
 from clutchest.inference.linearisation import LinearResponse, filtered
@@ -126,7 +126,9 @@ def _inputs(
     act: NDArray[np.bool_],
 ) -> PreparedInputs:
     """Inputs interpolated, and those that may be late or move a step map without their noise."""
-    between, apart = _interpolated(signals, vehicle, model, line, whole), spacing(line.t)
+    slow = _slow(signals, model, whole)
+    between = _interpolated(signals, vehicle, model, line, whole, slow)
+    apart = spacing(line.t)
     mapped = [vehicle.signals.get(item.name) for item in model.inputs]
     noise = [s.noise if s else np.inf for s in mapped]
     ar = [s.noise_ar if s else 0.0 for s in mapped]
@@ -140,20 +142,46 @@ def _inputs(
             mean = denoised[j][1]
             deadbands[j] = time, deadband_of_mean(time, value, mean, acts, noise[j], ar[j])
     smooth = np.column_stack([each.at(line.t, apart) for each in between])
-    return PreparedInputs(between, apart, smooth, denoised, deadbands, IMPLIED * np.array(noise))
+    limit = IMPLIED * np.array(noise)
+    return PreparedInputs(between, apart, smooth, denoised, deadbands, limit, slow)
+
+
+def _slow(signals: Signals, model: Model, whole: Timeline) -> NDArray[np.bool_]:
+    """Inputs (nu) whose samples lie further apart than what the rate of a tracked state is measured
+    over: no rate tells by how much their readings are off, one by one."""
+    reads = [whole.t[whole.sensor == model.sensor(name)] for name in model.renewed]
+    periods = [_period(t) for t in reads if len(t) > 1]
+    window = max([RATE_WINDOW, *(slope_count(each, RATE_WINDOW) * each for each in periods)])
+    names = [item.name for item in model.inputs]
+    known = {name: signals[name].only_valid().time for name in names if name in signals}
+    return np.array([_period(known[name]) > window if name in known else False for name in names])
+
+
+def _period(t: Floats) -> float:
+    """s from sample to sample; infinite where there is one at most."""
+    return float(np.median(np.diff(t))) if len(t) > 1 else np.inf
 
 
 def _interpolated(
-    signals: Signals, vehicle: Vehicle, model: Model, line: Timeline, whole: Timeline
+    signals: Signals,
+    vehicle: Vehicle,
+    model: Model,
+    line: Timeline,
+    whole: Timeline,
+    slow: NDArray[np.bool_],
 ) -> list[InterpolatedInput]:
-    """Every input, with samples as close as the signal's, so that it can be shifted in time."""
+    """Every input, with samples as close as the signal's, so that it can be shifted in time; of
+    ``slow`` ones (nu) their mean."""
     inputs = []
     for j, item in enumerate(model.inputs):
         between = InterpolatedInput.straight(line.t, line.u[:, j])
         if item.name in signals and line.noise[j] and len(signals[item.name].time) > 4:
-            own = signals[item.name].time
+            own, mapped = signals[item.name].time, vehicle.signals[item.name]
             read = np.interp(own, whole.t, whole.u[:, j])
-            between = InterpolatedInput.of(own, read, vehicle.signals[item.name].noise)
+            between = InterpolatedInput.of(own, read, mapped.noise)
+            if slow[j]:
+                mean = mean_of_slow(own, read, mapped.noise, mapped.noise_ar)
+                between = InterpolatedInput.straight(own, mean)
         inputs.append(between)
     return inputs
 

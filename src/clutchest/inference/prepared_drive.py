@@ -34,7 +34,8 @@ class PreparedInputs:
     :func:`~clutchest.inference.input_interpolation.spacing`; ``smooth`` (K, nu) values; by index of
     an input, where it may be late or moves a step map: ``denoised`` values, and ``deadband``
     filtered ones, which the step maps see.  ``limit`` (nu): how far an input may lie from its
-    reading.
+    reading; ``slow`` (nu): whether it is sampled too seldom for the measured rates to tell where in
+    its noise it lies, so that its mean stands for it.
     """
 
     interpolated: Sequence[InterpolatedInput]
@@ -43,6 +44,7 @@ class PreparedInputs:
     denoised: Mapping[int, Samples]
     deadband: Mapping[int, Samples]
     limit: Floats
+    slow: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
