@@ -18,7 +18,14 @@ from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.generator import Channel, Disturbances, DriveRequest, Outsider, Sampled
+from clutchest.generator import (
+    Channel,
+    Disturbances,
+    DriveRequest,
+    Mismatch,
+    Outsider,
+    Sampled,
+)
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
@@ -39,7 +46,8 @@ class Options(TypedDict, total=False):
     of the drive; ``disturbances``: name → size of what varies during the drive, see
     :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of all noise instead
     of the file's; ``outliers``: share of samples that are outliers; ``outsider``: a cause that is
-    none of ``effects``, see :class:`clutchest.generator.Outsider`."""
+    none of ``effects``, see :class:`clutchest.generator.Outsider`; ``mismatch``: what sets a
+    healthy machine apart from its model, see :class:`clutchest.generator.Mismatch`."""
 
     duration: float | None
     nominal: bool
@@ -48,6 +56,7 @@ class Options(TypedDict, total=False):
     noise_ar: float | None
     outliers: float
     outsider: Outsider | None
+    mismatch: Mismatch
 
 
 def simulate(
@@ -179,6 +188,7 @@ def _sampled(
         truck_seed=options.get("truck_seed"),
         disturbances=Disturbances.of(options.get("disturbances", {})),
         outsider=options.get("outsider"),
+        mismatch=options.get("mismatch", Mismatch()),
     )
     if machine.generate is None:
         from clutchest import simulated_from_model  # with CasADi, which no generator needs

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.surroundings import stream
@@ -55,7 +56,8 @@ def generate(vehicle: Vehicle, request: DriveRequest) -> Sampled:
     Raises ClutchestError for what is unknown, for disturbances that only a generator of its own
     makes, for inputs that the excitation does not give, and where the states do not stay finite.
     """
-    if any(request.disturbances.sizes().values()) or request.outsider or request.deviations:
+    unmade = request.outsider or request.deviations or request.mismatch != Mismatch()
+    if any(request.disturbances.sizes().values()) or unmade:
         raise ClutchestError(
             f"disturbances: not without a generator, which '{vehicle.machine.name}' does not have"
         )

@@ -6,6 +6,7 @@ Nothing here knows the filter's model; plain numbers go in, arrays come out.
 
 from clutchest.generator.effects import EFFECTS, Effect
 from clutchest.generator.generate import generate
+from clutchest.generator.mismatch import GROUPS, Mismatch
 from clutchest.generator.outsider import Outsider
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Channel, Sampled
@@ -14,11 +15,13 @@ from clutchest.generator.surroundings import Disturbances
 
 __all__ = [
     "EFFECTS",
+    "GROUPS",
     "SCENARIOS",
     "Channel",
     "Disturbances",
     "DriveRequest",
     "Effect",
+    "Mismatch",
     "Outsider",
     "Sampled",
     "TruckScenario",

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.generator import structure
+from clutchest.generator.structure import Structure
 
 Values = Mapping[str, float]
 
@@ -165,7 +167,10 @@ _GAINS = (
 # What the truck's own control unit believes, and the truck around the clutch.
 _TRUCK = ("zero_position", "known_cubic", "known_quadratic", "known_kiss", "known_inertia", "mass")
 
-NUMBERS = np.dtype([(key, np.float64) for key in (*RANGES, *_GAINS, *_TRUCK)])
+NUMBERS = np.dtype(
+    [(key, np.float64) for key in (*RANGES, *_GAINS, *_TRUCK, *structure.NAMES)]
+    + [("curve", np.float64, (structure.CURVE_POINTS,))]
+)
 
 
 def complete(
@@ -209,11 +214,13 @@ def numbers(
     effects: Mapping[str, Values],
     zero_position: float,
     mass: float,
+    parts: Structure | None = None,
 ) -> NDArray:
     """The one record of type NUMBERS, shape (1,), that the plant runs on.
 
     ``parameters`` as drawn, ``known`` as the control unit believes them; ``effects`` complete;
-    ``zero_position`` mm: x0_ref at the start, before wear; ``mass`` of the truck, kg.
+    ``zero_position`` mm: x0_ref at the start, before wear; ``mass`` of the truck, kg; ``parts`` it
+    has beside the plain ones.
     """
     changed = {
         key: parameters[key] * (1 + effects[key]["change"])
@@ -253,4 +260,5 @@ def numbers(
         "known_inertia": known["engine_inertia"],
         "mass": mass,
     }
-    return np.array([tuple(changed[key] for key in NUMBERS.names or ())], NUMBERS)
+    values = {**changed, **(parts or Structure()).numbers()}
+    return np.array([tuple(values[key] for key in NUMBERS.names or ())], NUMBERS)

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError
 from clutchest.generator.effects import RANGES, Values, complete, numbers
 from clutchest.generator.outsider import SLICE, Reading, run_under
+from clutchest.generator.population import Population
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.scenarios import PER_METRE, SCENARIOS, TruckScenario
+from clutchest.generator.situation import FAST, STEP
 from clutchest.generator.surroundings import (
     GEARBOX_TEMP,
     Surroundings,
@@ -21,6 +23,7 @@ from clutchest.generator.surroundings import (
 )
 from clutchest.signals import Floats, Truth
 
+SPACING = STEP * FAST  # s between rows of the fast record
 LONG = 1000.0  # s: from here on the truth is kept at 50 Hz instead of 100 Hz
 
 
@@ -30,7 +33,9 @@ def generate(request: DriveRequest) -> Sampled:
     ``zero_position_ref`` itself is never drawn: its spread is that of the truth's x0_ref.
     Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
     """
-    plan, duration = request.plan(SCENARIOS, RANGES)
+    asked, duration = request.plan(SCENARIOS, RANGES)
+    mismatch = request.mismatch
+    plan = mismatch.plan(asked)
     seed, parameters = request.seed, request.parameters
     active = complete(request.effects)
     for name in ("torque_delay", "position_delay"):
@@ -40,33 +45,36 @@ def generate(request: DriveRequest) -> Sampled:
                 f"expected less than the drive's {duration:g} s"
             )
     spreads = {} if request.nominal else request.spreads
-    drawn, zero_position = draw(parameters, spreads, request.machine_seed)
+    drawn, zero_position = draw(parameters, spreads, request.machine_seed, mismatch.population)
     around = surroundings(
         seed,
         duration,
-        request.disturbances,
+        mismatch.disturbed(request.disturbances),
         active["friction_level"]["change"],
         active["torque_bias"]["bias"],
         plan.cold,
     )
     road = stream(seed, "road")
     mass = road.uniform(*plan.mass)
-    truck = numbers(drawn, parameters, active, zero_position, mass)
+    truck = numbers(drawn, parameters, active, zero_position, mass, mismatch.structure)
     legs = plan.timetable(road, duration, mass, parameters["kiss_point"])
     fast, truth = _simulate(plan, duration, legs, truck, around, request)
-    quantities = _quantities(fast, around, drawn, active)
+    quantities = _quantities(mismatch.sensing.lagging(fast, SPACING), around, drawn, active)
     if request.outsider:
         quantities = request.outsider.readings(quantities)
-    signals = sample(request.channels, quantities, seed, duration, request.outliers)
+    channels = mismatch.sensing.channels(request.channels)
+    signals = sample(channels, quantities, seed, duration, request.outliers)
     return Sampled(signals, truth, drawn, seed, request.scenario)
 
 
-def draw(parameters: Values, spreads: Values, seed: int) -> tuple[dict[str, float], float]:
-    """The truck's own parameters, and its x0_ref (mm): normal, clipped to what nature allows."""
+def draw(
+    parameters: Values, spreads: Values, seed: int, population: Population
+) -> tuple[dict[str, float], float]:
+    """The truck's own parameters, and its x0_ref (mm), clipped to what nature allows."""
     rng = stream(seed, "parameters")
     drawn = {}
     for key, (low, high) in RANGES.items():
-        value = parameters[key] + spreads.get(key, 0.0) * rng.standard_normal()
+        value = parameters[key] + spreads.get(key, 0.0) * population.deviate(rng)
         drawn[key] = float(np.clip(value, low, high))
     zero_position = drawn["zero_position_ref"]
     return {**drawn, "zero_position_ref": parameters["zero_position_ref"]}, zero_position
@@ -97,7 +105,7 @@ def _simulate(
 
     steps = round(duration / plant.STEP)
     every = 20 if duration > LONG else 10
-    state, situation = _start(plan, truck, around, request.seed)
+    state, situation = _start(plan, truck, around, request)
     fast = np.empty((steps // plant.FAST + 1, 6))
     slow = np.empty((steps // every + 1, 8))
     grid = np.column_stack((around.friction, around.coolant, around.ambient))
@@ -137,23 +145,28 @@ def _simulate(
 
 
 def _start(
-    plan: TruckScenario, truck: NDArray, around: Surroundings, seed: int
+    plan: TruckScenario, truck: NDArray, around: Surroundings, request: DriveRequest
 ) -> tuple[Floats, NDArray]:
     """Integrated state and situation at t = 0: standing in neutral, or cruising in top gear."""
     from clutchest.generator import plant
 
     p = truck[0]
-    rng = stream(seed, "start")
+    rng, mismatch = stream(request.seed, "start"), request.mismatch
     body, housing = at_rest(p, around.coolant[0], around.ambient[0])
     if plan.start_temp is not None:
         body = plan.start_temp
-    state = np.zeros(8)
+    state = np.zeros(plant.STATES if mismatch.structure.plain else plant.STATES_IN_PARTS)
     state[plant.BODY] = body + plan.start_spread * rng.standard_normal()
     state[plant.HOUSING] = housing + plan.start_spread * rng.standard_normal()
     state[plant.DISC] = state[plant.BODY] + plan.start_spread * 0.2 * rng.standard_normal()
+    state[plant.BODY] += mismatch.hotter
+    state[plant.HOUSING] += mismatch.hotter / 2.0
+    state[plant.DISC] += mismatch.hotter + mismatch.disc_hotter
     ratio = PER_METRE[-1] if plan.cruising else 0.0
     state[plant.SPEED] = plan.cruising
     state[plant.ENGINE] = state[plant.SHAFT] = plan.cruising * ratio or plant.IDLE
+    if not mismatch.structure.plain:
+        plant.settle(state, around.coolant[0], around.ambient[0], p)
     situation = np.zeros(1, plant.SITUATION)
     s = situation[0]
     if plan.cruising:
@@ -171,9 +184,7 @@ def _quantities(
     fast: Floats, around: Surroundings, drawn: Values, effects: Mapping[str, Values]
 ) -> Mapping[str, Reading]:
     """What each sensor reads, without noise, as a function of time."""
-    from clutchest.generator.plant import FAST, STEP
-
-    time = np.arange(len(fast)) * (FAST * STEP)
+    time = np.arange(len(fast)) * SPACING
 
     def column(index: int, delay: float = 0.0) -> Reading:
         return lambda t: np.interp(t - delay, time, fast[:, index])

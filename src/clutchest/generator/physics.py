@@ -9,6 +9,14 @@ from math import exp
 
 from numba import njit
 
+from clutchest.generator.parts import (
+    curve_error,
+    delivered,
+    heat_in_parts,
+    is_soft,
+    lag_and_stretch,
+    pull,
+)
 from clutchest.generator.scenarios import (
     GRAVITY,
     ROLLING,
@@ -66,6 +74,8 @@ def capacity(y: Floats, plate: float, s: Record, p: Record) -> float:
     factor *= 1.0 - p.fade_slope * max(y[DISC] - p.fade_onset, 0.0) / 100.0
     factor *= 1.0 + p.centrifugal_slope * y[ENGINE] * y[ENGINE] / 1e4
     factor *= 1.0 + s.foreign_torque_share
+    if p.structured > 0.0:
+        factor *= 1.0 + curve_error(depth, p)
     torque = depth * depth * (p.torque_quadratic - p.torque_cubic * depth) * max(factor, 0.0)
     return max(torque + s.foreign_torque, 0.0)
 
@@ -79,6 +89,8 @@ def resistance(speed: float, s: Record, p: Record) -> float:
 @njit(cache=True, error_model="numpy")
 def shaft_side(y: Floats, s: Record, p: Record) -> tuple[float, float]:
     """Inverse inertia (1/(kg m²)) and load (Nm) that the clutch drives."""
+    if is_soft(s, p):
+        return 1.0 / SHAFT_INERTIA, pull(y, s, p) / s.ratio
     if s.held:
         return 0.0, 0.0
     if s.ratio > 0.0:
@@ -91,7 +103,7 @@ def shaft_side(y: Floats, s: Record, p: Record) -> tuple[float, float]:
 def sticking(y: Floats, s: Record, p: Record) -> float:
     """The torque that keeps both sides of the clutch at one speed, Nm."""
     inverse, load = shaft_side(y, s, p)
-    driving = (y[TORQUE] - s.foreign_engine_load) / p.engine_inertia
+    driving = (delivered(y, p) - s.foreign_engine_load) / p.engine_inertia
     return (driving + load * inverse) / (1.0 / p.engine_inertia + inverse)
 
 
@@ -108,6 +120,29 @@ def rates(y: Floats, plate: float, s: Record, p: Record, out: Floats) -> None:
     """dy/dt into ``out``: (12)–(14), (8), engine and driveline."""
     torque = transmitted(y, plate, s, p)
     power = 0.0 if s.locked else torque * (y[ENGINE] - y[SHAFT])
+    if p.structured > 0.0:
+        heat_in_parts(y, power, s, p, out)
+        lag_and_stretch(y, s, p, out)
+    else:
+        _heat(y, power, s, p, out)
+    inverse, load = shaft_side(y, s, p)
+    out[ENGINE] = (delivered(y, p) - s.foreign_engine_load - torque) / p.engine_inertia
+    out[SHAFT] = (torque - load) * inverse
+    if s.held:
+        out[SPEED] = 0.0
+    elif is_soft(s, p):
+        out[SPEED] = (pull(y, s, p) - resistance(y[SPEED], s, p)) / p.mass
+    elif s.ratio > 0.0:
+        out[SPEED] = out[SHAFT] / s.ratio
+    else:
+        out[SPEED] = -resistance(y[SPEED], s, p) / p.mass
+    out[ENERGY] = power
+    out[TORQUE] = (s.request - y[TORQUE]) / ENGINE_LAG
+
+
+@njit(cache=True, error_model="numpy")
+def _heat(y: Floats, power: float, s: Record, p: Record, out: Floats) -> None:
+    """Rates of body, housing and disc with the slip ``power`` W: (12)–(14)."""
     to_disc = (1.0 - p.heat_fraction_body) * power
     from_disc = p.conductance_disc_body * (y[DISC] - y[BODY])
     to_housing = p.conductance_body_housing * (y[BODY] - y[HOUSING])
@@ -127,17 +162,6 @@ def rates(y: Floats, plate: float, s: Record, p: Record, out: Floats) -> None:
         + s.foreign_housing_heat
     ) / p.heat_capacity_housing
     out[DISC] = (to_disc - from_disc + s.foreign_disc_heat) / p.heat_capacity_disc
-    inverse, load = shaft_side(y, s, p)
-    out[ENGINE] = (y[TORQUE] - s.foreign_engine_load - torque) / p.engine_inertia
-    out[SHAFT] = (torque - load) * inverse
-    if s.held:
-        out[SPEED] = 0.0
-    elif s.ratio > 0.0:
-        out[SPEED] = out[SHAFT] / s.ratio
-    else:
-        out[SPEED] = -resistance(y[SPEED], s, p) / p.mass
-    out[ENERGY] = power
-    out[TORQUE] = (s.request - y[TORQUE]) / ENGINE_LAG
 
 
 @njit(cache=True, error_model="numpy")
@@ -199,8 +223,9 @@ def advance(y: Floats, substeps: int, s: Record, p: Record, work: Floats) -> Non
     if y[SPEED] < 0.0:
         y[SPEED] = 0.0
         if s.ratio > 0.0:
-            y[SHAFT] = 0.0
             s.held = 1
+            if not is_soft(s, p):
+                y[SHAFT] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -211,5 +236,5 @@ def _meet(y: Floats, s: Record, p: Record) -> None:
     common = y[SHAFT] + weight * (y[ENGINE] - y[SHAFT])
     y[ENGINE] = common
     y[SHAFT] = common
-    if s.ratio > 0.0 and not s.held:
+    if s.ratio > 0.0 and not s.held and not is_soft(s, p):
         y[SPEED] = common / s.ratio

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from clutchest.generated import load, named, text_of
-from clutchest.generator import scenarios, surroundings
+from clutchest.generator import scenarios, structure, surroundings
 from clutchest.generator.situation import (
     BODY,
     DISC,
@@ -25,6 +25,8 @@ from clutchest.generator.situation import (
     SHAFT,
     SITUATION,
     SPEED,
+    STATES,
+    STATES_IN_PARTS,
     STEP,
     TORQUE,
     TruckDrive,
@@ -47,6 +49,8 @@ __all__ = [
     "SHAFT",
     "SITUATION",
     "SPEED",
+    "STATES",
+    "STATES_IN_PARTS",
     "STEP",
     "TORQUE",
     "TruckDrive",
@@ -58,6 +62,7 @@ __all__ = [
     "rates",
     "run",
     "runge_kutta",
+    "settle",
     "sticking",
     "transmitted",
     "zero_reference",
@@ -68,6 +73,7 @@ _FROZEN = {
         name: getattr(scenarios, name)
         for name in ("DRIVE", "GRAVITY", "POSITION", "REST", "ROLLING", "TORQUE_RATE")
     },
+    **{name: getattr(structure, name) for name in ("CURVE_POINTS", "DEEPEST")},
     **{name: getattr(surroundings, name) for name in ("GEARBOX_TEMP", "GRID")},
 }
 _HEADER = f'''"""Generated; do not edit."""
@@ -84,10 +90,10 @@ from clutchest.signals import Floats
 
 PER_METRE = np.array({scenarios.PER_METRE.tolist()!r})
 ''' + "".join(f"{name} = {value!r}\n" for name, value in _FROZEN.items())
-_FILES = ("situation.py", "physics.py", "control_unit.py", "driving.py")
+_FILES = ("situation.py", "parts.py", "physics.py", "control_unit.py", "driving.py")
 _TEXTS = [text_of(Path(__file__).parent / file) for file in _FILES]
 _MODULE = load(*named([_HEADER, *_TEXTS]), "truck")
 run, advance, runge_kutta = _MODULE.run, _MODULE.advance, _MODULE.runge_kutta
 capacity, transmitted, rates = _MODULE.capacity, _MODULE.transmitted, _MODULE.rates
 expansion, zero_reference = _MODULE.expansion, _MODULE.zero_reference
-sticking, actuate = _MODULE.sticking, _MODULE.actuate
+sticking, actuate, settle = _MODULE.sticking, _MODULE.actuate, _MODULE.settle

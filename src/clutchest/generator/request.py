@@ -10,6 +10,7 @@ import numpy as np
 
 from clutchest.errors import ClutchestError, nearest
 from clutchest.generator.effects import Values
+from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.outsider import Outsider
 from clutchest.generator.sampling import Channel
 from clutchest.generator.surroundings import Disturbances
@@ -35,7 +36,8 @@ class DriveRequest:
     ``duration`` s, the scenario's own unless given; ``effects`` that act; ``outliers`` the share of
     samples that are far off.  ``truck_seed`` draws the machine's parameters, ``seed`` all that a
     drive brings: load, road, weather, noise and ``disturbances``; the same unless said.
-    ``outsider`` is something wrong beyond ``effects``; ``deviations``: what a paper admits that its
+    ``outsider`` is something wrong beyond ``effects``; ``mismatch``: what sets a healthy machine
+    apart from the model of it; ``deviations``: what a paper admits that its
     model gets wrong.
     """
 
@@ -51,6 +53,7 @@ class DriveRequest:
     outliers: float = 0.0
     truck_seed: int | None = None
     outsider: Outsider | None = None
+    mismatch: Mismatch = field(default_factory=Mismatch)
     deviations: Values = field(default_factory=dict)
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -18,7 +19,9 @@ JITTER = 0.02  # of the period: how far a message may be off its beat; its stamp
 @dataclass(frozen=True)
 class Channel:
     """How one canonical signal is sampled: its ``message``, ``period`` s, ``noise`` standard
-    deviation (SI, mm for positions), ``noise_ar`` AR(1) coefficient per sample, ``delay`` s."""
+    deviation (SI, mm for positions), ``noise_ar`` AR(1) coefficient per sample, ``delay`` s;
+    ``tails``: degrees of freedom of Student's distribution, infinite for normal noise; ``jitter``:
+    by how much of its period a reading is off its beat."""
 
     name: str
     message: str
@@ -26,6 +29,8 @@ class Channel:
     noise: float = 0.0
     noise_ar: float = 0.0
     delay: float = 0.0
+    tails: float = inf
+    jitter: float = JITTER
 
 
 @dataclass(frozen=True)
@@ -86,18 +91,26 @@ def _check(channel: Channel, quantities: Mapping[str, object]) -> None:
         raise ClutchestError(
             f"signal '{channel.name}': expected noise ≥ 0, delay ≥ 0 and −1 < noise_ar < 1"
         )
+    if not (channel.tails > 2 and 0 <= channel.jitter < 0.5):
+        raise ClutchestError(
+            f"signal '{channel.name}': expected tails > 2 and 0 ≤ jitter < 0.5 of its period"
+        )
 
 
 def _beat(channel: Channel, seed: int, duration: float) -> Floats:
     rng = stream(seed, "beat " + channel.message)
     time = np.arange(rng.uniform(0, channel.period), duration, channel.period)
-    time += rng.uniform(-JITTER, JITTER, len(time)) * channel.period
+    time += rng.uniform(-channel.jitter, channel.jitter, len(time)) * channel.period
     return time[(time >= 0) & (time <= duration)]
 
 
 def _noise(channel: Channel, seed: int, n: int) -> Floats:
     """Stationary AR(1) from its first sample on, with standard deviation ``channel.noise``."""
-    white = stream(seed, "noise " + channel.name).standard_normal(n)
+    rng = stream(seed, "noise " + channel.name)
+    if channel.tails == inf:
+        white = rng.standard_normal(n)
+    else:
+        white = rng.standard_t(channel.tails, n) * np.sqrt(1.0 - 2.0 / channel.tails)
     fresh = np.sqrt(1 - channel.noise_ar**2)
     white[1:] *= fresh
     return channel.noise * recur(white, channel.noise_ar)

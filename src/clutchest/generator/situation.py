@@ -23,6 +23,9 @@ Record = Any  # a row of a structured array, its columns as attributes
 
 # The integrated state.
 BODY, HOUSING, DISC, ENGINE, SHAFT, SPEED, ENERGY, TORQUE = range(8)
+# What a truck of more parts integrates beside it (see ``parts``).
+FACES, FLYWHEEL, REAR, DELIVERED, STRETCH = range(8, 13)
+STATES, STATES_IN_PARTS = 8, 13
 # What the control unit is busy with.
 RESTING, OPENING, NEUTRAL, LAUNCHING, CLOSING, DRIVING, UNLOADING, HOLDING = range(8)
 
@@ -85,7 +88,7 @@ AIR = 3.3  # kg/m: half of density · drag coefficient · frontal area
 class TruckDrive(NamedTuple):
     """A drive in progress: timetable ``legs``, ``slow`` (n, 3) friction, coolant and ambient every
     GRID s, the truck's ``numbers`` (1,) and ``situation`` (1,), records, and the integrated
-    ``state`` (8)."""
+    ``state`` (8), of a truck of more parts (13)."""
 
     legs: NDArray
     slow: Floats

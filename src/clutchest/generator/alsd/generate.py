@@ -11,6 +11,7 @@ from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, ROW, SCENARIOS
 from clutchest.generator.effects import Values, complete
+from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.outsider import Reading
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Sampled, sample
@@ -35,14 +36,15 @@ LARGEST: Values = {
 def generate(request: DriveRequest) -> Sampled:
     """A run of a differential.
 
-    ``deviations`` as ``effects.DEVIATIONS`` has them; disturbances and outsiders are the truck's
-    alone.  Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
+    ``deviations`` as ``effects.DEVIATIONS`` has them; disturbances, mismatches and outsiders are
+    the truck's alone.  Raises ClutchestError for an unknown scenario, effect, channel or missing
+    parameter.
     """
     plan, duration = request.plan(SCENARIOS, RANGES)
-    if request.outsider or request.disturbances != Disturbances():
+    if request.outsider or request.mismatch != Mismatch() or request.disturbances != Disturbances():
         raise ClutchestError(
             "nothing but effects can be wrong with a differential here: "
-            "disturbances and outsiders are the truck's"
+            "disturbances, mismatches and outsiders are the truck's"
         )
     _check_place(request)
     parameters, seed = request.parameters, request.seed
