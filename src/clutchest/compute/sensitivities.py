@@ -184,7 +184,7 @@ def weigh(P, H, R, tracked, PH, gain):
     return predicted
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def imply_inputs(x, row, rates, regimes, numbers, measured, u):
     """Put inputs ``u`` (K, nu), in place, to where they explain the measured slopes, as near to the
     ``measured`` ones (K, nu) as that goes: one step of Gauss and Newton from where they stand.

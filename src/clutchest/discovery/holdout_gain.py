@@ -13,11 +13,14 @@ from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import RELEASED, Search
 from clutchest.discovery.torque import torques
+from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.map_fit import cooled, improve, most_probable, with_noise_estimated
 from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState, Shapes
 from clutchest.signals import Floats
+
+Indices = NDArray[np.int64]
 
 BLOCK = 20.0  # s; what lies closer together is not independent
 RESAMPLED = 1000
@@ -85,14 +88,17 @@ def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
     predictions: list[HeldOutPrediction] = []
     for causes in (search.null, best):
         fit = objective.linearise_at(causes.fit.theta, causes.fit.shapes)
-        parts: list[HeldOutPrediction] = []
-        for k in range(PARTS):
+        free = search.free(causes.causes)
+
+        def predicted(k: int, fit: Linearisation = fit, free: Indices = free) -> HeldOutPrediction:
+            """The k-th part, from the rest of the log."""
             rest = objective.without(part == k)
             rest = rest.with_span([rest.whitened(fit).psi])
-            theta = improve(rest, rest.whitened(fit), search.free(causes.causes)).theta
+            theta = improve(rest, rest.whitened(fit), free).theta
             held_out = most_probable(objective, _starts(problem), theta, fit.shapes)
-            parts.append(HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k)))
-        predictions.append(HeldOutPrediction.joined(parts))
+            return HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k))
+
+        predictions.append(HeldOutPrediction.joined(concurrently(problem, predicted, range(PARTS))))
     assert objective.span is not None
     before, after = predictions
     return replace(between(before, after, objective.span), other_logs=False)

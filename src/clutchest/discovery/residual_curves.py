@@ -32,7 +32,7 @@ SCALES = np.array(
 )  # standard deviations of coefficients, in units of an error
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME = 2.0  # s
-ENTRIES = 1e7  # of derivatives, held at a time
+ENTRIES = 3e6  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)

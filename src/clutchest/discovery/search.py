@@ -14,6 +14,7 @@ from scipy.stats import norm
 
 from clutchest.discovery.candidates import CandidateCause, candidates, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
+from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.objective import NO_DERIVATIVES, SAME, Linearisation, Objective
@@ -88,6 +89,12 @@ class Search:
         theta[[i for i in self.problem.gains if i not in kept]] = 0.0
         best = improve(self.objective, self.objective.linearise_at(theta, shapes, free), free)
         return CauseSet(causes, continue_towards_prior(self.objective, best, free))
+
+    def likeliest(
+        self, causes: tuple[CandidateCause, ...], begins: Sequence[Linearisation]
+    ) -> CauseSet:
+        """The best of the fits of these causes from all ``begins`` on, bare."""
+        return min((self.fitted(causes, begin) for begin in begins), key=cost_of).bare
 
     def released(self, h: CauseSet) -> CauseSet:
         """A cause set with a fit that is not bare, and sizes that may exceed plausible ones:
@@ -244,7 +251,8 @@ def _superfluous(search: Search) -> CauseSet | None:
 def _grown(search: Search, parents: Sequence[CauseSet]) -> tuple[Search, list[CauseSet]]:
     """Fits of one more cause beside those of each parent, where one is significant; the search
     with these tried."""
-    grown, tried, p_values = list[CauseSet](), set(search.tried), dict(search.p_values)
+    wanted = list[tuple[tuple[CandidateCause, ...], list[Linearisation]]]()
+    tried, p_values = set(search.tried), dict(search.p_values)
     for parent in parents:
         others = [c for c in search.candidates if _may_join(c, parent)]
         scores = search.scores(parent, others, seed=2) if parent.causes else search.null_scores
@@ -260,10 +268,9 @@ def _grown(search: Search, parents: Sequence[CauseSet]) -> tuple[Search, list[Ca
             if frozenset(causes) in tried:
                 continue
             tried.add(frozenset(causes))
-            fits = [search.fitted(causes, parent.fit)]
-            fits += [search.fitted(causes, begins[i])] if i in begins else []
-            grown.append(min(fits, key=cost_of).bare)
+            wanted.append((causes, [parent.fit, begins[i]] if i in begins else [parent.fit]))
             p_values.setdefault(others[i].name, float(scores.p_family_wise(p[i])))
+    grown = concurrently(search.problem, lambda each: search.likeliest(*each), wanted)
     return replace(search, tried=frozenset(tried), p_values=p_values), grown
 
 
@@ -302,7 +309,8 @@ def _with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Sear
     fit = improve(objective, objective.whitened(fit), search.free(()))
     null = CauseSet((), fit.bare)
     search = replace(search, objective=objective, null=null, best=null)
-    return search, [search.fitted(h.causes, h.fit).bare for h in grown]
+    refit = concurrently(search.problem, lambda h: search.likeliest(h.causes, [h.fit]), grown)
+    return search, refit
 
 
 def _unusual_starts(problem: Problem, theta: Floats) -> NDArray[np.int64]:

@@ -161,10 +161,10 @@ def _bend(
     ahead = objective.relinearise(lin, lin.theta + AHEAD * move, active=free)
     if not np.isfinite(ahead.cost):
         return np.zeros(len(lin.theta))
-    curved = 2.0 / AHEAD * ((ahead.r - lin.r) / AHEAD - lin.psi @ move)
+    curved = 2.0 / AHEAD * ((ahead.r - lin.r) / AHEAD - lin.change(move))
     curvature = lin.information + np.diag(objective.prior + 1e-9)
     bend = np.zeros(len(lin.theta))
-    bend[free] = -np.linalg.solve(curvature[np.ix_(free, free)], (lin.psi.T @ curved)[free])
+    bend[free] = -np.linalg.solve(curvature[np.ix_(free, free)], lin.slope(curved)[free])
     return bend
 
 
@@ -194,7 +194,7 @@ def step(
     sizes stops at their end, and the others make the best of that.  With ``heat`` the data
     count for less."""
     curvature = lin.information / heat + np.diag(objective.prior + damping + 1e-9)
-    slope = lin.slope / heat + objective.prior * lin.theta
+    slope = lin.slope(lin.r) / heat + objective.prior * lin.theta
     step = np.zeros(len(lin.theta))
     while len(free):
         rest = -slope[free] - curvature[free] @ step + curvature[np.ix_(free, free)] @ step[free]
@@ -220,6 +220,6 @@ def curvature(objective: Objective, lin: Linearisation, free: NDArray[np.int64])
 
 def _promised(objective: Objective, lin: Linearisation, step: Floats) -> float:
     """By how much a step would lower the cost if all were linear."""
-    before, after = objective.in_span(lin.r), objective.in_span(lin.r + lin.psi @ step)
+    before, after = objective.in_span(lin.r), objective.in_span(lin.r + lin.change(step))
     prior = np.sum(objective.prior * ((lin.theta + step) ** 2 - lin.theta**2))
     return float(before @ before - after @ after - prior)

@@ -32,24 +32,26 @@ NO_DERIVATIVES = np.zeros(0, np.int64)
 
 @dataclass(frozen=True, slots=True)
 class Linearisation:
-    """All drives at one θ, white: ``r`` (K) innovations and ``psi`` (K, m) their derivatives, drive
-    after drive; ``cost`` is −2 ln(probability) up to a constant, priors in it, of what lies in the
-    objective's span; ``raw`` the same before whitening, and ``implied`` the operating point of
-    every drive at θ.
+    """All drives at one θ, white: ``r`` (K) innovations and ``by_active`` (K, a) their derivatives
+    by the ``active`` thetas (a; all where None), drive after drive; ``cost`` is
+    −2 ln(probability) up to a constant, priors in it, of what lies in the objective's span; ``raw``
+    the same before whitening, and ``implied`` the operating point of every drive at θ.
     """
 
     theta: Floats
     shapes: Shapes
     r: Floats
-    psi: Floats
+    by_active: Floats
     cost: float
     raw: Sequence[NormalisedInnovations]
     implied: Sequence[OperatingPoint]
+    active: NDArray[np.int64] | None = None
 
     @property
     def bare(self) -> Linearisation:
         """Where it is and what that costs; of an hour, innovations and derivatives are 100 MiB."""
-        return replace(self, r=np.zeros(0), psi=np.zeros((0, len(self.theta))), raw=(), implied=())
+        nothing = np.zeros((0, len(self.theta)))
+        return replace(self, r=np.zeros(0), by_active=nothing, raw=(), implied=(), active=None)
 
     @property
     def as_point(self) -> Linearisation:
@@ -57,14 +59,36 @@ class Linearisation:
         return replace(self.bare, implied=self.implied)
 
     @property
-    def information(self) -> Floats:
-        """ψᵀψ (m, m)."""
-        return self.psi.T @ self.psi
+    def psi(self) -> Floats:
+        """Derivatives by every θ, shape (K, m): 0 by those that are not active."""
+        if self.active is None:
+            return self.by_active
+        every = np.zeros((len(self.r), len(self.theta)))
+        every[:, self.active] = self.by_active
+        return every
 
     @property
-    def slope(self) -> Floats:
-        """ψᵀr (m): half the derivative of the sum of squares."""
-        return self.psi.T @ self.r
+    def information(self) -> Floats:
+        """ψᵀψ (m, m)."""
+        product = self.by_active.T @ self.by_active
+        if self.active is None:
+            return product
+        every = np.zeros((len(self.theta), len(self.theta)))
+        every[np.ix_(self.active, self.active)] = product
+        return every
+
+    def slope(self, r: Floats) -> Floats:
+        """ψᵀr (m) of ``r`` (K); of the innovations, half the derivative of their sum of squares."""
+        product = self.by_active.T @ r
+        if self.active is None:
+            return product
+        every = np.zeros(len(self.theta))
+        every[self.active] = product
+        return every
+
+    def change(self, step: Floats) -> Floats:
+        """ψ · ``step`` (m): by how much the innovations (K) change, to first order."""
+        return self.by_active @ (step if self.active is None else step[self.active])
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +168,9 @@ class Objective:
         """One whose noise model is that of what the innovations keep when every θ, causes too, has
         taken its share: what a cause leaves in the data must not pass for noise."""
         prior = np.ones(len(lin.theta))  # a cause is taken to be of a plausible size
-        step = np.linalg.solve(lin.information + np.diag(prior), -lin.slope)
-        rest = [innovations.r + innovations.psi @ step for innovations in lin.raw]
+        inner = lin.information + np.diag(prior)
+        step = np.asarray(np.linalg.solve(inner, -lin.slope(lin.r)), np.float64)
+        rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
         for e, drive, s, noise in zip(
             rest, self.problem.drives, self.stretches, self.input_noise, strict=True
         ):
@@ -201,7 +226,7 @@ class Objective:
         if active.size and not (active.min() > -RUNAWAY and active.max() < RUNAWAY):
             cost = np.inf  # nowhere to go on from
         implied = tuple(innovations.implied for innovations in raw)
-        return Linearisation(theta, shapes, r, raw[0].spread(active), cost, raw, implied)
+        return Linearisation(theta, shapes, r, active, cost, raw, implied, raw[0].active)
 
     def modulated(
         self, lin: Linearisation, thetas: NDArray[np.int64], modulations: Sequence[Modulation]

@@ -60,15 +60,15 @@ class NormalisedInnovations:
     @property
     def psi(self) -> Floats:
         """Derivatives by every θ, shape (K, count): 0 by those that are not active."""
-        return self.spread(self.table[:, 1:])
-
-    def spread(self, columns: Floats) -> Floats:
-        """``columns`` (K, a) of active thetas at their places among all of them, (K, count)."""
         if self.active is None:
-            return columns
-        every = np.zeros((len(columns), self.count))
-        every[:, self.active] = columns
+            return self.table[:, 1:]
+        every = np.zeros((len(self.table), self.count))
+        every[:, self.active] = self.table[:, 1:]
         return every
+
+    def change(self, step: Floats) -> Floats:
+        """ψ · ``step`` (count): by how much the innovations (K) change, to first order."""
+        return self.table[:, 1:] @ (step if self.active is None else step[self.active])
 
 
 @dataclass(frozen=True, slots=True)
