@@ -27,10 +27,11 @@ _NOISY = (*FAST_SIGNALS, "coolant_temp", "ambient_temp")
 
 @dataclass(frozen=True)
 class Sensing:
-    """By signal: ``lag`` s of a sensor (first order), ``noise`` as a multiple of the stated one,
-    ``noise_ar``: the share of what the stated AR(1) coefficient lacks to 1 that is added to it.  ``tails``: degrees of freedom of noise of
-    Student's distribution, of the stated variance; infinite for normal noise.  ``jitter``: by how
-    much of its period a message may be off its beat, its stamp staying true."""
+    """By signal: ``lag`` s of a sensor (first order); ``noise`` as a multiple of the stated one;
+    ``noise_ar``: the stated AR(1) coefficient is that share of the way nearer to 1.  ``tails``:
+    degrees of freedom of noise of Student's distribution, of the stated variance; infinite for
+    normal noise.  ``jitter``: by how much of its period a message may be off its beat, its stamp
+    staying true."""
 
     lag: Values = field(default_factory=dict)
     noise: Values = field(default_factory=dict)
