@@ -19,13 +19,13 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))  # what benchmarks share is a file beside
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # drives from the filter's own model
 
+import generator_drives
 import own_model
 import pictures
 import recovery
 from clutches import CLUTCHES
 from parallel import ran
 
-import generator
 from clutchest import load_vehicle
 
 PARTS = ("own-model", "generator", "recovery")
@@ -65,13 +65,13 @@ def main() -> None:
     if "generator" in given.parts:
         tasks = [
             (given.vehicle, case, scenario, given.first + 100 * number + k)
-            for case in generator.CASES
+            for case in generator_drives.CASES
             for number, scenario in enumerate(scenarios)
             for k in range(given.seeds)
         ]
-        results = ran("generator", generator.drive, tasks, given.jobs)
-        found["generator"] = generator.table(results)
-        print(generator.show(found["generator"]), flush=True)
+        results = ran("generator", generator_drives.drive, tasks, given.jobs)
+        found["generator"] = generator_drives.table(results)
+        print(generator_drives.show(found["generator"]), flush=True)
     pictures.accuracy(found, given.out / "accuracy.png")
     (given.out / "estimator.json").write_text(json.dumps(found, indent=1))
 

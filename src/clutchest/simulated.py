@@ -45,8 +45,8 @@ class Options(TypedDict, total=False):
     vehicle file, not drawn from their spreads; ``truck_seed``: seed of the parameters, default that
     of the drive; ``disturbances``: name → size of what varies during the drive, see
     :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of all noise instead
-    of the file's; ``outliers``: share of samples that are outliers; ``outsider``: a cause that is
-    none of ``effects``, see :class:`clutchest.generator.Outsider`; ``mismatch``: what sets a
+    of the file's; ``outliers``: share of samples that are outliers; ``outsider``: an unmodelled
+    effect, see :class:`clutchest.generator.Outsider`; ``mismatch``: what sets a
     healthy machine apart from its model, see :class:`clutchest.generator.Mismatch`."""
 
     duration: float | None

@@ -1,4 +1,5 @@
-"""Where causes that the generator itself does not know act upon the truck and its sensors."""
+"""Unmodelled effects: terms that neither the model nor the generator's equations have, and where
+they act upon the truck and its sensors."""
 
 from __future__ import annotations
 
@@ -11,17 +12,17 @@ from clutchest.signals import Floats
 if TYPE_CHECKING:
     from clutchest.generator.situation import TruckDrive, TruckRecord
 
-SLICE = 0.01  # s: a law looks, then what it says holds for so long, unless it has a pace of its own
+SLICE = 0.01  # s for which a value of a law holds, unless the effect has a pace of its own
 
 Reading = Callable[[Floats], Floats]
 Law = Callable[[Mapping[str, float]], Mapping[str, float]]
 
 
 class Outsider(Protocol):
-    """Something wrong that is none of ``EFFECTS``; any object with these two methods.  One that
-    goes slowly may have a ``pace``, s, at which its law is asked; ``SLICE`` unless it has.
+    """An unmodelled effect, none of ``EFFECTS``; any object with these two methods.  A slow one
+    may have a ``pace``, s, at which its law is evaluated; ``SLICE`` unless it has.
 
-    A law sees the true ``time`` s, ``temp_body``, ``temp_housing``, ``temp_disc`` °C,
+    A law is given the true ``time`` s, ``temp_body``, ``temp_housing``, ``temp_disc`` °C,
     ``engine_speed``, ``input_shaft_speed``, ``slip_speed`` rad/s, ``vehicle_speed`` m/s,
     ``engine_torque``, ``clutch_torque`` Nm, ``energy`` J of slip, ``slave_position``,
     ``motor_position`` mm, ``position_rate`` mm/s, ``coolant_temp``, ``ambient_temp`` °C.  It gives
@@ -31,8 +32,9 @@ class Outsider(Protocol):
     """
 
     def law(self) -> Law | None:
-        """What acts, as a function of what is seen, asked once per SLICE in order of time; anew
-        for every drive, so that it may remember.  None: the truck itself is as it should be."""
+        """What acts, as a function of the true quantities, evaluated once per SLICE in order of
+        time; a new one for every drive, so that it may have memory.  None: only sensors are
+        affected."""
         ...
 
     def readings(self, true: Mapping[str, Reading]) -> Mapping[str, Reading]:
@@ -55,7 +57,7 @@ def run_under(law: Law, pace: float, steps: int, drive: TruckDrive, record: Truc
         for name, value in law(true).items():
             if name not in plant.FOREIGN:
                 raise ClutchestError(
-                    f"an outsider acts on '{name}', which the truck does not have"
+                    f"an unmodelled effect acts on '{name}', which the truck does not have"
                     + nearest(name, plant.FOREIGN)
                 )
             s[f"foreign_{name}"] = value
@@ -63,7 +65,7 @@ def run_under(law: Law, pace: float, steps: int, drive: TruckDrive, record: Truc
 
 
 def _true(step: int, position_rate: float, drive: TruckDrive) -> dict[str, float]:
-    """What a law sees at this step."""
+    """What a law is given at this step."""
     from clutchest.generator import plant
 
     s, state, slow = drive.situation[0], drive.state, drive.slow

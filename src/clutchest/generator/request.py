@@ -36,9 +36,9 @@ class DriveRequest:
     ``duration`` s, the scenario's own unless given; ``effects`` that act; ``outliers`` the share of
     samples that are far off.  ``truck_seed`` draws the machine's parameters, ``seed`` all that a
     drive brings: load, road, weather, noise and ``disturbances``; the same unless said.
-    ``outsider`` is something wrong beyond ``effects``; ``mismatch``: what sets a healthy machine
-    apart from the model of it; ``deviations``: what a paper admits that its
-    model gets wrong.
+    ``outsider``: an unmodelled effect, none of ``effects``; ``mismatch``: what sets a healthy
+    machine apart from the model of it; ``deviations``: what a paper admits that its model gets
+    wrong.
     """
 
     parameters: Values

@@ -36,15 +36,15 @@ LARGEST: Values = {
 def generate(request: DriveRequest) -> Sampled:
     """A run of a differential.
 
-    ``deviations`` as ``effects.DEVIATIONS`` has them; disturbances, mismatches and outsiders are
-    the truck's alone.  Raises ClutchestError for an unknown scenario, effect, channel or missing
-    parameter.
+    ``deviations`` as ``effects.DEVIATIONS`` has them; disturbances, mismatches and unmodelled
+    effects are the truck's alone.  Raises ClutchestError for an unknown scenario, effect, channel
+    or missing parameter.
     """
     plan, duration = request.plan(SCENARIOS, RANGES)
     if request.outsider or request.mismatch != Mismatch() or request.disturbances != Disturbances():
         raise ClutchestError(
             "nothing but effects can be wrong with a differential here: "
-            "disturbances, mismatches and outsiders are the truck's"
+            "disturbances, mismatches and unmodelled effects are the truck's"
         )
     _check_place(request)
     parameters, seed = request.parameters, request.seed
