@@ -99,8 +99,9 @@ finally:
 
 def test_help_lists_the_verbs(run):
     code, out, _ = run("--help")
-    listed = [line.split()[0] for line in out.split("Commands:")[1].splitlines() if line.strip()]
-    assert code == 0 and sorted(listed) == sorted(VERBS)
+    rows = out.split("Commands:\n")[1].split("\n\n")[0].splitlines()
+    assert code == 0 and sorted(row.split()[0] for row in rows) == sorted(VERBS)
+    assert not any(row.endswith("...") for row in rows), "a summary is cut off at 80 columns"
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -108,6 +109,8 @@ def test_every_verb_has_an_example(run, verb):
     code, out, _ = run(verb, "--help")
     assert code == 0
     assert f"Example:\n    clutchest {verb} " in out
+    assert not set("{}") & set(out.split("Options:")[0]), "arguments as they are typed"
+    assert "list[" not in out and "<str>" not in out
 
 
 def test_help_names_scenarios_and_vehicles(run):

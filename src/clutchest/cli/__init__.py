@@ -21,6 +21,7 @@ from clutchest.cli.replay import replay
 from clutchest.cli.reproduce import reproduce
 from clutchest.cli.simulate import WithScenarios, simulate
 from clutchest.cli.terminal import fail
+from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
 
 app = typer.Typer(
@@ -29,6 +30,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Clutch temperatures, wear and friction from production CAN signals.",
+    epilog="To begin: clutchest replay demo --vehicle truck",
 )
 for _verb in (
     replay,
@@ -42,7 +44,7 @@ for _verb in (
     monitor,
     play,
 ):
-    app.command(cls=WithScenarios if _verb is simulate else None)(_verb)
+    app.command(cls=WithScenarios if _verb is simulate else Verb)(_verb)
 
 
 def main() -> None:

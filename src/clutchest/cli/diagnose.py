@@ -26,7 +26,7 @@ def diagnose(
     window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
-    """Test drives for faults: of messages, of signals, of the actuator and of the clutch.
+    """Test drives for faults of messages, signals and the clutch.
 
     Every monitor raises false alarms at the rate that the vehicle file states ([monitors]
     false_alarms_per_1000h).  One that could not detect its fault in these logs says why: not run.

@@ -30,7 +30,7 @@ def discover(
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
-    """Detect errors of the model, name their causes and add these to the vehicle.
+    """Detect errors of the model and name their causes.
 
     Writes report.md (start there), discovery.json, extended.toml (the vehicle with the identified
     causes in its model) and recording.rrd.  Says so where no error is detectable, where the log

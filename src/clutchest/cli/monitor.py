@@ -78,7 +78,7 @@ def monitor(
         bool, typer.Option("--json", help="One JSON object per line instead of the panel.")
     ] = False,
 ) -> None:
-    """Estimate temperatures, wear and friction while the clutch is driven, and test for faults.
+    """Estimate live, over a CAN bus, and test for faults.
 
     Writes received.log (the frames with the stamps that were used), estimates.parquet,
     events.jsonl, recording.rrd and state.json; files of a killed session are completed by the

@@ -30,7 +30,7 @@ def replay(
     ] = 10.0,
     smooth: Annotated[
         bool,
-        typer.Option("--smooth", help="Also the estimates that each whole drive supports."),
+        typer.Option("--smooth", help="Also smoothed estimates, by each drive as a whole."),
     ] = False,
     engine: Annotated[
         Engine,

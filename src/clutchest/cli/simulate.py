@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import AsJson, VehicleName
 from clutchest.cli.terminal import print_json, progress
+from clutchest.cli.verb import Verb
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class TruthOptions:
         typer.Option(
             metavar="NAME:P=V,P2=V2",
             show_default=False,
-            help="Something that is wrong with the truth; repeat for several.",
+            help="An effect in the truth with its numbers (docs/effects.md); repeat for several.",
         ),
     ] = None
     disturb: Annotated[
@@ -54,8 +54,8 @@ class TruthOptions:
             metavar="N",
             min=0,
             show_default=False,
-            help="Draws the truck's parameters, while --seed draws the drive: another drive of "
-            "the same truck. The same as --seed unless said.",
+            help="Seed of the machine's parameters, where --seed is to give another drive of "
+            "the same machine. The same as --seed unless given.",
         ),
     ] = None
 
@@ -78,7 +78,7 @@ class TruthOptions:
 DEFAULT_TRUTH = TruthOptions()
 
 
-class WithScenarios(TyperCommand):
+class WithScenarios(Verb):
     """A command whose help ends with the scenarios of every machine."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
@@ -123,7 +123,7 @@ def simulate(
     truth: TruthOptions = DEFAULT_TRUTH,
     as_json: AsJson = False,
 ) -> None:
-    """Make a log of a drive whose truth is known.
+    """Simulate a drive, and write its log and the truth.
 
     The truth is written beside it, to LOG.truth.parquet.
 
