@@ -20,7 +20,9 @@ class Verb(TyperCommand):
         """See :meth:`click.Command.format_options`."""
         shown = [p for p in self.get_params(ctx) if not getattr(p, "hidden", False)]
         arguments = [
-            (str(p.metavar), str(p.help)) for p in shown if p.param_type_name == "argument"
+            (str(p.metavar), str(getattr(p, "help", "")))
+            for p in shown
+            if p.param_type_name == "argument"
         ]
         given = (p.get_help_record(ctx) for p in shown if p.param_type_name == "option")
         options = [record for record in given if record is not None]
