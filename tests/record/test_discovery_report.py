@@ -193,7 +193,7 @@ def test_why_nothing_was_measured():
 def test_no_torque_is_told_that_was_not_computed():
     parted = replace(GAIN, simulation_rmse_after=None)
     assert "torque" in gain_words(GAIN, COMPARED) and "torque" not in gain_words(parted, COMPARED)
-    assert "innovation (1 if the model is right) changes from 1.420 to 1.010." in gain_words(
+    assert "predicted standard deviation changes from 1.420 to 1.010." in gain_words(
         parted, COMPARED
     )
 

@@ -86,8 +86,8 @@ def gain_words(gain: Gain, compared: Comparison | None) -> str:
         error = f"{before:.{decimals}f} to {after:.{decimals}f} {compared.unit}"
         open_loop = f", the open-loop {compared.what} error from {error}"
     return (
-        f"{on} ln L {change}, the rms normalised innovation (1 if the model is right) changes from "
-        f"{gain.rmse_before:.3f} to {gain.rmse_after:.3f}{open_loop}.{verdict}"
+        f"{on} ln L {change}, the rms innovation over its predicted standard deviation "
+        f"changes from {gain.rmse_before:.3f} to {gain.rmse_after:.3f}{open_loop}.{verdict}"
     )
 
 
