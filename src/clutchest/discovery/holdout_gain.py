@@ -14,7 +14,12 @@ from clutchest.discovery.result import Gain
 from clutchest.discovery.search import RELEASED, Search
 from clutchest.discovery.torque import torques
 from clutchest.inference.concurrent_fits import concurrently
-from clutchest.inference.map_fit import cooled, improve, most_probable, with_noise_estimated
+from clutchest.inference.map_fit import (
+    brought_near,
+    improve,
+    most_probable,
+    with_noise_estimated,
+)
 from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState, Shapes
@@ -61,7 +66,8 @@ def held_out_gain(
 def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
     """The most probable nuisances, from a ``theta`` on that may be far off; gains as there."""
     free = objective.problem.nuisances
-    return improve(objective, cooled(objective, objective.linearise_at(theta, shapes), free), free)
+    begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
+    return improve(objective, begin, free)
 
 
 def _cost(fit: Linearisation) -> float:

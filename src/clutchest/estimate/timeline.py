@@ -48,6 +48,11 @@ class Timeline:
     variance: Floats
     warnings: tuple[str, ...]
 
+    def first(self, count: int) -> Timeline:
+        """The first so many of its events."""
+        names = ("t", "sensor", "z", "R", "u", "row", "mode", "emit")
+        return replace(self, **{name: getattr(self, name)[:count] for name in names})
+
 
 def build(
     signals: Signals, vehicle: Vehicle, model: Model, rate: float, delays: Mapping[str, float]

@@ -18,10 +18,9 @@ from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
 from clutchest.inference.unknowns import Shapes
 from clutchest.signals import Floats
 
-COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own
-WARM = 10.0  # mean squares of the innovations: variances beyond are no help
+GROWING = (0.0625, 0.25)  # of a drive's time: parts of it that are fitted first
+NEAR = 10.0  # mean square of the innovations: from here on steps lead on
 STEPS, PATIENCE, TURNS = 40, 3, 6  # at most
-SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
 ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 AHEAD = 0.05  # of a step: where the bend of a valley is measured
@@ -49,7 +48,7 @@ def settle(objective: Objective, theta: Floats) -> tuple[Objective, Linearisatio
     """The most probable nuisances with gains as in ``theta``, and an objective with the noise model
     of what is left: a step for the one, an estimate of the other, alternately."""
     free = objective.problem.nuisances
-    lin = improve(objective, cooled(objective, objective.linearise_at(theta), free), free)
+    lin = improve(objective, brought_near(objective, objective.linearise_at(theta), free), free)
     for _ in range(TURNS):
         before = lin.r @ lin.r
         objective, lin = with_noise_estimated(objective, lin)
@@ -70,29 +69,26 @@ def with_noise_estimated(
     return objective, objective.whitened(lin)
 
 
-def cooled(objective: Objective, lin: Linearisation, free: NDArray[np.int64]) -> Linearisation:
-    """A linearisation far off brought near: at once, such data would drag everything along that
-    has no prior."""
-    for heat in COOLING:
-        if heat * len(lin.r) < WARM * (lin.r @ lin.r):
-            lin = _cooler(objective, lin, free, heat)
-    return lin
-
-
-def _cooler(
-    objective: Objective, lin: Linearisation, free: NDArray[np.int64], heat: float
+def brought_near(
+    objective: Objective, lin: Linearisation, free: NDArray[np.int64]
 ) -> Linearisation:
-    """A step, as long as it pays, with noise of ``heat`` times its variance."""
+    """A linearisation far off, as near as fits to a growing part of the drives bring it: over a
+    long drive small errors of heat sum up, and a first step leads anywhere; over a short one not.
+    """
+    if _near(lin):
+        return lin
+    move = step(objective, lin, free)
+    if _near(tried := objective.relinearise(lin, lin.theta + move, active=free)):
+        return tried
+    theta = lin.theta
+    for share in GROWING:
+        part = objective.until(share)
+        theta = most_probable(part, free, theta, lin.shapes).theta
+    return objective.linearise_at(theta, lin.shapes)
 
-    def cost(at: Linearisation) -> float:
-        return float(at.r @ at.r / heat + np.sum(objective.prior * at.theta**2))
 
-    move = step(objective, lin, free, heat=heat)
-    for share in SHARES:
-        tried = objective.relinearise(lin, lin.theta + share * move, active=free)
-        if cost(tried) < cost(lin):
-            return tried
-    return lin
+def _near(lin: Linearisation) -> bool:
+    return bool(lin.r @ lin.r < NEAR * len(lin.r))
 
 
 def most_probable(
@@ -188,13 +184,11 @@ def step(
     lin: Linearisation,
     free: NDArray[np.int64],
     damping: float = 0.0,
-    heat: float = 1.0,
 ) -> Floats:
     """Gauss–Newton's step (m), zero where not ``free``; a gain that would leave its plausible
-    sizes stops at their end, and the others make the best of that.  With ``heat`` the data
-    count for less."""
-    curvature = lin.information / heat + np.diag(objective.prior + damping + 1e-9)
-    slope = lin.slope(lin.r) / heat + objective.prior * lin.theta
+    sizes stops at their end, and the others make the best of that."""
+    curvature = lin.information + np.diag(objective.prior + damping + 1e-9)
+    slope = lin.slope(lin.r) + objective.prior * lin.theta
     step = np.zeros(len(lin.theta))
     while len(free):
         rest = -slope[free] - curvature[free] @ step + curvature[np.ix_(free, free)] @ step[free]

@@ -125,6 +125,12 @@ class Objective:
         input_noise = _input_noise(problem, stretches, white, weights)
         return cls(problem, stretches, white, weights, input_noise, None, prior, low, high)
 
+    def until(self, share: float) -> Objective:
+        """That of the part of every drive which ends after a ``share`` of its time, in white
+        noise; priors and bounds are the same."""
+        whole = Objective.of(self.problem.until(share))
+        return replace(whole, prior=self.prior, low=self.low, high=self.high)
+
     def without(self, rows: NDArray[np.bool_]) -> Objective:
         """One in which these ``rows`` (K) do not count; the noise model is the same."""
         edges = np.cumsum([len(weight) for weight in self.weights])[:-1]

@@ -31,3 +31,8 @@ class OperatingPoint:
     states: Floats
     inputs: Floats
     corrections: Mapping[int, Floats]
+
+    def first(self, count: int) -> OperatingPoint:
+        """That of the first so many events."""
+        corrections = {j: by[:count] for j, by in self.corrections.items()}
+        return OperatingPoint(self.states[:count], self.inputs[:count], corrections)

@@ -46,6 +46,10 @@ class PreparedInputs:
     limit: Floats
     slow: NDArray[np.bool_]
 
+    def first(self, count: int) -> PreparedInputs:
+        """Those of so many events."""
+        return replace(self, spacing=self.spacing[:count], smooth=self.smooth[:count])
+
 
 @dataclass(frozen=True, slots=True)
 class TrackedStates:
@@ -56,6 +60,10 @@ class TrackedStates:
     act: NDArray[np.bool_]
     rate: Floats
     value: Floats
+
+    def first(self, count: int) -> TrackedStates:
+        """Those of so many events."""
+        return TrackedStates(self.which, self.act[:count], self.rate[:count], self.value[:count])
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +153,23 @@ class PreparedDrive:
     readings: Readings
     at_nominal: OperatingPoint
 
+    def until(self, end: float) -> PreparedDrive:
+        """The same drive as far as ``end`` s."""
+        count = max(int(np.searchsorted(self.line.t, end, "right")), 1)
+        return replace(
+            self.only(self.readings.event < count),
+            line=self.line.first(count),
+            delayed=[replace(d, size=_first(d.size, count)) for d in self.delayed],
+            inputs=self.inputs.first(count),
+            tracked=self.tracked.first(count),
+            gains=FrozenGains(self.gains.gain[:count], self.gains.variance[:count]),
+            at_nominal=self.at_nominal.first(count),
+        )
+
     def only(self, keep: NDArray[np.bool_]) -> PreparedDrive:
         """The same drive of which these readings (K) alone count."""
         return replace(self, readings=self.readings.only(keep))
+
+
+def _first(size: float | Floats, count: int) -> float | Floats:
+    return size[:count] if isinstance(size, np.ndarray) else size

@@ -151,6 +151,12 @@ class Problem:
         drives = tuple(drive.only(drive.readings.sensor == which) for drive in self.drives)
         return replace(self, drives=drives)
 
+    def until(self, share: float) -> Problem:
+        """The same of which every drive ends after that ``share`` of its time."""
+        ends = [d.line.t[0] + share * (d.line.t[-1] - d.line.t[0]) for d in self.drives]
+        drives = tuple(d.until(end) for d, end in zip(self.drives, ends, strict=True))
+        return replace(self, drives=drives)
+
     @property
     def units(self) -> Floats:
         """What 1 means of each θ (m)."""
