@@ -136,10 +136,8 @@ def _line(text: Bytes, i: int, columns: Bytes, start_ns: int, n: int, out: Table
             value, behind = hexadecimal(text, i)
             if behind - i > 4:
                 flag |= EXTENDED
-            if text[i] <= 32:
-                return NO_FRAME
-            if value == 0xFFFFFFFF:  # 1.0
-                return STATUS
+            if text[i] <= 32 or value == 0xFFFFFFFF:  # 1.0 has this id for the bus's status
+                return NO_FRAME if text[i] <= 32 else STATUS
             if behind == i or text[behind] > 32 or value > 0x1FFFFFFF:
                 return BAD_ID
             out.id[n] = value
