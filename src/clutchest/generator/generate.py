@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError
 from clutchest.generator.effects import RANGES, Values, complete, numbers
 from clutchest.generator.outsider import SLICE, Reading, run_under
-from clutchest.generator.population import Population
+from clutchest.generator.population import NORMAL, Population
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.scenarios import PER_METRE, SCENARIOS, TruckScenario
@@ -68,7 +68,7 @@ def generate(request: DriveRequest) -> Sampled:
 
 
 def draw(
-    parameters: Values, spreads: Values, seed: int, population: Population
+    parameters: Values, spreads: Values, seed: int, population: Population = NORMAL
 ) -> tuple[dict[str, float], float]:
     """The truck's own parameters, and its x0_ref (mm), clipped to what nature allows."""
     rng = stream(seed, "parameters")

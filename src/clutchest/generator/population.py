@@ -23,3 +23,6 @@ class Population:
             return self.width * float(random.standard_normal())
         side = float(random.choice((-1.0, 1.0)))
         return self.width * side * (float(random.gamma(SHAPE)) - SHAPE) / SHAPE**0.5
+
+
+NORMAL = Population()  # as the vehicle file states it
