@@ -88,7 +88,7 @@ def brought_near(
 
 
 def _near(lin: Linearisation) -> bool:
-    return bool(lin.r @ lin.r < NEAR * len(lin.r))
+    return bool(np.isfinite(lin.cost) and lin.r @ lin.r < NEAR * len(lin.r))
 
 
 def most_probable(
