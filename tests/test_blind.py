@@ -46,8 +46,11 @@ def test_a_sealed_answer_comes_back_and_says_nothing_before(tmp_path):
 
 
 def test_the_plan_holds_what_it_must():
+    from blind.near_misses import NEAR_MISSES
     from blind.outsiders import OUTSIDERS
-    from blind.plan import PARTS, SIZES, drawn, full, gains, quick
+    from blind.plan import ALL, PARTS, SIZES, Case, drawn, each, full, gains, quick
+
+    from clutchest.generator import GROUPS
 
     cases = full()
     assert len({case.name for case in cases}) == len({case.seed for case in cases}) == len(cases)
@@ -64,12 +67,21 @@ def test_the_plan_holds_what_it_must():
     assert len(few) >= 120 and few == quick()
     assert {case.cause for case in few if case.part == "outsider"} == set(OUTSIDERS)
     assert {case.cause for case in few if case.part == "effect"} == set(gains())
+    groups = [case.cause for case in cases if case.part == "mismatch"]
+    assert len(groups) >= 300 and min(map(groups.count, groups)) >= 20
+    assert set(groups) == {*GROUPS, ALL}
+    assert Case("mismatch", ALL, 0.0, "white", 1).drive().mismatches == tuple(GROUPS)
+    assert Case("null", "", 0.0, "white", 1).drive().mismatches == ()
+    few_each = each(["mismatch", "near-miss"], 3)
+    kinds = [case.cause for case in few_each]
+    assert {kinds.count(kind) for kind in kinds} == {3} and set(kinds) > {*GROUPS, *NEAR_MISSES}
     assert drawn(PARTS, 50) == drawn(PARTS, 80)[:50]
     assert 20 <= sum(case.part == "null" for case in drawn(PARTS, 80)) <= 60
 
 
-def test_outsiders_know_nothing_of_the_package():
-    tree = ast.parse((BENCHMARKS / "blind" / "outsiders.py").read_text())
+@pytest.mark.parametrize("file", ["outsiders.py", "near_misses.py"])
+def test_outsiders_know_nothing_of_the_package(file):
+    tree = ast.parse((BENCHMARKS / "blind" / file).read_text())
     imported = {
         alias.name
         for node in ast.walk(tree)
@@ -77,8 +89,9 @@ def test_outsiders_know_nothing_of_the_package():
         for alias in node.names
     }
     imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert imported == {
+    assert imported <= {
         "__future__",
+        "blind.outsiders",
         "collections.abc",
         "dataclasses",
         "typing",
@@ -88,13 +101,14 @@ def test_outsiders_know_nothing_of_the_package():
 
 
 def test_outsiders_are_none_of_the_library_and_their_drivers_are_known():
-    from blind.outsiders import OUTSIDERS
+    from blind.near_misses import FOREIGN
 
     known = set(machine_of("dry_clutch").units)
     known |= {state.name for state in machine_of("dry_clutch").states}
     known |= {"slip_speed", "position_rate", "energy", "time"}
-    assert not set(OUTSIDERS) & set(machine_of("dry_clutch").effects)
-    for kind in OUTSIDERS.values():
+    known |= {"clutch_torque", "input_shaft_rate", "slip_power", "slip_rate"}
+    assert not set(FOREIGN) & set(machine_of("dry_clutch").effects)
+    for kind in FOREIGN.values():
         assert set(kind.drivers) <= known and kind.largest > 0 and kind.__doc__
 
 
@@ -156,6 +170,68 @@ def test_an_outsider_acts_where_it_says(drives, plain, name):
             assert np.median(np.abs(value - true)) < 1e-3
     nothing = drives(kind(0.0))
     for column, values in plain.truth.columns.items():
+        assert np.array_equal(values, nothing.truth.columns[column]), column
+    for signal, (_, value) in plain.signals.items():
+        assert np.array_equal(value, nothing.signals[signal][1]), signal
+
+
+def test_near_misses_are_enough_and_half_of_them_in_no_list():
+    """What is said to be in no list is no error term over that driver."""
+    from blind.near_misses import NEAR_MISSES
+    from blind.outsiders import OUTSIDERS
+
+    terms = machine_of("dry_clutch").error_terms.values()
+    assert len(NEAR_MISSES) >= 12 and not set(NEAR_MISSES) & set(OUTSIDERS)
+    unlisted = [kind for kind in NEAR_MISSES.values() if not kind.listed]
+    assert len(unlisted) >= 6
+    everywhere = {"slip_speed", "time", "energy", "position_rate", "temp_disc", "engine_speed"}
+    for kind in unlisted:
+        if kind.name == "judder":  # what is in no list there is that it is periodic
+            continue
+        for term in terms:
+            if term.equation == kind.equation:
+                assert kind.drivers[0] not in (term.covariates or everywhere), kind.name
+
+
+def _near_misses() -> list[str]:
+    tree = ast.parse((BENCHMARKS / "blind" / "near_misses.py").read_text())
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    return [node.name for node in classes if node.name != "NearMiss"]
+
+
+@pytest.mark.parametrize("name", _near_misses())
+def test_a_near_miss_acts_where_it_says(drives, plain, name):
+    """What has a law changes the truck, what has readings the sensors, and those alone."""
+    from blind import near_misses
+    from blind.outsiders import Outsider
+
+    kind = getattr(near_misses, name)
+    acts = kind.law is not Outsider.law
+    shows = kind.readings is not Outsider.readings
+    assert shows == any(e.startswith(("sensor:", "timing:")) for e in (kind.equation,))
+    wrong, nothing = drives(kind(kind.largest / 3)), drives(kind(0.0))
+    columns = {c: v for c, v in plain.truth.columns.items() if v.dtype.kind == "f"}
+    moved = [c for c, v in columns.items() if not np.array_equal(v, wrong.truth.columns[c])]
+    assert bool(moved) == acts
+    true = {
+        signal: np.interp(time, wrong.truth.time, wrong.truth.columns[signal])
+        for signal, (time, _) in wrong.signals.items()
+        if signal in columns
+    }
+    off = {s for s, v in true.items() if np.max(np.abs(wrong.signals[s][1] - v)) > 0.02 * np.ptp(v)}
+    usual = {
+        s
+        for s in true
+        if np.max(
+            np.abs(
+                plain.signals[s][1] - np.interp(plain.signals[s][0], plain.truth.time, columns[s])
+            )
+        )
+        > 0.02 * np.ptp(columns[s])
+    }
+    expected = {kind.equation.split(":")[1]} if shows else set()
+    assert off - usual <= expected
+    for column, values in columns.items():
         assert np.array_equal(values, nothing.truth.columns[column]), column
     for signal, (_, value) in plain.signals.items():
         assert np.array_equal(value, nothing.signals[signal][1]), signal

@@ -1,7 +1,7 @@
 """The blind suite: causes hidden in simulated drives, looked for by `clutchest discover`.
 
     python benchmarks/blind --out blind-out [--parts null effect two outsider] [--limit 900]
-                            [--least 12] [--shard 0/2] [--measured] [--alone]
+                            [--least 12] [--each 4] [--shard 0/2] [--measured] [--alone]
     python benchmarks/blind --out blind-out --hour
     python benchmarks/blind --out blind-out --table
     python benchmarks/blind --ci --out blind-ci [--shard 0/2]
@@ -9,7 +9,8 @@
 
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
-one holding the smaller; ``--least`` only cases aimed at so large a d′.  ``--ci`` is the fixed
+one holding the smaller; ``--each`` the first so many of every cause, group or noise of the parts;
+``--least`` only cases aimed at so large a d′.  ``--ci`` is the fixed
 short run, whose sizes are already known; with ``--table`` it fails where a case is missing, or
 where what must be reached lies outside a row's interval.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour;
@@ -30,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a folder, no
 
 from blind import table
 from blind.cases import answer
-from blind.plan import PARTS, Case, drawn, quick
+from blind.plan import PARTS, Case, drawn, each, quick
 from blind.score import hour, score
 from blind.sealed import KNOWN, seal, unseal
 
@@ -107,6 +108,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("blind-out"))
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--limit", type=int, help="a random part of so many cases")
+    parser.add_argument("--each", type=int, help="so many cases of every cause of the parts")
     parser.add_argument(
         "--least", type=float, default=0.0, metavar="d′", help="only cases aimed at so much or more"
     )
@@ -119,7 +121,10 @@ def main() -> None:
     parser.add_argument("--prepare", action="store_true", help="only the sizes to hide")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    cases = quick() if given.ci else drawn(given.parts, given.limit)
+    if given.ci:
+        cases = quick()
+    else:
+        cases = each(given.parts, given.each) if given.each else drawn(given.parts, given.limit)
     cases = [case for case in cases if case.d_prime >= given.least]
     if given.prepare:
         return prepare(cases, given.shard, given.out)

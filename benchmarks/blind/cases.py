@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from blind.drives import Drive
+from blind.near_misses import FOREIGN
 from blind.oracle import Oracle
-from blind.outsiders import OUTSIDERS, Outsider
+from blind.outsiders import Outsider
 from blind.plan import Case, gains
 from blind.sealed import seal
 from clutchest.models import machine_of
@@ -28,6 +29,7 @@ NOTHING = 0.05  # of a first order's d′: less is none
 CLOSE = 0.2  # the same of what an outsider leaves
 SHARE = 0.25  # of the largest size: where the search for an outsider's size begins
 
+
 Answer = dict[str, Any]
 
 
@@ -40,9 +42,9 @@ def answer(case: Case) -> Answer:
     ``excited`` (gain → d′ at its largest plausible size); ``where`` of an outsider.
     """
     common: Answer = {"case": asdict(case), "attempt": 0, "effects": {}, "outsider": None}
-    if case.part == "null":
+    if case.part in ("null", "mismatch"):
         return common
-    made = {"effect": _effect, "two": _two, "outsider": _outsider}[case.part](case)
+    made = _MADE[case.part](case)
     return {**common, **made}
 
 
@@ -52,7 +54,7 @@ def drive_of(case: Case, known: Answer) -> Drive:
 
 def outsider_of(known: Answer) -> Outsider | None:
     given = known["outsider"]
-    return OUTSIDERS[given["name"]](given["size"], given["phase"]) if given else None
+    return FOREIGN[given["name"]](given["size"], given["phase"]) if given else None
 
 
 def hidden(case: Case, known: Answer, *, held_out: bool = False) -> Signals:
@@ -158,7 +160,7 @@ def _pair(case: Case, oracle: Oracle, pair: list[str], random: np.random.Generat
 
 def _outsider(case: Case) -> Answer:
     """An outsider of which so much is left when every single effect has been tried."""
-    random, kind = _random(case), OUTSIDERS[case.cause]
+    random, kind = _random(case), FOREIGN[case.cause]
     phase, found = float(random.uniform()), []
     for attempt in range(TRIES):
         oracle, outsider = Oracle(case.drive(attempt)), kind(SHARE * kind.largest, phase)
@@ -174,7 +176,11 @@ def _outsider(case: Case) -> Answer:
                     "d_prime": min(near.values()),
                     "rivals": near,
                     "outsider": {"name": kind.name, "size": outsider.size, "phase": phase},
-                    "where": {"equation": kind.equation, "drivers": list(kind.drivers)},
+                    "where": {
+                        "equation": kind.equation,
+                        "equations": list(kind.equations()),
+                        "drivers": list(kind.drivers),
+                    },
                     "alone": oracle.distance(oracle.twin(outsider=outsider)),
                     "excited": oracle.excited(),
                 },
@@ -218,3 +224,6 @@ def _shape(case: Case, name: str, random: np.random.Generator) -> dict[str, floa
         for number in effect.parameters
         if number.shape and number.grid
     }
+
+
+_MADE = {"effect": _effect, "two": _two, "outsider": _outsider, "near-miss": _outsider}

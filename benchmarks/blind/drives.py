@@ -10,7 +10,7 @@ import numpy as np
 
 import clutchest
 from blind.outsiders import Outsider
-from clutchest.generator import Sampled
+from clutchest.generator import Mismatch, Sampled
 from clutchest.models import machine_of
 from clutchest.signals import Signal, Signals
 from clutchest.simulated import Effects, Options, simulate, simulate_sampled
@@ -47,10 +47,13 @@ NOISES: Mapping[str, Noise] = {
 
 @dataclass(frozen=True)
 class Drive:
-    """What ``seed`` draws: scenario, length, truck, road, weather; ``noise`` of NOISES."""
+    """What ``seed`` draws: scenario, length, truck, road, weather; ``noise`` of NOISES;
+    ``mismatches``: groups of the generator's in which the truck differs from the model, as the seed
+    draws them too."""
 
     seed: int
     noise: str
+    mismatches: tuple[str, ...] = ()
 
     @cached_property
     def _draw(self) -> tuple[str, float]:
@@ -96,6 +99,7 @@ class Drive:
             "outliers": 0.0 if noiseless else noise.outliers,
             "duration": self.duration if scenario is None else None,
             "outsider": outsider,
+            "mismatch": Mismatch.drawn(self.mismatches, self.seed),
         }
         road = self.seed + OTHER_ROAD * (held_out or scenario is not None)
         drive = replace(self.vehicle, signals=sensors), scenario or self.scenario, road, effects

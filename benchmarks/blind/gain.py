@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from blind.drives import Drive
+from blind.near_misses import FOREIGN
 from blind.oracle import Oracle
-from blind.outsiders import OUTSIDERS, Outsider
+from blind.outsiders import Outsider
 from clutchest.signals import Signals
 from clutchest.simulated import Effects
 from clutchest.vehicle import load_vehicle
@@ -40,8 +41,8 @@ def on_held_out(drive: Drive, answer: Mapping[str, Any], extended: Path) -> dict
     """``gained`` in −ln(probability) by the ``extended`` vehicle file, ``possible`` by the model
     that knows what is hidden, and ``held_out_nll`` of the drive as it is expected without a cause.
     """
-    oracle, given = Oracle(HeldOut(drive.seed, drive.noise)), answer["outsider"]
-    outsider = OUTSIDERS[given["name"]](given["size"], given["phase"]) if given else None
+    oracle, given = Oracle(HeldOut(drive.seed, drive.noise, drive.mismatches)), answer["outsider"]
+    outsider = FOREIGN[given["name"]](given["size"], given["phase"]) if given else None
     vehicle = load_vehicle(extended) if extended.exists() else drive.vehicle
     other = vehicle if vehicle.effect_numbers != drive.vehicle.effect_numbers else None
     gained, possible = oracle.gains(oracle.twin(answer["effects"], outsider), other)

@@ -36,6 +36,11 @@ class Outsider:
     unit: ClassVar[str]
     largest: ClassVar[float]
 
+    @classmethod
+    def equations(cls) -> tuple[str, ...]:
+        """All equations any of which says where it acts, ``equation`` first."""
+        return (cls.equation,)
+
     def law(self) -> Law | None:
         return None
 

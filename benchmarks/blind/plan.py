@@ -10,22 +10,26 @@ from itertools import product
 import numpy as np
 
 from blind.drives import NOISES, VEHICLE, Drive
+from blind.near_misses import NEAR_MISSES
 from blind.outsiders import OUTSIDERS
 from clutchest import load_vehicle
+from clutchest.generator import GROUPS
 from clutchest.models import machine_of
 
-PARTS = ("null", "effect", "two", "outsider")
+PARTS = ("null", "mismatch", "effect", "two", "outsider", "near-miss")
+ALL = "all"  # mismatches at once
 SIZES = (2.0, 3.0, 4.0, 5.0, 6.0, 12.0, 20.0)  # d′ of single effects
 TWO = 10.0  # d′ of each of two effects, the other projected out
 LEFTOVER = (9.0, 15.0)  # of outsiders, when every single effect has been tried
+MISMATCHES, NEAR = 40, 10  # cases per group of mismatches; per near miss and size
 NULLS, SEEDS, PAIRS = 1000, 20, 400  # per noise kind; per effect and size; in all
 QUICK = {"null": 32, "effect": 60, "two": 6, "outsider": 22}  # cases of the fixed short run
 
 
 @dataclass(frozen=True)
 class Case:
-    """``cause``: ``effect.gain``, an outsider, or empty where the seed draws it; ``d_prime`` aimed
-    at; ``number`` tells cases alike apart."""
+    """``cause``: ``effect.gain``, an outsider, a group of mismatches, or empty where the seed draws
+    it; ``d_prime`` aimed at; ``number`` tells cases alike apart."""
 
     part: str
     cause: str
@@ -51,7 +55,10 @@ class Case:
 
     def drive(self, attempt: int = 0) -> Drive:
         """The drive; another one where the first does not suit."""
-        return Drive(self.seed + attempt * 2**32, self.noise)
+        mismatches: tuple[str, ...] = ()
+        if self.part == "mismatch":
+            mismatches = tuple(GROUPS) if self.cause == ALL else (self.cause,)
+        return Drive(self.seed + attempt * 2**32, self.noise, mismatches)
 
 
 def gains() -> list[str]:
@@ -67,10 +74,15 @@ def full() -> list[Case]:
     for part, causes, sizes in (
         ("effect", gains(), SIZES),
         ("outsider", list(OUTSIDERS), LEFTOVER),
+        ("near-miss", list(NEAR_MISSES), LEFTOVER),
     ):
-        for cause, (k, size), i in product(causes, enumerate(sizes), range(SEEDS)):
+        count = NEAR if part == "near-miss" else SEEDS
+        for cause, (k, size), i in product(causes, enumerate(sizes), range(count)):
             cases.append(Case(part, cause, size, noises[(i + k) % len(noises)], i))
     cases += [Case("two", "", TWO, noises[i % len(noises)], i) for i in range(PAIRS)]
+    for k, group in enumerate((*GROUPS, ALL)):
+        of = (noises[(i + k) % len(noises)] for i in range(MISMATCHES))
+        cases += [Case("mismatch", group, 0.0, noise, i) for i, noise in enumerate(of)]
     return cases
 
 
@@ -79,6 +91,18 @@ def drawn(parts: Sequence[str], limit: int | None = None) -> list[Case]:
     cases = [case for case in full() if case.part in parts]
     order = np.random.default_rng(0).permutation(len(cases))
     return [cases[i] for i in order[:limit]]
+
+
+def each(parts: Sequence[str], count: int) -> list[Case]:
+    """The first ``count`` cases of every cause in these parts, in the order drawn."""
+    taken: dict[tuple[str, str], int] = {}
+    chosen = []
+    for case in drawn(parts):
+        kind = case.part, case.cause or case.noise
+        taken[kind] = taken.get(kind, 0) + 1
+        if taken[kind] <= count:
+            chosen.append(case)
+    return chosen
 
 
 def quick() -> list[Case]:

@@ -118,7 +118,7 @@ def judged(answer: Record, found: Record) -> Record:
     effects: Effects = answer["effects"]
     rivals: dict[str, float] = answer.get("rivals", {})
     causes = [cause["effect"] for cause in found.get("causes") or []]
-    where = found.get("where") or {}
+    equation, drivers = located(found)
     return {
         "truth": list(effects) or ([answer["outsider"]["name"]] if answer["outsider"] else []),
         "reached": answer.get("d_prime", 0.0),
@@ -130,8 +130,9 @@ def judged(answer: Record, found: Record) -> Record:
         "why": found.get("why"),
         "causes": causes,
         "p_values": [cause.get("p_value") for cause in found.get("causes") or []],
-        "equation": where.get("equation"),
-        "drivers": where.get("drivers"),
+        "refuted": refuted(found),
+        "equation": equation,
+        "drivers": drivers,
         "expected_where": answer.get("where"),
         "unexcited": found.get("unexcited"),
         "gain": found.get("gain"),
@@ -141,6 +142,28 @@ def judged(answer: Record, found: Record) -> Record:
         "seconds": found["seconds"],
         "MiB": found["MiB"],
     }
+
+
+def refuted(found: Record) -> list[str]:
+    """Named causes whose form the data refute."""
+    return [c["effect"] for c in found.get("causes") or [] if _form(c).get("state") == "refuted"]
+
+
+def located(found: Record) -> tuple[str | None, list[str] | None]:
+    """The equation that is said to be wrong and what its error goes with: where the form of a named
+    cause is refuted, the cause's equation and the covariate over which it is."""
+    if found["verdict"] == "named" and (wrong := refuted(found)):
+        first = next(c for c in found["causes"] if c["effect"] == wrong[0])
+        covariate = (_form(first).get("curve") or {}).get("covariate")
+        return first["equation"], [covariate] if covariate else []
+    where = found.get("where") or {}
+    return where.get("equation"), where.get("drivers")
+
+
+def _form(cause: Record) -> Record:
+    """What is said of a cause's form; a version that tests none says nothing."""
+    form = cause.get("form") or {}
+    return {"state": form} if isinstance(form, str) else form
 
 
 def covered(effects: Effects, found: Record) -> dict[str, bool]:
