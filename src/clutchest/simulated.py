@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +17,7 @@ from clutchest.can import files
 from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
-from clutchest.errors import ClutchestError
+from clutchest.errors import ClutchestError, nearest
 from clutchest.generator import (
     Channel,
     Disturbances,
@@ -26,6 +26,7 @@ from clutchest.generator import (
     Outsider,
     Sampled,
 )
+from clutchest.models.effects import Effect, with_files
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
@@ -47,7 +48,8 @@ class Options(TypedDict, total=False):
     :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of all noise instead
     of the file's; ``outliers``: share of samples that are outliers; ``outsider``: an unmodelled
     effect, see :class:`clutchest.generator.Outsider`; ``mismatch``: what sets a
-    healthy machine apart from its model, see :class:`clutchest.generator.Mismatch`."""
+    healthy machine apart from its model, see :class:`clutchest.generator.Mismatch`;
+    ``effects_files``: a user's own effects, which ``effects`` may name beside the library's."""
 
     duration: float | None
     nominal: bool
@@ -57,6 +59,7 @@ class Options(TypedDict, total=False):
     outliers: float
     outsider: Outsider | None
     mismatch: Mismatch
+    effects_files: Sequence[Path]
 
 
 def simulate(
@@ -164,6 +167,11 @@ def _sampled(
     machine.supports("simulate")
     mapped_messages(vehicle, database)
     noise_ar = options.get("noise_ar")
+    vehicle = replace(
+        vehicle, effects_files=(*vehicle.effects_files, *options.get("effects_files", ()))
+    )
+    every = _all_effects(vehicle, effects)
+    own = _own_effects(vehicle, every)
     channels = [
         Channel(
             name,
@@ -183,7 +191,7 @@ def _sampled(
         channels,
         nominal=options.get("nominal", False),
         duration=options.get("duration"),
-        effects=_all_effects(vehicle, effects),
+        effects=every,
         outliers=options.get("outliers", 0.0),
         truck_seed=options.get("truck_seed"),
         disturbances=Disturbances.of(options.get("disturbances", {})),
@@ -194,8 +202,39 @@ def _sampled(
         from clutchest import simulated_from_model  # with CasADi, which no generator needs
 
         return simulated_from_model.generate(vehicle, request)
+    if own:
+        library = {name: values for name, values in every.items() if name not in own}
+        request = replace(request, effects=library, outsider=_acting(vehicle, own, every, request))
     sampled: Sampled = machine.generate(request)
     return sampled
+
+
+def _own_effects(vehicle: Vehicle, wanted: Effects) -> dict[str, Effect]:
+    """Those of the ``wanted`` effects that stand in files of the user's."""
+    files = with_files({}, vehicle.effects_files)
+    return {name: effect for name, effect in files.items() if name in wanted}
+
+
+def _acting(
+    vehicle: Vehicle, own: Mapping[str, Effect], sizes: Effects, request: DriveRequest
+) -> Outsider:
+    """A user's ``own`` effects, as the machine's generator takes them."""
+    machine = vehicle.machine
+    if machine.own_effects is None:
+        raise ClutchestError(
+            f"{', '.join(own)} cannot be simulated: the generator of '{machine.name}' has the "
+            "library's effects only"
+        )
+    if request.outsider:
+        raise ClutchestError(f"{', '.join(own)}: not together with an outsider")
+    numbers = {}
+    for name, effect in own.items():
+        known = {n.key: n.default if n.shape else 0.0 for n in effect.parameters}
+        for key in (key for key in sizes[name] if key not in known):
+            raise ClutchestError(f"effect '{name}' has no '{key}'" + nearest(key, known))
+        numbers[effect] = {**known, **sizes[name]}
+    acting: Outsider = machine.own_effects(numbers, request.parameters)
+    return acting
 
 
 def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[str, float]]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import AsJson, VehicleName
 from clutchest.cli.terminal import print_json, progress
+
+if TYPE_CHECKING:
+    from clutchest.vehicle import Vehicle
 from clutchest.cli.verb import Verb
 
 
@@ -37,6 +40,16 @@ class TruthOptions:
             metavar="NAME:P=V,P2=V2",
             show_default=False,
             help="An effect in the truth with its numbers (docs/effects.md); repeat for several.",
+        ),
+    ] = None
+    effects: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--effects",
+            metavar="FILE.py",
+            show_default=False,
+            help="Your own effect classes, which --effect may name beside the library's; repeat "
+            "for several.",
         ),
     ] = None
     disturb: Annotated[
@@ -132,6 +145,8 @@ def simulate(
       clutchest simulate --vehicle truck --scenario city --seed 1 -o city.log
       clutchest simulate --vehicle truck --scenario launches --seed 2 \\
           --effect wear:amount=0.5,rate=0.02 --disturb friction_walk=5e-4 -o worn.mf4
+      clutchest simulate --vehicle truck --scenario city --seed 3 \\
+          --effects own.py --effect cold_lining:loss=0.1 -o rehearsal.log
     """
     effects, disturbances = truth.given()
     with progress() as show:
@@ -140,10 +155,13 @@ def simulate(
         from clutchest.simulated import write_simulation
         from clutchest.vehicle import load_vehicle
 
+        car, files = load_vehicle(vehicle), tuple(truth.effects or ())
+        if files:
+            _check_own(files, car, effects)
         with finished_into(out.parent) as folder:
             truth_file = write_simulation(
                 folder / out.name,
-                load_vehicle(vehicle),
+                car,
                 scenario,
                 seed,
                 effects,
@@ -151,6 +169,7 @@ def simulate(
                 duration=truth.duration,
                 truck_seed=truth.truck_seed,
                 disturbances=disturbances,
+                effects_files=files,
             )
     made = {
         "log": str(out),
@@ -165,6 +184,20 @@ def simulate(
         print_json(made)
     else:
         print(f"Written: {out} and {truth_file.name}")
+
+
+def _check_own(files: Sequence[Path], car: Vehicle, named: Container[str]) -> None:
+    """Raises where a user's effects are invalid, or none of them is ``named`` with its size."""
+    from clutchest.discovery.user_effects import user_effects
+
+    own = user_effects(files, car)
+    if own and not any(each.name in named for each in own):
+        first = own[0]
+        raise typer.BadParameter(
+            f"no --effect names one of them: add for example --effect "
+            f"{first.name}:{first.gains[0].key}={first.gains[0].upper / 2.0:g}",
+            param_hint="--effects",
+        )
 
 
 def _numbers(given: Iterable[str], into: dict[str, float], option: str) -> None:

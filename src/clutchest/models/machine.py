@@ -35,6 +35,7 @@ ENERGY = "energy"  # dissipated since the drive began: a covariate of every mach
 Excitation = Callable[
     [np.random.Generator, Floats, Mapping[str, float]], Mapping[str, Floats]
 ]  # random numbers, times (k,) s, parameters → inputs by name, (k,) each
+OwnEffects = Callable[[Mapping[Effect, Mapping[str, float]], Mapping[str, float]], Any]
 POINTS = 16  # at which the equations are tried
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
@@ -84,7 +85,9 @@ class Machine:
     nominal value where all of these parameters are fitted, because they are relative to them;
     ``delay_relations``, how late signals are behind the equations' anchor.
 
-    For simulation: ``generate``, a program of its own, and the names of its ``scenarios``; where
+    For simulation: ``generate``, a program of its own, and the names of its ``scenarios``;
+    ``own_effects`` (effect → its numbers, parameters by key) gives the generator's ``Outsider``
+    for a user's own effects; where
     there is none, ``excitations`` drive the machine's own equations: scenario → function (random
     numbers, times (k,) s, parameters by key) that gives the inputs by name, (k,) each, as the bus
     reports them.  ``template``: the shipped vehicle whose numbers a drafted one takes as guesses.
@@ -125,6 +128,7 @@ class Machine:
     delay_relations: tuple[DelayRelation, ...] = ()
     generate: Callable[..., Any] | None = None
     scenarios: Callable[[], Sequence[str]] = tuple
+    own_effects: OwnEffects | None = None
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
     template: str = ""
     unsupported: Mapping[str, str] = field(default_factory=lambda: _EMPTY)

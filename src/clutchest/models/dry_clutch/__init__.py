@@ -16,6 +16,7 @@ from clutchest.models.dry_clutch.error_terms import (
     SENSOR_FOR,
     SEPARATING_SENSORS,
 )
+from clutchest.models.dry_clutch.own_effects import OwnEffects
 from clutchest.models.dry_clutch.procedures import (
     PROCEDURES,
     RELATIVE_STATES,
@@ -82,5 +83,6 @@ MACHINE = Machine(
     delay_relations=DELAY_RELATIONS,
     generate=_generate,
     scenarios=_scenarios,
+    own_effects=OwnEffects,
     template="truck",
 )
