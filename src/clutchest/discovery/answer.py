@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.discovery.cause_set import CauseSet, cost_of
+from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Rival, Size, Where
 from clutchest.discovery.verdict import SearchVerdict
@@ -99,3 +100,8 @@ def where_of(
     ranked = [c.covariate for c in errors if c.equation == equation]
     names = dict.fromkeys(peaks.get(covariate, covariate) for covariate in ranked)
     return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)
+
+
+def distorted(fit: GoodnessOfFit) -> Where:
+    """The sensor whose residuals are the least like noise."""
+    return Where(f"sensor:{fit.tests[0].sensor}", (), distorted=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 from clutchest import __version__
 from clutchest.discovery.answer import (
     causes_of,
+    distorted,
     rivals_of,
     sizes_by_effect,
     sizes_of,
@@ -21,6 +22,7 @@ from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.error_term_effects import PREFIX, error_term_effects
 from clutchest.discovery.experiment_design import propose
 from clutchest.discovery.extension import can_be_stated, corrected, extend
+from clutchest.discovery.goodness_of_fit import goodness_of_fit
 from clutchest.discovery.held_out import names_of, with_signals_of
 from clutchest.discovery.holdout_curves import HeldOutCurves
 from clutchest.discovery.holdout_gain import cross_validated_gain, held_out_gain
@@ -30,7 +32,12 @@ from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable
 from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
-from clutchest.discovery.sentences import implausible, not_confirmed, sentence
+from clutchest.discovery.sentences import (
+    implausible,
+    not_confirmed,
+    sentence,
+    still_distorted,
+)
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, rejected_by_holdout
 from clutchest.inference.problem import Problem
@@ -131,18 +138,24 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     other = _other(task)
     verdict = judge(search, other, task.progress)
     search = verdict.search
+    before = search.objective.linearise_at(search.null.fit.theta)
+    task.show("testing the residuals")
+    fit = goodness_of_fit(problem, before.raw)
     outcome = _outcome(task, verdict, other)
+    after = verdict.best.fit if outcome.named else before
+    fit_extended = goodness_of_fit(problem, after.raw) if outcome.named else None
     causes = causes_of(verdict) if outcome.named else ()
     machine = task.vehicle.machine
     where = where_of(outcome.name, verdict.best, outcome.errors, machine.peaks)
+    if outcome.name == "none" and fit.rejects:
+        outcome, where = replace(outcome, name="unknown"), distorted(fit)
     excited = any(each.excited for each in identifiable)
     sizes = sizes_of(causes)
     extended, curve, refused = _extended(task, verdict, outcome, causes)
-    before = search.objective.linearise_at(search.null.fit.theta)
     return Discovery(
         vehicle=task.vehicle,
         verdict=outcome.name,
-        sentence=sentence(outcome.name, verdict.sets, sizes, where, excited),
+        sentence=sentence(outcome.name, verdict.sets, sizes, where, fit, excited),
         causes=causes,
         sets=tuple(h.effects for h in verdict.sets) if outcome.named else (),
         rivals=rivals_of(problem, verdict) if outcome.named else (),
@@ -150,17 +163,19 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         identifiability=identifiable,
         gain=outcome.gain,
         experiment=_experiment(task, verdict) if outcome.name == "ambiguous" else None,
-        misfit=misfit(search.objective, before, verdict.best.fit if outcome.named else before),
+        misfit=misfit(search.objective, before, after),
+        fit=fit,
+        fit_extended=fit_extended,
         extended=extended,
         curve=curve,
         counts=sum((drive.counts for drive in task.signals.drives), Counts()),
         warnings=(
-            *task.vehicle.notes,
             *_untested(task, search, verdict.best),
             *map(not_confirmed, verdict.dropped),
             *outcome.warnings,
             *(words for c in causes for words in implausible(c, task.effects)),
             *refused,
+            *([still_distorted(fit_extended)] if fit_extended and fit_extended.rejects else []),
         ),
         provenance=_provenance(task, problem),
     )
@@ -226,10 +241,10 @@ def _extended(
 
 
 def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
-    """In words, which parts of the log and which effects could not be tested; and where a drive
-    starts unlike one at rest, as the ``best`` has it."""
+    """In words, what the vehicle file says of itself, which parts of the log and which effects
+    could not be tested; and where a drive starts unlike one at rest, as the ``best`` has it."""
     problem = search.problem
-    words = [*task.signals.warnings, *untested_effects(problem, task.testable)]
+    words = [*task.vehicle.notes, *task.signals.warnings, *untested_effects(problem, task.testable)]
     if more := len(problem.drives) - len(task.signals.drives):
         words.append(
             f"{more} gap(s) in which heat may have been generated unobserved: "

@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.signals import Counts, Floats
 from clutchest.vehicle import Vehicle
 
@@ -44,11 +45,13 @@ class Rival:
 @dataclass(frozen=True, slots=True)
 class Where:
     """The equation that is wrong, and the covariates of its error, best first; ``peak``: it
-    correlates with the highest value so far of the first."""
+    correlates with the highest value so far of the first; ``distorted``: the residuals of
+    that sensor are not noise, and in which equation the error is they do not say."""
 
     equation: str
     covariates: tuple[str, ...]
     peak: bool = False
+    distorted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +161,8 @@ class Discovery:
     """The answer.  ``sets`` are the names of causes that act together, the most likely first: one
     where they are named, several where the data do not separate them.  ``extended`` is the vehicle
     with what was identified in its model, ``curve`` the name of the curve added to it, if any;
-    ``sentence`` says it in words."""
+    ``sentence`` says it in words.  ``fit``: whether residuals of the model are noise,
+    ``fit_extended`` those of the model with the causes, None without any."""
 
     vehicle: Vehicle
     verdict: str
@@ -171,6 +175,8 @@ class Discovery:
     gain: Gain | None
     experiment: Experiment | None
     misfit: Misfit
+    fit: GoodnessOfFit
+    fit_extended: GoodnessOfFit | None
     extended: Vehicle
     curve: str | None
     counts: Counts  # of the frames of the log
@@ -193,6 +199,10 @@ class Discovery:
         return {
             "verdict": self.verdict,
             "sentence": self.sentence,
+            "fit": {
+                **asdict(self.fit),
+                "extended": self.fit_extended and asdict(self.fit_extended),
+            },
             "causes": [asdict(c) for c in self.causes],
             "rivals": [asdict(r) for r in self.rivals],
             "where": where and {"equation": where.equation, "drivers": list(where.covariates)},

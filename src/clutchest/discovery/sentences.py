@@ -6,21 +6,32 @@ from collections.abc import Sequence
 
 from clutchest.discovery.answer import Sizes, sizes_by_effect
 from clutchest.discovery.cause_set import CauseSet
+from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.result import Cause, Where, either
 from clutchest.models.effects import Effect
 
 
 def sentence(
-    verdict: str, sets: Sequence[CauseSet], sizes: Sizes, where: Where | None, excited: bool
+    verdict: str,
+    sets: Sequence[CauseSet],
+    sizes: Sizes,
+    where: Where | None,
+    fit: GoodnessOfFit,
+    excited: bool,
 ) -> str:
-    """The answer in words, with the ``sizes``; ``excited``: whether the data could show any cause
-    at all."""
+    """The answer in words, with the ``sizes``; ``fit`` of the model without a cause; ``excited``:
+    whether the data could show any cause at all."""
     if verdict == "none" and not excited:
         return "These data excite no known cause: they neither confirm nor refute the model."
     if verdict == "none":
         return "The model explains these data: no error is detectable in them."
     if verdict == "unknown":
         assert where is not None
+        if where.distorted:
+            return (
+                "No error of the equations is detectable, but the residuals are not noise: "
+                f"{fit.tests[0].words}."
+            )
         first = where.covariates[0] if where.covariates else ""
         first = f"the highest {first} so far" if where.peak else first
         correlates = f" that correlates with {first}" if first else ""
@@ -31,6 +42,14 @@ def sentence(
     required = either([_with_sizes(h, sizes) for h in sets])
     which = "; they do not separate these" if verdict == "ambiguous" else ""
     return f"The data require {required}{which}."
+
+
+def still_distorted(fit: GoodnessOfFit) -> str:
+    """A warning where residuals of the model with the causes are not noise."""
+    return (
+        f"the residuals of the extended model are not noise (p-value {fit.p_value:.2g}): "
+        f"{fit.tests[0].words}"
+    )
 
 
 def _with_sizes(h: CauseSet, sizes: Sizes) -> list[str]:

@@ -27,6 +27,7 @@ from clutchest.inference.prepared_drive import (
     PreparedInputs,
     Readings,
     TrackedStates,
+    UnaveragedReadings,
 )
 from clutchest.models.effects.effect import TIME, Lateness
 from clutchest.models.model import Model
@@ -59,6 +60,7 @@ def prepared(
     drive = PreparedDrive(
         compiled,
         replace(line, u=line.u - off),
+        _unaveraged(whole, model),
         nominal(compiled, whole),
         start,
         _delayed(signals, compiled, line.t),
@@ -91,6 +93,16 @@ def _timeline(
         if sensor.name in model.renewed:  # a fast filter: what is left is whitened afterwards
             R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
     return replace(line, Q=np.where(np.tile(tracked, 2), line.Q, 0.0), R=R)
+
+
+def _unaveraged(whole: Timeline, model: Model) -> dict[int, UnaveragedReadings]:
+    """The readings that decimation averages, by index of their sensor."""
+    averaged = [i for i, sensor in enumerate(model.sensors) if sensor.mode]
+    rows = {i: whole.sensor == i for i in averaged}
+    return {
+        i: UnaveragedReadings(whole.t[of], whole.z[of], np.sqrt(whole.R[of]))
+        for i, of in rows.items()
+    }
 
 
 def _tracked(

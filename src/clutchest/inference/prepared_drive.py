@@ -133,9 +133,20 @@ class DelayedSignal:
 
 
 @dataclass(frozen=True, slots=True)
+class UnaveragedReadings:
+    """Every reading (k) of a sensor of which decimation keeps averages: ``t`` s, ``z`` and its
+    ``std``."""
+
+    t: Floats
+    z: Floats
+    std: Floats
+
+
+@dataclass(frozen=True, slots=True)
 class PreparedDrive:
     """Events of one drive on a ``line``, and all that linearisations of it share.
 
+    ``unaveraged``: index of a sensor of which the line has averages → all its readings;
     ``nominal`` (n) first states, ``start`` what the filter knows of the tracked ones then;
     ``plays``: numbers of effects that give an input a play; ``at_nominal``: the operating point at
     the vehicle file's numbers, from which linearisations at any others begin.
@@ -143,6 +154,7 @@ class PreparedDrive:
 
     compiled: Compiled
     line: Timeline
+    unaveraged: Mapping[int, UnaveragedReadings]
     nominal: Floats
     start: Belief
     delayed: Sequence[DelayedSignal]

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from math import exp, isfinite, log, sqrt
 
+from clutchest.discovery.goodness_of_fit import REJECTED, DistortionTest, GoodnessOfFit
 from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
 from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect, with_files
@@ -25,6 +26,8 @@ def title(discovery: Discovery) -> str:
     if discovery.verdict == "none":
         excited = any(i.excited for i in discovery.identifiability)
         return "the model explains the data" if excited else "the data are not informative"
+    if discovery.where is not None and discovery.where.distorted:
+        return "the equations explain the data, but not their noise"
     if discovery.named:
         return f"identified {either(discovery.sets)}"
     return "an error that no known effect explains"
@@ -33,7 +36,7 @@ def title(discovery: Discovery) -> str:
 def whereabouts(discovery: Discovery) -> str | None:
     """Which equation is wrong and what its error correlates with, as a sentence."""
     where = discovery.where
-    if where is None:
+    if where is None or where.distorted:
         return None
     kind, colon, signal = where.equation.partition(":")
     place = f"{_EQUATION.get(kind, kind)} {signal}" if colon else f"the equation {where.equation}"
@@ -43,6 +46,25 @@ def whereabouts(discovery: Discovery) -> str | None:
     covariates = ", then with ".join(words)
     more = f" and correlates with {covariates}." if covariates else "."
     return f"The error is in {place}{more}"
+
+
+def fit_words(discovery: Discovery) -> str:
+    """Whether the model fits at all, as a sentence or two."""
+    fit = discovery.fit
+    if fit.p_value is None:
+        return "There are too few residuals to test whether they are noise."
+    if not fit.rejects:
+        return f"The residuals are consistent with noise (p = {fit.p_value:.2g}, all tests)."
+    where = ", ".join(
+        f"{sensor} while {mode}"
+        for sensor, mode in dict.fromkeys((t.sensor, t.regime) for t in _significant(fit))
+    )
+    p = f"p = {fit.p_value:.2g}" if fit.p_value > 0.0 else "p < 1e-300"
+    return f"The residuals are not noise ({p}, all tests): {where}."
+
+
+def _significant(fit: GoodnessOfFit) -> list[DistortionTest]:
+    return [test for test in fit.tests if test.p_value < REJECTED] or list(fit.tests[:1])
 
 
 def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
@@ -125,7 +147,8 @@ def next_commands(discovery: Discovery) -> list[str]:
 
 def report(discovery: Discovery, picture: str | None = None) -> str:
     """One page of Markdown; ``picture`` is the file name of the misfit's, if it stands beside."""
-    parts = [f"# {discovery.vehicle.name}: {title(discovery)}", f"**{discovery.sentence}**"]
+    parts = [f"# {discovery.vehicle.name}: {title(discovery)}", *_fit(discovery)]
+    parts.append(f"**{discovery.sentence}**")
     parts += [words] if (words := whereabouts(discovery)) else []
     if picture:
         parts.append(f"![Residuals of the model, and what they correlate with]({picture})")
@@ -146,6 +169,21 @@ def report(discovery: Discovery, picture: str | None = None) -> str:
             f"From {logs}{_lost(discovery.counts)}{held_out} by clutchest {made['clutchest']}."
         )
     return "\n\n".join(parts) + "\n"
+
+
+def _fit(discovery: Discovery) -> list[str]:
+    """Whether the model fits at all, and the distortions that are significant."""
+    parts = [f"Does the model fit? {fit_words(discovery)}"]
+    if discovery.fit.rejects:
+        rows = [
+            (test.sensor, test.regime, test.kind, f"{test.p_value:.2g}", test.words)
+            for test in _significant(discovery.fit)
+        ]
+        parts.append(table(("sensor", "regime", "test", "p-value", "largest distortion"), rows))
+    if discovery.fit_extended and discovery.fit_extended.p_value is not None:
+        p = discovery.fit_extended.p_value
+        parts.append(f"The same test of the extended model: p = {p:.2g}.")
+    return parts
 
 
 def _results(discovery: Discovery) -> list[str]:

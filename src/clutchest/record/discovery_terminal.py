@@ -13,6 +13,7 @@ from clutchest.discovery.result import Discovery, Identifiable
 from clutchest.record.discovery_report import (
     CAUSES_HEAD,
     causes_rows,
+    fit_words,
     gain_words,
     next_commands,
     rivals_rows,
@@ -26,6 +27,7 @@ from clutchest.record.terminal import print_warnings
 def print_discovery(discovery: Discovery, console: Console) -> None:
     """Print the verdict and its causes, the rivals, what the extension gains, and what to do
     next."""
+    console.print(escape(fit_words(discovery)))
     console.print(f"[bold]{escape(discovery.sentence)}[/]")
     if words := whereabouts(discovery):
         console.print(escape(words))

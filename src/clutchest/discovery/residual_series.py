@@ -1,0 +1,93 @@
+"""Residuals of every sensor in order of time, at the sample rate of the log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.inference.noise_model import Stretches
+from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.signals import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualSeries:
+    """Residuals (n) of one ``sensor`` in all drives, one drive after the other.
+
+    ``value`` (n) in predicted standard deviations, the median of which is ``std`` in ``unit``;
+    ``mode`` (n) its place among the machine's modes; ``place`` (n) the number of residuals before
+    it in its interval, of one mode and without gaps; ``period`` s from one to the next.
+    """
+
+    sensor: str
+    unit: str
+    value: Floats
+    std: float
+    mode: NDArray
+    place: NDArray[np.int64]
+    period: float
+
+    def of_mode(self, mode: int) -> tuple[Floats, NDArray[np.int64]]:
+        """Values and places of the residuals in one mode."""
+        rows = self.mode == mode
+        return self.value[rows], self.place[rows]
+
+
+def residual_series(problem: Problem, raw: Sequence[NormalisedInnovations]) -> list[ResidualSeries]:
+    """One per sensor, of a linearisation of every drive as the problem gives it.
+
+    Where decimation averages readings, all of them, less what the averages were predicted to be.
+    """
+    series = []
+    for index, sensor in enumerate(problem.compiled.model.sensors):
+        parts = [
+            part
+            for drive, innovations in zip(problem.drives, raw, strict=True)
+            if (part := _of_drive(drive, innovations.r, index)) is not None
+        ]
+        if parts:
+            joined = [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+            t, value, std, mode, place = joined
+            following = np.diff(t)[place[1:] > 0]
+            period = float(np.median(following)) if len(following) else np.inf
+            series.append(
+                ResidualSeries(
+                    sensor.name,
+                    sensor.unit,
+                    value,
+                    float(np.median(std)),
+                    mode,
+                    place.astype(np.int64),
+                    period,
+                )
+            )
+    return series
+
+
+def _of_drive(drive: PreparedDrive, r: Floats, sensor: int) -> tuple[NDArray, ...] | None:
+    """Times, residuals, their standard deviations, modes and places of one sensor in one drive;
+    None where it has none."""
+    readings = drive.readings
+    rows = np.flatnonzero(readings.sensor == sensor)
+    if not len(rows):
+        return None
+    t, std, mode, value = readings.t[rows], readings.std[rows], readings.mode[rows], r[rows]
+    place = _places(t, mode)
+    if sensor in drive.unaveraged:
+        every = drive.unaveraged[sensor]
+        predicted = drive.line.z[readings.event[rows]] - value * std
+        after = np.clip(np.searchsorted(t, every.t), 0, len(t) - 1)
+        between = (place[after] > 0) & (every.t >= t[after - 1]) & (every.t <= t[after])
+        at, std = every.t[between], every.std[between]
+        value = (every.z[between] - np.interp(at, t, predicted)) / std
+        t, mode = at, mode[after[between]]
+        place = _places(t, mode)
+    return (t, value, std, mode, place) if len(t) else None
+
+
+def _places(t: Floats, mode: NDArray) -> NDArray[np.int64]:
+    return Stretches.of(t, np.zeros(len(t), np.int64), mode.astype(np.int64)).place
