@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from clutchest.discovery.goodness_of_fit import DistortionTest, GoodnessOfFit
 from clutchest.discovery.result import (
     Bins,
     Cause,
@@ -37,6 +38,23 @@ FADE = Cause(
 )
 WEAR = Cause("wear", "zero_position", {"amount": Size(0.41, 0.06)}, 44.0, 2e-9)
 OFFSET = Cause("position_offset", "sensor:slave_position", {"offset": Size(-0.4, 0.06)}, 43.8, 2e-9)
+
+LINE = "noise in engine_speed while slipping has a line at 9 Hz (amplitude 0.1 rad/s)"
+FITS = GoodnessOfFit(
+    0.43,
+    {"engine_speed": 0.2},
+    {"slipping": 0.2},
+    (DistortionTest("engine_speed", "slipping", "spectrum", 0.05, LINE),),
+)
+NO_FIT = GoodnessOfFit(
+    2e-7,
+    {"engine_speed": 1e-7},
+    {"slipping": 1e-7},
+    (
+        DistortionTest("engine_speed", "slipping", "spectrum", 1e-8, LINE),
+        DistortionTest("engine_speed", "slipping", "sign", 0.3, "residuals are positive"),
+    ),
+)
 
 CURVE = ErrorCurve("torque", "slip_speed", (0.0, 100.0, 200.0), (0.1, 0.2, 0.4))
 
@@ -134,6 +152,8 @@ def discovery(verdict: str, gain: Gain | None = GAIN, drives: int = 1) -> Discov
         gain=gain,
         experiment=steps if verdict == "ambiguous" else None,
         misfit=misfit(drives),
+        fit=FITS if verdict == "none" else NO_FIT,
+        fit_extended=FITS if causes else None,
         extended=extended,
         curve="curve_1" if verdict == "unknown" else None,
         counts=Counts(2000, 1800, {"not mapped": 180, "checksum": 20}),

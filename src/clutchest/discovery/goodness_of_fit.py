@@ -62,8 +62,8 @@ class GoodnessOfFit:
 
 @dataclass(frozen=True, slots=True)
 class _Distortion:
-    """The smallest p-value of some tests of one kind, its logarithm; of draws of the null, sorted
-    by nothing (draws); and what it means."""
+    """The logarithm ``log_p`` of the smallest p-value of some tests of one kind, that of every draw
+    of the ``null`` (draws), and what it says in ``words``."""
 
     sensor: str
     regime: str
@@ -82,10 +82,13 @@ def goodness_of_fit(
 
 
 def of_series(
-    every: Sequence[ResidualSeries], modes: Sequence[str], rng: np.random.Generator
+    every: Sequence[ResidualSeries],
+    modes: Sequence[str],
+    rng: np.random.Generator,
+    draws: int = DRAWS,
 ) -> GoodnessOfFit:
     """Of the residuals of every sensor; ``modes``: names of the machine's."""
-    found = [d for series in every for d in _distortions(series, modes, rng)]
+    found = [d for series in every for d in _distortions(series, modes, draws, rng)]
     groups: dict[tuple[str, str, str], list[_Distortion]] = {}
     for d in found:
         groups.setdefault((d.sensor, d.regime, d.kind), []).append(d)
@@ -114,13 +117,13 @@ def _together(some: Sequence[_Distortion]) -> float:
 
 
 def _distortions(
-    series: ResidualSeries, modes: Sequence[str], rng: np.random.Generator
+    series: ResidualSeries, modes: Sequence[str], draws: int, rng: np.random.Generator
 ) -> Iterator[_Distortion]:
-    compared = contrasts(series, DRAWS, rng)
+    compared = contrasts(series, draws, rng)
     if compared is not None:
         yield from _of_contrasts(series, compared, modes)
     for mode in np.unique(series.mode):
-        for table in lines(*series.of_mode(mode), DRAWS, rng):
+        for table in lines(*series.of_mode(mode), draws, rng):
             best = int(np.argmin(table.log_p))
             hertz = table.frequency[best] / series.period
             size = table.amplitude[best] * series.std
@@ -130,7 +133,7 @@ def _distortions(
                 "spectrum",
                 float(table.log_p[best]),
                 table.null,
-                f"noise in {series.sensor} while {modes[mode]} has a line at {hertz:.3g} Hz "
+                f"noise in {series.sensor} while {modes[mode]} has a line at {hertz:.2g} Hz "
                 f"(amplitude {size:.2g} {series.unit})",
             )
 

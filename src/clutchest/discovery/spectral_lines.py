@@ -18,11 +18,11 @@ from scipy.stats import norm
 from clutchest.discovery.noise_contrasts import periodograms
 from clutchest.signals import Floats
 
-SIZES = {128: 8, 512: 12}  # residuals in a window → neighbours on each side that are compared
+SIZES = {128: 6, 512: 12}  # residuals in a window → neighbours on each side that are compared
 LEAK = 2  # bins on each side that a line under Hann's taper leaks into
 SIDE = 2  # neighbours that there must be on each side
 FEWEST = 4  # windows
-SMOOTH = 0.08  # of the logarithm: standard deviation by which a smooth spectrum is no parabola
+SMOOTH = 0.03  # of the logarithm: standard deviation by which a smooth spectrum is no parabola
 CORRELATED = 0.25  # share of each neighbour that gives adjacent bins Hann's correlation of 4/9
 INDEPENDENT = 1.0 / (1.0 + 2.0 / 36.0)  # windows that overlap by half, worth as many that do not
 
@@ -58,8 +58,9 @@ def lines(
         null = _white(len(spectrum), len(begins) * INDEPENDENT, draws, rng) @ excess_of.T
         middle, spread = null.mean(axis=0), np.hypot(null.std(axis=0), SMOOTH)
         null += SMOOTH * rng.standard_normal(null.shape)
-        above = np.maximum(-np.expm1(-excess), 0.0) * spectrum[bins]  # of the peak, over the rest
-        share = above * (1.0 + 2.0 * CORRELATED) / spectrum.sum()  # of it and its neighbours
+        leaked = np.convolve(spectrum, np.ones(2 * LEAK + 1), "same")[bins]
+        surroundings = (2 * LEAK + 1) * spectrum[bins] * np.exp(-excess)
+        share = np.maximum(leaked - surroundings, 0.0) / spectrum.sum()
         amplitude = np.sqrt(2.0 * share * window.var(axis=1).mean())
         found.append(
             Lines(

@@ -1,0 +1,155 @@
+"""Does the model fit at all: the p-value is uniform for noise of any kind, and each distortion of
+it is found and named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import kstest
+
+from clutchest.discovery.goodness_of_fit import REJECTED, GoodnessOfFit, of_series
+from clutchest.discovery.noise_contrasts import periodograms, windows
+from clutchest.discovery.residual_series import ResidualSeries
+from clutchest.discovery.spectral_lines import _white, lines
+
+Floats = NDArray[np.float64]
+Distort = Callable[[ResidualSeries, np.random.Generator], Floats]
+
+MODES = ("open", "slipping", "unknown")
+INTERVALS, LONG = 40, 200  # of each mode in turn, and residuals in each
+RATE = 100.0  # Hz
+
+
+def series(noise: Floats) -> ResidualSeries:
+    """Residuals in intervals of two modes by turns."""
+    mode = np.arange(len(noise)) // LONG % 2
+    place = np.arange(len(noise)) % LONG
+    return ResidualSeries("speed", "rad/s", noise, 0.1, mode, place, 1.0 / RATE)
+
+
+def white(random: np.random.Generator) -> Floats:
+    return random.standard_normal(INTERVALS * LONG)
+
+
+def fit(residuals: ResidualSeries, seed: int = 0) -> GoodnessOfFit:
+    return of_series([residuals], MODES, np.random.default_rng(seed), draws=300)
+
+
+def coloured(random: np.random.Generator) -> Floats:
+    """Noise as some sensor may have it: of any level and colour, with tails, in steps."""
+    ar, tails = random.uniform(0.0, 0.8), random.choice([4.0, 8.0, 1e9])
+    noise = random.standard_t(tails, INTERVALS * LONG)
+    noise = random.uniform(0.1, 3.0) * lfilter([1.0], [1.0, -ar], noise)
+    step = random.choice([0.01, 1.0]) * noise.std()
+    return np.asarray(np.rint(noise / step) * step)
+
+
+def test_p_value_of_noise_of_any_kind_is_uniform():
+    p = [fit(series(coloured(np.random.default_rng([9, seed])))).p_value for seed in range(60)]
+    assert kstest(p, "uniform").pvalue > 0.01
+
+
+def late(residuals: ResidualSeries) -> NDArray[np.bool_]:
+    return residuals.place >= LONG // 2
+
+
+def louder(s: ResidualSeries, random: np.random.Generator) -> Floats:
+    return s.value * np.where(s.mode == 1, 1.2, 1.0)
+
+
+def spiky(s: ResidualSeries, random: np.random.Generator) -> Floats:
+    hit = (s.mode == 1) & (random.random(len(s.value)) < 0.05)
+    return s.value + hit * random.choice([-5.0, 5.0], len(s.value))
+
+
+def redder(s: ResidualSeries, random: np.random.Generator) -> Floats:
+    red = lfilter([np.sqrt(1.0 - 0.4**2)], [1.0, -0.4], white(random))
+    return np.where(s.mode == 1, red, s.value)
+
+
+def lifted(s: ResidualSeries, random: np.random.Generator) -> Floats:
+    return s.value + 0.3 * (late(s) & (s.mode == 1))
+
+
+def lopsided(s: ResidualSeries, random: np.random.Generator) -> Floats:
+    skewed = random.exponential(size=len(s.value)) - 1.0  # of mean 0: negative more often
+    return np.where(s.mode == 1, skewed, s.value)
+
+
+def judder(s: ResidualSeries, random: np.random.Generator) -> Floats:
+    phase = random.uniform(0.0, 2.0 * np.pi, len(s.value) // LONG).repeat(LONG)
+    wave = np.sin(2.0 * np.pi * 9.0 / RATE * np.arange(len(s.value)) + phase)
+    return s.value + 0.6 * wave * (s.mode == 1)
+
+
+@pytest.mark.parametrize(
+    ("distort", "kind", "words"),
+    [
+        (louder, "level", "noise in speed while slipping is 1.19 times as large as otherwise"),
+        (spiky, "tails", "noise in speed while slipping has larger outliers than otherwise"),
+        (redder, "colour", "noise in speed while slipping is more autocorrelated than otherwise"),
+        (lifted, "mean", "residuals of speed late while slipping are higher than early"),
+        (lopsided, "sign", "residuals of speed while slipping are less often positive than"),
+        (redder, "runs", "residuals of speed while slipping change sign less often than"),
+        (judder, "spectrum", "noise in speed while slipping has a line at 9 Hz"),
+    ],
+)
+def test_each_distortion_is_found_where_it_is(distort: Distort, kind: str, words: str):
+    random = np.random.default_rng(3)
+    healthy = series(white(random))
+    found = fit(replace(healthy, value=distort(healthy, random)))
+    assert found.rejects and found.sensors["speed"] < REJECTED and found.regimes["slipping"] < 0.01
+    tests = {(test.regime, test.kind): test for test in found.tests}
+    assert tests["slipping", kind].p_value < REJECTED
+    assert tests["slipping", kind].words.startswith(words)
+
+
+def test_a_line_states_its_frequency_and_amplitude():
+    random = np.random.default_rng(3)
+    healthy = series(white(random))
+    shaken = replace(healthy, value=judder(healthy, random))
+    line = lines(*shaken.of_mode(1), 300, random)[0]
+    best = int(np.argmin(line.log_p))
+    assert line.frequency[best] * RATE == pytest.approx(9.0, abs=0.2)
+    assert line.amplitude[best] == pytest.approx(0.6, rel=0.1)
+
+
+def test_noise_in_a_band_wider_than_a_line_is_none():
+    random = np.random.default_rng(5)
+    broad = lfilter([1.0], [1.0, -1.5, 0.7], white(random))  # a hump of 5 Hz around 7 Hz
+    assert fit(series(broad)).p_value > 0.01
+
+
+def test_white_spectra_are_as_those_of_white_noise():
+    """Gamma variates stand for periodograms: the same variance, and neighbours as alike."""
+    random, size, count = np.random.default_rng(2), 128, 20
+    begins = np.arange(0, (count - 1) * size // 2 + 1, size // 2)
+    rows = begins[:, None] + np.arange(size)
+    noise = random.standard_normal((2000, begins[-1] + size))
+    power = periodograms(noise[:, rows].reshape(-1, size)).reshape(2000, count, -1)
+    measured = np.log((power / power.mean(axis=2, keepdims=True)).mean(axis=1))
+    drawn = _white(measured.shape[1], count / (1.0 + 2.0 / 36.0), 2000, random)
+    assert drawn.std() == pytest.approx(measured.std(), rel=0.03)
+    alike = [
+        np.mean([np.corrcoef(x[:, j : j + 2].T)[0, 1] for j in range(60)])
+        for x in (measured, drawn)
+    ]
+    assert alike[1] == pytest.approx(alike[0], abs=0.03)
+
+
+def test_windows_end_with_their_interval():
+    place = np.concatenate([np.arange(70), np.arange(31), np.arange(96)])
+    begins, side = windows(place, 32)
+    assert begins.tolist() == [6, 38, 101, 133, 165]
+    assert side[[0, 1, 2, 4]].tolist() == [0.0, 1.0, 0.0, 1.0] and np.isnan(side[3])
+
+
+def test_too_few_residuals_give_no_p_value():
+    few = ResidualSeries("speed", "rad/s", np.ones(40), 1.0, np.zeros(40, int), np.arange(40), 0.1)
+    found = fit(few)
+    assert found.p_value is None and not found.rejects and found.tests == ()
