@@ -14,15 +14,15 @@ from rerun.chunk import RrdReader
 from rerun.components import AggregationPolicy
 from rich.console import Console
 
-from clutchest.discovery.result import Experiment, Identifiable, either
+from clutchest.discovery.result import Experiment, Identifiable, Where, either
 from clutchest.models import machine_of
 from clutchest.record.discovery import write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
-from clutchest.record.discovery_report import gain_words, next_commands, report
+from clutchest.record.discovery_report import gain_words, next_commands, report, title
 from clutchest.record.discovery_terminal import print_discovery, print_identifiable
 from clutchest.record.misfit_pictures import draw_misfit, most_significant, pieces, worst_stretch
 from clutchest.vehicle import load_vehicle
-from discoveries import CURVE, FADE, GAIN, NO_GAIN, VERDICTS, discovery, misfit
+from discoveries import CURVE, FADE, GAIN, LINE, NO_GAIN, VERDICTS, discovery, misfit
 
 COMPARED = machine_of("dry_clutch").compared
 OWN = """
@@ -164,6 +164,32 @@ def test_words_of_each_verdict(tell):
         assert "10^13 times less likely" in texts[verdict]
         assert texts[verdict].index("friction_level") < texts[verdict].index("centrifugal")
     assert "less likely" not in texts["none"] and "The error" not in texts["none"]
+
+
+def test_a_report_begins_with_whether_the_model_fits():
+    fits, misfits = (
+        report(discovery("none")).split("\n\n"),
+        report(discovery("named")).split("\n\n"),
+    )
+    assert (
+        fits[1]
+        == "Does the model fit? The residuals are consistent with noise (p = 0.43, all tests)."
+    )
+    assert fits[2].startswith("**")
+    assert (
+        "The residuals are not noise (p = 2e-07, all tests): engine_speed while slipping."
+        in misfits[1]
+    )
+    assert LINE in misfits[2] and "residuals are positive" not in misfits[2], "not significant"
+    assert "The same test of the extended model: p = 0.43." in misfits[3]
+    assert "consistent with noise" in printed(discovery("none"))
+
+
+def test_noise_that_is_none_names_no_equation():
+    where = Where("sensor:engine_speed", (), distorted=True)
+    found = replace(discovery("unknown"), where=where)
+    assert "The error is in" not in report(found) + printed(found)
+    assert title(found) == "the equations explain the data, but not their noise"
 
 
 def test_the_gain_says_whether_it_pays():

@@ -18,7 +18,7 @@ from clutchest.discovery.noise_contrasts import (
     REGIME,
     WINDOW,
     Contrasts,
-    Part,
+    TwoSides,
     contrasts,
 )
 from clutchest.discovery.residual_series import ResidualSeries, residual_series
@@ -185,7 +185,7 @@ def _in_words(
             )
 
 
-def _sides(part: Part, mode: str) -> tuple[str, str]:
+def _sides(part: TwoSides, mode: str) -> tuple[str, str]:
     """Both sides of a contrast in words."""
     if part.what == REGIME:
         return f"while {mode}", "otherwise"

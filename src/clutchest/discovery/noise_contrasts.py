@@ -38,7 +38,7 @@ class Measures:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class TwoSides:
     """Windows (W) on one ``side`` and on the ``other`` of a contrast of ``what``, in a ``mode``."""
 
     what: str
@@ -55,7 +55,7 @@ class Contrasts:
     of each by itself, ``null`` (draws, P, k) the same of windows that are permuted.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[TwoSides, ...]
     measures: Measures
     difference: Floats
     log_p: Floats
@@ -100,15 +100,15 @@ def windows(place: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], Flo
     return begins, np.where(middle == count, np.nan, middle > count)
 
 
-def _parts(mode: NDArray, late: Floats) -> list[Part]:
-    modes, parts = np.unique(mode), list[Part]()
+def _parts(mode: NDArray, late: Floats) -> list[TwoSides]:
+    modes, parts = np.unique(mode), list[TwoSides]()
     pairs = modes[1:] if len(modes) == 2 else modes if len(modes) > 2 else modes[:0]
-    parts += [Part(REGIME, int(m), mode == m, mode != m) for m in pairs]
+    parts += [TwoSides(REGIME, int(m), mode == m, mode != m) for m in pairs]
     for m in modes:
         inside = mode == m
         second = inside & (np.cumsum(inside) > inside.sum() / 2)
-        parts.append(Part(SECOND, int(m), second, inside & ~second))
-        parts.append(Part(LATE, int(m), inside & (late == 1.0), inside & (late == 0.0)))
+        parts.append(TwoSides(SECOND, int(m), second, inside & ~second))
+        parts.append(TwoSides(LATE, int(m), inside & (late == 1.0), inside & (late == 0.0)))
     return parts
 
 

@@ -18,7 +18,8 @@ from clutchest.signals import Floats
 class ResidualSeries:
     """Residuals (n) of one ``sensor`` in all drives, one drive after the other.
 
-    ``value`` (n) in predicted standard deviations, the median of which is ``std`` in ``unit``;
+    ``value`` (n) in standard deviations that white noise as stated would give them, the median of
+    which is ``std`` in ``unit``;
     ``mode`` (n) its place among the machine's modes; ``place`` (n) the number of residuals before
     it in its interval, of one mode and without gaps; ``period`` s from one to the next.
     """
@@ -75,11 +76,15 @@ def _of_drive(drive: PreparedDrive, r: Floats, sensor: int) -> tuple[NDArray, ..
     rows = np.flatnonzero(readings.sensor == sensor)
     if not len(rows):
         return None
-    t, std, mode, value = readings.t[rows], readings.std[rows], readings.mode[rows], r[rows]
+    t, mode, innovation = readings.t[rows], readings.mode[rows], r[rows] * readings.std[rows]
+    noise = drive.line.R[readings.event[rows]]
+    # what white noise makes of innovations at a steady gain, which is larger where power is
+    std = np.sqrt(2.0 * noise / (1.0 + noise / readings.std[rows] ** 2))
+    value = innovation / std
     place = _places(t, mode)
     if sensor in drive.unaveraged:
         every = drive.unaveraged[sensor]
-        predicted = drive.line.z[readings.event[rows]] - value * std
+        predicted = drive.line.z[readings.event[rows]] - innovation
         after = np.clip(np.searchsorted(t, every.t), 0, len(t) - 1)
         between = (place[after] > 0) & (every.t >= t[after - 1]) & (every.t <= t[after])
         at, std = every.t[between], every.std[between]

@@ -22,13 +22,13 @@ SIZES = {128: 6, 512: 12}  # residuals in a window → neighbours on each side t
 LEAK = 2  # bins on each side that a line under Hann's taper leaks into
 SIDE = 2  # neighbours that there must be on each side
 FEWEST = 4  # windows
-SMOOTH = 0.03  # of the logarithm: standard deviation by which a smooth spectrum is no parabola
+SMOOTH = 0.02  # of the logarithm: standard deviation by which a smooth spectrum is no parabola
 CORRELATED = 0.25  # share of each neighbour that gives adjacent bins Hann's correlation of 4/9
 INDEPENDENT = 1.0 / (1.0 + 2.0 / 36.0)  # windows that overlap by half, worth as many that do not
 
 
 @dataclass(frozen=True, slots=True)
-class Lines:
+class LineTests:
     """Of residuals in windows of one size: ``frequency`` (F) in cycles per residual, the logarithm
     of the p-value of a line at each, ``log_p`` (F), the smallest of white noise in as many windows,
     ``null`` (draws), and the ``amplitude`` (F) of a line at each in the residuals' unit."""
@@ -41,7 +41,7 @@ class Lines:
 
 def lines(
     values: Floats, place: NDArray[np.int64], draws: int, rng: np.random.Generator
-) -> list[Lines]:
+) -> list[LineTests]:
     """Lines in residuals ``values`` (n) of one regime, the ``place`` (n) of each in its interval;
     one table per size of windows that there are enough of."""
     found = []
@@ -63,7 +63,7 @@ def lines(
         share = np.maximum(leaked - surroundings, 0.0) / spectrum.sum()
         amplitude = np.sqrt(2.0 * share * window.var(axis=1).mean())
         found.append(
-            Lines(
+            LineTests(
                 (bins + 1 + _offset(np.log(spectrum))[bins]) / size,
                 norm.logsf((excess - middle) / spread),
                 norm.logsf(((null - middle) / spread).max(axis=1)),
