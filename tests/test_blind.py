@@ -4,6 +4,7 @@ outsiders act as they say, and its table adds up."""
 from __future__ import annotations
 
 import ast
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -251,7 +252,7 @@ def test_a_case_is_the_same_every_time(tmp_path, short):
     from blind.plan import Case
     from blind.sealed import unseal
 
-    case = Case("effect", "friction_level.change", 4.0, "ar05", 3)
+    case = Case("effect", "friction_level.change", 4.0, "ar05", 1000)  # none of the suite's
     known = {
         "case": {"part": "effect"},
         "attempt": 0,
@@ -456,13 +457,15 @@ def test_a_size_found_in_half_of_the_runs_is_recovered():
 
 def test_names_sets_and_causes_from_outside_are_counted():
     named = [record("effect", "named")] * 19 + [record("effect", "ambiguous", causes=["wear"])]
-    assert row(named, "named right").value == 0.95
-    assert row(named, "named right").passed
-    assert not row([*named, record("effect", "named", causes=["play"])], "named right").passed
+    assert row(named, "effects, d′ ≥ 10.8").value == 0.95
+    assert row(named, "effects, d′ ≥ 10.8").passed
+    assert not row(
+        [*named, record("effect", "named", causes=["play"])], "effects, d′ ≥ 10.8"
+    ).passed
     close = [record("effect", "named", nearest=3.0, causes=["play"])] * 50
-    assert row(named + close, "named right").count == 20, "rivals too near to be told apart"
+    assert row(named + close, "effects, d′ ≥ 10.8").count == 20, "rivals too near to be told apart"
     small = [record("effect", "none", reached=6.0)] * 50
-    assert row(named + small, "named right").count == 20
+    assert row(named + small, "effects, d′ ≥ 10.8").count == 20
 
     alike = [
         record(
@@ -490,12 +493,13 @@ def test_names_sets_and_causes_from_outside_are_counted():
             drivers=["a", "b", "energy"],
         )
     ]
-    assert row(outside, "outsiders: unknown").value == 0.9
-    assert row(outside, "outsiders: equation").value == 0.9
-    assert row(outside, "outsiders: driver").value == 0.9
+    assert row(outside, "outsiders, d′ ≥ 8 left: unknown").value == 0.9
+    assert row(outside, "outsiders, d′ ≥ 8 left: equation").value == 0.9
+    assert row(outside, "outsiders, d′ ≥ 8 left: driver").value == 0.9
     assert (
         row(
-            [record("outsider", "unknown", reached=5.0, expected_where=where)], "outsiders: unknown"
+            [record("outsider", "unknown", reached=5.0, expected_where=where)],
+            "outsiders, d′ ≥ 8 left: unknown",
         ).count
         == 0
     )
@@ -503,11 +507,11 @@ def test_names_sets_and_causes_from_outside_are_counted():
         record("two", "named", truth=["wear", "drag"], causes=["drag", "wear"]),
         record("two", "named", truth=["wear", "drag"], causes=["wear"]),
     ]
-    assert row(both, "two effects").value == 0.5
+    assert row(both, "pairs, d′ ≥ 8").value == 0.5
     failed = [record("effect", "failed"), record("null", "failed")]
     assert row(failed, "discoveries that failed").value == 1.0
     assert row(failed, "false findings, white").value == 1.0
-    assert row(failed, "named right").value == 0.0
+    assert row(failed, "effects, d′ ≥ 10.8").value == 0.0
 
 
 def test_gain_and_coverage_are_pooled():
@@ -661,7 +665,7 @@ def test_discover_and_its_rivals_stand_side_by_side():
 
 
 def test_a_row_is_refuted_where_its_interval_holds_nothing_that_passes():
-    from blind.table import share
+    from blind.row import share
 
     def row(hits: int, of: int) -> Any:
         return share("", "≥ 90 %", [True] * hits + [False] * (of - hits), lambda p: p >= 0.9)
@@ -681,3 +685,72 @@ def test_the_short_run_fails_where_a_case_is_missing(tmp_path, monkeypatch):
     with pytest.raises(SystemExit) as stop:
         suite.main()
     assert stop.value.code == 1
+
+
+def test_main_lines_count_every_case():
+    """However little the drive could show; the filtered ones beside them do not."""
+    near = {"equation": "torque", "equations": ["torque", "disc_heat"], "drivers": ["energy"]}
+    records = [
+        record("effect", "named", reached=2.0),
+        record("effect", "ambiguous", reached=2.0, causes=["play", "wear"]),
+        record("effect", "none", reached=2.0),
+        record("effect", "named", refuted=["wear"]),
+        record("two", "named", reached=1.0, truth=["wear", "drag"], causes=["drag", "wear"]),
+        record("near-miss", "named", reached=1.0, expected_where=near, refuted=["wear"]),
+        record("near-miss", "unknown", reached=1.0, expected_where=near, equation="disc_heat"),
+        record("near-miss", "named", expected_where=near, equation="zero_position"),
+        *[record("mismatch", "none", cause="wander")] * 30,
+        *[record("mismatch", "unknown", cause="driver")] * 10,
+    ]
+    named = row(records, "all detected effects: named right")
+    assert (named.count, named.value) == (3, pytest.approx(1 / 3)), "a refuted form is not right"
+    assert row(records, "all detected effects: truth").value == 1.0
+    assert row(records, "all pairs").value == 1.0 and row(records, "pairs, d′").count == 0
+    assert row(records, "all near misses: unknown").value == pytest.approx(2 / 3)
+    assert row(records, "all near misses: equation").value == pytest.approx(2 / 3)
+    assert row(records, "near misses, d′ ≥ 8 left: unknown").count == 1
+    wander = row(records, "false findings, unlike the model, wander")
+    assert (wander.count, wander.value, wander.passed) == (30, 0.0, True)
+    assert row(records, "false findings, unlike the model, driver").refuted
+    assert row(records, "false findings, unlike the model, pooled").count == 40
+
+
+def test_the_table_counts_first_runs_and_says_whose(tmp_path):
+    from blind.table import rows, runs, show, versions
+
+    def at(hour: int, verdict: str, version: str) -> str:
+        stamp = {"at": f"2026-01-01T{hour:02}:00:00+00:00", "version": version, "name": "a"}
+        return json.dumps({**record("null", verdict), **stamp}) + "\n"
+
+    (tmp_path / "records-0-of-2.jsonl").write_text(at(5, "none", "bbb"))
+    (tmp_path / "records-1-of-2.jsonl").write_text(at(3, "named", "aaa") + at(4, "none", "bbb"))
+    first, again = runs(tmp_path)
+    assert [r["verdict"] for r in first] == ["named"] and [r["at"][11:13] for r in again] == ["05"]
+    assert versions(first) == "one version: aaa (1)"
+    assert versions([*first, *again]).startswith("not of one version")
+    assert versions([record("null", "none")]).startswith("not of one version"), "who knows"
+    text = show(first, again)
+    line = next(line for line in text.splitlines() if line.startswith("false findings, white"))
+    assert line.split()[-2:] == ["0", "(1)"] and rows(first)[0].value == 1.0
+    assert text.index("all pairs") < text.index("of these") < text.index("pairs, d′ ≥ 8")
+
+
+def test_what_is_found_is_located():
+    from blind.score import located, refuted
+
+    curve = {"state": "refuted", "curve": {"covariate": "slip_speed"}}
+    named = {"effect": "friction_slip", "equation": "torque", "parameters": {}, "form": curve}
+    found = {"verdict": "named", "causes": [named], "where": None}
+    assert refuted(found) == ["friction_slip"] and located(found) == ("torque", ["slip_speed"])
+    plain = {"verdict": "named", "causes": [{**named, "form": "consistent"}], "where": None}
+    assert refuted(plain) == [] and located(plain) == (None, None)
+    where = {"equation": "disc_heat", "drivers": ["temp_disc", "time"]}
+    unknown = {"verdict": "unknown", "causes": [], "where": where}
+    assert located(unknown) == ("disc_heat", ["temp_disc", "time"])
+
+
+def test_no_seed_of_a_test_is_one_of_the_suite_s():
+    """Tests draw with small numbers; so does no case, nor the drive held out beside it."""
+    from blind.plan import full
+
+    assert min(case.seed for case in full()) > 10_000

@@ -14,24 +14,29 @@ one holding the smaller; ``--each`` the first so many of every cause, group or n
 short run, whose sizes are already known; with ``--table`` it fails where a case is missing, or
 where what must be reached lies outside a row's interval.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour;
-``--alone`` holds no drive out, which could take a finding back.
+``--alone`` holds no drive out, which could take a finding back.  The table counts the first run of
+every case and says by which version; ``--again`` runs cases once more, for a second column.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import sys
 import time
+from collections.abc import Collection
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a folder, not as a package
 
 from blind import table
-from blind.cases import answer
+from blind.cases import NAMED, answer
 from blind.plan import PARTS, Case, drawn, each, quick
+from blind.row import Row
 from blind.score import hour, score
 from blind.sealed import KNOWN, seal, unseal
 
@@ -45,16 +50,19 @@ def run(
     measured: bool,
     short: bool,
     alone: bool,
+    again: bool,
 ) -> None:
-    """Score every n-th case that has not been scored yet.  A ``short`` run drives the manoeuvres
-    that it is told to only where a line of the table is about them."""
+    """Score every n-th case that has not been scored yet, all of them ``again`` if so asked.  A
+    ``short`` run drives the manoeuvres that it is told to only where a line of the table is about
+    them."""
     which, of = map(int, shard.split("/"))
-    done = table.finished(out)
+    done: Collection[str] = () if again else table.finished(out)
+    stamp = {"version": version()}
     mine = [case for case in cases[which::of] if case.name not in done]
     with (out / f"records-{which}-of-{of}.jsonl").open("a") as records:
         for i, case in enumerate(mine, 1):
             began = time.monotonic()
-            followed = not short or case.d_prime >= table.NAMED
+            followed = not short or case.d_prime >= NAMED
             record = score(
                 case,
                 out,
@@ -63,6 +71,7 @@ def run(
                 alone=alone,
                 known=known.get(case.name),
             )
+            record |= {**stamp, "at": datetime.now(UTC).isoformat(timespec="seconds")}
             records.write(json.dumps(record) + "\n")
             records.flush()
             print(
@@ -72,12 +81,24 @@ def run(
             )
 
 
-def tell(out: Path) -> list[table.Row]:
+def version() -> str:
+    """The commit that is judged, marked where files differ from it."""
+    command = ["git", "describe", "--always", "--dirty", "--exclude", "*"]
+    told = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+    return told.stdout.strip() or "not stated"
+
+
+def tell(out: Path) -> list[Row]:
     """Print the table of what is finished, and write it beside the list of its cases."""
-    records = table.finished(out)
-    found = table.rows(list(records.values()))
-    print(table.show(found))
-    told = {"rows": [asdict(row) for row in found], "cases": sorted(records)}
+    first, again = table.runs(out)
+    found = table.rows(first)
+    print(table.show(first, again))
+    told = {
+        "versions": table.versions(first),
+        "rows": [asdict(row) for row in found],
+        "cases": sorted(record["name"] for record in first),
+        "again": [asdict(row) for row in table.rows(again)] if again else [],
+    }
     (out / "table.json").write_text(json.dumps(told, indent=1), encoding="utf-8")
     return found
 
@@ -118,6 +139,7 @@ def main() -> None:
     parser.add_argument("--alone", action="store_true", help="no drive is held out")
     parser.add_argument("--hour", action="store_true", help="only the cost of a log of one hour")
     parser.add_argument("--table", action="store_true", help="the table of what is finished")
+    parser.add_argument("--again", action="store_true", help="cases run before are run again")
     parser.add_argument("--prepare", action="store_true", help="only the sizes to hide")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
@@ -141,6 +163,7 @@ def main() -> None:
             measured=given.measured,
             short=given.ci,
             alone=given.alone,
+            again=given.again,
         )
     found = tell(given.out)
     if given.ci and given.table:

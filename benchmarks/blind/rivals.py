@@ -31,9 +31,12 @@ sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a file, not 
 
 from blind.cases import answer, drive_of, outsider_of
 from blind.drives import NOISES, Drive
+from blind.filtered import large, left_over
+from blind.first_run import at_driver
 from blind.plan import Case
+from blind.row import Record, share
 from blind.sealed import KNOWN, unseal
-from blind.table import Record, driven, finished, large, left_over, share
+from blind.table import finished
 from clutchest.estimate.samples import slope
 from clutchest.signals import Floats, Signals
 
@@ -181,8 +184,8 @@ def lines(scored: Sequence[Record], found: Mapping[str, Record]) -> str:
             line(
                 "outsiders, driver in the first two",
                 of["outsider"],
-                lambda r: driven(r, r["drivers"]),
-                driven,
+                lambda r: at_driver(r, r["drivers"]),
+                at_driver,
             ),
         ]
     )

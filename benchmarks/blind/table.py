@@ -3,345 +3,60 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq, minimize
-from scipy.stats import binomtest, norm
 
-from blind.drives import NOISES
-from clutchest.signals import Floats
+from blind.filtered import filtered
+from blind.first_run import first_run
+from blind.row import Record, Row, share
 
-NOMINAL = 0.01  # rate of false findings
-NAMED, NEAR, FAR, LEFT = 12.0, 2.0, 4.0, 8.0  # d′: to be named, alike, apart, left of an outsider
-TOLD = 0.9  # of a d′ aimed at, what counts as having come out
+NOT_STATED = "not stated"
 HOURS: Mapping[str, Mapping[str, Mapping[str, float]]] = {  # logs of one hour, and what they hide
     "hour": {},
     "hour with a cause": {"friction_fade": {"slope": 0.02, "onset": 120.0}},
 }
-STEEPEST = 30.0  # of the logistic curves over ln d′
-
-Record = Mapping[str, Any]
 
 
-def finished(out: Path) -> dict[str, dict[str, Any]]:
-    """Name → record of every case that any shard has finished."""
-    lines = (line for path in sorted(out.glob("records-*.jsonl")) for line in path.open())
-    return {record["name"]: record for record in map(json.loads, lines)}
+def runs(out: Path) -> tuple[list[Record], list[Record]]:
+    """The first run of every case that any shard has finished, and the last of those that were run
+    again."""
+    first: dict[str, Record] = {}
+    last: dict[str, Record] = {}
+    for record in sorted(_records(out), key=lambda record: record.get("at", "")):
+        name = record["name"]
+        (last if name in first else first)[name] = record
+    return list(first.values()), list(last.values())
 
 
-@dataclass(frozen=True)
-class Row:
-    """One line of the table: ``value`` with its exact 95 % interval (99 % for nulls) from ``count``
-    cases; ``passed`` None where nothing was measured, ``refuted`` where nothing within the interval
-    would pass."""
-
-    what: str
-    must: str
-    count: int = 0
-    value: float | None = None
-    low: float | None = None
-    high: float | None = None
-    passed: bool | None = None
-    refuted: bool = False
+def finished(out: Path) -> dict[str, Record]:
+    """Name → first record of every case that any shard has finished."""
+    return {record["name"]: record for record in runs(out)[0]}
 
 
-def share(
-    what: str, must: str, hits: Sequence[bool], test: Callable[[float], bool], level: float = 0.95
-) -> Row:
-    """A row for a share of cases, judged on the share itself."""
-    if not len(hits):
-        return Row(what, must)
-    k, n = int(np.sum(hits)), len(hits)
-    limits = binomtest(k, n).proportion_ci(level, "exact")
-    low, high = float(limits.low), float(limits.high)
-    refuted = not any(test(p) for p in np.linspace(low, high, 101))
-    return Row(what, must, n, k / n, low, high, test(k / n), refuted)
+def _records(out: Path) -> Iterator[dict[str, Any]]:
+    for path in sorted(out.glob("records-*.jsonl")):
+        with path.open() as lines:
+            yield from map(json.loads, lines)
 
 
 def rows(records: Sequence[Record]) -> list[Row]:
-    """Every line of the table."""
-    return [
-        *detection(records),
-        *nulls(records),
-        *naming(records),
-        *ambiguity(records),
-        *outsiders(records),
-        *pairs(records),
-        *gain(records),
-        *coverage(records),
-        *cost(records),
-    ]
+    """Every line of the table: the main ones, what it costs, and the filtered ones."""
+    return [*first_run(records), *cost(records), *filtered(records)]
 
 
-# --- detection -----------------------------------------------------------------------------------
-
-
-def detection(records: Sequence[Record]) -> list[Row]:
-    """d′ found in half of the runs over that of the oracle, effect by effect."""
-    seen = [r for r in records if r["part"] == "effect" and r["reached"] > 0.5]
-    causes = sorted({r["cause"] for r in seen})
-    if not causes:
-        return [Row("detection: median ratio", "≤ 1.6"), Row("detection: worst ratio", "≤ 2.0")]
-    of = np.array([causes.index(r["cause"]) for r in seen])
-    d = np.log([r["reached"] for r in seen])
-    hit = np.array([r["verdict"] in ("named", "ambiguous", "unknown") for r in seen])
-    half, slope = logistic(of, d, hit, len(causes))
-    one_sided = {r["cause"]: r["one_sided"] for r in seen}
-    oracle = np.array([norm.isf(NOMINAL / (1 if one_sided[c] else 2)) for c in causes])
-    ratio = np.exp(half) / oracle
-    worst = int(np.argmax(ratio))
-    low, high = (
-        float(np.exp(limit) / oracle[worst])
-        for limit in limits(d[of == worst], hit[of == worst], half[worst], slope)
-    )
-    each = [
-        Row(f"detection: {cause}", "", int(np.sum(of == i)), float(ratio[i]))
-        for i, cause in enumerate(causes)
-    ]
-    median = float(np.median(ratio))
-    return [
-        Row("detection: median ratio", "≤ 1.6", len(seen), median, passed=median <= 1.6),
-        Row(
-            f"detection: worst ratio, {causes[worst]}",
-            "lower bound ≤ 2.0",
-            int(np.sum(of == worst)),
-            float(ratio[worst]),
-            low,
-            high,
-            low <= 2.0,
-        ),
-        *each,
-    ]
-
-
-def logistic(of: Floats, d: Floats, hit: Floats, count: int) -> tuple[Floats, float]:
-    """ln d′ of half the runs for each of ``count`` effects, and the slope they share; by maximum
-    likelihood, within half a step of the d′ that were tried."""
-
-    def cost(x: Floats) -> float:
-        return -log_likelihood(d, hit, x[of], np.exp(x[-1]))
-
-    begin = np.r_[np.full(count, np.median(d)), 1.5]
-    bounds = [(d.min() - 0.5, d.max() + 0.5)] * count + [(0.0, np.log(STEEPEST))]
-    best = minimize(cost, begin, bounds=bounds)
-    return best.x[:-1], float(np.exp(best.x[-1]))
-
-
-def log_likelihood(d: Floats, hit: Floats, half: Floats | float, slope: float) -> float:
-    """Of hits that follow a logistic curve over ``d``."""
-    z = np.where(hit, 1.0, -1.0) * slope * (d - half)
-    return float(-np.sum(np.logaddexp(0.0, -z)))
-
-
-def limits(d: Floats, hit: Floats, half: float, slope: float) -> tuple[float, float]:
-    """95 % interval of one ``half`` at a given slope, from its likelihood; infinite where no hit,
-    or no miss, bounds it."""
-    top = log_likelihood(d, hit, half, slope)
-
-    def over(x: float) -> float:
-        return 2.0 * (top - log_likelihood(d, hit, x, slope)) - 3.841
-
-    found = []
-    for direction in (-1.0, 1.0):
-        far = half + direction * 5.0
-        found.append(brentq(over, half, far) if over(far) > 0 else direction * np.inf)
-    return found[0], found[1]
-
-
-# --- false findings and names ---------------------------------------------------------------
-
-
-def nulls(records: Sequence[Record]) -> list[Row]:
-    found = []
-    for noise in NOISES:
-        hits = [
-            r["verdict"] != "none" for r in records if r["part"] == "null" and r["noise"] == noise
-        ]
-        row = share(f"false findings, {noise}", "does not reject 1 %", hits, lambda _: True, 0.99)
-        if row.low is not None and row.high is not None:
-            passed = row.low <= NOMINAL <= row.high
-            row = replace(row, passed=passed, refuted=not passed)
-        found.append(row)
-    return found
-
-
-def large(records: Sequence[Record]) -> list[Record]:
-    """Single effects that are to be named."""
-    return [r for r in records if r["part"] == "effect" and r["reached"] >= TOLD * NAMED]
-
-
-def naming(records: Sequence[Record]) -> list[Row]:
-    apart = [r for r in large(records) if r["nearest"] is not None and r["nearest"] >= FAR]
-    hidden = [r for r in records if r["part"] == "effect" and r["hidden_unexcited"]]
-    return [
-        share(
-            "named right, rivals d′ ≥ 4 away",
-            "≥ 95 %",
-            [r["verdict"] == "named" and r["causes"] == r["truth"] for r in apart],
-            lambda p: p >= 0.95,
-        ),
-        share(
-            "unexcited effect: none, and listed",
-            "",
-            [r["verdict"] == "none" and r["truth"][0] in (r["unexcited"] or []) for r in hidden],
-            lambda p: True,
-        ),
-    ]
-
-
-def ambiguity(records: Sequence[Record]) -> list[Row]:
-    alike = [r for r in large(records) if r["alike"]]
-    inside = [r for r in alike if r["truth"][0] in r["causes"]]
-    after, of_any_size = (
-        [r["followed_up"]["right"] for r in of if r["followed_up"]]
-        for of in (alike, [r for r in records if r["part"] == "effect"])
-    )
-    size = Row("ambiguous: mean size over the oracle's", "≤ 1.3")
-    if inside:
-        ratio = float(
-            np.sum([len(r["causes"]) for r in inside])
-            / np.sum([1 + len(r["alike"]) for r in inside])
-        )
-        size = Row(size.what, size.must, len(inside), ratio, passed=ratio <= 1.3)
-    return [
-        share(
-            "ambiguous: truth inside, rivals d′ < 2 away",
-            "≥ 95 %",
-            [r["truth"][0] in r["causes"] for r in alike],
-            lambda p: p >= 0.95,
-        ),
-        size,
-        share("ambiguous: right after the manoeuvre", "≥ 90 %", after, lambda p: p >= 0.90),
-        share(
-            "ambiguous, any size: right after the manoeuvre",
-            "≥ 90 %",
-            of_any_size,
-            lambda p: p >= 0.90,
-        ),
-    ]
-
-
-def left_over(records: Sequence[Record]) -> list[Record]:
-    """Outsiders of which enough is left when every single effect has been tried."""
-    return [r for r in records if r["part"] == "outsider" and r["reached"] >= LEFT]
-
-
-def driven(record: Record, drivers: Sequence[str] | None) -> bool:
-    """Whether a true driver is among the first two."""
-    return bool(set(record["expected_where"]["drivers"]) & set((drivers or [])[:2]))
-
-
-def outsiders(records: Sequence[Record]) -> list[Row]:
-    left = left_over(records)
-
-    def at(r: Record) -> bool:
-        return bool(r["equation"] == r["expected_where"]["equation"])
-
-    library = [r for r in records if r["part"] in ("effect", "two")]
-    return [
-        share(
-            "outsiders: unknown",
-            "≥ 90 %",
-            [r["verdict"] == "unknown" for r in left],
-            lambda p: p >= 0.90,
-        ),
-        share("outsiders: equation", "≥ 85 %", [at(r) for r in left], lambda p: p >= 0.85),
-        share(
-            "outsiders: driver in the first two",
-            "≥ 80 %",
-            [driven(r, r["drivers"]) for r in left],
-            lambda p: p >= 0.80,
-        ),
-        share(
-            "library effects called unknown",
-            "≤ 3 %",
-            [r["verdict"] == "unknown" for r in library],
-            lambda p: p <= 0.03,
-        ),
-    ]
-
-
-def pairs(records: Sequence[Record]) -> list[Row]:
-    two = [
-        r
-        for r in records
-        if r["part"] == "two"
-        and r["reached"] >= LEFT
-        and r["nearest"] is not None
-        and r["nearest"] >= FAR
-    ]
-    return [
-        share(
-            "two effects: both named",
-            "≥ 85 %",
-            [r["verdict"] == "named" and set(r["causes"]) == set(r["truth"]) for r in two],
-            lambda p: p >= 0.85,
-        )
-    ]
-
-
-# --- gain, parameters, cost ----------------------------------------------------------------------
-
-
-def gain(records: Sequence[Record]) -> list[Row]:
-    measured = [r for r in records if r.get("gained") is not None]
-    kinds = (
-        (
-            "named",
-            "≥ 0.90",
-            0.90,
-            [r for r in measured if r["verdict"] == "named" and r["part"] in ("effect", "two")],
-        ),
-        (
-            "unknown, patched",
-            "≥ 0.60",
-            0.60,
-            [r for r in measured if r["verdict"] == "unknown" and r["part"] == "outsider"],
-        ),
-    )
-    found = []
-    for what, must, least, of in kinds:
-        if of:
-            ratio = float(np.sum([r["gained"] for r in of]) / np.sum([r["possible"] for r in of]))
-            found.append(Row(f"gain: {what}", must, len(of), ratio, passed=ratio >= least))
-        else:
-            found.append(Row(f"gain: {what}", must))
-    clean = [r for r in measured if r["part"] == "null"]
-    row = Row("gain: nulls", "≥ −0.2 %")
-    if clean:
-        lost = float(
-            np.sum([r["gained"] for r in clean]) / np.sum([abs(r["held_out_nll"]) for r in clean])
-        )
-        row = Row(row.what, row.must, len(clean), lost, passed=lost >= -0.002)
-    return [*found, row]
-
-
-def coverage(records: Sequence[Record]) -> list[Row]:
-    inside: dict[str, list[bool]] = {}
-    for r in large(records):
-        for key, hit in r["covered"].items():
-            inside.setdefault(key, []).append(hit)
-    pooled = [hit for hits in inside.values() for hit in hits]
-    each = [share(f"±2 σ: {key}", "", hits, lambda _: True) for key, hits in sorted(inside.items())]
-    out = [
-        row.what.removeprefix("±2 σ: ")
-        for row in each
-        if row.low is not None and row.high is not None and (row.low > 0.98 or row.high < 0.92)
-    ]
-    strays = Row("±2 σ: effects outside 92–98 %", "none")
-    if each:
-        strays = Row(strays.what, strays.must, len(each), float(len(out)), passed=not out)
-    of_two = [hit for r in records if r["part"] == "two" for hit in r["covered"].values()]
-    return [
-        share("±2 σ coverage, pooled", "94–97 %", pooled, lambda p: 0.94 <= p <= 0.97),
-        strays,
-        *each,
-        share("±2 σ: sizes of two effects", "", of_two, lambda _: True),
-    ]
+def versions(records: Sequence[Record]) -> str:
+    """Which versions gave these records, in one line."""
+    counts: dict[str, int] = {}
+    for record in records:
+        version = record.get("version", NOT_STATED)
+        counts[version] = counts.get(version, 0) + 1
+    told = ", ".join(f"{version} ({count})" for version, count in sorted(counts.items()))
+    one = len(counts) == 1 and NOT_STATED not in counts
+    return f"{'one version' if one else 'not of one version'}: {told or 'no cases'}"
 
 
 def cost(records: Sequence[Record]) -> list[Row]:
@@ -384,16 +99,27 @@ def _each(records: Sequence[Record]) -> list[Row]:
     ]
 
 
-def show(found: Sequence[Row]) -> str:
-    """The table as text."""
-    lines = [f"{'what':50}{'must':>20}{'cases':>7}{'value':>9}  interval"]
-    for row in found:
-        if row.value is None:
-            lines.append(f"{row.what:50}{row.must:>20}{row.count:7d}        –")
-            continue
-        between = "" if row.low is None else f"[{row.low:.3g}, {row.high:.3g}]"
-        mark = {True: "pass", False: "FAIL", None: ""}[row.passed if row.must else None]
-        lines.append(
-            f"{row.what:50}{row.must:>20}{row.count:7d}{row.value:9.3g}  {between:20}{mark}"
-        )
+def show(first: Sequence[Record], again: Sequence[Record]) -> str:
+    """The table as text; what repeated cases gave is a column of its own."""
+    repeated = {row.what: row for row in rows(again)}
+    main = len([*first_run(first), *cost(first)])
+    lines = [f"first run, {versions(first)}"]
+    lines += [f"again, {versions(again)}"] if again else []
+    head = f"{'what':56}{'must':>20}{'cases':>7}{'value':>9}  {'interval':25}" + "again" * bool(
+        again
+    )
+    for i, row in enumerate(rows(first)):
+        if i in (0, main):
+            lines += ["", "all cases" if i == 0 else "of these, by what the drive can show", head]
+        lines.append(_line(row, repeated.get(row.what)))
     return "\n".join(lines)
+
+
+def _line(row: Row, again: Row | None) -> str:
+    beside = f"{again.value:.3g} ({again.count})" if again and again.value is not None else ""
+    begin = f"{row.what:56}{row.must:>20}{row.count:7d}"
+    if row.value is None:
+        return f"{begin}        –  {'':25}{beside}".rstrip()
+    between = "" if row.low is None else f"[{row.low:.3g}, {row.high:.3g}]"
+    mark = {True: "pass", False: "FAIL", None: ""}[row.passed if row.must else None]
+    return f"{begin}{row.value:9.3g}  {between:20}{mark:5}{beside}".rstrip()
