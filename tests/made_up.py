@@ -43,9 +43,15 @@ class _Given:
         without = np.ones(count), np.zeros((count, 0))
         readings = Readings(nothing, time, nothing, nothing, nothing, *without)
         self.drives = [SimpleNamespace(readings=readings, at_nominal=NOWHERE)]
+        self.wanders: Mapping[str, float] = {}
 
     def implied(self, theta: Floats, shapes: Shapes) -> tuple[OperatingPoint, ...]:
         return (NOWHERE,)
+
+    def wander_directions(
+        self, theta: Floats, shapes: Shapes, at: Sequence[OperatingPoint]
+    ) -> list[list[Floats]]:
+        return [[]]
 
     def linearise(
         self,

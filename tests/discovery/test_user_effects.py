@@ -79,7 +79,7 @@ def test_what_cannot_be_looked_for_is_said(tmp_path, old, new, words):
     assert str(error.value).startswith(f"{path}: effect '") and words in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["start", "parameter", "input_noise"])
+@pytest.mark.parametrize("name", ["start", "parameter", "input_noise", "wander"])
 def test_names_that_compiled_code_uses_are_reserved(tmp_path, name):
     path = written(tmp_path, '"own"', f'"{name}"')
     with pytest.raises(ClutchestError, match=f"effect '{name}' has a reserved name"):

@@ -38,7 +38,9 @@ def test_a_state_without_anything_stated_has_its_own_prior(name: str) -> None:
 def test_the_files_standard_deviation_is_the_prior() -> None:
     vehicle, model = plain("truck")
     before = prior_std(vehicle, model)
-    stated = {name: Estimation("adaptive", 1e-3, 0.0625, 1.0) for name in ("friction", "temp_body")}
+    stated = {
+        name: Estimation("adaptive", 1e-3, 0.0625, 1.0, 0.0) for name in ("friction", "temp_body")
+    }
     stds = prior_std(replace(vehicle, estimation=stated), model)
     changed = [model.state(name) for name in stated]
     assert stds[changed].tolist() == [0.0625, 0.0625]
@@ -50,7 +52,7 @@ def test_the_spread_of_a_states_nominal_value_is_its_prior_unless_the_file_state
     row = model.state("zero_position")
     vehicle = with_spread(vehicle, "zero_position_ref", 0.375)
     assert prior_std(vehicle, model)[row] == 0.375
-    stated = {"zero_position": Estimation("adaptive", 1e-5, 0.125, 1.0)}
+    stated = {"zero_position": Estimation("adaptive", 1e-5, 0.125, 1.0, 0.0)}
     assert prior_std(replace(vehicle, estimation=stated), model)[row] == 0.125
     unknown = with_spread(vehicle, "zero_position_ref", 0.0)
     assert prior_std(unknown, model)[row] == model.states[row].initial_std
@@ -67,9 +69,9 @@ def test_process_noise_is_the_files_where_it_states_one_and_none_of_a_held_state
     vehicle, model = plain("truck")
     n = len(model.states)
     stated = {
-        "temp_body": Estimation("adaptive", 0.5, 1.0, 1.0),
-        "zero_position": Estimation("constant", 0.5, 1.0, 1.0),
-        "friction": Estimation("nuisance", 0.5, 1.0, 1.0),
+        "temp_body": Estimation("adaptive", 0.5, 1.0, 1.0, 0.0),
+        "zero_position": Estimation("constant", 0.5, 1.0, 1.0, 0.0),
+        "friction": Estimation("nuisance", 0.5, 1.0, 1.0, 0.0),
     }
     density = process_noise(replace(vehicle, estimation=stated), model)
     held = [model.state("zero_position"), model.state("friction")]

@@ -10,7 +10,7 @@ import casadi as ca
 
 from clutchest.compute.lower import CONTRACTED, dispatch, lower, product
 from clutchest.compute.step import Step, decays, heun
-from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
+from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START, WANDER
 from clutchest.models.model import Expressions, Model
 
 
@@ -18,9 +18,10 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     """Source of all functions that kernel and online filter call, for one model.
 
     ``thetas`` are what signatures are taken of: (``"parameter"``, key), (effect name, number),
-    (``"start"``, state), the value with which a state begins, or (``"input_noise"``, input), what
-    an input is off by in the rates of all states but those that readings renew: only fits that
-    track the latter (``transition``) ask for it.
+    (``"start"``, state), the value with which a state begins, (``"input_noise"``, input), what an
+    input is off by in the rates of all states but those that readings renew, or (``"wander"``,
+    state), what is added to a state's rate: only fits that track what is renewed (``transition``)
+    ask for the last two.
     """
     functions = _Functions.of(model, tuple(thetas))
     return "\n\n".join(
@@ -115,7 +116,7 @@ class _Functions:
         taken = heun(model, e, moves) if e.dragging else heun(model, e)
         over = self.over(taken) | {"moves": moves}
         by_state = ca.jacobian(taken.x, e.x)
-        by_theta = self.by_theta(taken.x, taken) + self.by_input_noise(taken)
+        by_theta = self.by_theta(taken.x, taken) + self.by_noise(taken)
         return [
             lower("follow", over, {"xn": taken.x}),
             lower(
@@ -128,15 +129,17 @@ class _Functions:
             lower("gathered", over | {"q": taken.q, "noise": taken.noise}, {"Q": taken.Q}),
         ]
 
-    def by_input_noise(self, taken: Step) -> ca.SX:
-        """Derivative (n, m) of a step by what inputs are off by: to first order, as it is too small
-        to matter within a step."""
+    def by_noise(self, taken: Step) -> ca.SX:
+        """Derivative (n, m) of a step by what inputs are off by, and by how fast states wander: to
+        first order, as it is too small to matter within a step."""
         model, e = self.model, self.e
         taken_in = ca.SX(len(model.states), len(self.thetas))
         kept = [i for i, state in enumerate(model.states) if state.name not in model.renewed]
         for k, (owner, name) in enumerate(self.thetas):
             if owner == INPUT_NOISE:
                 taken_in[kept, k] = taken.dt * ca.jacobian(e.rate, e.u)[kept, model.input(name)]
+            elif owner == WANDER:
+                taken_in[model.state(name), k] = taken.dt
         return taken_in
 
     def rates(self) -> list[str]:
@@ -201,7 +204,7 @@ def forward_text(model: Model, watched: Sequence[str]) -> str:
 
 
 def _symbol(model: Model, e: Expressions, owner: str, key: str) -> ca.SX:
-    if owner in (START, INPUT_NOISE):
+    if owner in (START, INPUT_NOISE, WANDER):
         return ca.SX.sym(key)  # the equations know it by what it leads to only
     if owner == PARAMETER:
         return e.p[[p.key for p in model.parameters].index(key)]

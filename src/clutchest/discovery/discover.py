@@ -100,7 +100,7 @@ class _Task:
     def problem(self, signals: Signals) -> Problem:
         """Some drives, and all that is unknown of them."""
         drives = segmented(signals, self.vehicle)
-        return Problem.of(drives, self.vehicle, self.effects, self.progress)
+        return Problem.of(drives, self.vehicle, self.effects, self.progress, wandering=True)
 
     def show(self, text: str) -> None:
         """Report progress."""

@@ -23,7 +23,7 @@ from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.curve_effect import curve_effects
 from clutchest.models.effects import Effect, with_files
-from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
+from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START, WANDER
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model
 from clutchest.progress import Progress
@@ -141,6 +141,7 @@ def compile_model(
     effects: tuple[Effect, ...] | None = None,
     starts: Mapping[str, float] = {},
     noises: Sequence[str] = (),
+    wanders: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Compiled:
     """The model lowered and loaded, with the vehicle's numbers.
@@ -148,7 +149,7 @@ def compile_model(
     ``effects`` stand in the equations, unless given those of the vehicle file that the model can
     take; what the file says of an effect holds, others are at gain 0.  ``starts`` names states
     whose first values are thetas too, with their standard deviations; ``noises`` inputs of which
-    what they are off by is one.
+    what they are off by is one, and ``wanders`` states of which what is added to their rate is one.
     """
     if effects is None:
         effects = model.taking(present_effects(vehicle))
@@ -174,7 +175,8 @@ def compile_model(
     thetas += [(START, name) for name in starts]
     spread += list(starts.values())
     thetas += [(INPUT_NOISE, name) for name in noises]
-    spread += [0.0] * len(noises)
+    thetas += [(WANDER, name) for name in wanders]
+    spread += [0.0] * (len(noises) + len(wanders))
     digest, text = build.generate(model, tuple(thetas))
     if progress and not build.is_compiled(digest):
         progress("compiling the model, once on this machine", None)

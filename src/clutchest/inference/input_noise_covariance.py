@@ -62,11 +62,11 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
         basis *= np.sqrt(line.noise[j] / np.where(own > 0.0, own, np.inf))
         parts = Modulation(basis, np.arange(PARTS))
         columns = modulated(drive, numbers, at, np.full(PARTS, k), parts)
-        every.append(_main(columns / drive.readings.std[:, None]))
-    return _main(np.column_stack(every))
+        every.append(main_directions(columns / drive.readings.std[:, None]))
+    return main_directions(np.column_stack(every))
 
 
-def _main(columns: Floats) -> Floats:
+def main_directions(columns: Floats) -> Floats:
     """Columns (K, c) turned into fewer, without directions that hardly show."""
     strength, turned = np.linalg.eigh(columns.T @ columns)
     return columns @ turned[:, strength > LEAST**2]

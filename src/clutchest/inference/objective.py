@@ -20,6 +20,7 @@ from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.problem import NormalisedInnovations, Problem
 from clutchest.inference.unknowns import Shapes, UnknownGain, UnknownParameter
+from clutchest.inference.wander import WanderingDrive, probable_shares
 from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
@@ -95,16 +96,18 @@ class Linearisation:
 class Objective:
     """One problem with the model of its noise.
 
-    ``weights`` (K) of each drive's readings, 0 where one does not count; ``input_noise``: how the
-    inputs' noise makes each drive's white readings scatter; ``span`` (K, q): orthonormal, None for
-    all there is; ``prior`` (m) precisions, 0 of gains; gains stay within ``low`` and ``high`` (m).
+    ``weights`` (K) of each drive's readings, 0 where one does not count; ``scatter`` (K, c):
+    directions in which the inputs' noise and wander make each drive's innovations scatter, and
+    ``scattered``: how, where these are white; ``span`` (K, q): orthonormal, None for all there is;
+    ``prior`` (m) precisions, 0 of gains; gains stay within ``low`` and ``high`` (m).
     """
 
     problem: Problem
     stretches: Sequence[Stretches]
     noise_model: NoiseModel
     weights: Sequence[Floats]
-    input_noise: Sequence[InputNoiseCovariance]
+    scatter: Sequence[Floats]
+    scattered: Sequence[InputNoiseCovariance]
     span: Floats | None
     prior: Floats
     low: Floats
@@ -122,8 +125,11 @@ class Objective:
         for i, t in enumerate(problem.thetas):
             if isinstance(t, UnknownGain):
                 low[i], high[i] = t.lower, t.upper
-        input_noise = _input_noise(problem, stretches, white, weights)
-        return cls(problem, stretches, white, weights, input_noise, None, prior, low, high)
+        points = [drive.at_nominal for drive in problem.drives]
+        wander = problem.wander_directions(np.zeros(len(prior)), NO_SHAPES, points)
+        scatter = _scatter(problem, wander, np.ones(len(problem.wanders)))
+        scattered = _scattered(stretches, white, weights, scatter)
+        return cls(problem, stretches, white, weights, scatter, scattered, None, prior, low, high)
 
     def until(self, share: float) -> Objective:
         """That of the part of every drive which ends after a ``share`` of its time, in white
@@ -137,6 +143,7 @@ class Objective:
         return self._weighted(
             self.noise_model,
             [w * ~own for w, own in zip(self.weights, np.split(rows, edges), strict=True)],
+            self.scatter,
         )
 
     def with_bounds(self, times: float) -> Objective:
@@ -177,20 +184,52 @@ class Objective:
         inner = lin.information + np.diag(prior)
         step = np.asarray(np.linalg.solve(inner, -lin.slope(lin.r)), np.float64)
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
-        for e, drive, s, noise in zip(
-            rest, self.problem.drives, self.stretches, self.input_noise, strict=True
+        for e, scatter, s, noise in zip(
+            rest, self.scatter, self.stretches, self.scattered, strict=True
         ):
-            e -= drive.readings.input_noise @ noise.probable(self.noise_model.whiten(s, e))
+            e -= scatter @ noise.probable(self.noise_model.whiten(s, e))
         noise_model = NoiseModel.fit(self.stretches, rest)
         weights = [
             (np.abs(noise_model.whiten(s, e)) < FAR).astype(float)
             for s, e in zip(self.stretches, rest, strict=True)
         ]
-        return self._weighted(noise_model, weights)
+        known = [drive.readings.input_noise for drive in self.problem.drives]
+        return self._weighted(noise_model, weights, known).with_wander(lin)
 
-    def _weighted(self, noise_model: NoiseModel, weights: Sequence[Floats]) -> Objective:
-        input_noise = _input_noise(self.problem, self.stretches, noise_model, weights)
-        return replace(self, noise_model=noise_model, weights=weights, input_noise=input_noise)
+    def with_wander(self, lin: Linearisation, share: Floats | None = None) -> Objective:
+        """One in which each state wanders by its ``share`` of what is stated, as readings respond
+        at a linearisation; by the share that its innovations show, unless given."""
+        if not self.problem.wanders:
+            return self
+        wander = self.problem.wander_directions(lin.theta, lin.shapes, lin.implied)
+        if share is None:
+            share = self._shown_by(lin, wander)
+        return self._weighted(self.noise_model, self.weights, _scatter(self.problem, wander, share))
+
+    def _shown_by(self, lin: Linearisation, wander: Sequence[Sequence[Floats]]) -> Floats:
+        """How far each state wanders by a linearisation's innovations, over what is stated."""
+        known = [drive.readings.input_noise for drive in self.problem.drives]
+        still = self._weighted(self.noise_model, self.weights, known)
+        tables = still._whitened([innovations.table.copy() for innovations in lin.raw])
+        states = zip(*wander, strict=True)
+        columns = [still._whitened([own.copy() for own in each]) for each in states]
+        return probable_shares(
+            [
+                WanderingDrive.of(*each)
+                for each in zip(tables, zip(*columns, strict=True), strict=True)
+            ]
+        )
+
+    def _weighted(
+        self, noise_model: NoiseModel, weights: Sequence[Floats], scatter: Sequence[Floats]
+    ) -> Objective:
+        return replace(
+            self,
+            noise_model=noise_model,
+            weights=weights,
+            scatter=scatter,
+            scattered=_scattered(self.stretches, noise_model, weights, scatter),
+        )
 
     def linearise_at(
         self,
@@ -246,13 +285,18 @@ class Objective:
     def _whiten(self, raw: list[Floats]) -> Floats:
         """Tables (K, c) of all drives as one, without autocorrelation and outliers; they are used
         up."""
+        white = self._whitened(raw)
+        return white[0] if len(white) == 1 else np.concatenate(white)
+
+    def _whitened(self, raw: list[Floats]) -> list[Floats]:
+        """The same, one of each drive."""
         for table, s, weight, noise in zip(
-            raw, self.stretches, self.weights, self.input_noise, strict=True
+            raw, self.stretches, self.weights, self.scattered, strict=True
         ):
             self.noise_model.whiten_in_place(s, table)
             table *= weight[:, None]
             noise.whiten_in_place(table)
-        return raw[0] if len(raw) == 1 else np.concatenate(raw)
+        return raw
 
     def in_span(self, values: Floats) -> Floats:
         """What of ``values`` (K, …) lies in the span."""
@@ -266,14 +310,28 @@ class Objective:
         return inside
 
 
-def _input_noise(
-    problem: Problem,
+def _scatter(problem: Problem, wander: Sequence[Sequence[Floats]], share: Floats) -> list[Floats]:
+    """Directions (K, c) in which each drive's innovations scatter, where every state wanders as
+    its ``share`` of what is stated."""
+    return [
+        np.column_stack(
+            [
+                drive.readings.input_noise,
+                *(s * columns for s, columns in zip(share, own, strict=True) if s > 0.0),
+            ]
+        )
+        for drive, own in zip(problem.drives, wander, strict=True)
+    ]
+
+
+def _scattered(
     stretches: Sequence[Stretches],
     noise_model: NoiseModel,
     weights: Sequence[Floats],
+    scatter: Sequence[Floats],
 ) -> list[InputNoiseCovariance]:
-    """That of every drive, as the noise model and outliers leave it."""
+    """How each drive's white readings scatter, as the noise model and outliers leave them."""
     return [
-        InputNoiseCovariance.of(noise_model.whiten(s, drive.readings.input_noise) * weight[:, None])
-        for drive, s, weight in zip(problem.drives, stretches, weights, strict=True)
+        InputNoiseCovariance.of(noise_model.whiten(s, columns) * weight[:, None])
+        for s, weight, columns in zip(stretches, weights, scatter, strict=True)
     ]

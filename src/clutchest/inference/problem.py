@@ -24,12 +24,13 @@ from clutchest.inference.unknowns import (
     UnknownParameter,
     of_compiled,
 )
+from clutchest.inference.wander import wander_directions
 from clutchest.models.effects import Effect
 from clutchest.models.model import Model
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
-from clutchest.vehicle.state_uncertainty import prior_std
+from clutchest.vehicle.state_uncertainty import prior_std, wander
 
 STEPS = 2  # from nominal inputs to those that numbers imply
 TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
@@ -79,7 +80,7 @@ class Problem:
     file has it: first the ``shared`` ones of all drives.  ``nuisances`` are indices of those with a
     prior, of variance 1; ``gains`` of the rest, the gains of ``effects``, which are absent at 0.
     ``usable``: the signals of which every drive has readings; ``delayed``: indices of gains that
-    are the delay of a signal.
+    are the delay of a signal; ``wanders``: state → how far it may wander, unit/√s.
     """
 
     vehicle: Vehicle
@@ -91,6 +92,7 @@ class Problem:
     delayed: Mapping[int, str]
     drives: tuple[PreparedDrive, ...]
     nuisances: NDArray[np.int64]
+    wanders: Mapping[str, float]
 
     @classmethod
     def of(
@@ -99,8 +101,11 @@ class Problem:
         vehicle: Vehicle,
         effects: Sequence[Effect],
         progress: Progress | None = None,
+        *,
+        wandering: bool = False,
     ) -> Problem:
-        """Of all drives of ``signals``, with candidate ``effects``."""
+        """Of all drives of ``signals``, with candidate ``effects``; where ``wandering``, states
+        wander as far as they may in a healthy vehicle."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = vehicle.machine.equations(usable)
@@ -108,12 +113,14 @@ class Problem:
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
         present = model.taking(present_effects(vehicle))
         sought = {e.name: e for e in model.taking(effects) if e not in present}
+        wanders = wander(vehicle, model) if wandering else {}
         compiled = compile_model(
             vehicle,
             model,
             (*present, *sought.values()),
             healthy_stds(vehicle, model),
             taken_in(model),
+            tuple(wanders),
             progress,
         )
         known = tuple(of_compiled(compiled, sought))
@@ -138,6 +145,7 @@ class Problem:
             delayed,
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
             np.flatnonzero(~np.array(exact) & ~np.array(gains)),
+            wanders,
         )
 
     def holding(self, *names: str) -> Problem:
@@ -293,6 +301,15 @@ class Problem:
             derivatives *= self.units[thetas]
             columns.append(derivatives)
         return columns
+
+    def wander_directions(
+        self, theta: Floats, shapes: Shapes, at: Sequence[OperatingPoint]
+    ) -> list[list[Floats]]:
+        """Directions (K, c) in which each state that wanders scatters each drive's readings."""
+        return [
+            wander_directions(drive, self.numbers(theta, shapes, i), point, self.wanders)
+            for i, (drive, point) in enumerate(zip(self.drives, at, strict=True))
+        ]
 
 
 def _delayed(shared: Sequence[Unknown], effects: Mapping[str, Effect]) -> dict[int, str]:

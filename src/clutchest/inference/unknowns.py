@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from clutchest.estimate.whole_log import Compiled
 from clutchest.models.effects import Effect
-from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START
+from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START, WANDER
 
 Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
 
@@ -95,7 +95,26 @@ class InputNoise:
         return f"noise of {self.input}"
 
 
-Unknown = UnknownParameter | StatedGain | UnknownGain | InitialState | SignalDelay | InputNoise
+@dataclass(frozen=True, slots=True)
+class StateWander:
+    """What is added to the rate of a state that wanders; a direction as well."""
+
+    state: str
+    unit: float = 1.0
+
+    def __str__(self) -> str:
+        return f"wander of {self.state}"
+
+
+Unknown = (
+    UnknownParameter
+    | StatedGain
+    | UnknownGain
+    | InitialState
+    | SignalDelay
+    | InputNoise
+    | StateWander
+)
 
 
 def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Unknown]:
@@ -108,6 +127,8 @@ def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Un
             yield InitialState(key, spread)
         elif owner == INPUT_NOISE:
             yield InputNoise(key)
+        elif owner == WANDER:
+            yield StateWander(key)
         elif owner in sought:
             n = next(n for n in sought[owner].gains if n.key == key)
             lower, upper, healthy = n.lower / n.upper, 1.0, n.healthy / n.upper

@@ -23,6 +23,8 @@ class State:
     relaxes faster than the steps that everything else asks for.  A ``factor`` is always above 0,
     and measurements move its logarithm.
 
+    For discovery: ``wander`` (unit/√s) is as far as it may wander, as a random walk, in a healthy
+    machine that is driven; unless the vehicle file says otherwise.
     For fault tests: ``restart_std`` (unit) is how far from rest it may start in a healthy machine
     that is restarted warm, 0 for no further than at any start; ``drift`` how far it drifts in a
     healthy machine, in standard deviations of its start per √h.
@@ -46,6 +48,7 @@ class State:
     prior: str = ""
     restart_std: float = 0.0
     drift: float = 0.0
+    wander: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

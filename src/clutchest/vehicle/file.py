@@ -224,4 +224,5 @@ def _estimation_of(file: TomlFile, state: State, entry: Mapping[str, Any]) -> Es
         number("process_noise", state.process_noise),
         number("initial_std", state.initial_std),
         number("useful_std", state.useful_std),
+        number("wander", state.wander),
     )

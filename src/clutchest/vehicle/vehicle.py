@@ -83,6 +83,7 @@ class Estimation:
     process_noise: float
     initial_std: float
     useful_std: float
+    wander: float
 
 
 @dataclass(frozen=True, slots=True)

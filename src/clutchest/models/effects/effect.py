@@ -82,9 +82,10 @@ class Wording:
 
 TIME = "time"  # since the drive's start: a covariate of delays beside signals
 # Owners of unknowns in compiled code that are no effects: a parameter of the vehicle file, the
-# initial value of a state, the error of an input where untracked states depend on it.
-PARAMETER, START, INPUT_NOISE = "parameter", "start", "input_noise"
-RESERVED = (PARAMETER, START, INPUT_NOISE)  # names that no effect can have
+# initial value of a state, the error of an input where untracked states depend on it, how fast a
+# state wanders.
+PARAMETER, START, INPUT_NOISE, WANDER = "parameter", "start", "input_noise", "wander"
+RESERVED = (PARAMETER, START, INPUT_NOISE, WANDER)  # names that no effect can have
 
 
 @dataclass(frozen=True, slots=True)
