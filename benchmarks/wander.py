@@ -56,10 +56,11 @@ def drive(share: float, seed: int, effects: Mapping[str, Mapping[str, float]]) -
 
 def healthy(share: float, seeds: range) -> None:
     """Print the verdicts on drives in which nothing is wrong."""
-    verdicts = Counter(clutchest.discover(drive(share, s, {}), "truck").verdict for s in seeds)
-    print(
-        f"wander {share:g}: {verdicts['none']} of {len(seeds)} none, {dict(verdicts)}", flush=True
-    )
+    verdicts: Counter[str] = Counter()
+    for seed in seeds:
+        verdicts[clutchest.discover(drive(share, seed, {}), "truck").verdict] += 1
+        done = sum(verdicts.values())
+        print(f"wander {share:g}: {verdicts['none']} of {done} none, {dict(verdicts)}", flush=True)
 
 
 def stds(search: Search, share: float | None) -> Floats:

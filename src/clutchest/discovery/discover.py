@@ -140,10 +140,12 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     search = verdict.search
     before = search.objective.linearise_at(search.null.fit.theta)
     task.show("testing the residuals")
-    fit = goodness_of_fit(problem, before.raw)
+    fit = goodness_of_fit(problem, search.objective.less_scatter(before))
     outcome = _outcome(task, verdict, other)
     after = verdict.best.fit if outcome.named else before
-    fit_extended = goodness_of_fit(problem, after.raw) if outcome.named else None
+    fit_extended = None
+    if outcome.named:
+        fit_extended = goodness_of_fit(problem, search.objective.less_scatter(after))
     causes = causes_of(verdict) if outcome.named else ()
     machine = task.vehicle.machine
     where = where_of(outcome.name, verdict.best, outcome.errors, machine.peaks)

@@ -184,10 +184,7 @@ class Objective:
         inner = lin.information + np.diag(prior)
         step = np.asarray(np.linalg.solve(inner, -lin.slope(lin.r)), np.float64)
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
-        for e, scatter, s, noise in zip(
-            rest, self.scatter, self.stretches, self.scattered, strict=True
-        ):
-            e -= scatter @ noise.probable(self.noise_model.whiten(s, e))
+        rest = self._less_scatter(rest)
         noise_model = NoiseModel.fit(self.stretches, rest)
         weights = [
             (np.abs(noise_model.whiten(s, e)) < FAR).astype(float)
@@ -195,6 +192,24 @@ class Objective:
         ]
         known = [drive.readings.input_noise for drive in self.problem.drives]
         return self._weighted(noise_model, weights, known).with_wander(lin)
+
+    def less_scatter(self, lin: Linearisation) -> list[NormalisedInnovations]:
+        """A linearisation's innovations without what the inputs' noise and wander most probably
+        did to them, and without derivatives."""
+        rest = self._less_scatter([innovations.r for innovations in lin.raw])
+        return [
+            replace(innovations, table=e[:, None], active=NO_DERIVATIVES)
+            for innovations, e in zip(lin.raw, rest, strict=True)
+        ]
+
+    def _less_scatter(self, innovations: Sequence[Floats]) -> list[Floats]:
+        """Of each drive's ``innovations`` (K), not white, the same."""
+        return [
+            e - scatter @ noise.probable(self.noise_model.whiten(s, e))
+            for e, scatter, s, noise in zip(
+                innovations, self.scatter, self.stretches, self.scattered, strict=True
+            )
+        ]
 
     def with_wander(self, lin: Linearisation, share: Floats | None = None) -> Objective:
         """One in which each state wanders by its ``share`` of what is stated, as readings respond
