@@ -1,12 +1,33 @@
 """Backward elimination of causes that held-out drives do not confirm."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
 
 from clutchest.discovery import verdict
+from clutchest.discovery.search import Search
+
+
+@dataclass(frozen=True)
+class Reducible:
+    """What of a search a verdict asks."""
+
+    best: SimpleNamespace
+    rivals: tuple
+    by_count: dict
+    tied: tuple = ()
+
+    def released(self, h):
+        return h
+
 
 DOUBTFUL, SURELY = 1e-3, 1e-12  # chances of noise
+
+
+def a_set(causes, cost: float = 0.0) -> SimpleNamespace:
+    causes = tuple(causes)
+    return SimpleNamespace(causes=causes, names=frozenset(c.name for c in causes), cost=cost)
 
 
 class Searched:
@@ -14,9 +35,7 @@ class Searched:
 
     def __init__(self, p_of: dict[str, float]) -> None:
         self.p_of = p_of
-        self.best = SimpleNamespace(
-            causes=tuple(SimpleNamespace(name=name, index=i) for i, name in enumerate(p_of))
-        )
+        self.best = a_set(SimpleNamespace(name=name, index=i) for i, name in enumerate(p_of))
 
     def established(self, cause, of):
         assert of is self.best
@@ -24,7 +43,7 @@ class Searched:
 
     def without(self, cause, of):
         assert of is self.best
-        return SimpleNamespace(causes=tuple(c for c in of.causes if c is not cause))
+        return a_set(c for c in of.causes if c is not cause)
 
     def reduced_to(self, fewer):
         reduced = Searched(self.p_of)
@@ -45,7 +64,8 @@ def backward_eliminated(monkeypatch, p_of, gains):
 
     monkeypatch.setattr(verdict, "held_out_gain", held_out_gain)
     search, dropped = verdict.backward_eliminated(search, lambda: None)
-    return {c.name for c in search.best.causes}, dropped
+    assert set(dropped.values()) <= {50.0}, "what each had improved the fit by"
+    return {c.name for c in search.best.causes}, [*dropped]
 
 
 @pytest.mark.parametrize(("gain", "kept"), [(5.0, True), (0.5, False), (-5.0, False)])
@@ -65,3 +85,28 @@ def test_the_most_doubtful_goes_first_and_the_last_one_stays(monkeypatch):
     left, dropped = backward_eliminated(monkeypatch, p_of, dict.fromkeys(p_of, -1.0))
     assert left == {"a"}
     assert dropped == ["c", "b"]
+
+
+def test_the_rest_is_judged_anew():
+    """One of as many causes that was tried may be more likely than what is left."""
+    a, b, c = (SimpleNamespace(name=name, index=i) for i, name in enumerate("abc"))
+    tried = (a_set([b], 12.0), a_set([a], 15.0), a_set([c], 18.0))
+    search = Reducible(best=a_set([a, b], 5.0), rivals=(), by_count={1: tried})
+    reduced = Search.reduced_to(search, a_set([a], 14.0))
+    assert [h.names for h in (reduced.best, *reduced.rivals)] == [{"b"}, {"a"}, {"c"}]
+    assert [h.cost for h in reduced.by_count[1]] == [12.0, 14.0, 18.0]
+    kept = Search.reduced_to(search, a_set([a], 11.0))
+    assert kept.best.names == {"a"} and kept.best.cost == 11.0
+
+
+@pytest.mark.parametrize(("worth", "unnamed"), [(60.0, True), (40.0, False)])
+def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unnamed):
+    """Held-out drives have denied what improved the fit by 50."""
+    a = SimpleNamespace(name="a", index=0)
+    search = Reducible(best=a_set([a], 5.0), rivals=(), by_count={})
+    curve = SimpleNamespace(worth=worth, p_value=1e-9)
+    monkeypatch.setattr(verdict, "_residual_errors", lambda search, of: [curve])
+    said = verdict._verdict(search, {}, [curve], {"b": 50.0})
+    assert said.name == ("unknown" if unnamed else "named")
+    assert said.dropped == ["b"]
+    assert verdict._verdict(search, {}, [curve], {}).name == "unknown"

@@ -141,11 +141,13 @@ class Search:
         return improvement >= (len(self.best.causes) - len(than.causes)) * self.least_gain()
 
     def reduced_to(self, fewer: CauseSet) -> Search:
-        """With a set of fewer causes as the best."""
+        """To a set of fewer causes, or to one of as many that was tried and is more likely."""
         count = len(fewer.causes)
-        rivals = tuple(h for h in self.by_count[count] if h.names != fewer.names)
-        by_count = {**self.by_count, count: (fewer, *rivals)}
-        return replace(self, best=fewer, rivals=rivals, by_count=by_count)
+        ranked = sorted([fewer, *self.by_count[count]], key=cost_of)
+        names = [h.names for h in ranked]
+        best, *rivals = (h for i, h in enumerate(ranked) if h.names not in names[:i])
+        by_count = {**self.by_count, count: (best, *rivals)}
+        return replace(self, best=best, rivals=tuple(rivals), by_count=by_count)
 
     def restarted_at(self, there: CauseSet) -> Search:
         """From a set at other values of the unknowns, or from a rival of as many causes that is

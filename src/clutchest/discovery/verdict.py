@@ -78,7 +78,7 @@ def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> S
             break
         search = run(search, progress)
         errors = _residual_errors(search, search.null)
-    search, dropped = backward_eliminated(search, other) if other else (search, [])
+    search, dropped = backward_eliminated(search, other) if other else (search, {})
     search, spreads = refine(search)
     return _verdict(search, spreads, errors, dropped)
 
@@ -87,9 +87,13 @@ def _verdict(
     search: Search,
     spreads: Mapping[frozenset[str], Spread],
     errors: Sequence[Curve],
-    dropped: Sequence[str],
+    dropped: Mapping[str, float],
 ) -> SearchVerdict:
-    """Of a search that has ended; ``errors`` of the model without a cause."""
+    """Of a search that has ended; ``errors`` of the model without a cause.
+
+    A curve must explain more than the ``dropped`` causes did, by more than its freedom: what
+    held-out drives deny as a cause is no error without a name either.
+    """
     best, tied, remaining = search.best, search.tied, errors
     rejected = [h for h in search.rivals if h not in tied]
     limit = best.cost
@@ -97,26 +101,28 @@ def _verdict(
         tied = [search.released(h).bare for h in tied]
         best = search.released(best)
         remaining = _residual_errors(search, best)
-    unnamed = _significant(remaining)
+    denied = sum(dropped.values())
+    unnamed = _significant(remaining) and remaining[0].worth > denied
     if len(best.causes) > 1:  # one curve may explain as much as several causes
         errors = _residual_errors(search, search.null)
         most = max((curve.worth for curve in errors), default=0.0)
         unnamed |= most > search.null.cost - best.cost
     search = replace(search, best=best)
-    return SearchVerdict(search, best, tied, rejected, limit, spreads, errors, unnamed, dropped)
+    return SearchVerdict(search, best, tied, rejected, limit, spreads, errors, unnamed, [*dropped])
 
 
-def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, list[str]]:
+def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[str, float]]:
     """Backward elimination of causes that might be noise beside others and are not confirmed on
-    held-out drives; the search without them, and their names."""
-    dropped, confirmed = list[str](), set[int]()
+    held-out drives.  The search without them, in which the rest are judged anew: another set of as
+    many causes may be more likely.  What each one eliminated had improved the fit by, 2 Δ ln L."""
+    dropped, confirmed = dict[str, float](), set[int]()
     while len(search.best.causes) > 1:
         doubtful = [
-            (search.established(c, search.best)[1], c)
+            (*search.established(c, search.best), c)
             for c in search.best.causes
             if c.index not in confirmed
         ]
-        p, cause = max(doubtful, key=lambda each: each[0], default=(0.0, None))
+        worth, p, cause = max(doubtful, key=lambda each: each[1], default=(0.0, 0.0, None))
         if cause is None or p <= ESTABLISHED:
             break
         fewer = search.without(cause, search.best)
@@ -125,8 +131,9 @@ def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, list[st
             confirmed.add(cause.index)
             continue
         search = search.reduced_to(fewer)
-        dropped.append(cause.name)
-    return search, dropped
+        confirmed.clear()
+        dropped[cause.name] = dropped.get(cause.name, 0.0) + max(worth, 0.0)
+    return search, {name: w for name, w in dropped.items() if name not in search.best.names}
 
 
 def rejected_by_holdout(verdict: SearchVerdict, gain: Gain) -> bool:
