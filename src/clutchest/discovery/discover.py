@@ -39,6 +39,7 @@ from clutchest.discovery.sentences import (
     still_distorted,
 )
 from clutchest.discovery.user_effects import user_effects
+from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, rejected_by_holdout
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
@@ -91,6 +92,11 @@ class _Task:
     effects: tuple[Effect, ...]
     files: tuple[Path, ...]
     progress: Progress | None
+
+    @property
+    def own(self) -> list[Effect]:
+        """The user's effects."""
+        return [e for e in self.testable if e.name not in self.vehicle.machine.effects]
 
     @property
     def testable(self) -> list[Effect]:
@@ -180,6 +186,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
             *([still_distorted(fit_extended)] if fit_extended and fit_extended.rejects else []),
         ),
         provenance=_provenance(task, problem),
+        hypotheses=hypotheses(verdict, outcome.name, causes, task.own),
     )
 
 

@@ -43,6 +43,25 @@ class Rival:
 
 
 @dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """What a log says of an effect of the user's own.
+
+    ``parameters``: as named, else as fitted without any other cause (none where it cannot be
+    tested); ``z`` its score in standard deviations beside no other cause; ``nearest``: the effect
+    that resembles it most, and the separability ``d_prime_nearest`` of both in standard deviations
+    at this value, at least at one that is detected in half of such logs.  ``why_not``: why it was
+    not named, "" where it was.
+    """
+
+    effect: str
+    parameters: Mapping[str, Size]
+    z: float | None
+    nearest: str | None
+    d_prime_nearest: float | None
+    why_not: str
+
+
+@dataclass(frozen=True, slots=True)
 class Where:
     """The equation that is wrong, and the covariates of its error, best first; ``peak``: it
     correlates with the highest value so far of the first; ``distorted``: the residuals of
@@ -182,6 +201,7 @@ class Discovery:
     counts: Counts  # of the frames of the log
     warnings: tuple[str, ...]
     provenance: Mapping[str, str]
+    hypotheses: tuple[Hypothesis, ...] = ()  # of the user's own
 
     @property
     def unexcited(self) -> tuple[str, ...]:
@@ -205,6 +225,7 @@ class Discovery:
             },
             "causes": [asdict(c) for c in self.causes],
             "rivals": [asdict(r) for r in self.rivals],
+            "hypotheses": [asdict(h) for h in self.hypotheses],
             "where": where and {"equation": where.equation, "drivers": list(where.covariates)},
             "unexcited": list(self.unexcited),
             "identifiability": {i.effect: _without_name(i) for i in self.identifiability},

@@ -18,6 +18,7 @@ from clutchest.signals import Counts
 from clutchest.vehicle import Vehicle
 
 _EQUATION = {"sensor": "the readings of", "timing": "the time stamps of"}
+HYPOTHESES_HEAD = ("effect", "fitted ± 1σ", "z", "nearest rival", "verdict")
 CAUSES_HEAD = ("effect", "fitted ± 1σ", "2 Δ ln L", "p-value")
 
 
@@ -87,6 +88,21 @@ def rivals_rows(rivals: Sequence[Rival]) -> list[tuple[str, str, str]]:
     for rival in rivals:
         numbers = ", ".join(f"{key} {value:.3g}" for key, value in rival.parameters.items())
         rows.append((rival.effect, numbers, f"{_times(rival.behind)} less likely"))
+    return rows
+
+
+def hypotheses_rows(discovery: Discovery) -> list[tuple[str, str, str, str, str]]:
+    """Per effect of the user's own: name, value ± σ, z, nearest rival with its separability d′,
+    and "named" or why not."""
+    rows = []
+    for h in discovery.hypotheses:
+        numbers = [
+            f"{key} {size.value:.3g}" + (f" ± {size.std:.2g}" if size.std else "")
+            for key, size in h.parameters.items()
+        ]
+        rival = "" if h.nearest is None else f"{h.nearest}, d′ {h.d_prime_nearest:.1f}"
+        z = "" if h.z is None else f"{h.z:.1f}"
+        rows.append((h.effect, ", ".join(numbers), z, rival, h.why_not or "named"))
     return rows
 
 
@@ -195,6 +211,8 @@ def _results(discovery: Discovery) -> list[str]:
     if discovery.rivals:
         rows = rivals_rows(discovery.rivals)
         parts += ["## Rejected alternatives", table(("effect", "fitted", "likelihood"), rows)]
+    if own := hypotheses_rows(discovery):
+        parts += ["## Your own hypotheses", table(HYPOTHESES_HEAD, own)]
     compared = discovery.vehicle.machine.compared
     gain = gain_words(discovery.gain, compared) if discovery.gain else unmeasured_words(discovery)
     return [*parts, "## The extended model", _extension(discovery), gain]

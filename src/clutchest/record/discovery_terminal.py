@@ -15,6 +15,7 @@ from clutchest.record.discovery_report import (
     causes_rows,
     fit_words,
     gain_words,
+    hypotheses_rows,
     next_commands,
     rivals_rows,
     unexcited_words,
@@ -44,6 +45,9 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
         console.print(table)
     for name, numbers, why in rivals_rows(discovery.rivals):
         console.print(escape(f"rejected: {name} ({numbers}), {why}"))
+    for name, numbers, z, rival, why in hypotheses_rows(discovery):
+        told = "; ".join(words for words in (numbers, z and f"z {z}", rival, why) if words)
+        console.print(escape(f"your {name}: {told}"))
     if discovery.gain:
         console.print(escape(gain_words(discovery.gain, discovery.vehicle.machine.compared)))
     elif discovery.verdict != "none":
