@@ -46,7 +46,7 @@ class HeldOutCurves:
         fit = fitted(objective, carried(search, search.null.fit, other))
         objective, fit = with_noise_estimated(objective, fit)
         objective = objective.with_span([fit.psi])
-        fit = improve(objective, objective.whitened(fit), free)
+        fit = improve(objective, objective.judged(fit), free)
         place = places(other)
         values = [covariates(*each) for each in zip(other.drives, fit.implied, strict=True)]
         changes = np.zeros((len(fit.r), len(curves)))

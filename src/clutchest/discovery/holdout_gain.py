@@ -93,14 +93,16 @@ def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
     part = np.searchsorted(edges, times)
     predictions: list[HeldOutPrediction] = []
     for causes in (search.null, best):
-        fit = objective.linearise_at(causes.fit.theta, causes.fit.shapes)
+        fit = objective.linearise_at(causes.fit.theta, causes.fit.shapes).as_measured
         free = search.free(causes.causes)
 
         def predicted(k: int, fit: Linearisation = fit, free: Indices = free) -> HeldOutPrediction:
             """The k-th part, from the rest of the log."""
             rest = objective.without(part == k)
-            rest = rest.with_span([rest.whitened(fit).psi])
-            theta = improve(rest, rest.whitened(fit), free).theta
+            white = rest.whitened(fit)
+            rest = rest.with_span([white.psi])
+            theta = improve(rest, rest.judged(white), free).theta
+            del white, rest  # before others are made
             held_out = most_probable(objective, _starts(problem), theta, fit.shapes)
             return HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k))
 

@@ -179,7 +179,7 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     fit, every = objective.relinearise(fit, fit.theta), candidates(problem)
     derivatives = columns(objective, fit, every)
     objective = objective.with_span([fit.psi, derivatives])
-    fit = objective.whitened(fit)
+    fit = objective.judged(fit)
     scores = _scored(objective, fit, free_of(problem, ()), every, derivatives, seed=1)
     null = CauseSet((), fit).bare
     return Search(objective, every, null, scores, null, unusual)
@@ -308,7 +308,7 @@ def _with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Sear
     fit = objective.linearise_at(search.null.fit.theta)
     known += [fit.psi, columns(objective, fit, search.candidates)]
     objective = objective.with_span(known, SAME)
-    fit = improve(objective, objective.whitened(fit), search.free(()))
+    fit = improve(objective, objective.judged(fit), search.free(()))
     null = CauseSet((), fit.bare)
     search = replace(search, objective=objective, null=null, best=null)
     refit = concurrently(search.problem, lambda h: search.likeliest(h.causes, [h.fit]), grown)

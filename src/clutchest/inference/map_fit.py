@@ -53,7 +53,7 @@ def settle(objective: Objective, theta: Floats) -> tuple[Objective, Linearisatio
         before = lin.r @ lin.r
         objective, lin = with_noise_estimated(objective, lin)
         objective = objective.with_span([lin.psi])
-        lin = improve(objective, objective.whitened(lin), free)
+        lin = improve(objective, objective.judged(lin), free)
         if abs(before - lin.r @ lin.r) < NEARLY:
             break
     return objective, lin

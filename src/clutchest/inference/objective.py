@@ -60,6 +60,11 @@ class Linearisation:
         return replace(self.bare, implied=self.implied)
 
     @property
+    def as_measured(self) -> Linearisation:
+        """The same before whitening alone: what another objective judges anew."""
+        return replace(self.bare, raw=self.raw, implied=self.implied)
+
+    @property
     def psi(self) -> Floats:
         """Derivatives by every θ, shape (K, m): 0 by those that are not active."""
         if self.active is None:
@@ -170,12 +175,18 @@ class Objective:
     def with_span(self, columns: Sequence[Floats], least: float = NOTHING) -> Objective:
         """One that judges by what lies in the span of these derivatives (K, …), without directions
         that hold ``least`` of them, squared, or less."""
-        table = np.column_stack(columns)
-        length = np.linalg.norm(table, axis=0)
-        table /= np.where(length > 1e-6, length, np.inf)
-        directions, strength, _ = np.linalg.svd(table.T @ table)
+        length = np.concatenate([np.linalg.norm(part, axis=0) for part in columns])
+        scale = 1.0 / np.where(length > 1e-6, length, np.inf)
+        inner = np.block([[a.T @ b for b in columns] for a in columns])
+        directions, strength, _ = np.linalg.svd(inner * scale * scale[:, None])
         keep = strength > least
-        return replace(self, span=table @ (directions[:, keep] / np.sqrt(strength[keep])))
+        turned = scale[:, None] * directions[:, keep] / np.sqrt(strength[keep])
+        edges = np.cumsum([part.shape[1] for part in columns])[:-1]
+        parts = zip(columns, np.split(turned, edges), strict=True)  # never all columns side by side
+        span = np.zeros((len(columns[0]), turned.shape[1]))
+        for part, by in parts:
+            span += part @ by
+        return replace(self, span=span)
 
     def with_noise_of(self, lin: Linearisation) -> Objective:
         """One whose noise model is that of what the innovations keep when every θ, causes too, has
@@ -276,13 +287,22 @@ class Objective:
         """A linearisation as this objective judges it."""
         return self._white(lin.raw, lin.theta, lin.shapes)
 
+    def judged(self, lin: Linearisation) -> Linearisation:
+        """A linearisation that is white already, at the cost that it has in this span."""
+        if not np.isfinite(lin.cost):
+            return lin
+        return replace(lin, cost=self._cost(lin.r, lin.theta))
+
+    def _cost(self, r: Floats, theta: Floats) -> float:
+        return float(np.sum(self.in_span(r) ** 2) + np.sum(self.prior * theta**2))
+
     def _white(
         self, raw: Sequence[NormalisedInnovations], theta: Floats, shapes: Shapes
     ) -> Linearisation:
         with np.errstate(over="ignore", invalid="ignore"):  # infinite, where the equations run away
             white = self._whiten([innovations.table.copy() for innovations in raw])
             r, active = white[:, 0], white[:, 1:]
-            cost = float(np.sum(self.in_span(r) ** 2) + np.sum(self.prior * theta**2))
+            cost = self._cost(r, theta)
         if active.size and not (active.min() > -RUNAWAY and active.max() < RUNAWAY):
             cost = np.inf  # nowhere to go on from
         implied = tuple(innovations.implied for innovations in raw)
@@ -346,7 +366,9 @@ def _scattered(
     scatter: Sequence[Floats],
 ) -> list[InputNoiseCovariance]:
     """How each drive's white readings scatter, as the noise model and outliers leave them."""
-    return [
-        InputNoiseCovariance.of(noise_model.whiten(s, columns) * weight[:, None])
-        for s, weight, columns in zip(stretches, weights, scatter, strict=True)
-    ]
+    noises = []
+    for s, weight, columns in zip(stretches, weights, scatter, strict=True):
+        white = noise_model.whiten(s, columns)
+        white *= weight[:, None]
+        noises.append(InputNoiseCovariance.of(white))
+    return noises
