@@ -1,4 +1,4 @@
-"""What wander of friction and torque bias does to readings, by letting them wander again."""
+"""How far states wander: what is stated, what a log shows, and the sines that make a walk."""
 
 from __future__ import annotations
 
@@ -6,21 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 import clutchest
-from clutchest.inference.input_noise_covariance import InputNoiseCovariance
 from clutchest.inference.problem import Problem
 from clutchest.inference.wander import SHARES, WanderingDrive, probable_shares, random_walk
 from clutchest.models import machine_of
 from clutchest.models.model import Model
-from clutchest.signals import Signals
 from clutchest.vehicle import Estimation, Vehicle
 from clutchest.vehicle.state_uncertainty import wander
 
-DRAWS, MAIN = 8, 6
 TRUCK = clutchest.load_vehicle("truck")
-WALKS = {"friction": "friction_walk", "torque_bias": "torque_bias_walk"}
 
 
 def equations() -> Model:
@@ -31,16 +26,6 @@ def stating(state: str, density: float) -> Vehicle:
     own = next(s for s in equations().states if s.name == state)
     stated = Estimation(own.role, own.process_noise, own.initial_std, own.useful_std, density)
     return replace(TRUCK, estimation={state: stated})
-
-
-def launches(seed: int, **walks: float) -> Signals:
-    """The same truck, road and noise of the sensors whatever wanders as ``seed`` draws it."""
-    still = clutchest.simulate("truck", "launches", 3, {}, nominal=True, duration=300.0)
-    if not walks:
-        return still
-    return clutchest.simulate(
-        "truck", "launches", seed, {}, nominal=True, duration=300.0, disturbances=walks
-    )
 
 
 def test_a_walk_covers_what_a_random_walk_does() -> None:
@@ -58,7 +43,7 @@ def test_how_far_states_wander_is_the_files_where_it_states_it() -> None:
 
 
 def test_nothing_wanders_unless_asked_for() -> None:
-    problem = Problem.of(launches(3), TRUCK, ())
+    problem = Problem.of(clutchest.simulate(TRUCK, "launches", 3, duration=300.0), TRUCK, ())
     assert problem.wanders == {}
 
 
@@ -88,32 +73,3 @@ def test_two_drives_are_judged_as_one_table_of_both() -> None:
     both = np.vstack([np.column_stack([columns[0], none]), np.column_stack([none, columns[1]])])
     together = probable_shares([WanderingDrive.of(np.vstack(tables), [both])])
     np.testing.assert_allclose(apart, together, rtol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("state", list(WALKS))
-def test_wander_scatters_readings_as_foreseen(state: str) -> None:
-    """What the generator's walk of a state adds to the innovations of a drive lies along the main
-    directions as far as those say."""
-    density = wander(TRUCK, equations())[state]
-    problem = Problem.of(launches(3), stating(state, density), (), wandering=True)
-    [own] = problem.drives
-    theta, none = np.zeros(len(problem.thetas)), np.zeros(0, np.int64)
-    at = problem.implied(theta, {})
-    index = list(problem.wanders).index(state)
-    seen = InputNoiseCovariance.of(problem.wander_directions(theta, {}, at)[0][index])
-    main = np.argsort(seen.strong)[-MAIN:]
-    squares = []
-    for seed in range(3, 3 + DRAWS):
-        base, moved = (
-            Problem.of(drive, TRUCK, ()).linearise(theta, {}, none)[0].r
-            for drive in (
-                launches(seed, **{WALKS[state]: 0.0}),
-                launches(seed, **{WALKS[state]: density}),
-            )
-        )
-        along = seen.along[:, main].T @ (moved - base) / seen.strong[main]
-        squares.append(along @ along)
-    low, high = chi2.ppf([0.005, 0.995], DRAWS * MAIN)
-    assert low < sum(squares) < high, (low, sum(squares), high)
-    assert own.readings.t.size
