@@ -18,8 +18,10 @@ from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
 from clutchest.inference.unknowns import Shapes
 from clutchest.signals import Floats
 
-GROWING = (0.0625, 0.25)  # of a drive's time: parts of it that are fitted first
+COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own
 NEAR = 10.0  # mean square of the innovations: from here on steps lead on
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
+GROWING = (0.0625, 0.25)  # of a drive's time: parts of it that are fitted first
 STEPS, PATIENCE, TURNS = 40, 3, 6  # at most
 ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
@@ -72,23 +74,46 @@ def with_noise_estimated(
 def brought_near(
     objective: Objective, lin: Linearisation, free: NDArray[np.int64]
 ) -> Linearisation:
-    """A linearisation far off, as near as fits to a growing part of the drives bring it: over a
-    long drive small errors of heat sum up, and a first step leads anywhere; over a short one not.
-    """
-    if _near(lin):
+    """A linearisation far off, as near as steps in hot noise bring it; where that leads nowhere, by
+    way of a growing part of the drives: small errors of heat sum up over a long one."""
+    if _is_near(lin := cooled(objective, lin, free)):
         return lin
-    move = step(objective, lin, free)
-    if _near(tried := objective.relinearise(lin, lin.theta + move, active=free)):
-        return tried
-    theta = lin.theta
+    theta = np.where(np.isin(np.arange(len(lin.theta)), free), 0.0, lin.theta)
     for share in GROWING:
         part = objective.until(share)
-        theta = most_probable(part, free, theta, lin.shapes).theta
-    return objective.linearise_at(theta, lin.shapes)
+        begin = cooled(part, part.linearise_at(theta, lin.shapes), free)
+        theta = improve(part, begin, free).theta
+    grown = objective.linearise_at(theta, lin.shapes)
+    return grown if grown.cost < lin.cost else lin
 
 
-def _near(lin: Linearisation) -> bool:
+def _is_near(lin: Linearisation) -> bool:
     return bool(np.isfinite(lin.cost) and lin.r @ lin.r < NEAR * len(lin.r))
+
+
+def cooled(objective: Objective, lin: Linearisation, free: NDArray[np.int64]) -> Linearisation:
+    """A linearisation far off brought nearer: at once, such data would drag everything along that
+    has no prior."""
+    for heat in COOLING:
+        if heat * len(lin.r) < NEAR * (lin.r @ lin.r):
+            lin = _cooler(objective, lin, free, heat)
+    return lin
+
+
+def _cooler(
+    objective: Objective, lin: Linearisation, free: NDArray[np.int64], heat: float
+) -> Linearisation:
+    """A step, as long as it pays, with noise of ``heat`` times its variance."""
+
+    def cost(at: Linearisation) -> float:
+        return float(at.r @ at.r / heat + np.sum(objective.prior * at.theta**2))
+
+    move = step(objective, lin, free, heat=heat)
+    for share in SHARES:
+        tried = objective.relinearise(lin, lin.theta + share * move, active=free)
+        if cost(tried) < cost(lin):
+            return tried
+    return lin
 
 
 def most_probable(
@@ -184,11 +209,13 @@ def step(
     lin: Linearisation,
     free: NDArray[np.int64],
     damping: float = 0.0,
+    heat: float = 1.0,
 ) -> Floats:
     """Gauss–Newton's step (m), zero where not ``free``; a gain that would leave its plausible
-    sizes stops at their end, and the others make the best of that."""
-    curvature = lin.information + np.diag(objective.prior + damping + 1e-9)
-    slope = lin.slope(lin.r) + objective.prior * lin.theta
+    sizes stops at their end, and the others make the best of that.  With ``heat`` the data
+    count for less."""
+    curvature = lin.information / heat + np.diag(objective.prior + damping + 1e-9)
+    slope = lin.slope(lin.r) / heat + objective.prior * lin.theta
     step = np.zeros(len(lin.theta))
     while len(free):
         rest = -slope[free] - curvature[free] @ step + curvature[np.ix_(free, free)] @ step[free]
