@@ -17,7 +17,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 MOST = 4  # threads: beyond, what holds the interpreter decides
-ENTRIES = 1.2e7  # of derivatives that fits may hold together: some 200 MiB, noise made white or not
+ENTRIES = 7e6  # of derivatives that fits may hold together
 
 
 def threads(problem: Problem) -> int:
