@@ -10,7 +10,7 @@ import numpy as np
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import UNTESTED, Cause, Rival, Size, Where
+from clutchest.discovery.result import Cause, Rival, Size, Where
 from clutchest.discovery.verdict import SearchVerdict
 from clutchest.inference.map_fit import covariance
 from clutchest.inference.problem import Problem
@@ -28,8 +28,7 @@ def causes_of(verdict: SearchVerdict) -> tuple[Cause, ...]:
             if name not in causes:
                 cause = next(c for c in h.causes if c.name == name)
                 statistic = verdict.search.established(cause, h)
-                form = verdict.forms[name].form if name in verdict.forms else UNTESTED
-                causes[name] = Cause(name, cause.effect.equation, {}, *statistic, form)
+                causes[name] = Cause(name, cause.effect.equation, {}, *statistic)
             if key not in causes[name].parameters:
                 parameters = {**causes[name].parameters, key: size}
                 causes[name] = replace(causes[name], parameters=parameters)
@@ -91,22 +90,13 @@ def rivals_of(problem: Problem, verdict: SearchVerdict) -> tuple[Rival, ...]:
 
 
 def where_of(
-    verdict: str,
-    best: CauseSet,
-    errors: Sequence[Curve],
-    others: Sequence[Sequence[Curve]],
-    peaks: Mapping[str, str],
+    verdict: str, best: CauseSet, errors: Sequence[Curve], peaks: Mapping[str, str]
 ) -> Where | None:
     """The equation, and covariates ranked by how likely an error is that correlates with them; a
-    state stands for its ``peaks`` as well; ``others``: curves of other equations with errors."""
+    state stands for its ``peaks`` as well."""
     if verdict == "none":
         return None
     equation = errors[0].equation if verdict == "unknown" else best.causes[0].effect.equation
-    also = () if verdict != "unknown" else tuple(_where(o[0].equation, o, peaks) for o in others)
-    return replace(_where(equation, errors, peaks), others=also)
-
-
-def _where(equation: str, errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:
     ranked = [c.covariate for c in errors if c.equation == equation]
     names = dict.fromkeys(peaks.get(covariate, covariate) for covariate in ranked)
     return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)

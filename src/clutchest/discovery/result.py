@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
@@ -23,68 +22,15 @@ class Size:
 
 
 @dataclass(frozen=True, slots=True)
-class FormCurve:
-    """What a cause does over its ``covariate``, at values ``at`` (n) of it: as the ``effect`` has
-    it, and as the ``data`` have it with standard deviations ``std`` (n each).
-
-    Of the error term ``of``, in its unit; or (``of_gain``) of a gain of the effect, which
-    the effect has constant.
-    """
-
-    covariate: str
-    of: str
-    unit: str
-    at: Floats
-    effect: Floats
-    data: Floats
-    std: Floats
-    of_gain: bool = False
-
-    def summary(self) -> dict[str, Any]:
-        """As ``discovery.json`` has it."""
-        return {
-            name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in asdict(self).items()
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class Form:
-    """Whether the form of a cause holds, beside its presence.
-
-    ``state``: "consistent", "refuted" or "not tested", then with a ``reason``; ``p_value`` of the
-    curve over a driver of the cause by which the data deviate most from the effect.  ``added``: in
-    words, whether that curve stands in the extended model, and why.
-    """
-
-    state: str
-    reason: str = ""
-    p_value: float | None = None
-    curve: FormCurve | None = None
-    added: str = ""
-
-    @property
-    def refuted(self) -> bool:
-        """Whether the cause acts otherwise than the effect says."""
-        return self.state == "refuted"
-
-
-NOT_TESTED = "not tested"
-UNTESTED = Form(NOT_TESTED, "no test was made")
-
-
-@dataclass(frozen=True, slots=True)
 class Cause:
     """An effect that the data require: ``statistic`` by how much it improves the fit beside the
-    other causes, 2 Δ ln L, ``p_value`` family-wise, over all effects of the library; ``form``:
-    whether it acts as the effect says."""
+    other causes, 2 Δ ln L, ``p_value`` family-wise, over all effects of the library."""
 
     effect: str
     equation: str
     parameters: Mapping[str, Size]
     statistic: float
     p_value: float
-    form: Form = UNTESTED
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,21 +65,12 @@ class Hypothesis:
 class Where:
     """The equation that is wrong, and the covariates of its error, best first; ``peak``: it
     correlates with the highest value so far of the first; ``distorted``: the residuals of
-    that sensor are not noise, and in which equation the error is they do not say.  ``others``:
-    equations that have an error of their own beside it."""
+    that sensor are not noise, and in which equation the error is they do not say."""
 
     equation: str
     covariates: tuple[str, ...]
     peak: bool = False
     distorted: bool = False
-    others: tuple[Where, ...] = ()
-
-    def summary(self) -> dict[str, Any]:
-        """As ``discovery.json`` has it."""
-        words: dict[str, Any] = {"equation": self.equation, "drivers": list(self.covariates)}
-        if self.others:
-            words["others"] = [other.summary() for other in self.others]
-        return words
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,10 +223,10 @@ class Discovery:
                 **asdict(self.fit),
                 "extended": self.fit_extended and asdict(self.fit_extended),
             },
-            "causes": [_of_cause(c) for c in self.causes],
+            "causes": [asdict(c) for c in self.causes],
             "rivals": [asdict(r) for r in self.rivals],
             "hypotheses": [asdict(h) for h in self.hypotheses],
-            "where": where and where.summary(),
+            "where": where and {"equation": where.equation, "drivers": list(where.covariates)},
             "unexcited": list(self.unexcited),
             "identifiability": {i.effect: _without_name(i) for i in self.identifiability},
             "gain": gain and {**asdict(gain), "ci95": list(gain.ci95)},
@@ -299,11 +236,6 @@ class Discovery:
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }
-
-
-def _of_cause(cause: Cause) -> dict[str, Any]:
-    form = {**asdict(cause.form), "curve": cause.form.curve and cause.form.curve.summary()}
-    return {**asdict(cause), "form": form}
 
 
 def _without_name(i: Identifiable) -> dict[str, Any]:

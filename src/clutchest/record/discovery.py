@@ -9,14 +9,12 @@ from clutchest.discovery.result import Discovery
 from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_report import report, title
 from clutchest.record.files import finished_into, json_text
-from clutchest.record.form_picture import PICTURE as FORMS
-from clutchest.record.form_picture import draw_forms
 from clutchest.record.misfit_pictures import PICTURE, draw_misfit
 from clutchest.vehicle.text import vehicle_text
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
-    """Write ``discovery.json``, ``extended.toml``, ``report.md`` with its pictures and
+    """Write ``discovery.json``, ``extended.toml``, ``report.md`` with its picture and
     ``recording.rrd``.
 
     All are finished beside their place first.  Gives the paths written.  Raises ClutchestError if
@@ -27,13 +25,9 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
         text = vehicle_text(discovery.extended, out / "extended.toml", _heading(discovery))
         (folder / "extended.toml").write_text(text, encoding="utf-8")
         draw_misfit(discovery, folder / PICTURE)
-        forms = FORMS if draw_forms(discovery, folder / FORMS) else None
-        text = report(discovery, PICTURE, forms)
-        (folder / "report.md").write_text(text, encoding="utf-8")
+        (folder / "report.md").write_text(report(discovery, PICTURE), encoding="utf-8")
         write_discovery_recording(discovery, folder / "recording.rrd")
         names = sorted(path.name for path in folder.iterdir())
-    if forms is None:  # that of an earlier run would not belong to the report beside it
-        (out / FORMS).unlink(missing_ok=True)
     return [out / name for name in names]
 
 
