@@ -133,8 +133,11 @@ def test_what_other_drives_speak_against_is_refused_or_no_finding(monkeypatch):
     assert any("prediction of held-out data worse" in w for w in found.warnings)
     monkeypatch.setattr(verdict, "ESTABLISHED", 0.0)  # as if it might as well be noise
     found = discover(one, TRUCK, holdout=others)
-    assert found.verdict == "none"
-    assert found.causes == () and found.gain is None and found.where is None
+    assert (
+        found.verdict == "unknown"
+    )  # no cause is confirmed, and without one residuals are no noise
+    assert found.causes == () and found.gain is None
+    assert found.where is not None and found.where.equation.startswith("sensor:")
     assert found.extended.effects == TRUCK.effects
     assert any(
         "friction_speed" in w and "not confirmed on held-out drives" in w for w in found.warnings

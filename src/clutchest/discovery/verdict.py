@@ -17,6 +17,8 @@ from clutchest.discovery.residual_curves import Curve, curves
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import MOST, Search, run
 from clutchest.discovery.shape_profile import Spread, refine
+from clutchest.inference.map_fit import settle
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.progress import Progress
 
@@ -52,6 +54,7 @@ class SearchVerdict:
     errors: Sequence[Curve]
     unnamed: bool
     dropped: Sequence[str]
+    p_unnamed: float = 1.0
 
     @property
     def name(self) -> str:
@@ -103,12 +106,17 @@ def _verdict(
         remaining = _residual_errors(search, best)
     denied = sum(dropped.values())
     unnamed = _significant(remaining) and remaining[0].worth > denied
+    p = errors[0].p_value if errors else 1.0
     if len(best.causes) > 1:  # one curve may explain as much as several causes
         errors = _residual_errors(search, search.null)
         most = max((curve.worth for curve in errors), default=0.0)
         unnamed |= most > search.null.cost - best.cost
+    if unnamed and search.problem.wanders:
+        errors = _located(search) or errors
     search = replace(search, best=best)
-    return SearchVerdict(search, best, tied, rejected, limit, spreads, errors, unnamed, [*dropped])
+    return SearchVerdict(
+        search, best, tied, rejected, limit, spreads, errors, unnamed, [*dropped], p
+    )
 
 
 def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[str, float]]:
@@ -141,7 +149,7 @@ def rejected_by_holdout(verdict: SearchVerdict, gain: Gain) -> bool:
     counts as well."""
     search, more = verdict.search, 2.0 * gain.total
     if verdict.unnamed:
-        p = verdict.errors[0].p_value
+        p = verdict.p_unnamed
         likelier = exp(min(-more / 2.0, 700.0))
         return p > ESTABLISHED and p * likelier > UNNAMED
     p = max(search.established(c, verdict.best)[1] for c in verdict.best.causes)
@@ -150,6 +158,15 @@ def rejected_by_holdout(verdict: SearchVerdict, gain: Gain) -> bool:
 
 def _significant(errors: Sequence[Curve]) -> bool:
     return bool(errors) and errors[0].p_value < UNNAMED
+
+
+def _located(search: Search) -> list[Curve]:
+    """Errors beside the model without a cause as if no state wandered: one that is there passes
+    for wander in part, and what is sudden in the rest for its driver."""
+    still, known = Objective.of(replace(search.problem, wanders={})), search.objective
+    still = replace(still, prior=known.prior, low=known.low, high=known.high)
+    still, fit = settle(still, search.null.fit.theta)
+    return curves(still, replace(fit, raw=()), search.free(()), seed=3)
 
 
 def _residual_errors(search: Search, h: CauseSet) -> list[Curve]:
