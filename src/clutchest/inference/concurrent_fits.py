@@ -31,7 +31,9 @@ def concurrently(
     problem: Problem, fit: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> list[Result]:
     """``fit`` of every task, in the order of the tasks."""
-    with ThreadPoolExecutor(threads(problem)) as pool:
+    if (count := threads(problem)) == 1:
+        return [fit(task) for task in tasks]
+    with ThreadPoolExecutor(count) as pool:
         return list(pool.map(fit, tasks))
 
 
