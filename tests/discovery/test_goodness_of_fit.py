@@ -54,6 +54,16 @@ def test_p_value_of_noise_of_any_kind_is_uniform():
     assert kstest(p, "uniform").pvalue > 0.01
 
 
+def test_of_readings_in_coarse_steps_only_lines_are_sought():
+    """A constant value between two steps is rounded to the same side for as long as it stays."""
+    noise = white(np.random.default_rng(3)) * 0.3
+    drifting = noise + np.linspace(0.0, 3.0, len(noise))
+    residuals = series(np.rint(drifting) - drifting)
+    assert {test.kind for test in fit(residuals).tests} > {"spectrum"}
+    coarse = replace(residuals, rounding=1.0 / 12.0 / np.var(noise))
+    assert {test.kind for test in fit(coarse).tests} == {"spectrum"}
+
+
 def late(residuals: ResidualSeries) -> NDArray[np.bool_]:
     return residuals.place >= LONG // 2
 

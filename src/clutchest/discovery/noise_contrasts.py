@@ -20,6 +20,7 @@ from clutchest.signals import Floats
 
 WINDOW = 32  # residuals
 FEWEST = 8  # windows on each side of a contrast
+ROUNDED = 0.05  # of the noise's variance: more of it is rounding of readings that come in steps
 LOWEST = 2  # bin of a window's spectrum: below, its mean has been taken out
 NORMALISING = 1.0 / 3.0  # power that makes a chi-square variate nearly normal (Wilson, Hilferty)
 SHORT = np.float32  # of permuted tables
@@ -63,7 +64,10 @@ class Contrasts:
 
 
 def contrasts(series: ResidualSeries, draws: int, rng: np.random.Generator) -> Contrasts | None:
-    """Those of a sensor; None where it has too few residuals to compare."""
+    """Those of a sensor; None where it has too few residuals to compare, or where they depend on
+    where a value lies between two steps of its readings."""
+    if series.rounding > ROUNDED:
+        return None
     begins, late = windows(series.place, WINDOW)
     mode = series.mode[begins]
     parts = tuple(p for p in _parts(mode, late) if min(p.side.sum(), p.other.sum()) >= FEWEST)

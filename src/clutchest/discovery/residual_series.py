@@ -13,6 +13,8 @@ from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.problem import NormalisedInnovations, Problem
 from clutchest.signals import Floats
 
+SAME = 1e-9  # of all readings' range: what differs by less is the same reading
+
 
 @dataclass(frozen=True, slots=True)
 class ResidualSeries:
@@ -21,7 +23,8 @@ class ResidualSeries:
     ``value`` (n) in standard deviations that white noise as stated would give them, the median of
     which is ``std`` in ``unit``;
     ``mode`` (n) its place among the machine's modes; ``place`` (n) the number of residuals before
-    it in its interval, of one mode and without gaps; ``period`` s from one to the next.
+    it in its interval, of one mode and without gaps; ``period`` s from one to the next;
+    ``rounding``: the variance of what the readings' steps round off, over that of their noise.
     """
 
     sensor: str
@@ -31,6 +34,7 @@ class ResidualSeries:
     mode: NDArray
     place: NDArray[np.int64]
     period: float
+    rounding: float = 0.0
 
     def of_mode(self, mode: int) -> tuple[Floats, NDArray[np.int64]]:
         """Values and places of the residuals in one mode."""
@@ -64,9 +68,23 @@ def residual_series(problem: Problem, raw: Sequence[NormalisedInnovations]) -> l
                     mode,
                     place.astype(np.int64),
                     period,
+                    (_step(problem.drives, index) / np.median(std)) ** 2 / 12.0,
                 )
             )
     return series
+
+
+def _step(drives: Sequence[PreparedDrive], sensor: int) -> float:
+    """The smallest difference between readings of a sensor, in its unit."""
+    every = [
+        drive.unaveraged[sensor].z
+        if sensor in drive.unaveraged
+        else drive.line.z[drive.readings.event[drive.readings.sensor == sensor]]
+        for drive in drives
+    ]
+    apart = np.diff(np.unique(np.concatenate(every)))
+    apart = apart[apart > SAME * np.ptp(np.concatenate(every))]
+    return float(apart.min()) if len(apart) else 0.0
 
 
 def _of_drive(drive: PreparedDrive, r: Floats, sensor: int) -> tuple[NDArray, ...] | None:
