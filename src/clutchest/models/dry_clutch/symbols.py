@@ -65,7 +65,6 @@ STATES = (
         "a launch: torque through a slipping clutch",
         healthy_std=0.02,
         drift=1.0,
-        wander=5e-4,
     ),
     State(
         "engine_speed",
@@ -90,7 +89,6 @@ STATES = (
         carried=False,
         healthy_std=5.0,
         drift=1.0,
-        wander=0.5,
     ),
     State(
         "wear_rate",
