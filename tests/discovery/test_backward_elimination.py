@@ -1,6 +1,6 @@
 """Backward elimination of causes that held-out drives do not confirm."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import pytest
@@ -17,6 +17,7 @@ class Reducible:
     rivals: tuple
     by_count: dict
     tied: tuple = ()
+    problem: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(wanders={}))
 
     def released(self, h):
         return h
