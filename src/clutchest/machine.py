@@ -6,7 +6,7 @@ See ``docs/machine.md``, "Your own machine".
 from clutchest.models.declarations import Comparison, Event, Separation, Wear
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.fault import Follower, ModelFault
+from clutchest.models.fault import Demand, Follower, ModelFault
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model, Quantities
 from clutchest.models.regimes import Observed, RegimeRules, Regimes
@@ -15,6 +15,7 @@ from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
 __all__ = [
     "Column",
     "Comparison",
+    "Demand",
     "Effect",
     "ErrorTerm",
     "Event",

@@ -180,6 +180,7 @@ class Traffic:
     there is none), ``turns`` the number of its values (0: no counter); ``sound``: the
     checksum is right, or there is none.  ``period`` s as the DBC or the vehicle file states it,
     None where they do not.  ``checked``: counter and checksum are known to be meant as such.
+    ``channel``: of the bus that the frames were received from, None if there are none.
     """
 
     time: Floats
@@ -189,6 +190,7 @@ class Traffic:
     sound: NDArray[np.bool_]
     period: float | None = None
     checked: bool = False
+    channel: int | None = None
 
     def take(self, rows: Rows) -> Traffic:
         """The frames of ``rows``."""
@@ -229,6 +231,7 @@ class Signals(Mapping[str, Signal]):
 
     Behaves as a mapping of canonical name → :class:`Signal`.  ``start_ns`` is the epoch time of
     t = 0 in ns, None where the log only has relative times.  ``end`` is the log's last time, s.
+    ``activity``: channel → times, s, at which frames of whatever id were received, thinned.
     """
 
     signals: Mapping[str, Signal]
@@ -239,6 +242,7 @@ class Signals(Mapping[str, Signal]):
     sources: tuple[str, ...] = ()
     truth: Truth | None = None
     traffic: Mapping[str, Traffic] = field(default_factory=dict)  # by message; empty for tables
+    activity: Mapping[int, Floats] = field(default_factory=dict)
     later: tuple[Signals, ...] = ()
 
     @property

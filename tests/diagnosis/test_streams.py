@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mangled import ACTUATOR, COOLANT, EEC1, ETC1
 
+from clutchest.can.frames import Frames
 from clutchest.diagnosis.streams import StreamTests, between
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
@@ -108,11 +109,57 @@ def test_batches_do_not_matter(truck, frames, name):
 
 
 @pytest.mark.parametrize("step", [None, 0.5])
-def test_a_silent_bus_is_not_a_missing_message(truck, frames, step):
+def test_a_silent_bus_is_a_fault_of_its_own(truck, frames, step):
+    """Every message is missing then, which the silence explains; what ends for good does not."""
     time = (frames.t_ns - frames.t_ns[0]) / 1e9
     silent = frames.take((time < 30.0) | ((time > 60.0) & (time < 80.0)))
     silent = mangled.without(silent, COOLANT, 79.0, np.inf)  # the end of the log is silent too
-    assert not detected(streams_of(truck, silent, step))
+    streams = streams_of(truck, silent, step)
+    alarms = detected(streams)
+    assert {"silent:bus", "missing:EEC1", "missing:ETC1", "missing:ClutchActuator"} <= set(alarms)
+    assert {name.split(":")[0] for name in alarms} == {"silent", "missing"}
+    alarm = alarms["silent:bus"]
+    assert alarm.begun == pytest.approx(30.0, abs=0.02)
+    assert 30.1 < alarm.detected < 32.0
+    assert alarm.ended == pytest.approx(60.0, abs=0.02)
+    for test in streams.tests:
+        if test.kind == "missing":
+            assert all(streams.masked(test, alarm) for alarm in test.alarms)
+
+
+@pytest.mark.parametrize("step", [None, 0.5])
+def test_messages_are_missing_while_others_are_sent(truck, frames, step):
+    """A flood, or a gateway that restarts: all that is mapped is gone, the bus is busy."""
+    time = (frames.t_ns - frames.t_ns[0]) / 1e9
+    rest = frames.take((time < BEGIN) | (time > END))
+    flood = Frames.empty(10_000)
+    flood = replace(flood, t_ns=frames.t_ns[0] + np.arange(10_000) * 1_000_000 + int(BEGIN * 1e9))
+    both = Frames.concatenate([rest, flood]).sorted()
+    alarms = detected(streams_of(truck, both, step))
+    assert {"missing:EEC1", "missing:ETC1", "missing:ClutchActuator"} <= set(alarms)
+    assert {name.split(":")[0] for name in alarms} == {"missing"}
+    for name in ("missing:EEC1", "missing:ETC1", "missing:ClutchActuator"):
+        alarm = alarms[name]
+        assert alarm.begun == pytest.approx(BEGIN, abs=0.1)
+        assert BEGIN < alarm.detected < BEGIN + 2.0
+        assert alarm.ended == pytest.approx(END, abs=0.1)
+
+
+@pytest.mark.parametrize("step", [None, 0.5])
+def test_a_silent_channel_explains_its_messages(truck, frames, step):
+    second = np.isin(frames.id & 0xFFFF00, [EEC1 & 0xFFFF00, ETC1 & 0xFFFF00])
+    frames = replace(frames, channel=second.astype(np.uint8))
+    time = (frames.t_ns - frames.t_ns[0]) / 1e9
+    silent = frames.take(~second | (time < BEGIN) | (time > END))
+    streams = streams_of(truck, silent, step)
+    alarms = detected(streams)
+    assert {"silent:1", "missing:EEC1", "missing:ETC1"} <= set(alarms)
+    alarm = alarms["silent:1"]
+    assert alarm.begun == pytest.approx(BEGIN, abs=0.05)
+    assert BEGIN < alarm.detected < BEGIN + 2.0
+    assert alarm.ended == pytest.approx(END, abs=0.05)
+    shown = {t.name for t in streams.tests if any(not streams.masked(t, a) for a in t.alarms)}
+    assert shown == {"silent:1"}
 
 
 def test_frames_that_waited_somewhere_are_neither_late_nor_miscounted(truck, frames):

@@ -2,7 +2,7 @@
 
 So a log may be larger than memory: the frames of the mapped messages are kept, and a few others
 that describe the whole: the first and the last of each block, both sides of each jump of the
-clock, and one of each id near the beginning.
+clock, one of each id near the beginning, and as many as tell when each channel was active.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.can import transport
+from clutchest.can import activity, transport
 from clutchest.can.database import Message
 from clutchest.can.frames import Flag, Frames
 
@@ -58,7 +58,7 @@ class FrameFilter:
         t = frames.t_ns
         jumps = np.flatnonzero(np.abs(np.diff(t)) > self.gap_ns)
         ends = np.array([0, len(t) - 1, t.argmin(), t.argmax()])
-        landmarks: list[NDArray[np.intp]] = [ends, jumps, jumps + 1]
+        landmarks: list[NDArray[np.intp]] = [ends, jumps, jumps + 1, activity.rows(frames)]
         if self._blocks < _ID_BLOCKS:
             self._blocks += 1
             extended = (kind & np.uint8(Flag.EXTENDED)).astype(np.int64)

@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchest.diagnosis import structure
 from clutchest.diagnosis.codes import MISFIT, WEAR, number_of_set, status_byte
-from clutchest.diagnosis.drive_diagnosis import RECOVERY_S, DriveDiagnosis, effects_for
+from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis, effects_for
 from clutchest.diagnosis.faults import Alarm, StreamTest
 from clutchest.diagnosis.isolation import (
     Explanation,
@@ -56,7 +56,7 @@ def _stream_faults(run: Run, drives: Drives) -> list[Fault]:
     faults: dict[str, Fault] = {}  # one code for the same fault in several drives
     for number, drive in enumerate(drives):
         for test in drive.streams.tests:
-            alarms = [a for a in test.alarms if not _masked(test, a, drive, run)]
+            alarms = [a for a in test.alarms if not drive.streams.masked(test, a)]
             if alarms and test.name not in faults:
                 faults[test.name] = _stream_fault(run, drives, number, test, alarms[0])
     return list(faults.values())
@@ -65,11 +65,12 @@ def _stream_faults(run: Run, drives: Drives) -> list[Fault]:
 def _stream_fault(run: Run, drives: Drives, number: int, test: StreamTest, first: Alarm) -> Fault:
     spn, fmi = number_of_set([test.name], run.vehicle)
     every_drive = [
-        (d.length, next(t.alarms for t in d.streams.tests if t.name == test.name)) for d in drives
+        (d.length, [a for t in d.streams.tests if t.name == test.name for a in t.alarms])
+        for d in drives
     ]
     return Fault(
         fault=test.name,
-        set=(test.name,),
+        set=(test.name, *_explained(test, drives[number])),
         drive=number,
         began_s=first.begun,
         first_detected_s=first.detected,
@@ -84,19 +85,14 @@ def _stream_fault(run: Run, drives: Drives, number: int, test: StreamTest, first
     )
 
 
-def _masked(test: StreamTest, alarm: Alarm, drive: DriveDiagnosis, run: Run) -> bool:
-    """Whether a fault of the whole message, or of a signal that the test uses, explains this
-    alarm."""
-    mapped = [run.vehicle.signals[name] for name in test.signals if name in run.vehicle.signals]
-    messages = {test.subject} if test.of_message else {signal.bus.message for signal in mapped}
-    for other in drive.streams.tests:
-        masks = other.subject in messages and other.kind in test.masked_by
-        masks |= other.subject in test.signals and other.kind in test.masked_by_signal
-        for a in other.alarms if masks else ():
-            over = a.ended is not None and alarm.begun > a.ended + RECOVERY_S
-            if alarm.detected >= a.begun - RECOVERY_S and not over:
-                return True
-    return False
+def _explained(test: StreamTest, drive: DriveDiagnosis) -> list[str]:
+    """The messages that are missing because nothing is sent at all, as faults."""
+    return [
+        other.name
+        for other in drive.streams.tests
+        if other.kind == "missing"
+        and any(test in drive.streams.masked(other, alarm) for alarm in other.alarms)
+    ]
 
 
 # --- faults of the equations ----------------------------------------------------------------------

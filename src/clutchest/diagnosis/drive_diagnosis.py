@@ -11,7 +11,13 @@ from clutchest.diagnosis.blocks import blocks_of
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.fault_tests import SHORTEST_H, FaultTestResults, run_fault_tests
 from clutchest.diagnosis.faults import Alarm
-from clutchest.diagnosis.streams import StreamTests, between, false_alarms
+from clutchest.diagnosis.streams import (
+    RECOVERY_S,
+    SILENT_BUS,
+    StreamTests,
+    between,
+    false_alarms,
+)
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, Track
 from clutchest.models.effects import Effect
@@ -20,7 +26,6 @@ from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
-RECOVERY_S = 1.0  # s after the end of a signal's fault, until its samples count
 BRIDGED_S = 2.0  # s without valid samples that the equations' tests can bridge
 
 
@@ -71,6 +76,8 @@ def _valid(signals: Signals, streams: StreamTests, run: Run) -> Signals:
             if name not in kept:
                 continue
             for alarm in test.alarms:
+                if any(other.name == SILENT_BUS for other in streams.masked(test, alarm)):
+                    continue  # a gap of the log as a whole, which estimates bridge
                 over = np.inf if alarm.ended is None else alarm.ended + RECOVERY_S
                 if name in run.vehicle.machine.fault_signals and over - alarm.begun > BRIDGED_S:
                     end = min(end, alarm.begun)

@@ -19,10 +19,9 @@ def monitor_statuses(run: Run, drives: Sequence[DriveDiagnosis]) -> tuple[Monito
     """Every monitor with its status over all drives, and the reason of the most telling one."""
     machine = run.vehicle.machine
     monitors = []
-    for i, test in enumerate(drives[0].streams.tests):
-        each = [d.streams.tests[i] for d in drives]
+    for name, each in _stream_tests(drives).items():
         words = [_stream_status(t, d) for t, d in zip(each, drives, strict=True)]
-        monitors.append(_monitor(run, test.name, words, [t.threshold for t in each]))
+        monitors.append(_monitor(run, name, words, [t.threshold if t else None for t in each]))
     for k, fault in enumerate(machine.faults):
         words = [_fault_status(fault, k, d) for d in drives]
         at = [d.equations.faults[k].begins_at if d.equations else None for d in drives]
@@ -49,7 +48,16 @@ def _monitor(
     return MonitorStatus(name, *words[chosen], at[chosen], false_alarms(run.vehicle), statuses)
 
 
-def _stream_status(test: StreamTest, drive: DriveDiagnosis) -> tuple[str, str]:
+def _stream_tests(drives: Sequence[DriveDiagnosis]) -> dict[str, list[StreamTest | None]]:
+    """Name → test of each drive, None in a drive without that channel."""
+    tests = [{test.name: test for test in drive.streams.tests} for drive in drives]
+    names = dict.fromkeys(name for drive in tests for name in drive)
+    return {name: [drive.get(name) for drive in tests] for name in names}
+
+
+def _stream_status(test: StreamTest | None, drive: DriveDiagnosis) -> tuple[str, str]:
+    if test is None:
+        return "not run", "no mapped message on this channel, or no other channel"
     if test.of_message and not drive.streams.frames:
         return "not run", "no frames: these are decoded signals"
     if test.alarms:
@@ -85,10 +93,9 @@ def _misfit_status(drive: DriveDiagnosis) -> tuple[str, str]:
 def lanes(drives: Sequence[DriveDiagnosis]) -> Lanes:
     """Monitor → (time s, status) per drive, of those that ran in every drive."""
     changes: dict[str, list[tuple[tuple[float, str], ...]]] = {}
-    for i, test in enumerate(drives[0].streams.tests):
-        each = [d.streams.tests[i] for d in drives]
-        if any(t.threshold is not None for t in each):
-            changes[test.name] = [_changes(t.alarms) for t in each]
+    for name, each in _stream_tests(drives).items():
+        if any(t is not None and t.threshold is not None for t in each):
+            changes[name] = [_changes(t.alarms if t else []) for t in each]
     for d in drives:
         if d.equations is not None:
             end = d.equations.blocks.end

@@ -6,16 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchest.diagnosis.faults import Batch, StreamTest, stream_tests
+from clutchest.diagnosis.faults import Alarm, Batch, StreamTest, stream_tests
 from clutchest.diagnosis.faults.missing import Missing
+from clutchest.diagnosis.faults.silent import BUS, Silent
 from clutchest.signals import Floats, Signal, Signals, Traffic
 from clutchest.vehicle import Vehicle
 
 RATE = 1.0  # false alarms per 1000 h and monitor, where the vehicle file states none
-# The whole bus is silent for longer than SILENT usual gaps between any two frames, at most half of
-# the longest healthy gap of a message; the usual gap is known from USUAL_FROM frames on.
+RECOVERY_S = 1.0  # s after the end of a fault, until samples and other tests count again
+# The bus pauses for longer than SILENT usual gaps between any two frames, at most half of the
+# longest healthy gap of a message; the usual gap is known from USUAL_FROM frames on.
 SILENT = 2.0
 USUAL_FROM = 20
+SILENT_BUS = f"{Silent.kind}:{BUS}"
 
 
 def false_alarms(vehicle: Vehicle) -> float:
@@ -30,6 +33,10 @@ class StreamTests:
         self.vehicle = vehicle
         self.tests = stream_tests(vehicle, false_alarms(vehicle))
         self.frames = False  # whether any frame has been received
+        self._bus = next(test for test in self.tests if isinstance(test, Silent))
+        self._bus.messages = frozenset(test.subject for test in self.tests if test.of_message)
+        self._channels: dict[int, Silent] = {}  # with mapped messages
+        self._active: set[int] = set()
         self._last, self._bus_time, self._usual = 0.0, 0.0, 1.0
 
     def take(self, new: Signals, until: float) -> list[StreamTest]:
@@ -38,35 +45,76 @@ class StreamTests:
         Returns the tests that have begun to fail.  Times in ``new`` count from the drive's start.
         """
         self.frames |= any(len(t) for t in new.traffic.values())
+        self._add_channels(new)
+        before = {test.name: len(test.alarms) for test in self.tests}
         batch = self._batch(new, until)
-        before = [len(test.alarms) for test in self.tests]
         for test in self.tests:
-            if not test.of_message or test.subject in new.traffic:
+            if test is not self._bus and (not test.of_message or test.subject in new.traffic):
                 test.take(batch)
-        return [t for t, count in zip(self.tests, before, strict=True) if len(t.alarms) > count]
+        return [test for test in self.tests if len(test.alarms) > before[test.name]]
+
+    def masked(self, test: StreamTest, alarm: Alarm) -> list[StreamTest]:
+        """The tests of the whole message or bus, or of a signal that ``test`` uses, whose faults
+        explain its ``alarm``."""
+        mapped = [self.vehicle.signals[n] for n in test.signals if n in self.vehicle.signals]
+        messages = test.messages or {signal.bus.message for signal in mapped}
+
+        def explains(other: StreamTest) -> bool:
+            masks = bool(other.messages & messages) and other.kind in test.masked_by
+            masks &= other.kind != test.kind or other is self._bus
+            masks |= other.subject in test.signals and other.kind in test.masked_by_signal
+            return masks and any(_overlap(alarm, a) for a in other.alarms)
+
+        return [other for other in self.tests if other is not test and explains(other)]
+
+    def _add_channels(self, new: Signals) -> None:
+        """A test of each channel with mapped messages, once there are several channels."""
+        for name, traffic in new.traffic.items():
+            if traffic.channel is None:
+                continue
+            if traffic.channel not in self._channels:
+                test = Silent(str(traffic.channel), false_alarms(self.vehicle))
+                self._channels[traffic.channel] = test
+            self._channels[traffic.channel].messages |= {name}
+        self._active |= set(new.activity)
+        if len(self._active) > 1:
+            self.tests += [test for test in self._channels.values() if test not in self.tests]
 
     def _batch(self, new: Signals, until: float) -> Batch:
-        times = [t.time for t in new.traffic.values() if len(t)]
+        active = {str(channel): time for channel, time in new.activity.items()}
+        times = [*active.values(), *(t.time for t in new.traffic.values())]
         every = np.unique(np.concatenate(times)) if times else np.zeros(0)
+        known = len(self._bus.alarms)
+        self._bus.take(Batch({}, {}, active={BUS: every}))
         gaps = np.diff(every, prepend=self._last)
         if len(gaps) >= USUAL_FROM:
             self._usual = float(np.percentile(gaps, 99))
         bounds = [t.bound for t in self.tests if isinstance(t, Missing) and t.tail is not None]
         longest = min([SILENT * self._usual, *(bound / 2.0 for bound in bounds)])
+        ended = [alarm.ended or 0.0 for alarm in self._bus.alarms[known:]]
+        counted = np.where(np.isin(every, ended), gaps, np.minimum(gaps, longest))
         points = np.concatenate([[self._last], every])
-        bus_time = self._bus_time + np.concatenate([[0.0], np.cumsum(np.minimum(gaps, longest))])
+        bus_time = self._bus_time + np.concatenate([[0.0], np.cumsum(counted)])
         self._last, self._bus_time = float(points[-1]), float(bus_time[-1])
         silent = min(max(until - self._last, 0.0), longest)
 
-        def on(traffic: Traffic) -> Floats:
-            return np.interp(traffic.time, points, bus_time)
+        def on(time: Floats) -> Floats:
+            return np.interp(time, points, bus_time)
 
         return Batch(
             new.signals,
             new.traffic,
-            {name: on(t) for name, t in new.traffic.items()},
+            {name: on(t.time) for name, t in new.traffic.items()},
             self._bus_time + silent,
+            active,
+            {channel: on(time) for channel, time in active.items()},
         )
+
+
+def _overlap(alarm: Alarm, other: Alarm) -> bool:
+    """Whether ``alarm`` was raised while the ``other`` lasted, or soon after."""
+    over = other.ended is not None and alarm.begun > other.ended + RECOVERY_S
+    return alarm.detected >= other.begun - RECOVERY_S and not over
 
 
 def compile_stream_tests(vehicle: Vehicle) -> None:
@@ -92,4 +140,5 @@ def between(signals: Signals, begin: float, end: float) -> Signals:
         signals,
         signals={name: s.take(rows(s.time)) for name, s in signals.items()},
         traffic={name: t.take(rows(t.time)) for name, t in signals.traffic.items()},
+        activity={channel: time[rows(time)] for channel, time in signals.activity.items()},
     )

@@ -45,6 +45,19 @@ class Follower:
     stroke: float
 
 
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What is asked of ``subject``: the ``demands`` are signals in its ``unit``, ``released`` is a
+    pedal or lever in %, 0 where nothing is asked for.  The parameter ``full_scale`` is the
+    subject's largest value."""
+
+    subject: str
+    unit: str
+    demands: tuple[str, ...]
+    released: str
+    full_scale: str
+
+
 def faults_in(package: str) -> tuple[ModelFault, ...]:
     """The declaration ``FAULT`` of every file of a package, in the order of the files' names."""
     folder = importlib.import_module(package)

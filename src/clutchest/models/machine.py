@@ -23,7 +23,7 @@ from clutchest.models.declarations import Comparison, Event, Separation, Wear
 from clutchest.models.delay_relations import DelayRelation
 from clutchest.models.effects.effect import RESERVED, TIME, Effect
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.fault import Follower, ModelFault
+from clutchest.models.fault import Demand, Follower, ModelFault
 from clutchest.models.model import POWER, Expressions, Model
 from clutchest.models.procedures import Picture, Procedure
 from clutchest.models.regimes import RegimeRules
@@ -77,8 +77,8 @@ class Machine:
     For estimation: ``separating_manoeuvres``, what parts two states that one kind of measurement
     knows together.
 
-    For diagnosis: ``faults`` of the equations, the ``fault_signals`` that their tests need, and
-    ``followers``.
+    For diagnosis: ``faults`` of the equations, the ``fault_signals`` that their tests need,
+    ``followers`` and ``demands``.
 
     For identification: ``procedures``, ways to determine some of the parameters; ``pictures`` of a
     fit of all of them; ``relative_states`` (state → parameters): states that start from their
@@ -122,6 +122,7 @@ class Machine:
     faults: tuple[ModelFault, ...] = ()
     fault_signals: tuple[str, ...] = ()
     followers: tuple[Follower, ...] = ()
+    demands: tuple[Demand, ...] = ()
     procedures: tuple[Procedure, ...] = ()
     pictures: tuple[Picture, ...] = ()
     relative_states: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: _EMPTY)
@@ -182,6 +183,12 @@ class Machine:
             effects=_by_name("effects", model, ((effect.name, effect) for effect in effects)),
             **pieces,
         )
+
+    @property
+    def optional_columns(self) -> frozenset[str]:
+        """Columns that the equations can do without: of inputs with a default, and demands."""
+        inputs = {item.name for item in self.inputs if item.default is not None}
+        return frozenset(inputs.union(*({*d.demands, d.released} for d in self.demands)))
 
     @property
     def scenario_names(self) -> tuple[str, ...]:
@@ -245,6 +252,7 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
         (("regimes.signals", name) for name in machine.regimes.signals),
         (("fault_signals", name) for name in machine.fault_signals),
         (("followers", n) for f in machine.followers for n in (f.leader, f.follower)),
+        (("demands", n) for d in machine.demands for n in (d.subject, *d.demands, d.released)),
         (("delay_relations", r.signal) for r in machine.delay_relations),
     )
     for piece, name in of_columns:

@@ -17,6 +17,7 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+from clutchest.can import activity
 from clutchest.can.database import Database
 from clutchest.can.dm1 import Code
 from clutchest.can.frames import Frames
@@ -95,7 +96,12 @@ class LiveFaultTests:
         if self.log is None:
             for name, signal in signals.items():
                 self._kept.setdefault(name, []).append(signal)
-        new = Signals(signals, traffic=self._traffic.take(frames, start_ns), end=until)
+        new = Signals(
+            signals,
+            traffic=self._traffic.take(frames, start_ns),
+            activity=activity.times(frames, start_ns),
+            end=until,
+        )
         self.streams.take(new, until)
         changes = self._stream_changes()
         if self._pending is not None and self._pending.done():

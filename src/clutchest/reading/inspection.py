@@ -94,14 +94,12 @@ class Inspection:
     @property
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
-        optional = {i.name for i in self.machine.inputs if i.default is not None}
+        optional = self.machine.optional_columns
         missing = []
         for column in self.machine.columns:
             if column.name not in self.candidates and column.name not in optional:
                 missing.append(self._missing_signal(column))
-            if column.reference_spn and column.name in self.candidates:
-                if self.candidates[column.name][0].unit != "%":
-                    continue
+            if column.name not in optional and self._needs_reference(column):
                 missing.append(
                     f'signals.{column.name}: reference = {{ value = …, unit = "{column.unit}" }}, '
                     f"the {column.unit} that 100 % stands for (J1939: SPN {column.reference_spn})"
@@ -109,6 +107,11 @@ class Inspection:
         if not self.machine.template:
             missing += [f"parameters.{p.key} ({p.unit}): {p.what}" for p in self.machine.parameters]
         return tuple(missing)
+
+    def _needs_reference(self, column: Column) -> bool:
+        """Whether the likeliest candidate is in percent of a torque that no signal states."""
+        found = self.candidates.get(column.name)
+        return bool(column.reference_spn and found and found[0].unit == "%")
 
     def _missing_signal(self, column: Column) -> str:
         words = f"signals.{column.name} ({column.unit}): no signal has a matching SPN or name"
@@ -145,6 +148,7 @@ class Inspection:
         signals = {
             name: self._map(candidates[0], like.get(name))
             for name, candidates in self.candidates.items()
+            if not self._left_out(name)
         }
         parameters = {
             key: replace(
@@ -161,6 +165,12 @@ class Inspection:
             name, self.model, target, "", dbc, signals, parameters, model_file=self.model_file
         )
         return vehicle_text(vehicle, target, self._heading())
+
+    def _left_out(self, name: str) -> bool:
+        """Whether a signal that is not needed cannot be used as it is."""
+        column = self.machine.column(name)
+        optional = name in self.machine.optional_columns
+        return optional and column is not None and self._needs_reference(column)
 
     def _heading(self) -> str:
         lines = [
@@ -275,6 +285,7 @@ def _search(
     candidates: dict[str, list[SignalCandidate]] = {}
     wheels: list[str] = []
     companions: dict[str, dict[str, BusSignal]] = {}
+    optional = machine.optional_columns
     for row in rows:
         known = [database.find(row.id, row.extended) for database in databases]
         message = next((m for m in known if m), None)
@@ -297,6 +308,7 @@ def _search(
         name: tuple(sorted(candidates[name], key=lambda c: c.rank, reverse=True))
         for name in machine.units
         if name in candidates
+        and not (name in optional and all(c.low is None for c in candidates[name]))
     }
     return _Search(ranked, tuple(dict.fromkeys(wheels)), companions)
 

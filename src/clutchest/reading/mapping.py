@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped, units
+from clutchest.can import activity
 from clutchest.can.database import Database, Message, SignalLayout
 from clutchest.can.decode import DecodedColumn, rows_of
 from clutchest.can.encode import check
@@ -54,7 +55,8 @@ def signals_of(
         message.name: _with_shared_times(traffic_of(whole, message, vehicle), signals)
         for message in wanted
     }
-    return replace(signals, traffic=traffic)
+    active = activity.times(frames, int(frames.t_ns[0]))
+    return replace(signals, traffic=traffic, activity=active)
 
 
 def _with_shared_times(traffic: Traffic, signals: Signals) -> Traffic:

@@ -96,6 +96,7 @@ def _traffic(frames: Frames, message: Message, vehicle: Vehicle, start_ns: int) 
         sound=check(frames, rows, message).checksum,
         period=_period(message, vehicle),
         checked=message.name in vehicle.checked,
+        channel=int(frames.channel[0]) if len(frames) else None,
     )
 
 

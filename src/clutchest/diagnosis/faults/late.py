@@ -34,7 +34,7 @@ class Late(StreamTest):
 
     kind, fmi = "late", 9
     of_message = harmless = True
-    masked_by = ("missing",)
+    masked_by = ("missing", "silent")
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)

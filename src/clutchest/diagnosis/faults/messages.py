@@ -22,6 +22,7 @@ def fluctuating(vehicle: Vehicle) -> tuple[str, ...]:
     """Signals whose healthy samples are never constant: noise changes them all the time."""
     slow = {i.name for i in vehicle.machine.inputs if i.gap >= SLOW_S}
     slow |= {column.name for column in vehicle.machine.columns if column.unit == TEMPERATURE}
+    slow |= {name for d in vehicle.machine.demands for name in (*d.demands, d.released)}
     return tuple(name for name in vehicle.signals if name not in slow)
 
 

@@ -17,20 +17,18 @@ from clutchest.diagnosis.sequential import (
     tail_mean,
     tail_take,
 )
+from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
 PRIOR_PERIOD = 1.0  # s, of a message that states no period, before its first frame
 
 
 class Missing(StreamTest):
-    """No frame for longer than the estimated tail of this message's gaps.
-
-    While the whole bus is silent no message is missing: that is a gap of the log.
-    """
+    """No frame for longer than the estimated tail of this message's gaps."""
 
     kind, fmi = "missing", 9
     of_message = True
-    masked_by = ()
+    masked_by = ("silent",)
 
     def __init__(self, subject: str, per_1000h: float) -> None:
         super().__init__(subject, per_1000h)
@@ -52,8 +50,7 @@ class Missing(StreamTest):
                 self.heal(float(traffic.time[0]))
                 self.last, self.last_bus_time = float(traffic.time[0]), float(bus_time[0])
             gaps = np.diff(bus_time, prepend=self.last_bus_time)
-            bounds = np.zeros(len(gaps))
-            _gaps(gaps, self.tail, self.per_1000h, bounds)
+            bounds = gap_bounds(gaps, self.tail, self.per_1000h)
             before = np.concatenate([[self.last], traffic.time[:-1]])
             for k in np.flatnonzero(gaps > bounds):
                 begun, end = float(before[k]), float(traffic.time[k])
@@ -69,7 +66,7 @@ class Missing(StreamTest):
     def bound(self) -> float:
         """The longest gap, s, that may be chance."""
         assert self.tail is not None
-        return float(tail_bound(self.tail, 3.6e6 / tail_mean(self.tail) / self.per_1000h))
+        return longest_gap(self.tail, self.per_1000h)
 
     @property
     def threshold(self) -> float | None:
@@ -81,11 +78,29 @@ class Missing(StreamTest):
         """See :meth:`StreamTest.why`."""
         if self.tail is None:
             return "no frames: these are decoded signals"
-        count, long = int(self.tail[COUNT]), int(self.tail[EXCEEDING])
-        return (
-            f"a gap of more than {self.bound:.3g} s, from {count} gaps of "
-            f"{round(1e3 * tail_mean(self.tail), 1):g} ms on average, {long} of them unusually long"
-        )
+        return f"a gap of more than {tail_words(self.tail, self.per_1000h)}"
+
+
+def longest_gap(tail: np.ndarray, per_1000h: float) -> float:
+    """The longest gap, s, that may be chance, with so many false alarms."""
+    return float(tail_bound(tail, 3.6e6 / tail_mean(tail) / per_1000h))
+
+
+def tail_words(tail: np.ndarray, per_1000h: float) -> str:
+    """The longest gap, and what it was estimated from."""
+    count, long = int(tail[COUNT]), int(tail[EXCEEDING])
+    return (
+        f"{longest_gap(tail, per_1000h):.3g} s, from {count} gaps of "
+        f"{round(1e3 * tail_mean(tail), 1):g} ms on average, {long} of them unusually long"
+    )
+
+
+def gap_bounds(gaps: Floats, tail: np.ndarray, per_1000h: float) -> Floats:
+    """The longest gap that may be chance at each of ``gaps`` (n), s; infinite where one is not
+    even unusual.  The ``tail`` takes those that are not longer."""
+    bounds = np.zeros(len(gaps))
+    _gaps(gaps, tail, per_1000h, bounds)
+    return bounds
 
 
 def _words(gap: float, bound: float) -> str:

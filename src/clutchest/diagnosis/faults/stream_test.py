@@ -21,14 +21,18 @@ from clutchest.vehicle import Vehicle
 class Batch:
     """New samples of signals and frames of messages.
 
-    ``bus_time``: for every message, its frames' times (n) on a clock that stands still while the
-    whole bus is silent; ``bus_until`` is where the batch ends on that clock.
+    ``bus_time``: for every message, its frames' times (n) on a clock that stands still in short
+    pauses of the whole bus; ``bus_until`` is where the batch ends on that clock.  ``active``: for
+    the bus and each channel the times, s, at which there were frames, ``active_bus_time`` on that
+    clock.
     """
 
     signals: Mapping[str, Signal]
     traffic: Mapping[str, Traffic]
     bus_time: Mapping[str, Floats] = field(default_factory=dict)
     bus_until: float = 0.0
+    active: Mapping[str, Floats] = field(default_factory=dict)
+    active_bus_time: Mapping[str, Floats] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -50,7 +54,7 @@ class StreamTest(ABC):
     ``enabled`` s during which the test could have detected the fault.  ``of_message``: the subject
     is a message, not a signal; ``harmless``: the signals' values remain valid.  ``masked_by``,
     ``masked_by_signal``: kinds of faults of the whole message, or of one of the ``signals`` that
-    the test uses, that make this test fail too.
+    the test uses, that make this test fail too.  ``messages``: those whose fault it is.
     """
 
     kind: ClassVar[str]
@@ -63,6 +67,7 @@ class StreamTest(ABC):
     def __init__(self, subject: str, per_1000h: float) -> None:
         self.subject, self.per_1000h = subject, per_1000h
         self.signals: tuple[str, ...] = () if self.of_message else (subject,)
+        self.messages: frozenset[str] = frozenset([subject]) if self.of_message else frozenset()
         self.alarms: list[Alarm] = []
         self.enabled = 0.0
 

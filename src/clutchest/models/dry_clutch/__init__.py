@@ -26,7 +26,7 @@ from clutchest.models.dry_clutch.procedures import (
 from clutchest.models.dry_clutch.regimes import RULES
 from clutchest.models.dry_clutch.symbols import COLUMNS, SEPARATING_MANOEUVRES
 from clutchest.models.effects import effects_in
-from clutchest.models.fault import Follower, faults_in
+from clutchest.models.fault import Demand, Follower, faults_in
 from clutchest.models.machine import Machine
 
 
@@ -77,6 +77,15 @@ MACHINE = Machine(
     faults=faults_in("clutchest.models.dry_clutch.faults"),
     fault_signals=("slave_position", "input_shaft_speed", "engine_torque", "engine_speed"),
     followers=(Follower("actuator", "motor_position", "slave_position", 1.5),),
+    demands=(
+        Demand(
+            "engine_torque",
+            "Nm",
+            ("engine_torque_demand", "engine_torque_request"),
+            "accelerator_pedal",
+            "engine_torque_max",
+        ),
+    ),
     procedures=PROCEDURES,
     relative_states=RELATIVE_STATES,
     pictures=(TORQUE, ZERO_POSITION),

@@ -196,6 +196,22 @@ COLUMNS = (
         spn=84,
         named=r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$",
     ),
+    Column(
+        "engine_torque_demand",
+        "Nm",
+        rests=True,
+        spn=512,
+        named=r"driver\w*(dem|req|wish)\w*(torque|trq|tq)|(torque|trq|tq)\w*driver",
+        reference_spn=544,
+    ),
+    Column("engine_torque_request", "Nm", rests=True, spn=518, reference_spn=544),
+    Column(
+        "accelerator_pedal",
+        "%",
+        rests=True,
+        spn=91,
+        named=r"(acc(el)?(erator)?|gas)_?(pedal|ped)\w*|^app(s)?(_|$)",
+    ),
 )
 
 # The zero position informs the body's temperature by a coefficient that is itself uncertain, and a
