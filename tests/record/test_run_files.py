@@ -162,5 +162,5 @@ def test_terminal_says_why_not_valid(run):
         replace(run, tracks=tracks, summary={**run.summary, "states": states, "warnings": warnings})
     )
     assert "nothing informs it; needs a [launch]" in text
-    assert "No slip event." in text
+    assert "No slip event above 200 J" in text
     assert "… and 12 more warnings" in text

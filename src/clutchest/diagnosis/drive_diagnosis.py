@@ -60,7 +60,7 @@ class DriveDiagnosis:
         streams = StreamTests(run.vehicle)
         streams.take(signals, length)
         valid = _valid(signals, streams, run)
-        equations, why_not = _equations(run, valid, per_1000h, progress)
+        equations, why_not = _equations(run, signals, valid, per_1000h, progress)
         wear = _wear(run, track, per_1000h, length)
         return cls(length, valid, streams, equations, why_not, wear)
 
@@ -108,12 +108,15 @@ def effects_for(machine: Machine) -> tuple[Effect, ...]:
 
 
 def _equations(
-    run: Run, signals: Signals, per_1000h: float, progress: Progress | None
+    run: Run, drive: Signals, signals: Signals, per_1000h: float, progress: Progress | None
 ) -> tuple[FaultTestResults | None, str]:
+    """The equations' tests on the valid ``signals`` of a ``drive``, or why there are none."""
     machine = run.vehicle.machine
     if not machine.faults:
         return None, f"'{machine.name}' declares no faults that its equations show"
-    lacking = [name for name in machine.fault_signals if name not in signals]
+    lacking = [name for name in machine.fault_signals if name not in drive.available]
+    if not lacking and not set(machine.fault_signals) <= signals.available:
+        return None, "a signal that the fault tests of the equations need has failed from the start"
     if lacking:
         return None, f"the fault tests of the equations need {', '.join(lacking)}"
     try:

@@ -11,6 +11,7 @@ import numpy as np
 
 from clutchest.estimate.observability import NOTHING, correlated_with
 from clutchest.estimate.run import Run
+from clutchest.estimate.track import SMALLEST
 from clutchest.record.quantities import Quantity, states_of
 
 _HOW_TO_READ = (
@@ -104,6 +105,14 @@ def event_words(run: Run) -> tuple[str, str]:
     return event.words if event else ("event", "events")
 
 
+def no_event_words(run: Run) -> str:
+    """That there was no event, and for how long the event's mode lasted nevertheless."""
+    mode = run.vehicle.machine.regimes.event
+    seconds = run.summary.get("modes_s", {}).get(mode, 0.0)
+    words = f"No {event_words(run)[0]} above {SMALLEST:g} J and its own uncertainty"
+    return f"{words}; {mode} for {seconds:.1f} s." if seconds else f"{words}."
+
+
 def hottest_words(run: Run) -> str:
     """What the peak temperature of an event is of."""
     event = run.vehicle.machine.event
@@ -126,7 +135,7 @@ def _engagements(run: Run) -> str:
                 )
             )
     if not rows:
-        return f"No {event_words(run)[0]}."
+        return no_event_words(run)
     head = ("drive",) if len(run.tracks) > 1 else ()
     return table(
         (

@@ -17,6 +17,7 @@ from clutchest.record.report import (
     event_words,
     hottest_words,
     informed,
+    no_event_words,
     plus_minus,
 )
 
@@ -66,7 +67,7 @@ def print_warnings(warnings: Sequence[str], rest_in: str, console: Console) -> N
 def _slip_events(run: Run) -> str:
     events = [event for track in run.tracks for event in track.engagements]
     if not events:
-        return f"No {event_words(run)[0]}."
+        return no_event_words(run)
     energy = sum(event.energy_J for event in events)
     # Parameters are the same in every event: their errors add up rather than average out.
     spread = sum(event.energy_std_J for event in events)
@@ -128,3 +129,4 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
         console.print(f"not read: {count} × {reason}")
     for what in inspection.missing:
         console.print(f"missing: {escape(what)}")
+    print_warnings(inspection.warnings, "inspect.json", console)
