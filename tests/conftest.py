@@ -21,6 +21,7 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.register_profile("exploring", derandomize=False)
     settings.load_profile(config.getoption("--hypothesis-profile") or "same")
     os.environ.setdefault("CLUTCHEST_CACHE", str(config.rootpath / ".pytest_cache" / "clutchest"))
+    os.environ["CLUTCHEST_TRUST"] = str(config.rootpath / ".pytest_cache" / "trusted")
 
 
 @pytest.fixture(scope="session")

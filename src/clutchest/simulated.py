@@ -211,7 +211,7 @@ def _sampled(
 
 def _own_effects(vehicle: Vehicle, wanted: Effects) -> dict[str, Effect]:
     """Those of the ``wanted`` effects that stand in files of the user's."""
-    files = with_files({}, vehicle.effects_files)
+    files = with_files({}, vehicle.effects_files, vehicle.digests)
     return {name: effect for name, effect in files.items() if name in wanted}
 
 

@@ -20,7 +20,7 @@ from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.surroundings import stream
-from clutchest.models.effects import Effect, Lateness, with_files
+from clutchest.models.effects import Effect, Lateness
 from clutchest.models.model import Expressions, Model
 from clutchest.models.regimes import Observed
 from clutchest.models.thresholds import Thresholds
@@ -98,7 +98,7 @@ def generate(vehicle: Vehicle, request: DriveRequest) -> Sampled:
 
 def _present(vehicle: Vehicle, effects: Effects) -> dict[Effect, dict[str, float]]:
     """Effect → all its numbers, of those that are asked for."""
-    known = with_files(vehicle.machine.effects, vehicle.effects_files)
+    known = dict(vehicle.library)
     present = {}
     for name, values in effects.items():
         if name not in known:

@@ -52,8 +52,8 @@ def test_finds_what_the_truck_maps(found, truck):
 def test_draft_loads_once_the_missing_is_filled_in(found, log, truck, tmp_path):
     assert [text.split(":")[0] for text in found.missing] == ["signals.engine_torque"]
     target = tmp_path / "vehicle.toml"
-    draft = found.vehicle_toml(target)
-    target.write_text(draft)
+    found.write_vehicle(target, target)
+    draft = target.read_text()
     assert "# MISSING signals.engine_torque: reference" in draft
     with pytest.raises(ClutchestError, match=r"vehicle\.toml:\d+: .*requires 'reference'"):
         load_vehicle(target)

@@ -16,7 +16,7 @@ SERVO = Path(__file__).parents[2] / "machines" / "servo"
 
 @pytest.fixture(scope="session")
 def servo():
-    return load_vehicle(SERVO / "servo.toml")
+    return load_vehicle(SERVO / "servo.toml", trust=True)
 
 
 @pytest.fixture

@@ -41,7 +41,7 @@ def test_inspect_drafts_a_vehicle_file_that_lacks_only_parameters(run, short_log
     parameters = VEHICLE.read_text(encoding="utf-8").split("[parameters]")[1]
     text = draft.read_text(encoding="utf-8").replace("[parameters]", "")
     draft.write_text(text + "\n[parameters]" + parameters, encoding="utf-8")
-    drafted = load_vehicle(draft)
+    drafted = load_vehicle(draft, trust=True)
     assert drafted.machine.name == "servo"
     assert set(drafted.signals) == {"voltage", "current", "speed", "ambient_temp"}
 
@@ -54,7 +54,7 @@ def test_convert_keeps_every_frame(run, short_log, tmp_path):
 
 def test_simulate_says_that_truth_and_model_are_the_same(run, tmp_path):
     log = tmp_path / "drive.log"
-    command = ("simulate", "--vehicle", VEHICLE, "--scenario", "mixed", "--seed", 2)
+    command = ("simulate", "--vehicle", VEHICLE, "--trust", "--scenario", "mixed", "--seed", 2)
     assert run(*command, "--duration", 5, "-o", log)[0] == 0
     file = pq.read_table(tmp_path / "drive.log.truth.parquet")
     assert b"truth and model are the same" in file.schema.metadata[b"truth"]
@@ -79,7 +79,7 @@ def test_simulate_says_that_truth_and_model_are_the_same(run, tmp_path):
 )
 def test_simulate_refuses_what_is_unknown_in_one_line(run, tmp_path, more, words):
     out = tmp_path / "drive.log"
-    code, _, error = run("simulate", "--vehicle", VEHICLE, "--seed", 1, *more, "-o", out)
+    code, _, error = run("simulate", "--vehicle", VEHICLE, "--trust", "--seed", 1, *more, "-o", out)
     assert code == 1 and words in error and len(error.strip().splitlines()) == 1
 
 
@@ -106,14 +106,14 @@ def test_a_wrong_excitation_is_one_line(run, tmp_path, what):
     old, new, words = EXCITATIONS[what]
     text = (SERVO / "servo.py").read_text(encoding="utf-8").replace(old, new)
     (tmp_path / "servo.py").write_text(text, encoding="utf-8")
-    command = ("simulate", "--vehicle", tmp_path / "servo.toml", "--scenario", "mixed")
+    command = ("simulate", "--vehicle", tmp_path / "servo.toml", "--trust", "--scenario", "mixed")
     code, _, error = run(*command, "--seed", 1, "-o", tmp_path / "drive.log")
     assert code == 1 and words in error and len(error.strip().splitlines()) == 1
     assert "excitation 'mixed'" in error
 
 
 def test_replay_estimates_the_states_and_nothing_else(run, short_log, tmp_path):
-    assert run("replay", short_log, "--vehicle", VEHICLE, "--out", tmp_path)[0] == 0
+    assert run("replay", short_log, "--vehicle", VEHICLE, "--trust", "--out", tmp_path)[0] == 0
     estimates = pd.read_parquet(tmp_path / "estimates.parquet")
     each = [f"{state}{what}" for state in STATES for what in ("", "_std", "_valid")]
     assert list(estimates.columns) == ["time", "drive", "mode", *each]
@@ -156,7 +156,7 @@ def test_identify_moves_a_wrong_parameter_to_the_truth(run, healthy_log, tmp_pat
     )
     wrong.write_text(text, encoding="utf-8")
     out = tmp_path / "fitted"
-    assert run("identify", "all", healthy_log, "--vehicle", wrong, "--out", out)[0] == 0
+    assert run("identify", "all", healthy_log, "--vehicle", wrong, "--trust", "--out", out)[0] == 0
     fitted = json.loads((out / "fit.json").read_text())["parameters"]
     for key in ("inertia", "torque_constant", "coulomb_torque", "resistance"):
         assert fitted[key]["determined"]
@@ -165,7 +165,7 @@ def test_identify_moves_a_wrong_parameter_to_the_truth(run, healthy_log, tmp_pat
 
 @pytest.mark.slow
 def test_identify_determines_the_noise_of_the_sensors(run, healthy_log, tmp_path):
-    command = ("identify", "noise", healthy_log, "--vehicle", VEHICLE, "--out", tmp_path)
+    command = ("identify", "noise", healthy_log, "--vehicle", VEHICLE, "--trust", "--out", tmp_path)
     assert run(*command)[0] == 0
     fitted = json.loads((tmp_path / "fit.json").read_text())["parameters"]
     assert fitted["signals.speed.noise"]["value"] == pytest.approx(0.5, rel=0.1)
@@ -182,7 +182,7 @@ def test_discover_names_a_hidden_effect_and_nothing_on_a_healthy_drive(
     verdicts = {}
     for log in (hidden, healthy_log):
         out = tmp_path / log.stem
-        assert run("discover", log, "--vehicle", VEHICLE, "--out", out)[0] == 0
+        assert run("discover", log, "--vehicle", VEHICLE, "--trust", "--out", out)[0] == 0
         verdicts[log.stem] = json.loads((out / "discovery.json").read_text())
     assert verdicts["hidden"]["gain"]["simulation_rmse_after"] < 0.05  # Nm of up to 0.7
     [cause] = verdicts["hidden"]["causes"]
@@ -204,7 +204,7 @@ def test_diagnose_finds_the_declared_fault_and_none_on_a_healthy_drive(
     faults = {}
     for log in (dry, healthy_log):
         out = tmp_path / log.stem
-        assert run("diagnose", log, "--vehicle", VEHICLE, "--out", out)[0] == 0
+        assert run("diagnose", log, "--vehicle", VEHICLE, "--trust", "--out", out)[0] == 0
         faults[log.stem] = json.loads((out / "diagnosis.json").read_text())["faults"]
     [fault] = faults["dry"]
     assert fault["fault"] == "coulomb_change"
@@ -220,7 +220,18 @@ def test_monitor_writes_the_states_and_nothing_else(short_log, tmp_path):
     bus = ("--interface", "udp_multicast", "--channel", "239.74.163.3")
     environment = {**os.environ, "CAN_CONFIG": json.dumps({"port": port})}
     out, command = tmp_path / "live", [sys.executable, "-m", "clutchest"]
-    watch = [*command, "monitor", *bus, "--vehicle", VEHICLE, "--out", out, "--duration", "40"]
+    watch = [
+        *command,
+        "monitor",
+        *bus,
+        "--vehicle",
+        VEHICLE,
+        "--trust",
+        "--out",
+        out,
+        "--duration",
+        "40",
+    ]
     with subprocess.Popen(
         [*map(str, watch), "--json"], stdout=subprocess.PIPE, text=True, env=environment
     ) as monitor:

@@ -35,36 +35,37 @@ def own(tmp_path: Path) -> Callable[..., Path]:
 
 def complaint(path: Path) -> str:
     with pytest.raises(ClutchestError) as caught:
-        load_vehicle(path)
+        load_vehicle(path, trust=True)
     text = str(caught.value)
     assert "\n" not in text
     return text
 
 
-def test_a_machine_in_a_file_is_loaded_and_written_relative(own, tmp_path: Path) -> None:
-    vehicle = load_vehicle(own())
+def test_a_machine_in_a_file_is_loaded_and_written_beside_its_copy(own, tmp_path: Path) -> None:
+    vehicle = load_vehicle(own(), trust=True)
     assert vehicle.machine.name == "third"
     copy_of = tmp_path / "deeper" / "copy.toml"
     copy_of.parent.mkdir()
     dump_vehicle(vehicle, copy_of)
-    assert 'model = "../plate.py"' in copy_of.read_text(encoding="utf-8")
-    assert load_vehicle(copy_of).machine is vehicle.machine
+    assert 'model = "plate.py"' in copy_of.read_text(encoding="utf-8")
+    copied = load_vehicle(copy_of, trust=True)
+    assert copied.model_file == copy_of.with_name("plate.py") and copied == vehicle
 
 
 def test_the_hash_covers_the_machine(own, tmp_path: Path) -> None:
     path = own()
-    before = load_vehicle(path)
+    before = load_vehicle(path, trust=True)
     source = tmp_path / "plate.py"
     source.write_text(source.read_text().replace('"dry plate on a shaft"', '"wet plate"'))
-    after = load_vehicle(path)
+    after = load_vehicle(path, trust=True)
     assert after.hash != before.hash
     assert after.machine.what == "wet plate"
     assert before.machine.what == "dry plate on a shaft", "a vehicle in use keeps its machine"
 
 
 def test_another_content_than_the_vehicles_is_refused(own) -> None:
-    vehicle = load_vehicle(own())
-    other = replace(vehicle, model_digest=sha256(b"not loaded here").hexdigest())
+    vehicle = load_vehicle(own(), trust=True)
+    other = replace(vehicle, digests={vehicle.model_file: sha256(b"not loaded here").hexdigest()})
     with pytest.raises(
         ClutchestError, match=r"plate\.py: was changed after its vehicle was loaded"
     ):
@@ -199,6 +200,6 @@ def test_sections_are_checked_against_the_machine(own, change, extra, line, expe
 
 
 def test_estimation_of_a_users_state_fills_in_the_states_own_numbers(own) -> None:
-    vehicle = load_vehicle(own(extra="\n[estimation]\ntemp = { role = 'constant' }\n"))
+    vehicle = load_vehicle(own(extra="\n[estimation]\ntemp = { role = 'constant' }\n"), trust=True)
     entry = vehicle.estimation["temp"]
     assert (entry.role, entry.process_noise, entry.initial_std) == ("constant", 0.1, 10.0)

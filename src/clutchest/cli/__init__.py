@@ -21,6 +21,7 @@ from clutchest.cli.replay import replay
 from clutchest.cli.reproduce import reproduce
 from clutchest.cli.simulate import WithScenarios, simulate
 from clutchest.cli.terminal import fail
+from clutchest.cli.trust import trust
 from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
 
@@ -43,6 +44,7 @@ for _verb in (
     reproduce,
     monitor,
     play,
+    trust,
 ):
     app.command(cls=WithScenarios if _verb is simulate else Verb)(_verb)
 

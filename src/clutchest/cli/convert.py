@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from clutchest.cli.groups import grouped
-from clutchest.cli.options import WHOLE, AsJson, WindowOptions
+from clutchest.cli.options import WHOLE, AsJson, Trust, WindowOptions
 from clutchest.cli.terminal import note, print_json, progress
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def convert(
             help="Decode CAN logs by this vehicle; OUT is then .csv or .parquet.",
         ),
     ] = None,
+    trust: Trust = False,
     window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
@@ -60,7 +61,7 @@ def convert(
         from clutchest.record.files import finished_into
         from clutchest.vehicle import load_vehicle
 
-        car = None if vehicle is None else load_vehicle(vehicle)
+        car = None if vehicle is None else load_vehicle(vehicle, trust=trust)
         read = Conversion.of(logs, out, car, window.parse())
         show("writing", None)
         with finished_into(out.parent) as folder:

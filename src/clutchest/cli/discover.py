@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, disjoint
+from clutchest.cli.options import (
+    DEFAULT_OUT,
+    AsJson,
+    Holdout,
+    Logs,
+    Out,
+    Trust,
+    VehicleName,
+    disjoint,
+)
 from clutchest.cli.terminal import answer, progress
 
 EffectsFiles = Annotated[
@@ -25,6 +34,7 @@ EffectsFiles = Annotated[
 def discover(
     logs: Logs,
     vehicle: VehicleName,
+    trust: Trust = False,
     holdout: Holdout = None,
     effects: EffectsFiles = None,
     out: Out = DEFAULT_OUT,
@@ -52,7 +62,7 @@ def discover(
         from clutchest.record.discovery_terminal import print_discovery, print_identifiable
         from clutchest.vehicle import load_vehicle
 
-        car = load_vehicle(vehicle)
+        car = load_vehicle(vehicle, trust=trust)
         user_effects(effects or (), car)  # a slip of the pen shows now, not when the logs are read
         disjoint(logs, holdout or ())
         show("reading", None)

@@ -33,7 +33,7 @@ def estimated(
     from clutchest.record.files import read_state
     from clutchest.vehicle import load_vehicle
 
-    car = load_vehicle(source.vehicle)
+    car = load_vehicle(source.vehicle, trust=source.trust)
     before = None if source.state is None else read_state(source.state)
     show("reading", None)
     signals = read_log(source.logs, car, window.parse(), traffic=traffic)

@@ -6,7 +6,16 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Holdout, Logs, Out, VehicleName, disjoint
+from clutchest.cli.options import (
+    DEFAULT_OUT,
+    AsJson,
+    Holdout,
+    Logs,
+    Out,
+    Trust,
+    VehicleName,
+    disjoint,
+)
 from clutchest.cli.terminal import answer, progress
 from clutchest.identify import OF_EVERY_MACHINE
 
@@ -24,6 +33,7 @@ def identify(
     ],
     logs: Logs,
     vehicle: VehicleName,
+    trust: Trust = False,
     holdout: Holdout = None,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
@@ -46,8 +56,9 @@ def identify(
         from clutchest.reading import read_log
         from clutchest.record.files import finished_into, json_text
         from clutchest.vehicle import load_vehicle
+        from clutchest.vehicle.trust import trust_written
 
-        car = load_vehicle(vehicle)
+        car = load_vehicle(vehicle, trust=trust)
         disjoint(logs, holdout or ())
         show("reading", None)
         held_out = read_log(holdout, car) if holdout else None
@@ -55,8 +66,8 @@ def identify(
         show("writing", None)
         with finished_into(out) as folder:
             (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")
-            text = fit.vehicle_toml(out / "vehicle.toml")
-            (folder / "vehicle.toml").write_text(text, encoding="utf-8")
+            fit.write_vehicle(folder / "vehicle.toml", out / "vehicle.toml")
             fit.draw(folder)
             names = sorted(path.name for path in folder.iterdir())
+        trust_written(fit.vehicle, out / "vehicle.toml")
     answer(fit.as_dict(), as_json, lambda console: print_fit(fit, car, console), out, names)

@@ -57,8 +57,7 @@ def inspect(
         inspection = inspect_logs(logs, dbc or (), window.parse(), model)
         with finished_into(out) as folder:
             (folder / "inspect.json").write_text(json_text(inspection.as_dict()), encoding="utf-8")
-            draft = inspection.vehicle_toml(out / "vehicle.toml")
-            (folder / "vehicle.toml").write_text(draft, encoding="utf-8")
+            inspection.write_vehicle(folder / "vehicle.toml", out / "vehicle.toml")
             names = sorted(path.name for path in folder.iterdir())
     result = inspection.as_dict()
     answer(result, as_json, lambda console: print_inspection(inspection, console), out, names)

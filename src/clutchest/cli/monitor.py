@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from clutchest.cli.groups import grouped
-from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, VehicleName
+from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, Trust, VehicleName
 from clutchest.cli.terminal import progress
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class SessionOptions:
         typer.Option(metavar="S", min=0.0, show_default=False, help="Stop after so many seconds."),
     ] = None
     state: State = None
+    trust: Trust = False
     rate: Annotated[
         float,
         typer.Option(metavar="HZ", min=0.1, max=100.0, help="Rows per second of the estimates."),
@@ -119,7 +120,7 @@ def _started(
         from clutchest.record.files import read_state
         from clutchest.vehicle import load_vehicle
 
-        car = load_vehicle(vehicle)
+        car = load_vehicle(vehicle, trust=session.trust)
         before = None if session.state is None else read_state(session.state)
         watching: Monitor = Monitor(
             open_bus(bus.interface, bus.channel),

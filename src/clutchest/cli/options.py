@@ -33,6 +33,14 @@ VehicleName = Annotated[
         help=f"A vehicle file, or a shipped vehicle: {', '.join(shipped('vehicles'))}.",
     ),
 ]
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust",
+        help="Run the Python files that the vehicle file names, this time, without `clutchest "
+        "trust`.",
+    ),
+]
 State = Annotated[
     Path | None,
     typer.Option(
@@ -115,6 +123,7 @@ class SourceOptions:
 
     logs: Logs
     vehicle: VehicleName
+    trust: Trust = False
     state: State = None
 
 

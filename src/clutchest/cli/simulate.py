@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from clutchest.cli.groups import grouped
-from clutchest.cli.options import AsJson, VehicleName
+from clutchest.cli.options import AsJson, Trust, VehicleName
 from clutchest.cli.terminal import print_json, progress
 
 if TYPE_CHECKING:
@@ -134,6 +134,7 @@ def simulate(
     seed: Seed,
     out: Output,
     truth: TruthOptions = DEFAULT_TRUTH,
+    trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a drive, and write its log and the truth.
@@ -155,7 +156,7 @@ def simulate(
         from clutchest.simulated import write_simulation
         from clutchest.vehicle import load_vehicle
 
-        car, files = load_vehicle(vehicle), tuple(truth.effects or ())
+        car, files = load_vehicle(vehicle, trust=trust), tuple(truth.effects or ())
         if files:
             _check_own(files, car, effects)
         with finished_into(out.parent) as folder:

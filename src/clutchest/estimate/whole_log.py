@@ -22,7 +22,7 @@ from clutchest.compute.records import (
 from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.timeline import Timeline
 from clutchest.models.curve_effect import curve_effects
-from clutchest.models.effects import Effect, with_files
+from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START, WANDER
 from clutchest.models.machine import Machine
 from clutchest.models.model import Model
@@ -111,7 +111,7 @@ def present_effects(vehicle: Vehicle) -> tuple[Effect, ...]:
 
     Raises ClutchestError for one that neither the library nor the vehicle's own files know.
     """
-    known = with_files(vehicle.machine.effects, vehicle.effects_files)
+    known = dict(vehicle.library)
     for name, curve in vehicle.curves.items():
         known |= {effect.name: effect for effect in curve_effects(name, curve, vehicle.machine)}
     names = vehicle.effect_numbers

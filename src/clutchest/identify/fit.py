@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
-from clutchest.vehicle import Vehicle
-from clutchest.vehicle.text import vehicle_text
+from clutchest.vehicle import Vehicle, dump_vehicle
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -109,8 +108,9 @@ class Fit:
             "warnings": list(self.warnings),
         }
 
-    def vehicle_toml(self, target: Path) -> str:
-        """The vehicle as text for a file at ``target``; its heading says what was determined."""
+    def write_vehicle(self, path: Path, target: Path) -> None:
+        """The vehicle as a file at ``path`` that will lie at ``target``; its heading says what was
+        determined."""
         determined = [key for key, fitted in self.parameters.items() if fitted.determined]
         logs = ", ".join(Path(source).name for source in self.sources)
         heading = (
@@ -118,7 +118,7 @@ class Fit:
             + "\n".join(f"  {key}" for key in determined or ["nothing could be determined"])
             + f"\nAll else is {self.vehicle.path.name}'s.  Intervals: fit.json."
         )
-        return vehicle_text(self.vehicle, target, heading)
+        dump_vehicle(self.vehicle, path, heading, target)
 
 
 def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import importlib
 from functools import cache
-from hashlib import sha256
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchest.errors import ClutchestError, file_like, nearest
+from clutchest.errors import ClutchestError, nearest
+from clutchest.models.python_file import digest_of, load_module
 
 if TYPE_CHECKING:  # equations' machinery is loaded with the first machine
     from clutchest.models.machine import Machine
@@ -56,13 +56,6 @@ def shipped_machines() -> tuple[Machine, ...]:
     return tuple(map(machine_of, SHIPPED))
 
 
-def digest_of(path: Path) -> str:
-    """Which content a user's own Python file has.  Raises ClutchestError where there is no file."""
-    if not path.is_file():
-        raise ClutchestError(f"{path}: no such file{file_like(path)}")
-    return sha256(path.read_bytes()).hexdigest()
-
-
 def machine_in_file(path: Path, digest: str = "") -> Machine:
     """The machine of a user's own Python file, with the content of that ``digest``, default its
     present one: a machine in use stays the same while its file is edited.
@@ -76,11 +69,8 @@ def machine_in_file(path: Path, digest: str = "") -> Machine:
 def _in_file(path: Path, digest: str) -> Machine:
     """One machine per content of the file."""
     from clutchest.models.machine import Machine
-    from clutchest.models.python_file import load_module
 
-    if digest_of(path) != digest:
-        raise ClutchestError(f"{path}: was changed after its vehicle was loaded")
-    module = load_module(path, f"clutchest_machine_{digest[:16]}", "a machine")
+    module = load_module(path, f"clutchest_machine_{digest[:16]}", "a machine", digest)
     machines = {id(value): value for value in vars(module).values() if isinstance(value, Machine)}
     if len(machines) != 1:
         names = ", ".join(f"'{machine.name}'" for machine in machines.values()) or "none"

@@ -1,9 +1,9 @@
-"""A user's own Python file, loaded as a module."""
+"""A user's own Python file, run as a module: the bytes that were read, and no others."""
 
 from __future__ import annotations
 
-import importlib.util
 import sys
+from hashlib import sha256
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
@@ -11,23 +11,37 @@ from types import ModuleType
 from clutchest.errors import ClutchestError, file_like
 
 
-def load_module(path: Path, name: str, expected: str) -> ModuleType:
+def digest_of(path: Path) -> str:
+    """Which content a user's own Python file has.  Raises ClutchestError where there is no file."""
+    return sha256(_read(path)).hexdigest()
+
+
+def load_module(path: Path, name: str, expected: str, digest: str = "") -> ModuleType:
     """The file at ``path`` as the module ``name``.  ``expected``: what it should define, in words.
 
-    Raises ClutchestError naming file and line where it cannot be read or run.
+    Only source is run, compiled from the bytes that were read, never a ``.pyc`` beside it; with
+    ``digest`` only if these bytes are the ones that it is of.  Raises ClutchestError naming file
+    and line where it cannot be read or run, whatever the file raises.
     """
-    if not path.is_file():
-        raise ClutchestError(f"{path}: no such file{file_like(path)}")
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    if path.suffix != ".py":
         raise ClutchestError(f"{path}: expected a Python file (.py) with {expected}")
-    module = importlib.util.module_from_spec(spec)
+    source = _read(path)
+    if digest and sha256(source).hexdigest() != digest:
+        raise ClutchestError(f"{path}: was changed after its vehicle was loaded")
+    module = ModuleType(name)
+    module.__file__ = str(path)
     sys.modules[name] = module  # where dataclasses look up annotations
     try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # the user's code may raise anything
+        exec(compile(source, str(path.absolute()), "exec", dont_inherit=True), module.__dict__)
+    except BaseException as error:  # the user's code may raise anything, SystemExit too
         raise ClutchestError(f"{path}:{_line(error, path)} {_words(error)}") from error
     return module
+
+
+def _read(path: Path) -> bytes:
+    if not path.is_file():
+        raise ClutchestError(f"{path}: no such file{file_like(path)}")
+    return path.read_bytes()
 
 
 def _line(error: BaseException, path: Path) -> str:

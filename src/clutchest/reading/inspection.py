@@ -24,8 +24,7 @@ from clutchest.models.symbols import Column
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate, shipped
 from clutchest.signals import Why
-from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
-from clutchest.vehicle.text import vehicle_text
+from clutchest.vehicle import BusSignal, SignalMap, Vehicle, dump_vehicle, load_vehicle
 
 _WHEEL = re.compile(r"wh(ee)?l\w*(speed|spd|_w_)", re.IGNORECASE)
 
@@ -139,10 +138,10 @@ class Inspection:
             "warnings": list(self.warnings),
         }
 
-    def vehicle_toml(self, target: Path) -> str:
-        """A vehicle file for ``target``: the most likely signals, and the parameters of the
-        machine's template as guesses.  It loads once what its heading lists as missing is filled
-        in."""
+    def write_vehicle(self, path: Path, target: Path) -> None:
+        """A vehicle file at ``path`` that will lie at ``target``: the most likely signals, and the
+        parameters of the machine's template as guesses.  It loads once what its heading lists as
+        missing is filled in."""
         template = load_vehicle(self.machine.template) if self.machine.template else None
         like = template.signals if template else {}
         signals = {
@@ -164,7 +163,7 @@ class Inspection:
         vehicle = Vehicle(
             name, self.model, target, "", dbc, signals, parameters, model_file=self.model_file
         )
-        return vehicle_text(vehicle, target, self._heading())
+        dump_vehicle(vehicle, path, self._heading(), target)
 
     def _left_out(self, name: str) -> bool:
         """Whether a signal that is not needed cannot be used as it is."""

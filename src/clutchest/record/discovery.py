@@ -10,24 +10,28 @@ from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_report import report, title
 from clutchest.record.files import finished_into, json_text
 from clutchest.record.misfit_pictures import PICTURE, draw_misfit
-from clutchest.vehicle.text import vehicle_text
+from clutchest.vehicle import dump_vehicle
+from clutchest.vehicle.trust import trust_written
+
+NAME = "extended.toml"
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
     """Write ``discovery.json``, ``extended.toml``, ``report.md`` with its picture and
-    ``recording.rrd``.
+    ``recording.rrd``.  Python files of the user's own are copied beside ``extended.toml``, which
+    is trusted: they have run already.
 
     All are finished beside their place first.  Gives the paths written.  Raises ClutchestError if
     ``out`` is no folder, OSError if the disk refuses.
     """
     with finished_into(out) as folder:
         (folder / "discovery.json").write_text(json_text(discovery.summary()), encoding="utf-8")
-        text = vehicle_text(discovery.extended, out / "extended.toml", _heading(discovery))
-        (folder / "extended.toml").write_text(text, encoding="utf-8")
+        dump_vehicle(discovery.extended, folder / NAME, _heading(discovery), out / NAME)
         draw_misfit(discovery, folder / PICTURE)
         (folder / "report.md").write_text(report(discovery, PICTURE), encoding="utf-8")
         write_discovery_recording(discovery, folder / "recording.rrd")
         names = sorted(path.name for path in folder.iterdir())
+    trust_written(discovery.extended, out / NAME)
     return [out / name for name in names]
 
 

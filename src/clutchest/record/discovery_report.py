@@ -10,7 +10,7 @@ from math import exp, isfinite, log, sqrt
 from clutchest.discovery.goodness_of_fit import REJECTED, DistortionTest, GoodnessOfFit
 from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
 from clutchest.models.declarations import Comparison
-from clutchest.models.effects import Effect, with_files
+from clutchest.models.effects import Effect
 from clutchest.record.quantities import Quantity
 from clutchest.record.report import rounded, table
 from clutchest.shipped import shipped
@@ -70,7 +70,7 @@ def _significant(fit: GoodnessOfFit) -> list[DistortionTest]:
 
 def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
     """Per cause its name, numbers with ±, improvement of the fit (2 Δ ln L) and p-value."""
-    known = with_files(discovery.extended.machine.effects, discovery.extended.effects_files)
+    known = discovery.extended.library
     return [
         (
             c.effect,
@@ -226,7 +226,7 @@ def _lost(counts: Counts) -> str:
 
 
 def _causes(discovery: Discovery) -> str:
-    known = with_files(discovery.extended.machine.effects, discovery.extended.effects_files)
+    known = discovery.extended.library
     rows = [
         (name, _meaning(known.get(name)), numbers, statistic, p_value)
         for name, numbers, statistic, p_value in causes_rows(discovery)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from clutchest.errors import nearest
 from clutchest.models.error_curve import ErrorCurve, free_name, is_curve
-from clutchest.vehicle.earlier_patch import EarlierPatch, read_patch
+from clutchest.vehicle.earlier_patch import EarlierPatch
 from clutchest.vehicle.toml import Keys, TomlFile
 
 if TYPE_CHECKING:
@@ -24,10 +24,10 @@ _ASYMMETRY = 1e-6  # of the largest variance: what rounding makes of a covarianc
 
 
 def read_curves(
-    file: TomlFile, machine: Machine, effects_files: Sequence[Path]
-) -> tuple[dict[str, ErrorCurve], dict[Path, EarlierPatch]]:
-    """The curves that a vehicle file states, and those of its ``effects_files`` that are patches
-    of an earlier version, which are read as curves.  Raises ClutchestError with file and line."""
+    file: TomlFile, machine: Machine, patches: Mapping[Path, EarlierPatch]
+) -> dict[str, ErrorCurve]:
+    """The curves that a vehicle file states, and those of ``patches`` of an earlier version, which
+    are read as curves.  Raises ClutchestError with file and line."""
     table = file.table(("effects",), file.data.get("effects", {}))
     spreads = file.table(("effects_spread",), file.data.get("effects_spread", {}))
     curves = {
@@ -35,12 +35,10 @@ def read_curves(
         for name, entry in table.items()
         if is_curve(name)
     }
-    read = map(read_patch, effects_files)
-    patches = {path: patch for path, patch in zip(effects_files, read, strict=True) if patch}
     for patch in patches.values():
         if any(name in table for name in patch.effects):
             curves[free_name(tuple(curves))] = patch.curve(file, table, spreads, machine)
-    return curves, patches
+    return curves
 
 
 def _curve(file: TomlFile, at: Keys, value: Any, machine: Machine) -> ErrorCurve:

@@ -77,9 +77,15 @@ def read_patch(path: Path) -> EarlierPatch | None:
     if _MARK not in text:
         return None
     try:
-        tree = ast.parse(text)
-    except SyntaxError:
+        return _stated(text)
+    except (SyntaxError, LookupError, TypeError, ValueError, StopIteration):  # another file's form
         return None
+    except (RecursionError, MemoryError):  # nested without end
+        return None
+
+
+def _stated(text: str) -> EarlierPatch | None:
+    tree = ast.parse(text)
     covariate = _COVARIATE.search(ast.get_docstring(tree) or "")
     if covariate is None:
         return None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.models.error_curve import KIND, is_curve
+from clutchest.vehicle.named_files import NamedFiles
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.vehicle import ParameterValue
 
@@ -19,23 +19,24 @@ if TYPE_CHECKING:
 def read_effects(
     file: TomlFile,
     machine: Machine,
-    effects_files: tuple[Path, ...],
+    named: NamedFiles,
     parameters: Mapping[str, ParameterValue],
     other: Container[str] = (),
 ) -> dict[str, dict[str, ParameterValue]]:
-    """Effect → number → value and spread, of the ``machine``'s library and the user's own
-    ``effects_files``, but curves and ``other`` ones.  ``parameters``: values at which an own effect
-    is tried."""
+    """Effect → number → value and spread, of the ``machine``'s library and the user's own files,
+    of those ``named``, but curves and ``other`` ones.  ``parameters``: values at which an effect of
+    the user's own is tried."""
     table = file.table(("effects",), file.data.get("effects", {}))
     table = {name: e for name, e in table.items() if not is_curve(name) and name not in other}
     spreads = file.table(("effects_spread",), file.data.get("effects_spread", {}))
     spreads = {name: entry for name, entry in spreads.items() if name not in other}
     file.known(("effects_spread",), spreads, table, "effect of [effects]")
-    if not table and not effects_files:
+    own_files = [path for path in named.effects if path not in named.patches]
+    if not table and not own_files:
         return {}
     from clutchest.models.effects import with_files
 
-    library = with_files(machine.effects, effects_files)
+    library = with_files(machine.effects, own_files, named.digests)
     file.known(("effects",), table, (*library, KIND), f"effect of '{machine.name}'")
     if own := [name for name in table if name not in machine.effects]:
         from clutchest.models.validate_effect import why_invalid

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clutchest.errors import ClutchestError, file_like, nearest
-from clutchest.models import digest_of, machine_in_file, machine_of
-from clutchest.shipped import locate, shipped
+from clutchest.errors import ClutchestError, nearest
+from clutchest.models import machine_in_file, machine_of
+from clutchest.shipped import locate
 from clutchest.vehicle.curves import PATCH, read_curves
 from clutchest.vehicle.effects_section import read_effects
+from clutchest.vehicle.named_files import NamedFiles
 from clutchest.vehicle.signals_section import read_signals
-from clutchest.vehicle.toml import Keys, TomlFile
+from clutchest.vehicle.toml import TomlFile
+from clutchest.vehicle.trust import check_trusted
 from clutchest.vehicle.vehicle import Estimation, ParameterValue, Vehicle
 
 if TYPE_CHECKING:
@@ -44,32 +46,31 @@ _TOP = (
 _REQUIRED = ("name", "model", "signals", "parameters")
 
 
-def load_vehicle(v: str | Path | Vehicle) -> Vehicle:
+def load_vehicle(v: str | Path | Vehicle, *, trust: bool = False) -> Vehicle:
     """The vehicle in the TOML file ``v``, or the shipped one of that name; a Vehicle is returned
     as it is.
 
-    Units are checked and values converted to the model's own.  Raises ClutchestError naming file,
-    line and key, what was expected and the nearest valid key.
+    Units are checked and values converted to the model's own.  A file that names Python (a machine,
+    effects) runs it only where the user has trusted its content (``clutchest trust``), or the
+    program does: ``trust``.  Raises ClutchestError naming file, line and key, what was expected and
+    the nearest valid key.
     """
     if isinstance(v, Vehicle):
         return v
-    return _vehicle(TomlFile.read(locate(str(v), "vehicles").resolve()))
+    return _vehicle(TomlFile.read(locate(str(v), "vehicles").resolve()), trust)
 
 
-def _vehicle(file: TomlFile) -> Vehicle:
+def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
     data = file.data
     file.known((), data, _TOP, "key")
     for key in _REQUIRED:
         if key not in data:
             raise file.error((), f"this vehicle file has no '{key}'")
+    named = NamedFiles.of(file)
+    if not trust:
+        check_trusted(file, named)
     model = file.string(("model",), data["model"])
-    model_file = _beside(file, ("model",), model) if model.endswith(".py") else None
-    model_digest = digest_of(model_file) if model_file else ""
-    machine = _machine(file, model, model_file, model_digest)
-    effects_files = tuple(
-        _beside(file, ("effects_files",), entry)
-        for entry in file.strings(("effects_files",), data.get("effects_files", []))
-    )
+    machine = _machine(file, model, named)
     limits = _section(file, "limits", machine.limits, f"limit of '{machine.name}'")
     thresholds = _section(
         file, "modes", machine.regimes.threshold_units, f"threshold of '{machine.name}'"
@@ -78,17 +79,17 @@ def _vehicle(file: TomlFile) -> Vehicle:
     checked = file.strings(("checked",), data.get("checked", []))
     file.known(("checked",), checked, {s.bus.message for s in signals.values()}, "mapped message")
     parameters = _parameters(file, machine.parameters)
-    curves, patches = read_curves(file, machine, effects_files)
-    own_effects = tuple(path for path in effects_files if path not in patches)
-    of_patches = {name for patch in patches.values() for name in patch.effects}
-    effects = read_effects(file, machine, own_effects, parameters, of_patches)
+    curves = read_curves(file, machine, named.patches)
+    own_effects = tuple(path for path in named.effects if path not in named.patches)
+    of_patches = {name for patch in named.patches.values() for name in patch.effects}
+    effects = read_effects(file, machine, named, parameters, of_patches)
     false_alarms, codes = _monitors(file)
     return Vehicle(
         name=file.string(("name",), data["name"]),
         model=model,
         path=file.path,
-        hash=_digest(file, (*effects_files, *([model_file] if model_file else []))),
-        dbc=tuple(_dbc(file, entry) for entry in file.strings(("dbc",), data.get("dbc", []))),
+        hash=_digest(file, named.digests.values()),
+        dbc=named.dbc,
         signals=signals,
         parameters=parameters,
         effects={name: {key: n.value for key, n in of.items()} for name, of in effects.items()},
@@ -104,19 +105,16 @@ def _vehicle(file: TomlFile) -> Vehicle:
         codes=codes,
         effects_files=own_effects,
         curves=curves,
-        notes=tuple(f"{path.name}: {PATCH}" for path in patches),
+        notes=tuple(f"{path.name}: {PATCH}" for path in named.patches),
         checked=tuple(checked),
-        model_file=model_file,
-        model_digest=model_digest,
+        model_file=named.model,
+        digests=named.digests,
     )
 
 
-def _digest(file: TomlFile, others: Sequence[Path]) -> str:
+def _digest(file: TomlFile, named: Iterable[str]) -> str:
     """Over the content of the vehicle file and of the Python files that it names."""
-    digest = sha256(file.text.encode())
-    for path in others:
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return sha256("".join([file.text, *named]).encode()).hexdigest()
 
 
 def _monitors(file: TomlFile) -> tuple[dict[str, float], dict[str, tuple[int, int | None]]]:
@@ -141,36 +139,16 @@ def _monitors(file: TomlFile) -> tuple[dict[str, float], dict[str, tuple[int, in
     return numbers, codes
 
 
-def _machine(file: TomlFile, model: str, model_file: Path | None, digest: str) -> Machine:
+def _machine(file: TomlFile, model: str, named: NamedFiles) -> Machine:
     try:
-        return machine_in_file(model_file, digest) if model_file else machine_of(model)
+        if named.model:
+            return machine_in_file(named.model, named.digests[named.model])
+        return machine_of(model)
     except ClutchestError as problem:
         own = file.path.with_name(f"{model}.py")
         hint = f'; the machine of {own.name} is named by its file: model = "{own.name}"'
-        complaint = f"{problem}{hint if model_file is None and own.is_file() else ''}"
+        complaint = f"{problem}{hint if named.model is None and own.is_file() else ''}"
         raise file.error(("model",), complaint) from None
-
-
-def _dbc(file: TomlFile, entry: str) -> Path:
-    """Beside the file, else among the shipped, else the bare name for the log's folder."""
-    beside = file.path.parent / entry
-    if beside.is_file():
-        return beside.resolve()
-    for path in shipped("dbc").values():
-        if path.name == entry:
-            return path.resolve()
-    return Path(entry)
-
-
-def _beside(file: TomlFile, keys: Keys, entry: str) -> Path:
-    """A file relative to the vehicle file."""
-    path = (file.path.parent / entry).resolve()
-    if not path.is_file():
-        raise file.error(
-            keys,
-            f"no such file: {entry} (relative to this vehicle file){file_like(path)}",
-        )
-    return path
 
 
 def _section(

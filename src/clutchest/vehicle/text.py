@@ -6,30 +6,60 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from clutchest.errors import ClutchestError
 from clutchest.models.error_curve import ErrorCurve
 from clutchest.shipped import shipped
 from clutchest.vehicle.vehicle import BusSignal, SignalMap, Vehicle
 
 
-def dump_vehicle(vehicle: Vehicle, path: str | Path, heading: str = "") -> None:
+def dump_vehicle(
+    vehicle: Vehicle, path: str | Path, heading: str = "", target: Path | None = None
+) -> None:
     """Write ``vehicle`` as a complete file; ``load_vehicle`` reads it back equal.
 
     ``heading`` becomes comment lines at the top.  DBCs that do not travel with the package are
-    named relative to the new file.
+    named relative to the new file; Python files that do not lie below it are copied beside it.
+    ``target``: where it will lie in the end, if not at ``path``.  Raises ClutchestError for a
+    Python file that was changed since the vehicle was loaded.
     """
     path = Path(path)
-    path.write_text(vehicle_text(vehicle, path, heading), encoding="utf-8")
+    target = path if target is None else target
+    path.write_text(vehicle_text(vehicle, target, heading), encoding="utf-8")
+    for source, name in _copies(vehicle, target).items():
+        content, digest = source.read_bytes(), vehicle.digests.get(source)
+        if digest and sha256(content).hexdigest() != digest:
+            raise ClutchestError(f"{source}: was changed after its vehicle was loaded")
+        (path.parent / name).write_bytes(content)
+
+
+def _copies(vehicle: Vehicle, target: Path) -> dict[Path, str]:
+    """Python file → the name of its copy beside ``target``, of those that do not lie below it; no
+    other file of that name is overwritten."""
+    folder = target.resolve().parent
+    names: dict[Path, str] = {}
+    for path in vehicle.python_files:
+        if path.resolve().is_relative_to(folder):
+            continue
+        content, name = path.read_bytes(), path.name
+        there = folder / name
+        if name in names.values() or (there.exists() and there.read_bytes() != content):
+            name = f"{path.stem}_{sha256(content).hexdigest()[:8]}.py"
+        names[path] = name
+    return names
 
 
 def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
     """``vehicle`` as TOML, for a file at ``target``."""
     stock = {path.resolve() for path in shipped("dbc").values()}
-    folder = target.resolve().parent
+    folder, copies = target.resolve().parent, _copies(vehicle, target)
 
     def name(path: Path) -> str:
+        if path in copies:
+            return copies[path]
         if not path.is_absolute() or path in stock:
             return path.name if path in stock else path.as_posix()
         try:

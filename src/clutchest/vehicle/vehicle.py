@@ -11,6 +11,7 @@ from clutchest.models import machine_in_file, machine_of
 from clutchest.models.error_curve import ErrorCurve, Numbers, numbers_of
 
 if TYPE_CHECKING:
+    from clutchest.models.effects import Effect
     from clutchest.models.machine import Machine
 
 
@@ -96,8 +97,9 @@ class Vehicle:
     → number → value, ``effects_spread`` the standard deviation of gains that are not known exactly;
     ``curves``: the effects that are curves.  ``notes``: what a user should know of the file.
     ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
-    and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine,
-    ``model_digest`` of its content.
+    and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine;
+    ``digests`` of the content of that and of the ``effects_files``, as they were when the vehicle
+    was loaded: other content is not run.
     """
 
     name: str
@@ -114,19 +116,31 @@ class Vehicle:
     limits: Mapping[str, ParameterValue] = field(default_factory=dict)
     monitors: Mapping[str, float] = field(default_factory=dict)
     codes: Mapping[str, tuple[int, int | None]] = field(default_factory=dict)
-    effects_files: tuple[Path, ...] = ()
+    effects_files: tuple[Path, ...] = field(default=(), compare=False)
     curves: Mapping[str, ErrorCurve] = field(default_factory=dict)
     checked: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=(), compare=False)
     model_file: Path | None = field(default=None, compare=False)
-    model_digest: str = field(default="", compare=False)
+    digests: Mapping[Path, str] = field(default_factory=dict, compare=False)
 
     @property
     def machine(self) -> Machine:
         """The machine by name, or the one defined in ``model_file``."""
         if self.model_file is None:
             return machine_of(self.model)
-        return machine_in_file(self.model_file, self.model_digest)
+        return machine_in_file(self.model_file, self.digests.get(self.model_file, ""))
+
+    @property
+    def library(self) -> Mapping[str, Effect]:
+        """Name → effect, of the machine's library and of the user's own files."""
+        from clutchest.models.effects import with_files
+
+        return with_files(self.machine.effects, self.effects_files, self.digests)
+
+    @property
+    def python_files(self) -> tuple[Path, ...]:
+        """The Python files that it names."""
+        return (*([self.model_file] if self.model_file else []), *self.effects_files)
 
     @property
     def guessed(self) -> tuple[str, ...]:

@@ -20,6 +20,8 @@ from clutchest.models.effects.effect import (
 )
 from clutchest.models.python_file import load_module
 
+NO_DIGESTS: Mapping[Path, str] = MappingProxyType({})
+
 __all__ = [
     "Effect",
     "Gains",
@@ -41,12 +43,13 @@ def effects_in(package: str) -> Mapping[str, Effect]:
     return MappingProxyType(dict(sorted(effects.items())))
 
 
-def effects_of_file(path: Path) -> Mapping[str, Effect]:
-    """Name → effect, for every effect class in a user's own Python file.
+def effects_of_file(path: Path, digest: str = "") -> Mapping[str, Effect]:
+    """Name → effect, for every effect class in a user's own Python file, with the content of that
+    ``digest`` if one is given.
 
     Raises ClutchestError where the file cannot be read or defines none.
     """
-    module = load_module(path, f"clutchest_effects_{path.stem}", "effects")
+    module = load_module(path, f"clutchest_effects_{path.stem}", "effects", digest)
     effects = {effect.name: effect for effect in _defined_in(module)}
     if not effects:
         raise ClutchestError(f"{path}: expected a subclass of clutchest.machine.Effect")
@@ -55,12 +58,14 @@ def effects_of_file(path: Path) -> Mapping[str, Effect]:
     return effects
 
 
-def with_files(library: Mapping[str, Effect], files: Iterable[Path]) -> dict[str, Effect]:
-    """Name → effect, of a machine's ``library`` and of a user's own ``files``.  Raises as
-    :func:`effects_of_file` does."""
+def with_files(
+    library: Mapping[str, Effect], files: Iterable[Path], digests: Mapping[Path, str] = NO_DIGESTS
+) -> dict[str, Effect]:
+    """Name → effect, of a machine's ``library`` and of a user's own ``files``; ``digests`` of the
+    contents that some of them must have.  Raises as :func:`effects_of_file` does."""
     known = dict(library)
     for path in files:
-        known |= effects_of_file(path)
+        known |= effects_of_file(path, digests.get(path, ""))
     return known
 
 
