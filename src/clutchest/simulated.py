@@ -115,6 +115,7 @@ def write_simulation(
     signals) and the truth beside it; returns the truth's path, ``PATH.truth.parquet``."""
     path = Path(path)
     frames, truth, sampled = _drive(vehicle, scenario, seed, effects, options)
+    late = float(sampled.truth.time[-1] - truth.time[-1])  # the log begins with its first frame
     if path.name.lower().endswith((".parquet", ".csv", ".csv.gz")):
         write_signals(signals_of(frames, vehicle, load_database(vehicle)), path)
     else:
@@ -134,6 +135,7 @@ def write_simulation(
             "disturbances": Disturbances.of(options.get("disturbances", {})).sizes(),
             "parameters": dict(sampled.parameters),
             "options": dict(options),
+            "benches": [(start - late, end - late, name) for start, end, name in sampled.benches],
             "truth": "a generator of its own"
             if vehicle.machine.generate
             else "the filter's own equations: truth and model are the same",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +19,24 @@ from clutchest.cli.options import (
 from clutchest.cli.terminal import answer, progress
 from clutchest.identify import OF_EVERY_MACHINE
 
+if TYPE_CHECKING:
+    from clutchest.identify.bench_records import Stated
+    from clutchest.signals import Signals
+    from clutchest.vehicle import Vehicle
+
+
+Bench = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--bench",
+        metavar="NAME",
+        show_default=False,
+        help="The test bench that the logs are from, for experiments: one for all, or one for each "
+        "LOG in their order, --holdout after them. Unless given: as simulate wrote it beside a "
+        "log, else guessed from the data and said.",
+    ),
+]
+
 
 def identify(
     name: Annotated[
@@ -26,7 +44,7 @@ def identify(
         typer.Argument(
             metavar="PROCEDURE",
             show_default=False,
-            help="A procedure that the vehicle's machine declares, as torque-curve or disc; or "
+            help="A procedure that the vehicle's machine declares, as torque-curve, disc or I1; or "
             + "; ".join(f"{name}: {what}" for name, what in OF_EVERY_MACHINE.items())
             + ".",
         ),
@@ -35,6 +53,7 @@ def identify(
     vehicle: VehicleName,
     trust: Trust = False,
     holdout: Holdout = None,
+    bench: Bench = None,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
@@ -48,6 +67,7 @@ def identify(
       clutchest identify noise monday.log --vehicle truck --out tuned
       clutchest identify disc ramps.log --holdout tuesday.log --vehicle tuned/vehicle.toml
       clutchest replay wednesday.log --vehicle tuned/vehicle.toml
+      clutchest identify I1 held.log --bench rotor-held --vehicle alsd_rig --out motor
     """
     with progress() as show:
         show("loading", None)
@@ -61,8 +81,9 @@ def identify(
         car = load_vehicle(vehicle, trust=trust)
         disjoint(logs, holdout or ())
         show("reading", None)
-        held_out = read_log(holdout, car) if holdout else None
-        fit = run(name, read_log(logs, car), car, show, held_out)
+        signals, held_out = read_log(logs, car), read_log(holdout, car) if holdout else None
+        benches = _benches(logs, signals, holdout or [], held_out, bench or [], car)
+        fit = run(name, signals, car, show, held_out, benches)
         show("writing", None)
         with finished_into(out) as folder:
             (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")
@@ -71,3 +92,27 @@ def identify(
             names = sorted(path.name for path in folder.iterdir())
         trust_written(fit.vehicle, out / "vehicle.toml")
     answer(fit.as_dict(), as_json, lambda console: print_fit(fit, car, console), out, names)
+
+
+def _benches(
+    logs: list[str],
+    signals: Signals,
+    holdout: list[str],
+    held_out: Signals | None,
+    names: list[str],
+    car: Vehicle,
+) -> tuple[Stated, Stated]:
+    """Those of the drives that are fitted, and of those that are held out."""
+    from clutchest.identify.bench_records import stated_sections
+
+    if len(names) not in (0, 1, len(logs), len(logs) + len(holdout)):
+        raise typer.BadParameter(
+            f"{len(names)} benches for {len(logs)} logs, expected one, or one for each",
+            param_hint="--bench",
+        )
+    own = names if len(names) == 1 else names[: len(logs)]
+    rest = names if len(names) == 1 else names[len(logs) :]
+    return (
+        stated_sections(signals, logs, own, car),
+        stated_sections(held_out, holdout, rest, car) if held_out is not None else (),
+    )

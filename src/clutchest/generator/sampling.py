@@ -38,7 +38,8 @@ class Sampled:
     """A generated drive.
 
     ``signals``: canonical name → (time s, value), shape (n,) each, noisy but not quantised, the
-    signals of one message on common times; ``parameters`` as drawn, before any effect.
+    signals of one message on common times; ``parameters`` as drawn, before any effect; ``benches``:
+    (start s, end s, name) of the test benches it ran on.
     """
 
     signals: Mapping[str, tuple[Floats, Floats]]
@@ -46,6 +47,7 @@ class Sampled:
     parameters: Mapping[str, float]
     seed: int
     scenario: str
+    benches: tuple[tuple[float, float, str], ...] = ()
 
 
 def sample(

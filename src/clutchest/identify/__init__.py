@@ -9,6 +9,7 @@ from clutchest.errors import ClutchestError, nearest
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
+    from clutchest.identify.bench_records import Stated
     from clutchest.identify.fit import Fit
     from clutchest.models.machine import Machine
     from clutchest.signals import Signals
@@ -24,7 +25,7 @@ OF_EVERY_MACHINE = {
 
 def procedures(machine: Machine) -> dict[str, str]:
     """Name → what it determines, of every procedure for a machine."""
-    declared = {p.name: p.what for p in machine.procedures}
+    declared = {p.name: p.what for p in (*machine.procedures, *machine.experiments)}
     return {NOISE: OF_EVERY_MACHINE[NOISE], **declared, ALL: OF_EVERY_MACHINE[ALL]}
 
 
@@ -34,15 +35,17 @@ def identify(
     vehicle: Vehicle,
     progress: Progress,
     holdout: Signals | None = None,
+    benches: tuple[Stated, Stated] = ((), ()),
 ) -> Fit:
     """Run the procedure of that ``name`` on all drives of ``signals``.
 
-    ``holdout``: drives that only measure what the numbers are worth.  Raises ClutchestError where
-    the machine has no such procedure, or the drives cannot serve.
+    ``holdout``: drives that only measure what the numbers are worth; ``benches`` of each drive of
+    both, for experiments.  Raises ClutchestError where the machine has no such procedure, or the
+    drives cannot serve.
     """
     machine = vehicle.machine
     if name not in (known := procedures(machine)):
-        declares = "" if machine.procedures else f"; machine '{machine.name}' declares none"
+        declares = "" if machine.procedures or machine.experiments else f"; machine '{machine.name}' declares none"
         raise ClutchestError(f"unknown procedure '{name}'{declares}{nearest(name, known)}")
     if name == NOISE:
         if holdout is not None:
@@ -52,6 +55,13 @@ def identify(
         from clutchest.identify.noise import identify_noise
 
         return identify_noise(signals, vehicle, progress)
+    experiments = [e for e in machine.experiments if name in (e.name, ALL)]
+    if experiments:
+        from clutchest.identify.experiments import identify_experiments
+
+        return identify_experiments(
+            name, experiments, signals, vehicle, progress, holdout, benches
+        )
     from clutchest.identify.parameters import identify_parameters, procedure_of
 
     return identify_parameters(procedure_of(name, vehicle), signals, vehicle, progress, holdout)

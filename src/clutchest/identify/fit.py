@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from math import ceil, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,7 +142,7 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
             name, leaf = key, ""
             prior = fitted.prior_std or 0.0
             was = f"{before.parameters[key].value:.4g} ± {prior:.2g}"
-            is_ = f"{fitted.value:.4g} ± {fitted.std or 0.0:.2g}"
+            is_ = f"{fitted.value:.{_digits(fitted)}g} ± {fitted.std or 0.0:.2g}"
         else:
             section, _, leaf = key.rpartition(".")
             name = section.rpartition(".")[2]
@@ -149,7 +150,7 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
         unit = "" if fitted.unit == "1" else f" {fitted.unit}"
         first, last = ("" if name == last else name), name
         if fitted.determined:
-            span = f"{fitted.low:.3g} … {fitted.high:.3g}"
+            span = _interval(fitted)
             note = f"; {fitted.note}" if fitted.note else ""
             table.add_row(first, leaf, was, is_ + unit, escape(span + note))
         else:
@@ -161,6 +162,18 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
         console.print(escape(note))
     for warning in fit.warnings:
         console.print(f"[yellow]warning:[/] {escape(warning)}")
+
+
+def _digits(fitted: Fitted) -> int:
+    """How many digits of a value matter, by its standard deviation."""
+    if not fitted.std or not fitted.value:
+        return 4
+    return max(4, ceil(log10(abs(fitted.value) / fitted.std)) + 1)
+
+
+def _interval(fitted: Fitted) -> str:
+    digits = max(3, _digits(fitted) - 1) if fitted.std else 3
+    return f"{fitted.low:.{digits}g} … {fitted.high:.{digits}g}"
 
 
 def _in_words(validation: Validation) -> str:

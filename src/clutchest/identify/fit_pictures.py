@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from clutchest.identify.likelihood import Posterior, along
 from clutchest.identify.validation import reading_errors, rows_of
+from clutchest.models.experiments import Curve, Parameters
 from clutchest.models.procedures import (
     CurvePicture,
     Picture,
@@ -34,6 +36,23 @@ def draw(procedure: Procedure, posterior: Posterior, vehicle: Vehicle, folder: P
     for picture in procedure.pictures:
         figure = _drawn(picture, procedure, posterior, vehicle)
         figure.savefig(folder / picture.file, dpi=DOTS_PER_INCH)
+
+
+def draw_curves(
+    curves: Sequence[tuple[Curve, Floats]], before: Parameters, after: Parameters, folder: Path
+) -> None:
+    """The pictures of experiments, each with the own numbers of its record; those of one file on
+    common axes."""
+    for file in dict.fromkeys(curve.file for curve, _ in curves):
+        figure, (axes,) = _sheet(1, 4.5)
+        for i, (curve, own) in enumerate(pair for pair in curves if pair[0].file == file):
+            labels = ("measured", "before", "fitted") if i == 0 else (None, None, None)
+            axes.plot(*curve.points, "C0.", ms=3, label=labels[0])
+            axes.plot(*curve.model(before, own), "C7--", lw=1.2, label=labels[1])
+            axes.plot(*curve.model(after, own), "k", lw=1.2, label=labels[2])
+            axes.set(xlabel=curve.labels[0], ylabel=curve.labels[1])
+        axes.legend(fontsize=8)
+        figure.savefig(folder / file, dpi=DOTS_PER_INCH)
 
 
 def _drawn(

@@ -15,7 +15,7 @@ from clutchest.identify.validation import validate
 from clutchest.models.procedures import Procedure
 from clutchest.progress import Progress
 from clutchest.signals import Signals
-from clutchest.vehicle import Vehicle
+from clutchest.vehicle import ParameterValue, Vehicle
 
 Z = 1.96  # standard deviations of a 95 % interval
 DETERMINED = 0.8  # of the prior's standard deviation: less must be left for a log to determine it
@@ -117,7 +117,11 @@ def _draw(procedure: Procedure, posterior: Posterior, vehicle: Vehicle, folder: 
 def determined(posterior: Posterior, key: str) -> Fitted:
     """Value ± standard deviation, or that the logs leave it where it was."""
     before = posterior.problem.vehicle.parameters[key]
-    value, std = posterior.of(key) or (before.value, before.spread)
+    return as_fitted(before, *(posterior.of(key) or (before.value, before.spread)))
+
+
+def as_fitted(before: ParameterValue, value: float, std: float) -> Fitted:
+    """The same by what a parameter was, and its most probable value ± standard deviation."""
     if std > DETERMINED * before.spread:
         smaller = 100 * (1 - std / before.spread)
         why = f"not identifiable from these logs (standard deviation only {smaller:.0f} % smaller)"

@@ -23,6 +23,7 @@ from clutchest.models.declarations import Comparison, Event, Separation, Wear
 from clutchest.models.delay_relations import DelayRelation
 from clutchest.models.effects.effect import RESERVED, TIME, Effect
 from clutchest.models.error_terms import ErrorTerm
+from clutchest.models.experiments import Benches, Experiment
 from clutchest.models.fault import Demand, Follower, ModelFault
 from clutchest.models.model import POWER, Expressions, Model
 from clutchest.models.procedures import Picture, Procedure
@@ -80,7 +81,8 @@ class Machine:
     For diagnosis: ``faults`` of the equations, the ``fault_signals`` that their tests need,
     ``followers`` and ``demands``.
 
-    For identification: ``procedures``, ways to determine some of the parameters; ``pictures`` of a
+    For identification: ``procedures``, ways to determine some of the parameters; ``experiments`` on
+    ``benches`` that determine some of them by equations of their own; ``pictures`` of a
     fit of all of them; ``relative_states`` (state → parameters): states that start from their
     nominal value where all of these parameters are fitted, because they are relative to them;
     ``delay_relations``, how late signals are behind the equations' anchor.
@@ -124,6 +126,8 @@ class Machine:
     followers: tuple[Follower, ...] = ()
     demands: tuple[Demand, ...] = ()
     procedures: tuple[Procedure, ...] = ()
+    experiments: tuple[Experiment, ...] = ()
+    benches: Benches | None = None
     pictures: tuple[Picture, ...] = ()
     relative_states: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: _EMPTY)
     delay_relations: tuple[DelayRelation, ...] = ()
@@ -277,6 +281,7 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
             yield piece, f"has no parameter '{key}'" + nearest(key, parameters)
         if procedure.sensor and procedure.sensor not in sensors:
             yield piece, f"has no sensor '{procedure.sensor}'" + nearest(procedure.sensor, sensors)
+    yield from _wrong_experiments(machine)
     if machine.event is not None and machine.event.hottest not in states:
         yield "event", f"has no state '{machine.event.hottest}'"
     if machine.event is not None and not machine.regimes.event:
@@ -291,6 +296,20 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
                 "sensors",
                 f"read in mode '{sensor.mode}'" + nearest(sensor.mode, machine.regimes.modes),
             )
+
+
+def _wrong_experiments(machine: Machine) -> Iterator[tuple[str, str]]:
+    parameters = [p.key for p in machine.parameters]
+    benches = machine.benches.names if machine.benches else {}
+    for experiment in machine.experiments:
+        piece = f"experiment '{experiment.name}'"
+        for what, names, known in (
+            ("parameter", experiment.parameters, parameters),
+            ("bench", experiment.benches, benches),
+            ("column", experiment.signals, machine.units),
+        ):
+            for name in (name for name in names if name not in known):
+                yield piece, f"has no {what} '{name}'" + nearest(name, known)
 
 
 def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
-from clutchest.generator.alsd.scenarios import ON_THE_ROAD, ROW, SCENARIOS
+from clutchest.generator.alsd.plant import FAST, STEP, WHEELS
+from clutchest.generator.alsd.scenarios import ON_THE_ROAD, SCENARIOS
 from clutchest.generator.effects import Values, complete
 from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.outsider import Reading
@@ -18,7 +19,9 @@ from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.surroundings import Disturbances, stream
 from clutchest.signals import Floats, Truth
 
-EVERY = 5  # rows of the record per row of the truth: 200 Hz
+EVERY = 250  # steps per row of the truth: 200 Hz
+
+BENCHES = ("rig", "no-pack", "output-fixed", "motor-alone", "rotor-held")  # by the plant's numbers
 
 # Largest magnitude per name of an effect's parameter: beyond it a run is nonsense.
 LARGEST: Values = {
@@ -52,7 +55,7 @@ def generate(request: DriveRequest) -> Sampled:
     drawn = draw(parameters, {} if request.nominal else request.spreads, request.machine_seed)
     record = numbers(drawn, active, parameters["friction_coefficient"], request.deviations)
     profile = plan.profile(stream(seed, "course"), duration)
-    columns = run(profile, record)
+    columns = run(profile, record, plan.fast)
     if not all(np.isfinite(column).all() for column in columns.values()):
         raise ClutchestError(
             f"scenario '{request.scenario}', seed {seed}: these parameters and effects "
@@ -60,7 +63,9 @@ def generate(request: DriveRequest) -> Sampled:
         )
     quantities = _quantities(columns, profile, active)
     sampled = sample(request.channels, quantities, seed, duration, request.outliers)
-    return Sampled(sampled, _truth(columns), drawn, seed, request.scenario)
+    truth = _truth(columns, EVERY // plan.fast)
+    benches = _benches(columns["time"], profile)
+    return Sampled(sampled, truth, drawn, seed, request.scenario, benches)
 
 
 def _check_place(request: DriveRequest) -> None:
@@ -84,8 +89,8 @@ def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:
     return drawn
 
 
-def run(profile: NDArray, record: NDArray) -> dict[str, Floats]:
-    """Columns of the record along ``profile``, one row every ROW s, from rest."""
+def run(profile: NDArray, record: NDArray, fast: int = FAST) -> dict[str, Floats]:
+    """Columns of the record along ``profile``, rows ``fast`` steps apart, from rest."""
     from clutchest.generator.alsd import plant
 
     p = record[0]
@@ -96,14 +101,26 @@ def run(profile: NDArray, record: NDArray) -> dict[str, Floats]:
     if profile["drive"][0] == plant.SLIP:
         y["drive_speed"] = profile["driven"][0] * p["final_drive_ratio"]
     out = np.zeros((len(profile), len(plant.RECORD)))
-    plant.run(profile, y, p, out)
+    plant.run(profile, fast, y, p, out)
     return {
-        "time": np.arange(len(profile), dtype=np.float64) * ROW,
+        "time": np.arange(len(profile), dtype=np.float64) * (fast * STEP),
         **dict(zip(plant.RECORD, out.T, strict=True)),
     }
 
 
-def _truth(columns: Mapping[str, Floats]) -> Truth:
+def _benches(time: Floats, profile: NDArray) -> tuple[tuple[float, float, str], ...]:
+    """(start s, end s, bench) of every part of the run."""
+    cuts = np.flatnonzero(np.diff(profile["bench"])) + 1
+    rows = np.concatenate([[0], cuts, [len(time) - 1]])
+    on_the_road = profile["drive"][0] == WHEELS
+    names = [
+        "car" if on_the_road else BENCHES[int(profile["bench"][row])] for row in rows[:-1]
+    ]
+    return tuple(zip(time[rows[:-1]].tolist(), time[rows[1:]].tolist(), names, strict=True))
+
+
+def _truth(columns: Mapping[str, Floats], every: int) -> Truth:
+    """One row of the truth for ``every`` rows of the record."""
     from clutchest.generator.alsd.plant import MODES
 
     names = (
@@ -119,7 +136,7 @@ def _truth(columns: Mapping[str, Floats]) -> Truth:
         "clutch_torque",
         "slip_speed",
     )
-    rows = slice(None, None, EVERY)
+    rows = slice(None, None, every)
     kept = {name: np.ascontiguousarray(columns[name][rows]) for name in names}
     kept["mode"] = np.array(MODES)[columns["mode"][rows].astype(int)]
     kept["slip_energy"] = np.ascontiguousarray(columns["energy"][rows])

@@ -1,7 +1,7 @@
 """Actuator and clutch, step by step: its own integrator, its own friction code.
 
-Backward Euler in current, plate and bristles, each in closed form or by a few Newton steps;
-semi-implicit Euler in the masses; controllers sampled.  All that is compiled stands in this file,
+Exponential in the current, backward Euler in plate and bristles, each in closed form or by a few
+Newton steps; semi-implicit Euler in the masses; controllers sampled.  All that is compiled stands in this file,
 so that numba's cache never serves a kernel older than what it calls.  Numbers are those of
 ``effects.NUMBERS``.
 """
@@ -19,12 +19,12 @@ from clutchest.signals import Floats
 
 STEP = 2e-5  # s
 SAMPLED = 5  # steps between samples of the controllers
-FAST = 50  # steps between rows of inputs and records
+FAST = 50  # steps between rows of inputs and records, unless a scenario is faster
 MODES = ("open", "slipping", "locked")
 
 Record = Any  # a row of a structured array, its columns as attributes
 
-# What the rig or the road does, one row per FAST steps, straight in between.
+# What the rig or the road does, one row per so many steps, straight in between.
 #   actuator  0 current controller, 1 voltage, 2 motor angle controller; ``asked`` A, V or rad
 #   bench     0 complete, 1 pack removed, 2 ball-ramp output fixed, 3 motor alone, 4 rotor held
 #   drive     0 slip controller (``driven`` rad/s), 1 servo torque (Nm), 2 wheels (left − right)/2
@@ -195,8 +195,8 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
     R = p.armature_resistance * (1.0 + p.resistance_temp_coefficient * warm)
     L = p.armature_inductance * (1.0 + p.inductance_temp_coefficient * warm)
     Kt = p.torque_constant * (1.0 + p.torque_constant_temp_coefficient * warm)
-    push = y.voltage - p.back_emf_constant * y.motor_speed
-    y.current = (y.current + h / L * push) / (1.0 + h / L * (R + p.harness))
+    settled = (y.voltage - p.back_emf_constant * y.motor_speed) / (R + p.harness)
+    y.current = settled + (y.current - settled) * exp(-h / L * (R + p.harness))  # (1)
 
     w = y.motor_speed
     g = p.motor_coulomb_torque + (p.motor_static_torque - p.motor_coulomb_torque) * exp(
@@ -256,16 +256,17 @@ def slide(
 
 
 @njit(cache=True, error_model="numpy")
-def run(profile: NDArray, y: Record, p: Record, out: Floats) -> None:
-    """Along ``profile`` (K) from its first row to its last; ``out`` (K, RECORD) is filled."""
+def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
+    """Along ``profile`` (K), rows ``fast`` steps apart, from its first row to its last; ``out``
+    (K, RECORD) is filled."""
     h = STEP
     wheels = 1.0 / (1.0 / p.torsional_stiffness + 0.5 / p.halfshaft_stiffness)
     torque, potential, slip = 0.0, 0.0, 0.0
     for k in range(len(profile)):
         c = profile[k]
         last = profile[max(k - 1, 0)]
-        for i in range(FAST if k > 0 else 0):
-            share = (i + 1.0) / FAST
+        for i in range(fast if k > 0 else 0):
+            share = (i + 1.0) / fast
             asked = last.asked + share * (c.asked - last.asked)
             driven = last.driven + share * (c.driven - last.driven)
             if i % SAMPLED == 0:

@@ -23,6 +23,7 @@ from clutchest.generator.alsd.plant import (
     OUTPUT_FIXED,
     PROFILE,
     ROTOR_HELD,
+    SAMPLED,
     STEP,
     TORQUE,
     VOLTAGE,
@@ -30,7 +31,6 @@ from clutchest.generator.alsd.plant import (
 )
 from clutchest.signals import Floats
 
-ROW = FAST * STEP  # s between rows of a profile
 RAMP = 0.015  # s
 RPM = pi / 30
 Random = np.random.Generator
@@ -39,16 +39,23 @@ Points = list[tuple[float, float]]  # (time s, value), straight in between
 
 @dataclass(frozen=True)
 class ActuatorScenario:
-    """``name``, ``what`` it shows, its default ``duration`` s, and what makes its profile."""
+    """``name``, ``what`` it shows, its default ``duration`` s, and what makes its profile; ``fast``
+    steps of the plant between two rows, a multiple of SAMPLED."""
 
     name: str
     what: str
     duration: float
     make: Callable[[Random, Floats, NDArray], None]  # (rng, time, profile to fill)
+    fast: int = FAST
+
+    @property
+    def row(self) -> float:
+        """s between rows."""
+        return self.fast * STEP
 
     def profile(self, rng: Random, duration: float) -> NDArray:
-        """The profile (K) over ``duration`` s, one row every ROW s."""
-        time = np.arange(round(duration / ROW) + 1, dtype=np.float64) * ROW
+        """The profile (K) over ``duration`` s, one row every ``row`` s."""
+        time = np.arange(round(duration / self.row) + 1, dtype=np.float64) * self.row
         profile = np.zeros(len(time), PROFILE)
         profile["oil"] = rng.uniform(25.0, 60.0)
         self.make(rng, time, profile)
@@ -195,7 +202,7 @@ SCENARIOS: Mapping[str, ActuatorScenario] = MappingProxyType(
             ActuatorScenario("rig-ramps", "current ramps (A5)", 62.0, _rig_ramps),
             ActuatorScenario("car", "corners and split friction on the road", 120.0, _car),
             ActuatorScenario("I1", "resistance over temperature", 600.0, _resistance),
-            ActuatorScenario("I2", "inductance", 6.0, _inductance),
+            ActuatorScenario("I2", "inductance", 6.0, _inductance, SAMPLED),
             ActuatorScenario("I3", "voltage constant", 32.0, _voltage_constant),
             ActuatorScenario("I4", "torque constant over temperature", 600.0, _torque_constant),
             ActuatorScenario("I5", "inertia and friction of the motor", 32.0, _inertia),

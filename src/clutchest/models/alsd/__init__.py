@@ -22,6 +22,7 @@ from clutchest.models.alsd.error_terms import (
     SEPARATING_SENSORS,
 )
 from clutchest.models.alsd.estimator import ALSD, at_rest, for_signals
+from clutchest.models.alsd.experiments import BENCHES, EXPERIMENTS
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
@@ -65,6 +66,8 @@ MACHINE = Machine(
     separating_sensors=SEPARATING_SENSORS,
     sensor_for=SENSOR_FOR,
     separating_manoeuvres=SEPARATING_MANOEUVRES,
+    experiments=EXPERIMENTS,
+    benches=BENCHES,
     generate=_generate,
     scenarios=_scenarios,
     template="alsd_rig",

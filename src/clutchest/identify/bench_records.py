@@ -1,0 +1,116 @@
+"""Drives as records of benches: by what is stated, else by what the machine makes of the data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import inf
+from pathlib import Path
+
+from clutchest.errors import ClutchestError, nearest
+from clutchest.models.experiments import Benches, BenchRecord, BenchSection
+from clutchest.reading.bench_metadata import stated_benches
+from clutchest.signals import Signal, Signals
+from clutchest.vehicle import Vehicle
+
+Stated = Sequence[tuple[BenchSection, ...]]  # of each drive; empty where nothing is stated
+
+
+@dataclass(frozen=True, slots=True)
+class BenchRecords:
+    """All records of some drives, and notes on how their benches are known."""
+
+    records: tuple[BenchRecord, ...]
+    notes: tuple[str, ...]
+
+    def on(self, benches: Sequence[str]) -> tuple[BenchRecord, ...]:
+        """Those of some benches."""
+        return tuple(record for record in self.records if record.bench in benches)
+
+    @property
+    def benches(self) -> list[str]:
+        """Every bench there is a record of."""
+        return list(dict.fromkeys(record.bench for record in self.records))
+
+
+def bench_records(signals: Signals, vehicle: Vehicle, stated: Stated = ()) -> BenchRecords:
+    """The records of all drives.  ``stated``: benches of each drive, guessed where there are none.
+
+    Raises ClutchestError where the machine has no benches.
+    """
+    benches = vehicle.machine.benches
+    if benches is None:
+        raise ClutchestError(f"machine '{vehicle.machine.name}' declares no benches")
+    records, notes = [], []
+    for i, drive in enumerate(signals.drives):
+        whole = _whole(drive, vehicle)
+        sections = stated[i] if i < len(stated) else ()
+        if not sections:
+            sections = benches.guess(whole)
+            notes.append(_guessed(drive, sections, benches))
+        for section in sections:
+            of = whole.between(section.start, section.end)
+            records.append(replace(of, bench=section.bench))
+    return BenchRecords(tuple(records), tuple(notes))
+
+
+def stated_sections(
+    drives: Signals, logs: Sequence[str], names: Sequence[str], vehicle: Vehicle
+) -> Stated:
+    """The benches of every drive: ``names`` one for all ``logs`` or one for each, else as
+    ``simulate`` wrote them beside a log; empty where neither says.
+
+    Raises ClutchestError for another number of names, or one that is no bench.
+    """
+    benches = vehicle.machine.benches
+    for name in names:
+        if benches is None or name not in benches.names:
+            raise ClutchestError(
+                f"--bench: machine '{vehicle.machine.name}' has no bench '{name}'"
+                + nearest(name, benches.names if benches else ())
+            )
+    if not names:
+        return [stated_benches(drive) for drive in drives.drives]
+    if len(names) not in (1, len(logs)):
+        raise ClutchestError(
+            f"--bench: {len(names)} benches for {len(logs)} logs, expected one, or one for each"
+        )
+    named = dict(zip(map(_stem, logs), list(names) * len(logs), strict=False))
+    every = [{named.get(_stem(s), names[0]) for s in drive.sources} for drive in drives.drives]
+    for drive, of in zip(drives.drives, every, strict=True):
+        if len(of) > 1:
+            raise ClutchestError(f"{' '.join(drive.sources)}: pieces of one drive on {len(of)} benches")
+    return [(BenchSection(-inf, inf, of.pop()),) for of in every]
+
+
+def _stem(path: str) -> str:
+    """A log's name, however its path is written; shipped ones without suffix."""
+    return Path(path).name.partition(".")[0]
+
+
+def _whole(drive: Signals, vehicle: Vehicle) -> BenchRecord:
+    """A drive as one record whose bench is not known."""
+    kept: dict[str, Signal] = {}
+    for name in (name for name in drive if name in vehicle.signals):
+        valid = drive[name].only_valid()
+        if len(valid):
+            kept[name] = replace(valid, time=valid.time - vehicle.signals[name].delay)
+    return BenchRecord(
+        "",
+        kept,
+        {name: vehicle.signals[name].noise for name in kept},
+        {name: vehicle.signals[name].noise_ar for name in kept},
+        {key: p.value for key, p in vehicle.parameters.items()},
+    )
+
+
+def _guessed(drive: Signals, sections: Sequence[BenchSection], benches: Benches) -> str:
+    names = " ".join(source.rpartition("/")[2] for source in drive.sources)
+    if not sections:
+        return f"{names}: neither current nor motion, so that no bench is recognised"
+    words = [
+        f"{section.bench} ({benches.names[section.bench]}) from {section.start:.0f} to "
+        f"{section.end:.0f} s"
+        for section in sections
+    ]
+    return f"{names}: bench guessed from the data: {', '.join(words)}; --bench states it"

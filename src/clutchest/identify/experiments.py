@@ -1,0 +1,207 @@
+"""Parameters from experiments on benches: the equation errors that a machine declares, made least.
+
+An experiment uses the records of its own benches.  All uncertain parameters are estimated along,
+within the vehicle file's spreads, so that a standard deviation contains what is not known of the
+others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from clutchest.errors import ClutchestError
+from clutchest.identify.bench_records import BenchRecords, Stated, bench_records
+from clutchest.identify.equation_errors import BenchPosterior, fit_errors
+from clutchest.identify.fit import ErrorChange, Fit, Fitted, Validation
+from clutchest.identify.parameters import as_fitted
+from clutchest.models.experiments import EquationErrors, Experiment
+from clutchest.progress import Progress
+from clutchest.signals import Signals
+from clutchest.vehicle import ParameterValue, Vehicle
+
+MISFIT = 1.5  # of the noise: larger equation errors are reported
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """Experiments reduced to equation errors: pairs with the experiment of each; ``lacking``: why
+    one that has a record gets nothing from it."""
+
+    parts: tuple[tuple[Experiment, EquationErrors], ...]
+    lacking: tuple[tuple[Experiment, str], ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def errors(self) -> list[EquationErrors]:
+        """The equation errors of all."""
+        return [part for _, part in self.parts]
+
+    @property
+    def experiments(self) -> list[Experiment]:
+        """Those that have a record, each once."""
+        return list(dict.fromkeys(experiment for experiment, _ in (*self.parts, *self.lacking)))
+
+    def why(self, key: str) -> str:
+        """Why no experiment has anything on a parameter; nothing where one has."""
+        if any(key in experiment.parameters for experiment, _ in self.parts):
+            return ""
+        return "; ".join(w for experiment, w in self.lacking if key in experiment.parameters)
+
+
+def identify_experiments(
+    name: str,
+    experiments: Sequence[Experiment],
+    signals: Signals,
+    vehicle: Vehicle,
+    progress: Progress,
+    holdout: Signals | None,
+    benches: tuple[Stated, Stated] = ((), ()),
+) -> Fit:
+    """The parameters of ``experiments`` from the drives, all else within its spread.
+
+    ``benches`` of each drive of ``signals`` and of ``holdout``, guessed where not stated.  Raises
+    ClutchestError where no experiment finds what it needs.
+    """
+    records = bench_records(signals, vehicle, benches[0])
+    progress("reducing", None)
+    reduced = reduced_records(experiments, records)
+    progress("fitting", None)
+    posterior = fit_errors(reduced.errors, vehicle)
+    keys = dict.fromkeys(key for e in reduced.experiments for key in e.parameters)
+    wanted = [key for key in keys if vehicle.parameters[key].spread > 0]
+    if not wanted:
+        raise ClutchestError(
+            f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: nothing may be fitted"
+        )
+    sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
+    source = f"clutchest identify {name}, {', '.join(Path(s).name for s in sources)}"
+    parameters = {
+        key: _fitted(reduced, posterior, vehicle.parameters[key], key) for key in wanted
+    }
+    changed = replace(vehicle, parameters=_changed(vehicle, parameters, source))
+    validation = None
+    warnings = [w for drive in signals.drives for w in drive.warnings]
+    if holdout is None:
+        warnings.append("not validated: that takes a log that is not fitted, --holdout LOG")
+    else:
+        progress("validating", None)
+        held = bench_records(holdout, vehicle, benches[1])
+        validation = validate(holdout, reduced_records(experiments, held), vehicle, changed)
+        if validation.gained < 0.0:
+            warnings.append("on the log held out the new numbers are less probable than the old")
+    undetermined = [key for key, fitted in parameters.items() if not fitted.determined]
+    if undetermined:
+        stay = "they stay" if len(undetermined) > 1 else "it stays"
+        warnings.append(
+            f"these logs do not determine {', '.join(undetermined)}: {stay} at the prior"
+        )
+    warnings += _misfits(reduced, posterior)
+    fixed = [key for key in keys if key not in wanted]
+    exact = [f"{', '.join(fixed)}: no spread in the vehicle file, taken for exact"] if fixed else []
+    return Fit(
+        procedure=name,
+        vehicle=changed,
+        sources=sources,
+        parameters=parameters,
+        notes=(*records.notes, *reduced.notes, *_figures(reduced), *exact),
+        warnings=tuple(dict.fromkeys(warnings)),
+        draw=partial(_draw, reduced, posterior, vehicle, changed),
+        validation=validation,
+    )
+
+
+def reduced_records(experiments: Sequence[Experiment], records: BenchRecords) -> Reduced:
+    """Every experiment on every record of its benches.
+
+    Raises ClutchestError where none of them has a record with the signals that it needs.
+    """
+    parts, lacking, notes = [], [], []
+    for experiment in experiments:
+        of = records.on(experiment.benches)
+        if not of:
+            notes.append(
+                f"{experiment.name} needs a log from bench {' or '.join(experiment.benches)}; "
+                f"these are from {', '.join(records.benches) or 'none that is recognised'}"
+            )
+        for record in of:
+            if missing := record.lacks(experiment.signals):
+                notes.append(f"{experiment.name}: the log has no {', '.join(missing)}")
+                continue
+            result = experiment.reduce(record)
+            if isinstance(result, str):
+                lacking.append((experiment, result))
+            else:
+                parts.append((experiment, result))
+    if not parts and not lacking:
+        raise ClutchestError("; ".join(dict.fromkeys(notes)))
+    return Reduced(tuple(parts), tuple(lacking), tuple(dict.fromkeys(notes)))
+
+
+def _fitted(reduced: Reduced, posterior: BenchPosterior, before: ParameterValue, key: str) -> Fitted:
+    fitted = as_fitted(before, *(posterior.of(key) or (before.value, before.spread)))
+    why = reduced.why(key)
+    return replace(fitted, why=why) if why else fitted
+
+
+def _changed(
+    vehicle: Vehicle, parameters: dict[str, Fitted], source: str
+) -> dict[str, ParameterValue]:
+    """The vehicle's parameters with those that are determined."""
+    return dict(vehicle.parameters) | {
+        key: replace(
+            vehicle.parameters[key], value=f.value, spread=f.std or 0.0, source=source
+        )
+        for key, f in parameters.items()
+        if f.determined
+    }
+
+
+def _misfits(reduced: Reduced, posterior: BenchPosterior) -> list[str]:
+    return [
+        f"{experiment.name}: the equations miss by {scale:.1f} times the noise; standard "
+        "deviations are as many times larger"
+        for (experiment, _), scale in zip(reduced.parts, posterior.scale, strict=True)
+        if scale > MISFIT
+    ]
+
+
+def _figures(reduced: Reduced) -> list[str]:
+    return [f"{experiment.name}: {w}" for experiment, part in reduced.parts for w in part.figures]
+
+
+def validate(
+    holdout: Signals, reduced: Reduced, before: Vehicle, after: Vehicle
+) -> Validation:
+    """Numbers in which the vehicles differ, on ``holdout``: all others are fitted to it within
+    their spreads, once with the one and once with the other."""
+    moved = [k for k, p in after.parameters.items() if p.value != before.parameters[k].value]
+    old, new = (fit_errors(reduced.errors, vehicle, moved, False) for vehicle in (before, after))
+    errors = []
+    for i, (experiment, part) in enumerate(reduced.parts):
+        rms = [
+            float(np.sqrt(np.mean(part.errors(p.parameters(v), p.own[i]) ** 2)))
+            for p, v in ((old, before), (new, after))
+        ]
+        errors.append(ErrorChange(experiment.name, f"the equations of {experiment.name}", "σ", *rms))
+    logs = dict.fromkeys(Path(s).name for drive in holdout.drives for s in drive.sources)
+    return Validation(tuple(logs), tuple(errors), 0.5 * (old.cost - new.cost))
+
+
+def _draw(
+    reduced: Reduced, posterior: BenchPosterior, before: Vehicle, after: Vehicle, folder: Path
+) -> None:
+    from clutchest.identify.fit_pictures import draw_curves
+
+    was = {key: p.value for key, p in before.parameters.items()}
+    now = posterior.parameters(before) | {key: p.value for key, p in after.parameters.items()}
+    curves = [
+        (curve, own)
+        for part, own in zip(reduced.errors, posterior.own, strict=True)
+        for curve in part.curves
+    ]
+    draw_curves(curves, was, now, folder)

@@ -1,0 +1,11 @@
+"""The identification experiments I1 to I8 of [ID08], one file each, and the benches they need."""
+
+from clutchest.models.alsd.experiments.benches import BENCHES
+from clutchest.models.alsd.experiments.inductance import I2
+from clutchest.models.alsd.experiments.resistance import I1
+from clutchest.models.alsd.experiments.torque_constant import I4
+from clutchest.models.alsd.experiments.voltage_constant import I3
+
+EXPERIMENTS = (I1, I2, I3, I4)
+
+__all__ = ["BENCHES", "EXPERIMENTS"]
