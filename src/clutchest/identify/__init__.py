@@ -25,7 +25,8 @@ OF_EVERY_MACHINE = {
 
 def procedures(machine: Machine) -> dict[str, str]:
     """Name → what it determines, of every procedure for a machine."""
-    declared = {p.name: p.what for p in (*machine.procedures, *machine.experiments)}
+    declared = {p.name: p.what for p in machine.procedures}
+    declared |= {experiment.name: experiment.what for experiment in machine.experiments}
     return {NOISE: OF_EVERY_MACHINE[NOISE], **declared, ALL: OF_EVERY_MACHINE[ALL]}
 
 
@@ -45,7 +46,7 @@ def identify(
     """
     machine = vehicle.machine
     if name not in (known := procedures(machine)):
-        declares = "" if machine.procedures or machine.experiments else f"; machine '{machine.name}' declares none"
+        declares = f"; machine '{machine.name}' declares none" if len(known) == 2 else ""
         raise ClutchestError(f"unknown procedure '{name}'{declares}{nearest(name, known)}")
     if name == NOISE:
         if holdout is not None:
@@ -59,9 +60,7 @@ def identify(
     if experiments:
         from clutchest.identify.experiments import identify_experiments
 
-        return identify_experiments(
-            name, experiments, signals, vehicle, progress, holdout, benches
-        )
+        return identify_experiments(name, experiments, signals, vehicle, progress, holdout, benches)
     from clutchest.identify.parameters import identify_parameters, procedure_of
 
     return identify_parameters(procedure_of(name, vehicle), signals, vehicle, progress, holdout)

@@ -79,7 +79,9 @@ def stated_sections(
     every = [{named.get(_stem(s), names[0]) for s in drive.sources} for drive in drives.drives]
     for drive, of in zip(drives.drives, every, strict=True):
         if len(of) > 1:
-            raise ClutchestError(f"{' '.join(drive.sources)}: pieces of one drive on {len(of)} benches")
+            raise ClutchestError(
+                f"{' '.join(drive.sources)}: pieces of one drive on {len(of)} benches"
+            )
     return [(BenchSection(-inf, inf, of.pop()),) for of in every]
 
 

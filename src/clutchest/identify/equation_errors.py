@@ -56,7 +56,9 @@ class _Unknowns:
     counts: tuple[int, ...]
 
     @classmethod
-    def of(cls, parts: Sequence[EquationErrors], vehicle: Vehicle, keys: Sequence[str]) -> _Unknowns:
+    def of(
+        cls, parts: Sequence[EquationErrors], vehicle: Vehicle, keys: Sequence[str]
+    ) -> _Unknowns:
         own = np.concatenate([np.zeros((0, 2)), *(part.own for part in parts)])
         bounds = {p.key: (p.lower, p.upper) for p in vehicle.machine.parameters}
         known = [vehicle.parameters[key] for key in keys]
@@ -120,9 +122,7 @@ def _errors(
     parts: Sequence[EquationErrors], unknowns: _Unknowns, theta: Floats, scale: Floats
 ) -> list[Floats]:
     parameters, own = unknowns.numbers(theta)
-    return [
-        part.errors(parameters, of) / s for part, of, s in zip(parts, own, scale, strict=True)
-    ]
+    return [part.errors(parameters, of) / s for part, of, s in zip(parts, own, scale, strict=True)]
 
 
 def _stacked(

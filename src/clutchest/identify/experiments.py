@@ -19,7 +19,7 @@ from clutchest.identify.bench_records import BenchRecords, Stated, bench_records
 from clutchest.identify.equation_errors import BenchPosterior, fit_errors
 from clutchest.identify.fit import ErrorChange, Fit, Fitted, Validation
 from clutchest.identify.parameters import as_fitted
-from clutchest.models.experiments import EquationErrors, Experiment
+from clutchest.models.experiments import EquationErrors, BenchExperiment
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import ParameterValue, Vehicle
@@ -32,8 +32,8 @@ class Reduced:
     """Experiments reduced to equation errors: pairs with the experiment of each; ``lacking``: why
     one that has a record gets nothing from it."""
 
-    parts: tuple[tuple[Experiment, EquationErrors], ...]
-    lacking: tuple[tuple[Experiment, str], ...] = ()
+    parts: tuple[tuple[BenchExperiment, EquationErrors], ...]
+    lacking: tuple[tuple[BenchExperiment, str], ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -42,7 +42,7 @@ class Reduced:
         return [part for _, part in self.parts]
 
     @property
-    def experiments(self) -> list[Experiment]:
+    def experiments(self) -> list[BenchExperiment]:
         """Those that have a record, each once."""
         return list(dict.fromkeys(experiment for experiment, _ in (*self.parts, *self.lacking)))
 
@@ -55,7 +55,7 @@ class Reduced:
 
 def identify_experiments(
     name: str,
-    experiments: Sequence[Experiment],
+    experiments: Sequence[BenchExperiment],
     signals: Signals,
     vehicle: Vehicle,
     progress: Progress,
@@ -80,9 +80,7 @@ def identify_experiments(
         )
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
     source = f"clutchest identify {name}, {', '.join(Path(s).name for s in sources)}"
-    parameters = {
-        key: _fitted(reduced, posterior, vehicle.parameters[key], key) for key in wanted
-    }
+    parameters = {key: _fitted(reduced, posterior, vehicle.parameters[key], key) for key in wanted}
     changed = replace(vehicle, parameters=_changed(vehicle, parameters, source))
     validation = None
     warnings = [w for drive in signals.drives for w in drive.warnings]
@@ -115,7 +113,7 @@ def identify_experiments(
     )
 
 
-def reduced_records(experiments: Sequence[Experiment], records: BenchRecords) -> Reduced:
+def reduced_records(experiments: Sequence[BenchExperiment], records: BenchRecords) -> Reduced:
     """Every experiment on every record of its benches.
 
     Raises ClutchestError where none of them has a record with the signals that it needs.
@@ -142,7 +140,9 @@ def reduced_records(experiments: Sequence[Experiment], records: BenchRecords) ->
     return Reduced(tuple(parts), tuple(lacking), tuple(dict.fromkeys(notes)))
 
 
-def _fitted(reduced: Reduced, posterior: BenchPosterior, before: ParameterValue, key: str) -> Fitted:
+def _fitted(
+    reduced: Reduced, posterior: BenchPosterior, before: ParameterValue, key: str
+) -> Fitted:
     fitted = as_fitted(before, *(posterior.of(key) or (before.value, before.spread)))
     why = reduced.why(key)
     return replace(fitted, why=why) if why else fitted
@@ -153,9 +153,7 @@ def _changed(
 ) -> dict[str, ParameterValue]:
     """The vehicle's parameters with those that are determined."""
     return dict(vehicle.parameters) | {
-        key: replace(
-            vehicle.parameters[key], value=f.value, spread=f.std or 0.0, source=source
-        )
+        key: replace(vehicle.parameters[key], value=f.value, spread=f.std or 0.0, source=source)
         for key, f in parameters.items()
         if f.determined
     }
@@ -174,9 +172,7 @@ def _figures(reduced: Reduced) -> list[str]:
     return [f"{experiment.name}: {w}" for experiment, part in reduced.parts for w in part.figures]
 
 
-def validate(
-    holdout: Signals, reduced: Reduced, before: Vehicle, after: Vehicle
-) -> Validation:
+def validate(holdout: Signals, reduced: Reduced, before: Vehicle, after: Vehicle) -> Validation:
     """Numbers in which the vehicles differ, on ``holdout``: all others are fitted to it within
     their spreads, once with the one and once with the other."""
     moved = [k for k, p in after.parameters.items() if p.value != before.parameters[k].value]
@@ -187,7 +183,9 @@ def validate(
             float(np.sqrt(np.mean(part.errors(p.parameters(v), p.own[i]) ** 2)))
             for p, v in ((old, before), (new, after))
         ]
-        errors.append(ErrorChange(experiment.name, f"the equations of {experiment.name}", "σ", *rms))
+        errors.append(
+            ErrorChange(experiment.name, f"the equations of {experiment.name}", "σ", *rms)
+        )
     logs = dict.fromkeys(Path(s).name for drive in holdout.drives for s in drive.sources)
     return Validation(tuple(logs), tuple(errors), 0.5 * (old.cost - new.cost))
 

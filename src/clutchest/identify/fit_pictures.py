@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchest.identify.likelihood import Posterior, along
 from clutchest.identify.validation import reading_errors, rows_of
-from clutchest.models.experiments import Curve, Parameters
+from clutchest.models.experiments import ExperimentCurve, Parameters
 from clutchest.models.procedures import (
     CurvePicture,
     Picture,
@@ -39,7 +39,10 @@ def draw(procedure: Procedure, posterior: Posterior, vehicle: Vehicle, folder: P
 
 
 def draw_curves(
-    curves: Sequence[tuple[Curve, Floats]], before: Parameters, after: Parameters, folder: Path
+    curves: Sequence[tuple[ExperimentCurve, Floats]],
+    before: Parameters,
+    after: Parameters,
+    folder: Path,
 ) -> None:
     """The pictures of experiments, each with the own numbers of its record; those of one file on
     common axes."""

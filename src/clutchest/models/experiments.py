@@ -7,12 +7,13 @@ them least, every other uncertain parameter within its prior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.errors import nearest
 from clutchest.signals import Floats, Signal
 
 Parameters = Mapping[str, float]  # key → value
@@ -44,8 +45,8 @@ class BenchRecord:
     def between(self, start: float, end: float) -> BenchRecord:
         """What lies in ``start`` ≤ time < ``end``, s."""
         signals = {
-            name: s.take(slice(*np.searchsorted(s.time, (start, end)))) for name, s in
-            self.signals.items()
+            name: s.take(slice(*np.searchsorted(s.time, (start, end))))
+            for name, s in self.signals.items()
         }
         return BenchRecord(self.bench, signals, self.noise, self.noise_ar, self.parameters)
 
@@ -69,7 +70,7 @@ class Benches:
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class ExperimentCurve:
     """A picture of an experiment, a PNG named ``file``: ``points`` (x, y) as measured, ``model``
     the curve (x, y) by parameters and own numbers; ``labels`` of both axes."""
 
@@ -91,14 +92,14 @@ class EquationErrors:
     errors: Callable[[Parameters, Floats], Floats]
     own: Floats
     figures: tuple[str, ...] = ()
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[ExperimentCurve, ...] = ()
 
 
 NO_OWN: NDArray[np.float64] = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment:
+class BenchExperiment:
     """An experiment that determines ``parameters`` (keys) on one of the ``benches``.
 
     ``what`` it determines, in a few words; ``signals`` that it needs; ``reduce`` gives the equation
@@ -111,3 +112,15 @@ class Experiment:
     benches: tuple[str, ...]
     signals: tuple[str, ...]
     reduce: Callable[[BenchRecord], EquationErrors | str]
+
+    def unknown_names(
+        self, parameters: Iterable[str], benches: Iterable[str], columns: Iterable[str]
+    ) -> Iterator[tuple[str, str]]:
+        """(piece, what is wrong) for every name in it that the machine does not declare."""
+        for what, names, known in (
+            ("parameter", self.parameters, list(parameters)),
+            ("bench", self.benches, list(benches)),
+            ("column", self.signals, list(columns)),
+        ):
+            for name in (name for name in names if name not in known):
+                yield f"experiment '{self.name}'", f"has no {what} '{name}'" + nearest(name, known)

@@ -23,7 +23,7 @@ from clutchest.models.declarations import Comparison, Event, Separation, Wear
 from clutchest.models.delay_relations import DelayRelation
 from clutchest.models.effects.effect import RESERVED, TIME, Effect
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.experiments import Benches, Experiment
+from clutchest.models.experiments import Benches, BenchExperiment
 from clutchest.models.fault import Demand, Follower, ModelFault
 from clutchest.models.model import POWER, Expressions, Model
 from clutchest.models.procedures import Picture, Procedure
@@ -126,7 +126,7 @@ class Machine:
     followers: tuple[Follower, ...] = ()
     demands: tuple[Demand, ...] = ()
     procedures: tuple[Procedure, ...] = ()
-    experiments: tuple[Experiment, ...] = ()
+    experiments: tuple[BenchExperiment, ...] = ()
     benches: Benches | None = None
     pictures: tuple[Picture, ...] = ()
     relative_states: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: _EMPTY)
@@ -281,7 +281,9 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
             yield piece, f"has no parameter '{key}'" + nearest(key, parameters)
         if procedure.sensor and procedure.sensor not in sensors:
             yield piece, f"has no sensor '{procedure.sensor}'" + nearest(procedure.sensor, sensors)
-    yield from _wrong_experiments(machine)
+    benches = machine.benches.names if machine.benches else ()
+    for experiment in machine.experiments:
+        yield from experiment.unknown_names(parameters, benches, columns)
     if machine.event is not None and machine.event.hottest not in states:
         yield "event", f"has no state '{machine.event.hottest}'"
     if machine.event is not None and not machine.regimes.event:
@@ -296,20 +298,6 @@ def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
                 "sensors",
                 f"read in mode '{sensor.mode}'" + nearest(sensor.mode, machine.regimes.modes),
             )
-
-
-def _wrong_experiments(machine: Machine) -> Iterator[tuple[str, str]]:
-    parameters = [p.key for p in machine.parameters]
-    benches = machine.benches.names if machine.benches else {}
-    for experiment in machine.experiments:
-        piece = f"experiment '{experiment.name}'"
-        for what, names, known in (
-            ("parameter", experiment.parameters, parameters),
-            ("bench", experiment.benches, benches),
-            ("column", experiment.signals, machine.units),
-        ):
-            for name in (name for name in names if name not in known):
-                yield piece, f"has no {what} '{name}'" + nearest(name, known)
 
 
 def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:

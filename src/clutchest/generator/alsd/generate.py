@@ -113,9 +113,7 @@ def _benches(time: Floats, profile: NDArray) -> tuple[tuple[float, float, str], 
     cuts = np.flatnonzero(np.diff(profile["bench"])) + 1
     rows = np.concatenate([[0], cuts, [len(time) - 1]])
     on_the_road = profile["drive"][0] == WHEELS
-    names = [
-        "car" if on_the_road else BENCHES[int(profile["bench"][row])] for row in rows[:-1]
-    ]
+    names = ["car" if on_the_road else BENCHES[int(profile["bench"][row])] for row in rows[:-1]]
     return tuple(zip(time[rows[:-1]].tolist(), time[rows[1:]].tolist(), names, strict=True))
 
 

@@ -1,9 +1,9 @@
 """Actuator and clutch, step by step: its own integrator, its own friction code.
 
 Exponential in the current, backward Euler in plate and bristles, each in closed form or by a few
-Newton steps; semi-implicit Euler in the masses; controllers sampled.  All that is compiled stands in this file,
-so that numba's cache never serves a kernel older than what it calls.  Numbers are those of
-``effects.NUMBERS``.
+Newton steps; semi-implicit Euler in the masses; controllers sampled.  All that is compiled stands
+in this file, so that numba's cache never serves a kernel older than what it calls.  Numbers are
+those of ``effects.NUMBERS``.
 """
 
 from __future__ import annotations

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
-from clutchest.models.experiments import BenchRecord, Benches, BenchSection
+from clutchest.models.experiments import Benches, BenchRecord, BenchSection
 from clutchest.signals import Floats
 
 GRID = 0.02  # s
@@ -21,6 +23,10 @@ def guess(record: BenchRecord) -> tuple[BenchSection, ...]:
     if record.lacks(("motor_angle", "armature_current")):
         return _whole(record, "rig")
     time, angle, current = _gridded(record)
+    p = record.parameters
+    behind = -2.0 * p["gear_ratio"] * p["gear_backlash"] - 1.0  # rad: behind the end of the grooves
+    if np.ptp(angle) > TURNS or np.min(angle) < behind:
+        return _whole(record, "motor-alone")
     sections: list[BenchSection] = []
     for start, stop in _runs(record, angle, current):
         rows = slice(start, stop)
@@ -57,7 +63,7 @@ def _runs(record: BenchRecord, angle: Floats, current: Floats) -> list[tuple[int
     rests = edges.reshape(-1, 2)
     long = rests[np.ptp(rests, axis=1) * GRID >= REST] if len(rests) else rests
     cuts = sorted({0, len(angle), *(int(row.mean()) for row in long)})
-    return list(zip(cuts[:-1], cuts[1:], strict=True))
+    return list(pairwise(cuts))
 
 
 def _bench(record: BenchRecord, angle: Floats, current: Floats) -> str | None:
@@ -70,8 +76,6 @@ def _bench(record: BenchRecord, angle: Floats, current: Floats) -> str | None:
     if not moved:
         return "rotor-held" if most > breaks else None
     play = p["gear_ratio"] * p["gear_backlash"]
-    if reach > TURNS or float(np.min(angle)) < -2.0 * play - 1.0:
-        return "motor-alone"
     contact = play + p["gear_ratio"] * p["ball_ramp_ratio"] * p["free_play"]
     soft = p["ball_ramp_stiffness"] / p["gear_ratio"] ** 2  # Nm/rad of the ball ramp alone
     if most > PRESSED + breaks and reach < play + 1.5 * most / soft and reach < contact:

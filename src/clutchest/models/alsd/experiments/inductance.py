@@ -9,9 +9,9 @@ from clutchest.models.alsd.experiments.resistance import resistance
 from clutchest.models.experiments import (
     NO_OWN,
     BenchRecord,
-    Curve,
     EquationErrors,
-    Experiment,
+    BenchExperiment,
+    ExperimentCurve,
     Parameters,
 )
 from clutchest.signals import Floats
@@ -43,7 +43,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     def curve(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
         return 1e3 * t, i - _left(t, i, _lag(p, temp))
 
-    picture = Curve("current_step.png", ("time, ms", "i_a, A"), (1e3 * t, i), curve)
+    picture = ExperimentCurve("current_step.png", ("time, ms", "i_a, A"), (1e3 * t, i), curve)
     words = f"{len(steps)} steps, {len(t)} samples within {1e3 * LASTS * lag:.2g} ms of one"
     return EquationErrors(errors, NO_OWN, (words,), (picture,))
 
@@ -66,8 +66,9 @@ def _after(
     level = np.median(voltage.value[rows])
     off = np.abs(voltage.value[rows] - level) > STEADY * record.noise[SIGNALS[0]]
     early = voltage.time[rows] < start + lasts
-    arrived = voltage.time[rows][min(int(np.max(np.flatnonzero(off & early), initial=-1)) + 1,
-                                     rows.stop - rows.start - 1)]
+    arrived = voltage.time[rows][
+        min(int(np.max(np.flatnonzero(off & early), initial=-1)) + 1, rows.stop - rows.start - 1)
+    ]
     of = slice(*np.searchsorted(current.time, (arrived, min(arrived + lasts, end)), "right"))
     t, i = current.time[of] - arrived, current.value[of]
     if len(t) < 3 or abs(i[0] - i[-1]) < SMALLEST * record.noise[SIGNALS[1]]:
@@ -81,7 +82,7 @@ def _left(t: Floats, i: Floats, lag: float) -> Floats:
     return np.asarray(i - basis @ (basis.T @ i))
 
 
-I2 = Experiment(
+I2 = BenchExperiment(
     "I2",
     "L_a, from steps of the voltage at standstill",
     ("armature_inductance",),

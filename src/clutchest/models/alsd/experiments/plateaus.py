@@ -37,8 +37,7 @@ def centre(signal: Signal, start: float, end: float) -> tuple[float, int]:
     time, value = signal.time[rows], signal.value[rows]
     if len(time) < 3:
         return float(signal.at(np.array([(start + end) / 2]))[0]), 1
-    slope, level = np.polyfit(time - (start + end) / 2, value, 1)
-    return float(level), len(time)
+    return float(np.polyfit(time - (start + end) / 2, value, 1)[1]), len(time)
 
 
 def speed(signal: Signal, start: float, end: float) -> tuple[float, float]:

@@ -8,9 +8,9 @@ from clutchest.models.alsd.experiments.plateaus import means, plateaus
 from clutchest.models.experiments import (
     NO_OWN,
     BenchRecord,
-    Curve,
     EquationErrors,
-    Experiment,
+    BenchExperiment,
+    ExperimentCurve,
     Parameters,
 )
 from clutchest.signals import Floats
@@ -55,11 +55,11 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         f"R_a = u_a/i_a at {len(u)} plateaus, {quotient.min():.4f} … {quotient.max():.4f} Ω "
         f"at {temp.min():.0f} … {temp.max():.0f} °C"
     )
-    picture = Curve("resistance.png", ("ϑ_a, °C", "R_a, Ω"), (temp, quotient), curve)
+    picture = ExperimentCurve("resistance.png", ("ϑ_a, °C", "R_a, Ω"), (temp, quotient), curve)
     return EquationErrors(errors, NO_OWN, (words,), (picture,))
 
 
-I1 = Experiment(
+I1 = BenchExperiment(
     "I1",
     "R_a and its temperature coefficient, from constant voltages at standstill",
     ("armature_resistance", "resistance_temp_coefficient"),

@@ -8,9 +8,9 @@ from clutchest.models.alsd.experiments.plateaus import means, plateaus
 from clutchest.models.experiments import (
     NO_OWN,
     BenchRecord,
-    Curve,
     EquationErrors,
-    Experiment,
+    BenchExperiment,
+    ExperimentCurve,
     Parameters,
 )
 from clutchest.signals import Floats
@@ -46,7 +46,9 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         return line, torque_constant(p, line)
 
     quotient = torque / i
-    picture = Curve("torque_constant.png", ("ϑ_a, °C", "K_t, Nm/A"), (temp, quotient), curve)
+    picture = ExperimentCurve(
+        "torque_constant.png", ("ϑ_a, °C", "K_t, Nm/A"), (temp, quotient), curve
+    )
     words = (
         f"K_t = T_m1/i_a at {len(i)} plateaus, {quotient.min():.5f} … {quotient.max():.5f} Nm/A "
         f"at {temp.min():.0f} … {temp.max():.0f} °C"
@@ -54,7 +56,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     return EquationErrors(errors, NO_OWN, (words,), (picture,))
 
 
-I4 = Experiment(
+I4 = BenchExperiment(
     "I4",
     "K_t and its temperature coefficient, from currents at standstill with a torque sensor",
     ("torque_constant", "torque_constant_temp_coefficient"),

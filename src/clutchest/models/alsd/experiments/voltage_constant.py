@@ -9,9 +9,9 @@ from clutchest.models.alsd.experiments.resistance import resistance
 from clutchest.models.experiments import (
     NO_OWN,
     BenchRecord,
-    Curve,
     EquationErrors,
-    Experiment,
+    BenchExperiment,
+    ExperimentCurve,
     Parameters,
 )
 from clutchest.signals import Floats
@@ -40,7 +40,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         return line, p["back_emf_constant"] * line
 
     emf = u - resistance(p, temp) * i
-    picture = Curve(
+    picture = ExperimentCurve(
         "voltage_constant.png", ("ω_m1, rad/s", "u_a − R_a i_a, V"), (w, emf), curve
     )
     words = f"K_v at {len(w)} speeds, {(emf / w).min():.5f} … {(emf / w).max():.5f} V s"
@@ -57,7 +57,7 @@ def _steady(record: BenchRecord, start: float, end: float) -> bool:
     return abs(two) > SLOWEST and abs(two - one) < LEVEL * noise + 1e-3 * abs(two)
 
 
-I3 = Experiment(
+I3 = BenchExperiment(
     "I3",
     "K_v, from constant voltages with the motor alone, at steady speed",
     ("back_emf_constant",),

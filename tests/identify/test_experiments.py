@@ -1,0 +1,206 @@
+"""Experiments on benches: what they determine, what they say they cannot, and how a bench is
+known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import clutchest
+from clutchest.cli import app
+from clutchest.errors import ClutchestError
+from clutchest.generator.alsd.generate import draw
+from clutchest.identify import identify, procedures
+from clutchest.identify.bench_records import bench_records
+from clutchest.identify.equation_errors import fit_errors
+from clutchest.identify.fit import Fit
+from clutchest.models import machine_of
+from clutchest.models.experiments import NO_OWN, BenchSection, EquationErrors
+from clutchest.vehicle import load_vehicle
+
+SEED = 41
+RIG = load_vehicle("alsd_rig")
+TRUTH = draw(
+    {key: p.value for key, p in RIG.parameters.items()},
+    {key: p.spread for key, p in RIG.parameters.items()},
+    SEED,
+)
+QUICK = {
+    name: replace(RIG.signals[name], period=1e-4)
+    for name in ("armature_voltage", "armature_current")
+}
+AT_10_KHZ = replace(RIG, signals={**RIG.signals, **QUICK})
+
+
+def log(name: str, seed: int = SEED, vehicle=RIG, duration: float | None = None):
+    return clutchest.simulate(vehicle, name, seed, truck_seed=SEED, duration=duration)
+
+
+def run(name: str, signals, vehicle=RIG, holdout=None, benches=((), ())) -> Fit:
+    return identify(name, signals, vehicle, lambda text, share: None, holdout, benches)
+
+
+def holds(fit: Fit, *keys: str) -> None:
+    """Every one of ``keys`` is determined, right within four standard deviations."""
+    for key in keys:
+        found = fit.parameters[key]
+        assert found.determined, key
+        assert abs(found.value - TRUTH[key]) < 4 * found.std, key
+        assert found.std < 0.8 * RIG.parameters[key].spread
+
+
+@pytest.mark.parametrize(
+    ("name", "duration", "keys"),
+    [
+        ("I1", 60.0, ("armature_resistance", "resistance_temp_coefficient")),
+        ("I3", 18.0, ("back_emf_constant",)),
+        ("I4", 60.0, ("torque_constant", "torque_constant_temp_coefficient")),
+    ],
+)
+def test_experiments_of_the_motor(name, duration, keys, tmp_path):
+    fit = run(name, log(name, duration=duration))
+    holds(fit, *keys)
+    assert any("bench guessed from the data" in note for note in fit.notes)
+    fit.draw(tmp_path)
+    assert len(list(tmp_path.glob("*.png"))) == 1
+
+
+def test_an_inductance_takes_a_fast_log():
+    slow = run("I2", log("I2"))
+    loose = slow.parameters["armature_inductance"]
+    assert not loose.determined and loose.value == RIG.parameters["armature_inductance"].value
+    assert "5 ms apart" in loose.why
+    known = replace(RIG.parameters["armature_resistance"], spread=2e-4)
+    known = replace(known, value=TRUTH["armature_resistance"])
+    car = replace(RIG, parameters={**RIG.parameters, "armature_resistance": known})
+    fit = run("I2", log("I2", vehicle=AT_10_KHZ, duration=3.0), car)
+    holds(fit, "armature_inductance")
+    assert fit.parameters["armature_inductance"].std < 0.02 * TRUTH["armature_inductance"]
+
+
+def test_all_puts_benches_together_and_is_surer():
+    held, alone = log("I1", duration=60.0), log("I3", SEED + 1, duration=18.0)
+    both = run("all", replace(held, later=(alone,)))
+    holds(both, "armature_resistance", "back_emf_constant", "torque_constant")
+    one = run("I3", alone)
+    key = "back_emf_constant"
+    assert both.parameters[key].std < one.parameters[key].std
+
+
+def test_a_log_of_another_bench_is_refused():
+    with pytest.raises(ClutchestError, match="I3 needs a log from bench motor-alone; these are"):
+        run("I3", log("I1", duration=20.0))
+    stated = ((BenchSection(0.0, 1e3, "car"),),)
+    with pytest.raises(ClutchestError, match=r"I1 needs a log from bench rotor-held; these .* car"):
+        run("I1", log("I1", duration=20.0), benches=(stated, ()))
+
+
+def test_a_log_without_its_signal_is_refused():
+    signals = log("I4", duration=10.0)
+    without = {name: s for name, s in signals.items() if name != "motor_torque"}
+    with pytest.raises(ClutchestError, match="I4: the log has no motor_torque"):
+        run("I4", replace(signals, signals=without))
+
+
+def test_benches_are_guessed_from_the_data():
+    expected = {
+        "I1": ["rotor-held"],
+        "I2": ["rotor-held"],
+        "I3": ["motor-alone"],
+        "I4": ["rotor-held"],
+        "I5": ["motor-alone"],
+        "I6": ["no-pack"],
+        "I7": ["rig", "output-fixed"],
+        "I8": ["rig"],
+        "rig-steps": ["rig"],
+        "rig-ramps": ["rig"],
+    }
+    for name, benches in expected.items():
+        signals = log(name, duration=20.0 if name in ("I1", "I4", "rig-steps") else None)
+        assert [r.bench for r in bench_records(signals, RIG).records] == benches, name
+    car = clutchest.simulate("alsd_car", "car", SEED, duration=10.0)
+    records = bench_records(car, load_vehicle("alsd_car")).records
+    assert [r.bench for r in records] == ["car"]
+
+
+def test_found_numbers_pay_on_another_log():
+    fit = run("I1", log("I1", duration=60.0), holdout=log("I1", SEED + 1, duration=60.0))
+    assert fit.validation is not None and fit.validation.gained > 10.0
+    error = fit.validation.error("I1")
+    assert error.after < 1.5 < 3.0 < error.before
+
+
+def test_a_fit_of_what_is_linear_is_the_weighted_mean():
+    """Two readings of one parameter, with its prior, and a number of the record's own."""
+    key = "armature_resistance"
+    prior = RIG.parameters[key]
+    z, std = np.array([0.40, 0.41]), 0.01
+
+    def errors(p, own):
+        return np.append((z - p[key]) / std, (3.0 - own[0]) / 0.1)
+
+    part = EquationErrors(errors, np.array([[2.0, 0.1]]))
+    posterior = fit_errors([part], RIG, widened=False)
+    weights = np.array([1 / std**2, 1 / std**2, 1 / prior.spread**2])
+    assert posterior.keys == (key,)
+    expected = np.append(z, prior.value) @ weights / weights.sum()
+    assert posterior.of(key) == pytest.approx((expected, weights.sum() ** -0.5))
+    assert posterior.own[0] == pytest.approx([2.5])
+    worse = fit_errors([EquationErrors(lambda p, own: 10 * errors(p, [3.0]), NO_OWN)], RIG)
+    assert worse.scale[0] > 3.0  # errors beyond their noise widen what is found
+
+
+def test_all_of_a_machine_with_experiments():
+    names = list(procedures(machine_of("alsd")))
+    assert names[0] == "noise" and names[-1] == "all" and "I1" in names
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"parameters": ("armature_resistanc",)}, "no parameter 'armature_resistanc'; did you"),
+        ({"benches": ("rotor",)}, "has no bench 'rotor'"),
+        ({"signals": ("current",)}, "has no column 'current'"),
+    ],
+)
+def test_an_experiment_of_what_is_not_there_is_refused(change, words):
+    machine = machine_of("alsd")
+    wrong = replace(machine.experiments[0], **change)
+    with pytest.raises(ClutchestError, match="experiment 'I1'") as error:
+        replace(machine, experiments=(wrong,))
+    assert words in str(error.value)
+
+
+def command(*arguments: str):
+    return CliRunner().invoke(app, ["identify", *map(str, arguments), "--vehicle", "alsd_rig"])
+
+
+def test_the_command_takes_the_bench_from_option_metadata_or_data(tmp_path):
+    held, alone = tmp_path / "held.log", tmp_path / "alone.csv"
+    for path, name, duration in ((held, "I1", 30.0), (alone, "I3", 10.0)):
+        clutchest.simulated.write_simulation(
+            path, RIG, name, SEED, truck_seed=SEED, duration=duration
+        )
+    out = tmp_path / "out"
+    result = command("all", held, alone, "--out", out)
+    assert result.exit_code == 0, result.output
+    told = json.loads((out / "fit.json").read_text(encoding="utf-8"))
+    assert not any("guessed" in note for note in told["notes"])
+    found = load_vehicle(out / "vehicle.toml")
+    for key, fitted in told["parameters"].items():
+        assert found.parameters[key].value == fitted["value"]
+        assert found.parameters[key].spread == fitted["std"]
+    source = found.parameters["back_emf_constant"].source
+    assert source.startswith("clutchest identify all, ") and "alone.csv" in source
+    assert {p.name for p in out.glob("*.png")} >= {"resistance.png", "voltage_constant.png"}
+
+    wrong = command("I1", held, "--bench", "rotor-hold", "--out", out)
+    assert wrong.exit_code == 1 and "no bench 'rotor-hold'; did you mean" in str(wrong.exception)
+    many = command("I1", held, "--bench", "rig", "--bench", "car", "--out", out)
+    assert many.exit_code != 0
+    other = command("I1", held, "--bench", "car", "--out", out)
+    assert other.exit_code == 1 and "these are from car" in str(other.exception)
