@@ -19,7 +19,7 @@ from clutchest.identify.bench_records import BenchRecords, Stated, bench_records
 from clutchest.identify.equation_errors import BenchPosterior, fit_errors
 from clutchest.identify.fit import ErrorChange, Fit, Fitted, Validation
 from clutchest.identify.parameters import as_fitted
-from clutchest.models.experiments import EquationErrors, BenchExperiment
+from clutchest.models.experiments import BenchExperiment, EquationErrors
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import ParameterValue, Vehicle

@@ -14,6 +14,7 @@ REST = 0.4  # s without current and motion that part two runs
 MOVES = 5.0  # standard deviations of the angle, or this many hundredths of a radian
 PRESSED = 0.1  # Nm of motor torque beyond friction and spring: something is compressed
 TURNS = 60.0  # rad: no ball ramp goes as far
+BEHIND = -10.0  # rad: nor does a motor that hits the end of the grooves spring back as far
 
 
 def guess(record: BenchRecord) -> tuple[BenchSection, ...]:
@@ -23,9 +24,7 @@ def guess(record: BenchRecord) -> tuple[BenchSection, ...]:
     if record.lacks(("motor_angle", "armature_current")):
         return _whole(record, "rig")
     time, angle, current = _gridded(record)
-    p = record.parameters
-    behind = -2.0 * p["gear_ratio"] * p["gear_backlash"] - 1.0  # rad: behind the end of the grooves
-    if np.ptp(angle) > TURNS or np.min(angle) < behind:
+    if np.ptp(angle) > TURNS or np.min(angle) < BEHIND:
         return _whole(record, "motor-alone")
     sections: list[BenchSection] = []
     for start, stop in _runs(record, angle, current):

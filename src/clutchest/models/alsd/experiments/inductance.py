@@ -8,9 +8,9 @@ from clutchest.models.alsd.experiments.plateaus import plateaus
 from clutchest.models.alsd.experiments.resistance import resistance
 from clutchest.models.experiments import (
     NO_OWN,
+    BenchExperiment,
     BenchRecord,
     EquationErrors,
-    BenchExperiment,
     ExperimentCurve,
     Parameters,
 )

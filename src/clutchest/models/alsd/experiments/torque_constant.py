@@ -7,9 +7,9 @@ import numpy as np
 from clutchest.models.alsd.experiments.plateaus import means, plateaus
 from clutchest.models.experiments import (
     NO_OWN,
+    BenchExperiment,
     BenchRecord,
     EquationErrors,
-    BenchExperiment,
     ExperimentCurve,
     Parameters,
 )
