@@ -12,8 +12,8 @@ from scipy.stats import chi2
 
 import clutchest
 from clutchest.inference.map_fit import SETTLED, improve, most_probable, settle
-from clutchest.inference.objective import NO_DERIVATIVES, Objective
-from clutchest.inference.problem import Problem
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import NO_DERIVATIVES, Problem
 from clutchest.inference.unknowns import UnknownParameter
 from clutchest.models import machine_of
 from clutchest.signals import Floats

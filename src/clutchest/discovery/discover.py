@@ -144,7 +144,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     other = _other(task)
     verdict = judge(search, other, task.progress)
     search = verdict.search
-    before = search.objective.linearise_at(search.null.fit.theta)
+    before = search.objective.linearise_at(search.null.fit.theta).without_derivatives
     task.show("testing the residuals")
     fit = goodness_of_fit(problem, search.objective.less_scatter(before))
     outcome = _outcome(task, verdict, other)

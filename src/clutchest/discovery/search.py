@@ -17,8 +17,8 @@ from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.map_fit import improve, settle
-from clutchest.inference.objective import NO_DERIVATIVES, SAME, Linearisation, Objective
-from clutchest.inference.problem import Problem
+from clutchest.inference.objective import SAME, Linearisation, Objective
+from clutchest.inference.problem import NO_DERIVATIVES, Problem
 from clutchest.inference.score_test import (
     ABSENT,
     NOT_EXCLUDED,
@@ -97,14 +97,14 @@ class Search:
         return min((self.fitted(causes, begin) for begin in begins), key=cost_of).bare
 
     def released(self, h: CauseSet) -> CauseSet:
-        """A cause set with a fit that is not bare, and sizes that may exceed plausible ones:
+        """A cause set with a fit that has innovations, and sizes that may exceed plausible ones:
         plausibility decides which causes there are, the data their sizes."""
         fit, objective = self.objective.linearise_at(h.fit.theta, h.fit.shapes), self.objective
         gains = [c.index for c in h.causes]
         sizes = fit.theta[gains]
         if np.any((sizes <= objective.low[gains]) | (sizes >= objective.high[gains])):
             fit = improve(objective.with_bounds(RELEASED), fit, self.free(h.causes))
-        return replace(h, fit=fit)
+        return replace(h, fit=fit.without_derivatives)
 
     def without(self, cause: CandidateCause, of: CauseSet) -> CauseSet:
         """A cause set less one of its causes."""
@@ -303,9 +303,9 @@ def _with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Sear
     best = min(grown, key=cost_of)
     at = search.objective.linearise_at(best.fit.theta, best.fit.shapes)
     objective = search.objective.with_noise_of(at)
-    at = objective.whitened(at)
+    at = replace(objective.whitened(at), raw=())  # room for the derivatives
     known = [at.psi, columns(objective, at, search.candidates)]
-    fit = objective.linearise_at(search.null.fit.theta)
+    fit = replace(objective.linearise_at(search.null.fit.theta), raw=())
     known += [fit.psi, columns(objective, fit, search.candidates)]
     objective = objective.with_span(known, SAME)
     fit = improve(objective, objective.judged(fit), search.free(()))

@@ -28,7 +28,6 @@ FAR = 5.0  # standard deviations; a reading that stays further off is left out
 RUNAWAY = 1e60  # of a derivative, in standard deviations: there the equations have run away
 NOTHING = 1e-10  # of a derivative, squared: rounding
 SAME = 3e-6  # the same: what a derivative at two places differs by less is its inputs' noise
-NO_DERIVATIVES = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,8 @@ class Linearisation:
     """All drives at one θ, white: ``r`` (K) innovations and ``by_active`` (K, a) their derivatives
     by the ``active`` thetas (a; all where None), drive after drive; ``cost`` is
     −2 ln(probability) up to a constant, priors in it, of what lies in the objective's span; ``raw``
-    the same before whitening, and ``implied`` the operating point of every drive at θ.
+    the same before whitening, derivatives only where all are active, and ``implied`` the operating
+    point of every drive at θ.
     """
 
     theta: Floats
@@ -63,6 +63,11 @@ class Linearisation:
     def as_measured(self) -> Linearisation:
         """The same before whitening alone: what another objective judges anew."""
         return replace(self.bare, raw=self.raw, implied=self.implied)
+
+    @property
+    def without_derivatives(self) -> Linearisation:
+        """The same with the innovations before whitening alone: what residuals are judged by."""
+        return replace(self.bare, raw=[each.alone for each in self.raw], implied=self.implied)
 
     @property
     def psi(self) -> Floats:
@@ -209,7 +214,7 @@ class Objective:
         did to them, and without derivatives."""
         rest = self._less_scatter([innovations.r for innovations in lin.raw])
         return [
-            replace(innovations, table=e[:, None], active=NO_DERIVATIVES)
+            replace(innovations.alone, table=e[:, None])
             for innovations, e in zip(lin.raw, rest, strict=True)
         ]
 
@@ -266,9 +271,9 @@ class Objective:
         """All drives at ``theta`` (m), derivatives by the ``active`` thetas, all unless given, at
         the inputs that ``theta`` implies."""
         if active is not None and not len(active):
-            return self._white(self.problem.linearise(theta, shapes, active), theta, shapes)
+            return self._made(self.problem.linearise(theta, shapes, active), theta, shapes)
         at = self.problem.implied(theta, shapes)
-        return self._white(self.problem.linearise(theta, shapes, active, at), theta, shapes)
+        return self._made(self.problem.linearise(theta, shapes, active, at), theta, shapes)
 
     def relinearise(
         self,
@@ -281,11 +286,11 @@ class Objective:
         implied, and with its ``shapes`` unless given."""
         shapes = lin.shapes if shapes is None else shapes
         raw = self.problem.linearise(theta, shapes, active, lin.implied)
-        return self._white(raw, theta, shapes)
+        return self._made(raw, theta, shapes)
 
     def whitened(self, lin: Linearisation) -> Linearisation:
         """A linearisation as this objective judges it."""
-        return self._white(lin.raw, lin.theta, lin.shapes)
+        return self._white([each.table.copy() for each in lin.raw], lin.raw, lin.theta, lin.shapes)
 
     def judged(self, lin: Linearisation) -> Linearisation:
         """A linearisation that is white already, at the cost that it has in this span."""
@@ -296,11 +301,27 @@ class Objective:
     def _cost(self, r: Floats, theta: Floats) -> float:
         return float(np.sum(self.in_span(r) ** 2) + np.sum(self.prior * theta**2))
 
-    def _white(
+    def _made(
         self, raw: Sequence[NormalisedInnovations], theta: Floats, shapes: Shapes
     ) -> Linearisation:
+        """Of what the problem gave.  Where some derivatives are wanted, these are used up: only
+        with every one of them is the noise model estimated."""
+        if raw[0].active is None:
+            return self._white([each.table.copy() for each in raw], raw, theta, shapes)
+        alone = [each.alone for each in raw]
+        white = self._white([each.table for each in raw], alone, theta, shapes)
+        return replace(white, active=raw[0].active)
+
+    def _white(
+        self,
+        tables: list[Floats],
+        raw: Sequence[NormalisedInnovations],
+        theta: Floats,
+        shapes: Shapes,
+    ) -> Linearisation:
+        """From ``tables`` (K, 1 + a) of every drive, which are used up; ``raw`` stands beside."""
         with np.errstate(over="ignore", invalid="ignore"):  # infinite, where the equations run away
-            white = self._whiten([innovations.table.copy() for innovations in raw])
+            white = self._whiten(tables)
             r, active = white[:, 0], white[:, 1:]
             cost = self._cost(r, theta)
         if active.size and not (active.min() > -RUNAWAY and active.max() < RUNAWAY):

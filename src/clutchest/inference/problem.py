@@ -37,6 +37,7 @@ TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehi
 # s, standard deviation by which the delay of a signal in white noise comes out wrong beside what
 # that noise makes of it: measured on 140 simulated drives; samples come 20 times as far apart.
 CLOCK = 0.0005
+NO_DERIVATIVES = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,11 @@ class NormalisedInnovations:
         every = np.zeros((len(self.table), self.count))
         every[:, self.active] = self.table[:, 1:]
         return every
+
+    @property
+    def alone(self) -> NormalisedInnovations:
+        """The same without derivatives, in memory of its own."""
+        return replace(self, table=self.table[:, :1].copy(), active=NO_DERIVATIVES)
 
     def change(self, step: Floats) -> Floats:
         """ψ · ``step`` (count): by how much the innovations (K) change, to first order."""
