@@ -136,6 +136,18 @@ def agreement(numeric: Floats, analytic: Floats) -> tuple[float, float]:
     return numeric @ analytic / square, np.linalg.norm(numeric - analytic) / np.sqrt(square)
 
 
+def test_parts_of_the_derivatives_are_the_whole(
+    problem: Problem,
+    at_truth: tuple[Floats, NormalisedInnovations],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    theta, _ = at_truth
+    (whole,) = problem.linearise(theta, {})
+    monkeypatch.setattr("clutchest.inference.linearisation.parts_of", lambda *_: 3)
+    (parts,) = problem.linearise(theta, {})
+    np.testing.assert_array_equal(parts.table, whole.table)
+
+
 def test_nothing_is_left_at_the_truth(at_truth):
     _, rows = at_truth
     assert len(rows.r) > 3000

@@ -8,6 +8,7 @@ are taken at the inputs of the operating point that is handed over (see ``comput
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from clutchest.compute.records import (
     ActiveThetas,
     Denoised,
+    Events,
     MeasuredRates,
     Numbers,
     Sensitivities,
@@ -23,6 +25,7 @@ from clutchest.compute.records import (
     Tracking,
 )
 from clutchest.estimate.whole_log import events_of, regimes_of
+from clutchest.inference.cores import parts_of
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import FrozenGains, PreparedDrive, Samples
 from clutchest.signals import Floats
@@ -139,28 +142,60 @@ def _propagated(
 ) -> tuple[Floats, Floats, Floats]:
     """Innovations (K), derivatives (K, a) and states (events, n); ``gains`` are filled in place
     unless they are ``frozen``."""
-    line, functions, event = drive.line, drive.compiled.functions, drive.readings.event
+    event, m = drive.readings.event, len(drive.compiled.thetas)
+    place = np.full(len(drive.line.t), -1)
+    place[event] = np.arange(len(event))
+    events = events_of(drive.line)._replace(u=inputs.measured, emit=place)
+
+    def part(columns: NDArray[np.int64]) -> Sensitivities:
+        """With derivatives by some of the active thetas."""
+        thetas = ActiveThetas(active[columns], modulation.basis, modulation.column[columns])
+        return _run(drive, numbers, inputs, events, thetas, gains, frozen)
+
+    # derivatives do not depend on one another
+    count = parts_of(len(active), len(event) * m) if frozen else 1
+    columns = np.array_split(np.arange(len(active)), count)
+    if count == 1:
+        done = [part(columns[0])]
+    else:
+        with ThreadPoolExecutor(count) as pool:
+            done = list(pool.map(part, columns))
+    derivatives = done[0].by_theta if count == 1 else np.hstack([each.by_theta for each in done])
+    return done[0].innovation, derivatives, done[0].x
+
+
+def _run(
+    drive: PreparedDrive,
+    numbers: ModelNumbers,
+    inputs: _Inputs,
+    events: Events,
+    thetas: ActiveThetas,
+    gains: FrozenGains,
+    frozen: bool,
+) -> Sensitivities:
+    """One run of the filter along the ``events``."""
+    functions = drive.compiled.functions
     p, g, first, _ = numbers
     n, m = len(first), len(drive.compiled.thetas)
     started, S = np.zeros(n), np.zeros((n, m))
     functions.initial(first, p, g, started, S)
     started = np.where(drive.tracked.which, drive.start.x, started)
-    states, innovations = np.zeros((len(line.t), n)), np.zeros(len(event))
-    derivatives = np.zeros((len(event), len(active)))
-    place = np.full(len(line.t), -1)
-    place[event] = np.arange(len(event))
+    readings, count = len(drive.readings.event), len(thetas.active)
+    results = Sensitivities(
+        np.zeros((len(events.t), n)), np.zeros(readings), np.zeros((readings, count))
+    )
     functions.filter_sensitivities(
-        Start(started, drive.start.P.copy(), S[:, active].copy()),
-        ActiveThetas(active, modulation.basis, modulation.column),
-        events_of(line)._replace(u=inputs.measured, emit=place),
+        Start(started, drive.start.P.copy(), S[:, thetas.active].copy()),
+        thetas,
+        events,
         Denoised(inputs.expected, inputs.slope, inputs.moves, drive.tracked.value),
         Tracking(np.flatnonzero(drive.tracked.which), gains.gain, gains.variance, frozen),
-        regimes_of(line),
+        regimes_of(drive.line),
         Numbers(p, g),
-        Sensitivities(states, innovations, derivatives),
-        functions.sensitivity_workspace(len(active)),
+        results,
+        functions.sensitivity_workspace(count),
     )
-    return innovations, derivatives, states
+    return results
 
 
 def _shifts(drive: PreparedDrive, numbers: ModelNumbers) -> Shifts:
