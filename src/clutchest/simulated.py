@@ -31,12 +31,16 @@ from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
 from clutchest.reading.wanted import mapped_messages
-from clutchest.signals import Floats, Signals, Truth
+from clutchest.signals import Floats, Signal, Signals, Truth
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
 _DAY, _SLOT = 86_400, 3_600  # s
+_TABLE, _ROW_S = (
+    "rows",
+    0.01,
+)  # of a vehicle without a bus: what is sampled together, and how often, s
 
 Effects = Mapping[str, Mapping[str, float]]
 
@@ -75,8 +79,13 @@ def simulate(
     :class:`Options` for the rest.  Raises ClutchestError for unknown names.
     """
     vehicle = load_vehicle(vehicle)
+    source = (f"{scenario}, seed {seed}",)
+    if not _on_bus(vehicle):
+        sampled = _sampled(vehicle, Database({}), scenario, seed, effects, options)
+        start = _start(vehicle, scenario, seed, _all_effects(vehicle, effects), options)
+        return replace(_measured(vehicle, sampled, start), sources=source)
     frames, truth, _ = _drive(vehicle, scenario, seed, effects, options)
-    signals = signals_of(frames, vehicle, load_database(vehicle), (f"{scenario}, seed {seed}",))
+    signals = signals_of(frames, vehicle, load_database(vehicle), source)
     return replace(signals, truth=truth)
 
 
@@ -100,7 +109,8 @@ def simulate_sampled(
     **options: Unpack[Options],
 ) -> Sampled:
     """The same drive as measured by its sensors, not yet rounded to the steps of the bus."""
-    return _sampled(vehicle, load_database(vehicle), scenario, seed, effects, options)
+    database = load_database(vehicle) if _on_bus(vehicle) else Database({})
+    return _sampled(vehicle, database, scenario, seed, effects, options)
 
 
 def write_simulation(
@@ -114,12 +124,24 @@ def write_simulation(
     """Write the drive to ``path`` (format by suffix; ``.csv`` and ``.parquet`` hold decoded
     signals) and the truth beside it; returns the truth's path, ``PATH.truth.parquet``."""
     path = Path(path)
-    frames, truth, sampled = _drive(vehicle, scenario, seed, effects, options)
-    late = float(sampled.truth.time[-1] - truth.time[-1])  # the log begins with its first frame
-    if path.name.lower().endswith((".parquet", ".csv", ".csv.gz")):
-        write_signals(signals_of(frames, vehicle, load_database(vehicle)), path)
+    decoded = path.name.lower().endswith((".parquet", ".csv", ".csv.gz"))
+    if not _on_bus(vehicle):
+        if not decoded:
+            raise ClutchestError(
+                f"{path}: {vehicle.path.name} maps no message, so no frames can be made; expected "
+                ".csv or .parquet"
+            )
+        sampled = _sampled(vehicle, Database({}), scenario, seed, effects, options)
+        start = _start(vehicle, scenario, seed, _all_effects(vehicle, effects), options)
+        signals, truth = _measured(vehicle, sampled, start), sampled.truth
+        write_signals(signals, path, vehicle)
     else:
-        files.write_frames(frames, path)
+        frames, truth, sampled = _drive(vehicle, scenario, seed, effects, options)
+        if decoded:
+            write_signals(signals_of(frames, vehicle, load_database(vehicle)), path)
+        else:
+            files.write_frames(frames, path)
+    late = float(sampled.truth.time[-1] - truth.time[-1])  # the log begins with its first frame
     truth_path = path.with_name(path.name + ".truth.parquet")
     _write_truth(
         truth,
@@ -142,6 +164,19 @@ def write_simulation(
         },
     )
     return truth_path
+
+
+def _on_bus(vehicle: Vehicle) -> bool:
+    """Whether any of the vehicle's signals is carried by frames."""
+    return any(signal.on_bus for signal in vehicle.signals.values())
+
+
+def _measured(vehicle: Vehicle, sampled: Sampled, start: int) -> Signals:
+    """The samples of a drive as they are, of a vehicle without a bus."""
+    unit_of = vehicle.machine.units
+    signals = {n: Signal.of(n, unit_of[n], *pair) for n, pair in sampled.signals.items()}
+    end = max(float(signal.time[-1]) for signal in signals.values() if len(signal))
+    return Signals(signals, start_ns=start, end=end, truth=sampled.truth)
 
 
 def _drive(
@@ -177,8 +212,10 @@ def _sampled(
     channels = [
         Channel(
             name,
-            signal.bus.message,
-            _period(vehicle, database.message(signal.bus.message), signal),
+            signal.bus.message or _TABLE,
+            _period(vehicle, database.message(signal.bus.message), signal)
+            if signal.on_bus
+            else signal.period or _ROW_S,
             signal.noise,
             signal.noise_ar if noise_ar is None else noise_ar,
             signal.delay,

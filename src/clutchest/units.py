@@ -29,6 +29,7 @@ class Unit:
     offset: float = 0.0
 
 
+ZERO_CELSIUS = 273.15  # K
 _NONE: Dimensions = (0, 0, 0, 0, 0)
 _SYMBOLS = {
     "1": Unit(1.0, _NONE),
@@ -77,6 +78,8 @@ _ALIASES = {
     "deg C": "°C",
     "C": "°C",
     "degF": "°F",
+    "kelvin": "K",
+    "Kelvin": "K",
     "deg F": "°F",
     "RPM": "rpm",
     "1/min": "rpm",
@@ -150,6 +153,24 @@ def convert(value: Any, unit: str, to: str) -> Any:
     if a.scale == b.scale and a.offset == b.offset:
         return value
     return value * (a.scale / b.scale) + (a.offset - b.offset) / b.scale
+
+
+def convert_reading(value: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
+    """Readings (n) in ``unit``, expressed in the unit ``to``: as :func:`convert`, but a temperature
+    in K is an absolute one, not a difference.
+
+    Raises ClutchestError if the two do not measure the same thing.
+    """
+    shift = (_is_kelvin(to) - _is_kelvin(unit)) * ZERO_CELSIUS
+    if not shift:
+        return convert(value, unit, to)
+    if _is_kelvin(unit):
+        return convert(value + shift, "°C", to)
+    return convert(value, unit, "°C") + shift
+
+
+def _is_kelvin(unit: str) -> int:
+    return int(unit.strip() in ("K", "kelvin", "Kelvin"))
 
 
 def compatible(unit: str, to: str) -> bool:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Logs, Out, WindowOptions
 from clutchest.cli.terminal import answer, progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from clutchest.reading.inspection import Inspection
+    from clutchest.reading.table_inspection import TableInspection
 
 
 @grouped
@@ -50,14 +57,36 @@ def inspect(
     """
     with progress() as show:
         show("reading", None)
-        from clutchest.reading.inspection import inspect_logs
         from clutchest.record.files import finished_into, json_text
-        from clutchest.record.terminal import print_inspection
 
-        inspection = inspect_logs(logs, dbc or (), window.parse(), model)
+        inspection = _inspected(logs, dbc or (), window, model)
         with finished_into(out) as folder:
             (folder / "inspect.json").write_text(json_text(inspection.as_dict()), encoding="utf-8")
             inspection.write_vehicle(folder / "vehicle.toml", out / "vehicle.toml")
             names = sorted(path.name for path in folder.iterdir())
-    result = inspection.as_dict()
-    answer(result, as_json, lambda console: print_inspection(inspection, console), out, names)
+
+    answer(inspection.as_dict(), as_json, lambda console: _show(inspection, console), out, names)
+
+
+def _inspected(
+    logs: Sequence[str], dbc: Sequence[Path], window: WindowOptions, model: str
+) -> Inspection | TableInspection:
+    """What is in logs of frames, or in tables."""
+    from clutchest.reading.inspection import inspect_logs
+    from clutchest.reading.table_files import is_table
+    from clutchest.reading.table_inspection import inspect_tables
+    from clutchest.shipped import locate
+
+    if all(is_table(locate(log, "logs")) for log in logs):
+        return inspect_tables(logs, model)
+    return inspect_logs(logs, dbc, window.parse(), model)
+
+
+def _show(inspection: Inspection | TableInspection, console: Console) -> None:
+    from clutchest.reading.inspection import Inspection
+    from clutchest.record.terminal import print_inspection, print_table_inspection
+
+    if isinstance(inspection, Inspection):
+        print_inspection(inspection, console)
+    else:
+        print_table_inspection(inspection, console)

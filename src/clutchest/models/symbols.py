@@ -96,6 +96,21 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True)
+class Magnitude:
+    """How large the readings of a signal are in any drive in which it is not zero.
+
+    The ``largest`` (all but 1 %) lie between these, times the parameter ``of`` if there is one;
+    the ``smallest`` (5 %) of those that are not zero is not above this.  ``moves``: a signal that
+    varies only under readings as large.
+    """
+
+    largest: tuple[float, float]
+    smallest: float = inf
+    of: str = ""
+    moves: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Column:
     """A canonical signal that a vehicle file may map.
 
@@ -103,6 +118,7 @@ class Column:
     s.  ``rests``: it may stay at exactly 0 without being frozen.  Names on a bus: its ``spn``
     (J1939), a regular expression ``named`` that its name matches, ``companions`` (SPNs of signals
     that belong to it, by the vehicle file's key), ``reference_spn`` of what 100 % of it stands for.
+    ``magnitude``: how large its readings are, by which a wrong unit of a table shows.
     ``geared_by``: the signal by which a gear is inferred, where a wheel speed times a gear's ratio
     can stand in for this one.
     """
@@ -116,3 +132,4 @@ class Column:
     companions: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     reference_spn: int | None = None
     geared_by: str = ""
+    magnitude: Magnitude | None = None

@@ -11,7 +11,8 @@ from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.models import shipped_machines
 from clutchest.reading.log import read_log
-from clutchest.reading.tables import is_table, joined, read_table, write_signals
+from clutchest.reading.table_files import is_table
+from clutchest.reading.tables import joined, read_table, write_signals
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate
 from clutchest.signals import Signals

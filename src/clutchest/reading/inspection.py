@@ -24,7 +24,14 @@ from clutchest.models.symbols import Column
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate, shipped
 from clutchest.signals import Why
-from clutchest.vehicle import BusSignal, SignalMap, Vehicle, dump_vehicle, load_vehicle
+from clutchest.vehicle import (
+    BusSignal,
+    ParameterValue,
+    SignalMap,
+    Vehicle,
+    dump_vehicle,
+    load_vehicle,
+)
 
 _WHEEL = re.compile(r"wh(ee)?l\w*(speed|spd|_w_)", re.IGNORECASE)
 
@@ -149,17 +156,10 @@ class Inspection:
             for name, candidates in self.candidates.items()
             if not self._left_out(name)
         }
-        parameters = {
-            key: replace(
-                p,
-                spread=_widened(p.value, p.unit, p.spread),
-                source=f"guess: the shipped {self.machine.template}'s value",
-            )
-            for key, p in (template.parameters if template else {}).items()
-        }
+        parameters = guessed_parameters(self.machine)
         name = re.sub(r"\W+", "_", self.logs[0].name.split(".")[0])
         used = {candidate.message for each in self.candidates.values() for candidate in each[:1]}
-        dbc = tuple(path for path in self.dbc if used & set(load([path]).messages))
+        dbc = tuple(path.resolve() for path in self.dbc if used & set(load([path]).messages))
         vehicle = Vehicle(
             name, self.model, target, "", dbc, signals, parameters, model_file=self.model_file
         )
@@ -215,7 +215,8 @@ def inspect_logs(
     window: TimeWindow = EVERYTHING,
     model: str = "",
 ) -> Inspection:
-    """Survey ``paths`` and search for the canonical signals of a machine, by SPN and by name.
+    """Survey ``paths``, logs of frames, and search for the canonical signals of a machine, by SPN
+    and by name.
 
     ``dbc`` names the messages; without any the shipped DBCs do.  ``model``: a machine by name or by
     its file (``.py``); without it, the shipped one with most signals in the logs.  Raises
@@ -356,6 +357,17 @@ def _candidate(
         sender=row.id & 0xFF if several_senders else None,
         channel=row.channel if several_channels else None,
     )
+
+
+def guessed_parameters(machine: Machine) -> dict[str, ParameterValue]:
+    """Those of the machine's template, as guesses of another vehicle's; none without one."""
+    if not machine.template:
+        return {}
+    source = f"guess: the shipped {machine.template}'s value"
+    return {
+        key: replace(p, spread=_widened(p.value, p.unit, p.spread), source=source)
+        for key, p in load_vehicle(machine.template).parameters.items()
+    }
 
 
 def _widened(value: float, unit: str, spread: float) -> float:

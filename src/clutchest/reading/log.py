@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
-from clutchest.reading.tables import is_table, joined, read_table
+from clutchest.reading.table_files import is_table
+from clutchest.reading.tables import joined, read_table
 from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate
@@ -27,6 +29,7 @@ from clutchest.vehicle import Vehicle, load_vehicle
 
 JOIN_S = 60.0  # pieces of one drive lie no further apart
 SPLIT_S = 3600.0  # a longer gap without any frame in a log starts a new drive
+DataFrame = Any  # of pandas, polars or Arrow
 _PIECE = 1 << 18  # frames kept in one piece: each of its columns is a large array
 
 
@@ -43,7 +46,7 @@ class _Piece:
 
 
 def read_log(
-    paths: Path | str | Sequence[Path | str],
+    paths: Path | str | DataFrame | Sequence[Path | str | DataFrame],
     vehicle: Vehicle | str | Path,
     window: TimeWindow = EVERYTHING,
     *,
@@ -51,29 +54,31 @@ def read_log(
 ) -> Signals:
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
-    CAN logs are decoded with the vehicle's DBC; of ``.csv`` and ``.parquet`` with canonical columns
-    the values within the vehicle file's min … max are valid.  Logs on absolute clocks that overlap
-    or lie less than a minute apart are pieces of one drive; all others are drives of their own, in
-    ``later`` in order of time.  Of each drive only what lies in ``window`` is kept, with times in s
-    from its start.  Delays that the vehicle file states are not applied.  Without ``traffic`` the
-    times and the integrity of frames, which fault tests need, are left out.
+    CAN logs are decoded with the vehicle's DBC. Of tables (``.csv``, ``.parquet``, ``.xlsx``, a
+    measurement in ``.mf4``, a DataFrame of pandas, polars or Arrow) with canonical columns, or
+    those of the vehicle file's ``[columns]``, the values within its min … max are valid. Logs on
+    absolute clocks that overlap or lie less than a minute apart are pieces of one drive; all others
+    are drives of their own, in ``later`` in order of time. Of each drive only what lies in
+    ``window`` is kept, with times in s from its start. Delays that the vehicle file states are not
+    applied. Without ``traffic`` the times and the integrity of frames, which fault tests need, are
+    left out.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
     """
     vehicle = load_vehicle(vehicle)
-    logs = _located([paths] if isinstance(paths, str | Path) else list(paths))
-    tabular = [is_table(path) for path in logs]
-    folders = [path.parent for path in logs]
+    alone = isinstance(paths, str | Path) or _is_frame(paths) or not isinstance(paths, Iterable)
+    logs = _located([paths] if alone else list(paths))  # type: ignore[arg-type]
+    tabular = [not isinstance(log, Path) or is_table(log) for log in logs]
+    folders = [log.parent for log in logs if isinstance(log, Path)]
     if all(tabular):
         database, wanted = _database_if_available(vehicle, folders), []
     else:
         database = load_database(vehicle, folders)
         wanted = [database.message(name) for name in mapped_messages(vehicle, database)]
-    columns = vehicle.machine.units
     pieces = [
-        _table(path, columns) if is_table else _frames(path, wanted)
-        for path, is_table in zip(logs, tabular, strict=True)
+        _table(log, vehicle) if is_table else _frames(log, wanted)
+        for log, is_table in zip(logs, tabular, strict=True)
     ]
     groups = [
         _tables_drive(group, vehicle, database, window)
@@ -86,9 +91,8 @@ def read_log(
     if not drives and unmapped:
         raise unmapped[0]
     if not drives:
-        raise ClutchestError(
-            f"{' '.join(map(str, logs))}: no data in the time window; " + _spans(pieces)
-        )
+        names = " ".join(str(piece.path) for piece in pieces)
+        raise ClutchestError(f"{names}: no data in the time window; {_spans(pieces)}")
     first, *later = drives
     warnings = (
         *(warning for group in groups for warning in group.warnings),
@@ -140,12 +144,22 @@ def _frames_drives(
     return _Drives(tuple(drives), tuple(unmapped), warnings)
 
 
-def _located(given: list[Path | str]) -> list[Path]:
+def _is_frame(given: object) -> bool:
+    """Whether it is a DataFrame of pandas, polars or Arrow."""
+    return hasattr(given, "columns") or hasattr(given, "to_pandas")
+
+
+def _located(given: list[Any]) -> list[Any]:
+    """The paths of logs among ``given``; DataFrames as they are."""
     if not given:
         raise ClutchestError("no log to read")
-    logs = [locate(str(path), "logs") for path in given]
+    for log in (log for log in given if not isinstance(log, str | Path) and not _is_frame(log)):
+        raise ClutchestError(
+            f"expected a path or a DataFrame (pandas, polars, Arrow), not {type(log).__name__}"
+        )
+    logs = [log if _is_frame(log) else locate(str(log), "logs") for log in given]
     once: set[Path] = set()
-    for path in logs:
+    for path in (log for log in logs if isinstance(log, Path)):
         if path.resolve() in once:
             raise ClutchestError(f"{path}: given twice; expected each log once")
         once.add(path.resolve())
@@ -196,8 +210,9 @@ def _dbc(vehicle: Vehicle, path: Path, folders: Sequence[Path]) -> Path:
     )
 
 
-def _table(path: Path, columns: dict[str, str]) -> _Piece:
-    signals = read_table(path, columns)
+def _table(given: Path | Any, vehicle: Vehicle) -> _Piece:
+    signals = read_table(given, vehicle.machine.units, vehicle)
+    path = Path(signals.sources[0])
     if signals.start_ns is None:
         return _Piece(path, signals, False, 0, int(signals.end * 1e9))
     end = signals.start_ns + int(signals.end * 1e9)

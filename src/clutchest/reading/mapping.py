@@ -155,6 +155,8 @@ class Decoding:
         unit_of = self.vehicle.machine.units
         for name in self.vehicle.signals if names is None else names:
             signal = self.vehicle.signals[name]
+            if not signal.on_bus:
+                continue
             samples = self._samples(signal, signal.bus)
             if len(samples.rows):
                 complete = not signal.gears or self._gear_is_sent(signal)
@@ -325,7 +327,7 @@ class Decoding:
         if signal.reference is not None:
             value = self._torque(signal, samples)
         else:
-            value = units.convert(value, signal.bus.unit, unit)
+            value = units.convert_reading(value, signal.bus.unit, unit)
         if signal.gear and self._gear_is_sent(signal):
             gear = self._samples(signal, signal.gear).at(samples.rows)
             value, why = through_sent_gear(value, why, gear, signal.gears)

@@ -74,7 +74,7 @@ def clipped(value: Floats, layout: SignalLayout) -> list[str]:
 def _within_file(signal: Signal, how: SignalMap) -> tuple[Signal, list[str]]:
     if how.minimum is None and how.maximum is None:
         return signal, []
-    on_bus = units.convert(signal.value, signal.unit, how.bus.unit)
+    on_bus = units.convert_reading(signal.value, signal.unit, how.bus.unit)
     why, words = excluded(on_bus, signal.why, how)
     if words is None:
         return signal, []

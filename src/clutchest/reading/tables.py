@@ -1,104 +1,188 @@
-"""Already decoded signals: CSV and Parquet with canonical columns, in and out."""
+"""Already decoded signals: tables in, CSV and Parquet with canonical columns out."""
 
 from __future__ import annotations
 
-import gzip
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest import units
 from clutchest.errors import ClutchestError, nearest
+from clutchest.reading.table_columns import (
+    TIME,
+    Clock,
+    Place,
+    clock_of,
+    missing_words,
+    not_numbers,
+    places,
+    split_header,
+)
+from clutchest.reading.table_files import Frame, SignalTable, load_table
+from clutchest.reading.table_units import check_steps, check_units
 from clutchest.signals import Counts, Floats, Signal, Signals
+from clutchest.vehicle import TableColumn, Vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_EPOCH = 1e8  # s; times beyond are stamps since 1970
+_INDEX = re.compile(r"^(Unnamed: \d+|index|Index|#|)$")
+_MOST_NAMED = 8  # columns that are not used
 
 
-def is_table(path: Path) -> bool:
-    """Whether the file holds decoded signals, not frames: Parquet, or CSV without CAN ids."""
-    suffixes = [suffix.lower() for suffix in path.suffixes[-2:]]
-    if suffixes[-1:] == [".parquet"]:
-        return True
-    if ".csv" not in suffixes:
-        return False
-    return "arbitration_id" not in _header(path)
+def read_table(
+    given: Path | Any, columns: Mapping[str, str], vehicle: Vehicle | None = None
+) -> Signals:
+    """The canonical signals in a table, a file or a DataFrame; ``columns`` are the names known,
+    with their units.
 
-
-def _header(path: Path) -> str:
-    opener = gzip.open if path.suffix.lower() == ".gz" else open
-    try:
-        with opener(path, "rb") as file:
-            return file.readline(65536).decode("latin-1")
-    except OSError as problem:
-        raise ClutchestError(f"{path}: cannot be read: {problem}") from None
-
-
-def read_table(path: Path, columns: Mapping[str, str]) -> Signals:
-    """The canonical signals in a table; ``columns`` are the names known, with their units.
-
-    One row per time stamp, an empty cell where a signal has no sample.  ``time`` in s is taken as
-    given, unless it is the time since 1970.  Cells that are no numbers are rejected one by
-    one, rows without a time whole.  Raises ClutchestError if ``time`` or every known column is
-    missing.
+    A header may state a unit (``engine_speed [rpm]``); the ``[columns]`` of a ``vehicle`` name
+    columns and units of their own.  One row per time stamp, an empty cell where a signal has no
+    sample.  Times in s are taken as given, unless they are times since 1970.  Cells that are no
+    numbers are rejected one by one, rows without a time whole.  Raises ClutchestError if the time
+    or every known column is missing, and for values that do not fit their unit.
     """
     import pyarrow
 
-    table = _load(path)
-    if "time" not in table.columns:
-        raise ClutchestError(
-            f"{path}: no column 'time' (s); it has " + ", ".join(map(str, table.columns[:8]))
-        )
-    names = [name for name in table.columns if name in columns]
-    unknown = [str(name) for name in table.columns if name not in columns and name != "time"]
-    if not names:
-        hint = nearest(unknown[0], columns) if unknown else ""
-        raise ClutchestError(
-            f"{path}: no known signal among its columns: "
-            f"{', '.join(unknown[:8]) or 'none at all'}{hint}"
-        )
-    warnings = [
-        f"{path.name}: column '{name}' ignored" + nearest(name, columns) for name in unknown
-    ]
-    numbers = {name: _numbers(path, table, name, warnings) for name in ("time", *names)}
-    time, timed = numbers["time"][0], np.isfinite(numbers["time"][0])
-    if not timed.any():
-        reason = "".join(f"; {warning}" for warning in warnings[-1:])
-        raise ClutchestError(f"{path}: no row with a time in s{reason}")
-    rejected = {"no time": int((~timed).sum())} if not timed.all() else {}
-    start = float(time[timed].min())
-    absolute = start > _EPOCH
-    warnings += _backward(path, time, timed)
-    if start < 0:
-        warnings.append(f"{path.name}: time begins at {start:g} s; counted from there")
-    time = time - start if absolute or start < 0 else time
-
-    signals, useful = {}, np.zeros(len(time), bool)
-    for name in names:
-        value, given = numbers[name]
-        rows = given & timed
-        when = time if rows.all() else time[rows]
-        signals[name] = Signal.of(name, columns[name], when, value[rows])
-        useful |= rows & np.isfinite(value)
-        if not rows.any():
-            warnings.append(f"{path.name}: column '{name}' is empty")
-    del table, numbers, value
+    table = load_table(given)
+    mapped = vehicle.columns if vehicle is not None else {}
+    found = places(table, columns, mapped)
+    if not found:
+        raise _nothing_known(table, columns, mapped)
+    clock = clock_of(table, mapped) if isinstance(table, Frame) else None
+    warnings = [*missing_words(table, found, mapped), *(clock.warnings if clock else ())]
+    if not mapped:
+        warnings += _ignored(table, found, columns, clock)
+    rows = _Rows(table, clock, warnings)
+    signals = {name: rows.signal(name, place, columns, vehicle) for name, place in found.items()}
+    if vehicle is not None:
+        _check(table, clock, signals, found, vehicle)
+    result = rows.result(signals)
+    del table, clock, rows
     pyarrow.default_memory_pool().release_unused()  # else it keeps what reading took
-    return Signals(
-        signals,
-        start_ns=round(start * 1e9) if absolute else None,
-        end=float(time[timed].max()),
-        counts=Counts(len(time), int(useful.sum()), rejected),
-        warnings=tuple(warnings),
-        sources=(str(path),),
+    return result
+
+
+def _nothing_known(
+    table: SignalTable, columns: Mapping[str, str], mapped: Mapping[str, TableColumn]
+) -> ClutchestError:
+    unknown = [name for name in table.units if not _INDEX.match(name) and name.lower() != TIME]
+    known = [how.column for how in mapped.values()] or columns
+    hint = nearest(unknown[0], known) if unknown else ""
+    return ClutchestError(
+        f"{table.source}: no known signal among its columns: "
+        f"{', '.join(unknown[:_MOST_NAMED]) or 'none at all'}{hint}"
     )
 
 
-def _backward(path: Path, time: Floats, timed: NDArray[np.bool_]) -> list[str]:
+def _ignored(
+    table: SignalTable, found: Mapping[str, Place], columns: Mapping[str, str], clock: Clock | None
+) -> list[str]:
+    used = {place.column for place in found.values()} | ({clock.column} if clock else set())
+    left = [name for name in table.units if name not in used and not _INDEX.match(name)]
+    file = Path(table.source).name
+    words = [f"{file}: column '{n}' ignored{nearest(n, columns)}" for n in left[:_MOST_NAMED]]
+    more = len(left) - _MOST_NAMED
+    return [*words, *([f"{file}: {more} more columns ignored"] if more > 0 else [])]
+
+
+def _check(
+    table: SignalTable,
+    clock: Clock | None,
+    signals: Mapping[str, Signal],
+    found: Mapping[str, Place],
+    vehicle: Vehicle,
+) -> None:
+    """Raises ClutchestError naming the table for values that do not fit their units."""
+    try:
+        if clock is not None and clock.start_ns is None:
+            stated = bool(split_header(clock.column)[1] or table.units.get(clock.column))
+            stated |= TIME in vehicle.columns
+            check_steps(clock.time[np.isfinite(clock.time)], stated, vehicle)
+        check_units(signals, {name: place.unit for name, place in found.items()}, vehicle)
+    except ClutchestError as problem:
+        raise ClutchestError(f"{table.source}: {problem}") from None
+
+
+@dataclass
+class _Rows:
+    """Signals made of the rows of a table, and what was lost."""
+
+    table: SignalTable
+    clock: Clock | None
+    warnings: list[str]
+    useful: int = 0
+    end: float = 0.0
+    rejected: int = 0
+
+    def __post_init__(self) -> None:
+        if self.clock is not None:
+            timed = np.isfinite(self.clock.time)
+            self.rejected = int((~timed).sum())
+            self.end = float(self.clock.time[timed].max())
+            self.warnings += _backward(self.table, self.clock.time, timed)
+        self._useful = np.zeros(self.table.rows, bool)
+
+    def signal(
+        self, name: str, place: Place, columns: Mapping[str, str], vehicle: Vehicle | None
+    ) -> Signal:
+        """The canonical signal ``name``, from its column."""
+        column = self.table.column(place.column)
+        file = Path(self.table.source).name
+        if isinstance(self.table, Frame):
+            self.warnings += not_numbers(self.table, place.column, name, column)
+        if self.clock is not None:
+            time, given = self.clock.time, column.given & np.isfinite(self.clock.time)
+            self._useful |= given & np.isfinite(column.value)
+        else:
+            assert column.time is not None
+            time, given = column.time, column.given & np.isfinite(column.time)
+            self.end = max(self.end, float(time[given].max(initial=0.0)))
+            self.useful = max(self.useful, int(given.sum()))
+        if not given.any():
+            self.warnings.append(f"{file}: column '{place.column}' is empty")
+        when = time if given.all() else time[given]
+        value = self._in_unit(column.value[given], name, place, columns[name], vehicle)
+        return Signal.of(name, columns[name], when, value)
+
+    def _in_unit(
+        self, value: Floats, name: str, place: Place, unit: str, vehicle: Vehicle | None
+    ) -> Floats:
+        """Values of a column in the ``unit`` of its signal; percent of what the vehicle file
+        states."""
+        if place.unit != "%" or units.compatible("%", unit):
+            return units.convert_reading(value, place.unit, unit)
+        how = vehicle.signals.get(name) if vehicle is not None else None
+        if how is None or how.reference is None or how.friction is not None:
+            raise ClutchestError(
+                f"{self.table.source}: column '{place.column}' is in %, expected {unit}: [columns] "
+                f"of the vehicle file states what 100 % stands for: {name} = {{ column = "
+                f'"{place.column}", unit = "%", reference = {{ value = …, unit = "{unit}" }} }}'
+            )
+        return value * (how.reference / 100.0)
+
+    def result(self, signals: dict[str, Signal]) -> Signals:
+        """All of them, with an account."""
+        useful = int(self._useful.sum()) if self.clock is not None else self.useful
+        start_ns = self.clock.start_ns if self.clock is not None else self.table.start_ns
+        return Signals(
+            signals,
+            start_ns=start_ns,
+            end=self.end,
+            counts=Counts(
+                self.table.rows, useful, {"no time": self.rejected} if self.rejected else {}
+            ),
+            warnings=tuple(self.warnings),
+            sources=(self.table.source,),
+        )
+
+
+def _backward(table: SignalTable, time: Floats, timed: NDArray[np.bool_]) -> list[str]:
     """In words, that rows are not in order of time, and where that begins."""
     rows = np.flatnonzero(timed)
     step = np.diff(time[rows])
@@ -106,84 +190,11 @@ def _backward(path: Path, time: Floats, timed: NDArray[np.bool_]) -> list[str]:
     if not len(back):
         return []
     times = f"{len(back)} time{'s' * (len(back) > 1)}"
+    first = table.first_row if isinstance(table, Frame) else 1
     return [
-        f"{path.name}: row {rows[back[0] + 1] + 2}: the time goes back ({times}, by "
-        f"{-step.min():g} s at most); rows are taken in order of time"
+        f"{Path(table.source).name}: row {rows[back[0] + 1] + first}: the time goes back ({times}, "
+        f"by {-step.min():g} s at most); rows are taken in order of time"
     ]
-
-
-def _load(path: Path) -> pd.DataFrame:
-    import pandas as pd
-
-    if path.is_file() and not path.stat().st_size:
-        raise ClutchestError(f"{path}: the file is empty; expected a CAN log or decoded signals")
-    try:
-        if path.suffix.lower() == ".parquet":
-            _no_result(path)
-            return _in_seconds(pd.read_parquet(path))
-        separator = ";" if _header(path).count(";") > _header(path).count(",") else ","
-        options = {
-            "sep": separator,
-            "skipinitialspace": True,
-            "low_memory": False,
-            "decimal": "," if separator == ";" else ".",
-        }
-        try:
-            table = pd.read_csv(path, encoding="utf-8-sig", **options)
-        except UnicodeDecodeError:
-            table = pd.read_csv(path, encoding="latin-1", **options)
-    except ClutchestError:
-        raise
-    except Exception as problem:  # pandas and pyarrow raise whatever their parsers do
-        what = str(problem).splitlines()[0] if str(problem) else type(problem).__name__
-        raise ClutchestError(f"{path}: not a readable table: {what}") from None
-    return table.rename(columns=lambda name: str(name).strip())
-
-
-def _no_result(path: Path) -> None:
-    """Raises ClutchestError for estimates and truths, which bear the version that made them."""
-    import pyarrow.parquet as pq
-
-    if b"clutchest" in (pq.read_schema(path).metadata or {}):
-        raise ClutchestError(f"{path}: is a result of clutchest, expected a log")
-
-
-def _in_seconds(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with dates (UTC unless they have a zone) or spans in ``time`` as s."""
-    import pandas as pd
-
-    if table.index.name == "time" and "time" not in table.columns:
-        table = table.reset_index()
-    if "time" not in table.columns or isinstance(table["time"], pd.DataFrame):
-        return table
-    time = table["time"]
-    if isinstance(time.dtype, pd.DatetimeTZDtype):
-        time = time.dt.tz_convert("UTC").dt.tz_localize(None)
-    if pd.api.types.is_datetime64_dtype(time):
-        time = time - pd.Timestamp(0)
-    if pd.api.types.is_timedelta64_dtype(time):
-        table = table.assign(time=time / pd.Timedelta(seconds=1))
-    return table
-
-
-def _numbers(
-    path: Path, table: pd.DataFrame, name: str, warnings: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """(value, given): NaN where a cell is no number, ``given`` where it is not empty."""
-    import pandas as pd
-
-    column = table[name]
-    if isinstance(column, pd.DataFrame):
-        raise ClutchestError(f"{path}: column '{name}' occurs twice")
-    value = pd.to_numeric(column, errors="coerce").to_numpy(np.float64, na_value=np.nan)
-    given = column.notna().to_numpy()
-    wrong = np.flatnonzero(given & np.isnan(value))
-    if len(wrong):
-        warnings.append(
-            f"{path.name}: row {wrong[0] + 2}: {name} '{column.iloc[wrong[0]]}' is not "
-            f"a number ({len(wrong)} such cells)"
-        )
-    return value, given
 
 
 def to_table(signals: Signals) -> pd.DataFrame:
@@ -204,8 +215,9 @@ def to_table(signals: Signals) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def write_signals(signals: Signals, path: str | Path) -> None:
-    """Write one drive as ``.csv``, ``.csv.gz`` or ``.parquet`` with the canonical columns.
+def write_signals(signals: Signals, path: str | Path, vehicle: Vehicle | None = None) -> None:
+    """Write one drive as ``.csv``, ``.csv.gz`` or ``.parquet`` with the canonical columns, or those
+    of a ``vehicle`` that maps some.
 
     Raises ClutchestError for several drives (one file holds one) and for another suffix.
     """
@@ -213,12 +225,30 @@ def write_signals(signals: Signals, path: str | Path) -> None:
     if signals.later:
         raise ClutchestError(f"{path}: a table holds one drive, not {len(signals.drives)}")
     table = to_table(signals)
+    if vehicle is not None:
+        table = _renamed(table, vehicle)
     if path.suffix.lower() == ".parquet":
         table.to_parquet(path, index=False)
     elif path.name.lower().endswith((".csv", ".csv.gz")):
         table.to_csv(path, index=False)
     else:
         raise ClutchestError(f"{path}: decoded signals are written as .csv or .parquet")
+
+
+def _renamed(table: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
+    """The table with names and units of the vehicle file's ``[columns]``."""
+    unit_of = {TIME: "s", **vehicle.machine.units}
+    for name, how in vehicle.columns.items():
+        if name not in table.columns:
+            continue
+        unit = how.unit or split_header(how.column)[1] or unit_of[name]
+        value = table[name].to_numpy()
+        if unit == "%" and (reference := vehicle.signals[name].reference):
+            value = value / reference * 100.0
+        else:
+            value = units.convert_reading(value, unit_of[name], unit)
+        table = table.assign(**{name: value}).rename(columns={name: how.column})
+    return table
 
 
 def joined(parts: list[Signals]) -> Signals:

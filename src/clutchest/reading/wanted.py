@@ -29,7 +29,10 @@ def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str,
 
 
 def parts(signal: SignalMap) -> list[BusSignal]:
-    """Every bus signal that enters one canonical signal, its own first."""
+    """Every bus signal that enters one canonical signal, its own first; none of one that only
+    tables have."""
+    if not signal.on_bus:
+        return []
     companions = (signal.fraction, signal.friction, signal.gear, signal.other)
     return [signal.bus, *(bus for bus in companions if bus)]
 

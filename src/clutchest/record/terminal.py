@@ -11,6 +11,7 @@ from rich.table import Table
 
 from clutchest.estimate.run import Run
 from clutchest.reading.inspection import Inspection
+from clutchest.reading.table_inspection import TableInspection
 from clutchest.record.quantities import Quantity, states_of
 from clutchest.record.report import (
     BITS,
@@ -77,6 +78,37 @@ def _slip_events(run: Run) -> str:
         f"{plus_minus(Quantity('energy', 'J'), energy, spread)} of heat, "
         f"{hottest_words(run)} at most {hottest:.0f} °C."
     )
+
+
+def print_table_inspection(inspection: TableInspection, console: Console) -> None:
+    """Print the columns of tables, those that could serve, and what is missing."""
+    columns = Table(
+        "column",
+        "unit",
+        "numbers",
+        "every [ms]",
+        "from",
+        "to",
+        "could be",
+        title=f"{len(inspection.columns)} columns, {inspection.duration_s:.1f} s",
+        title_justify="left",
+    )
+    for column in inspection.columns:
+        likely = [name for name, found in inspection.candidates.items() if column in found]
+        period = column.period_s
+        columns.add_row(
+            escape(column.column),
+            column.unit,
+            str(column.count),
+            "" if period is None else f"{1e3 * period:.4g}",
+            "–" if column.low is None else f"{column.low:.4g}",
+            "–" if column.high is None else f"{column.high:.4g}",
+            ", ".join(likely),
+        )
+    console.print(columns)
+    for what in inspection.missing:
+        console.print(f"missing: {escape(what)}")
+    print_warnings(inspection.warnings, "inspect.json", console)
 
 
 def print_inspection(inspection: Inspection, console: Console) -> None:

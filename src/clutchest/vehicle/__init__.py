@@ -2,13 +2,21 @@
 
 from clutchest.vehicle.file import load_vehicle
 from clutchest.vehicle.text import dump_vehicle
-from clutchest.vehicle.vehicle import BusSignal, Estimation, ParameterValue, SignalMap, Vehicle
+from clutchest.vehicle.vehicle import (
+    BusSignal,
+    Estimation,
+    ParameterValue,
+    SignalMap,
+    TableColumn,
+    Vehicle,
+)
 
 __all__ = [
     "BusSignal",
     "Estimation",
     "ParameterValue",
     "SignalMap",
+    "TableColumn",
     "Vehicle",
     "dump_vehicle",
     "load_vehicle",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models import machine_in_file, machine_of
 from clutchest.shipped import locate
+from clutchest.vehicle.columns_section import read_columns
 from clutchest.vehicle.curves import PATCH, read_curves
 from clutchest.vehicle.effects_section import read_effects
 from clutchest.vehicle.named_files import NamedFiles
@@ -35,6 +36,7 @@ _TOP = (
     "checked",
     "effects_files",
     "signals",
+    "columns",
     "parameters",
     "effects",
     "effects_spread",
@@ -43,7 +45,7 @@ _TOP = (
     "limits",
     "monitors",
 )
-_REQUIRED = ("name", "model", "signals", "parameters")
+_REQUIRED = ("name", "model", "parameters")
 
 
 def load_vehicle(v: str | Path | Vehicle, *, trust: bool = False) -> Vehicle:
@@ -66,6 +68,8 @@ def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
     for key in _REQUIRED:
         if key not in data:
             raise file.error((), f"this vehicle file has no '{key}'")
+    if not {"signals", "columns"} & set(data):
+        raise file.error((), "this vehicle file has no 'signals' (or 'columns', for tables)")
     named = NamedFiles.of(file)
     if not trust:
         check_trusted(file, named)
@@ -76,6 +80,7 @@ def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
         file, "modes", machine.regimes.threshold_units, f"threshold of '{machine.name}'"
     )
     signals = read_signals(file, data, machine.units, machine.name)
+    columns, signals = read_columns(file, machine, signals, load_vehicle)
     checked = file.strings(("checked",), data.get("checked", []))
     file.known(("checked",), checked, {s.bus.message for s in signals.values()}, "mapped message")
     parameters = _parameters(file, machine.parameters)
@@ -109,6 +114,7 @@ def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
         checked=tuple(checked),
         model_file=named.model,
         digests=named.digests,
+        columns=columns,
     )
 
 

@@ -44,7 +44,7 @@ def read_signals(
 ) -> dict[str, SignalMap]:
     """Canonical name → how the bus makes it.  ``columns``: canonical name → unit of the
     ``machine``."""
-    table = file.table(("signals",), data["signals"])
+    table = file.table(("signals",), data.get("signals", {}))
     file.known(("signals",), table, columns, f"signal of '{machine}'")
     return {
         name: _signal(_Entry(file, name, file.table(("signals", name), entry), columns[name]))

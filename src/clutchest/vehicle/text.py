@@ -77,7 +77,8 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
         lines.append(f"checked = {_toml(list(vehicle.checked))}")
     if vehicle.effects_files:
         lines.append(f"effects_files = {_toml([name(path) for path in vehicle.effects_files])}")
-    for key, signal in vehicle.signals.items():
+    on_bus = {key: signal for key, signal in vehicle.signals.items() if signal.on_bus}
+    for key, signal in on_bus.items():
         lines += ["", f"[signals.{key}]", *(f"{k} = {_toml(v)}" for k, v in _entry(signal))]
 
     def section(title: str, table: Mapping[str, Any], entry: Callable[[Any], Any]) -> None:
@@ -90,6 +91,7 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
             f.name: value for f in fields(item) if (value := getattr(item, f.name)) != f.default
         }
 
+    section("columns", {key: _column(key, vehicle) for key in vehicle.columns}, dict)
     section("parameters", vehicle.parameters, record)
     section("effects", vehicle.effects, dict)
     for key, curve in vehicle.curves.items():
@@ -121,6 +123,16 @@ def _entry(signal: SignalMap) -> Iterable[tuple[str, Any]]:
             continue
         key = {"minimum": "min", "maximum": "max"}.get(f.name, f.name)
         yield key, _bus(value) if isinstance(value, BusSignal) else value
+
+
+def _column(name: str, vehicle: Vehicle) -> dict[str, Any]:
+    """One entry of ``[columns]``, with what is stated nowhere else."""
+    place = vehicle.columns[name]
+    entry: dict[str, Any] = {"column": place.column, **({"unit": place.unit} if place.unit else {})}
+    signal = vehicle.signals.get(name)
+    if signal is not None and not signal.on_bus:
+        entry |= {key: value for key, value in _entry(signal) if key not in (*_bus(signal.bus),)}
+    return entry
 
 
 def _curve(curve: ErrorCurve) -> Iterable[str]:

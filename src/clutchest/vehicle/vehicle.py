@@ -25,8 +25,18 @@ class BusSignal:
 
 
 @dataclass(frozen=True, slots=True)
+class TableColumn:
+    """A column of a table of decoded signals, by name; without a ``unit`` the table states it."""
+
+    column: str
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class SignalMap:
     """How the bus makes one canonical signal, and how well.
+
+    A signal that only tables have is on no bus: its ``bus`` has no message.
 
     ``noise`` standard deviation in the canonical unit (SI, mm for positions), ``delay`` s,
     ``noise_ar`` AR(1) coefficient per sample of this signal, ``noise_source`` the source of both;
@@ -59,6 +69,11 @@ class SignalMap:
     source_address: int | None = None
     channel: int | None = None
     period: float | None = None
+
+    @property
+    def on_bus(self) -> bool:
+        """Whether frames carry it."""
+        return bool(self.bus.message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +111,7 @@ class Vehicle:
     bare name; the folders of a log are searched for it when that log is read.  ``effects``: effect
     → number → value, ``effects_spread`` the standard deviation of gains that are not known exactly;
     ``curves``: the effects that are curves.  ``notes``: what a user should know of the file.
+    ``columns``: canonical name, or ``time``, → column of a table.
     ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
     and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine;
     ``digests`` of the content of that and of the ``effects_files``, as they were when the vehicle
@@ -122,6 +138,7 @@ class Vehicle:
     notes: tuple[str, ...] = field(default=(), compare=False)
     model_file: Path | None = field(default=None, compare=False)
     digests: Mapping[Path, str] = field(default_factory=dict, compare=False)
+    columns: Mapping[str, TableColumn] = field(default_factory=dict)
 
     @property
     def machine(self) -> Machine:

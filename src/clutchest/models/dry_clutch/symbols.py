@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from clutchest.models.declarations import Separation
-from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
+from clutchest.models.symbols import Column, Input, Magnitude, Parameter, Sensor, State
 
 STATES = (
     State(
@@ -150,51 +150,67 @@ COLUMNS = (
         "rad/s",
         rests=True,
         spn=190,
-        named=r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$",
+        named=r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$|^n_?(eng|mot|ice)"
+        r"|(speed|drehzahl)_(eng|mot)|r[eé]gime_moteur|giri_motore",
+        magnitude=Magnitude((45.0, 1300.0), 350.0),
     ),
     Column(
         "input_shaft_speed",
         "rad/s",
         rests=True,
         spn=161,
-        named=r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*(speed|spd|rpm|_w_|_n_)",
+        named=r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*(speed|spd|rpm|_w_|_n_)"
+        r"|^n_?(in|turb|gbx_?in|getr)|getriebeeingang|arbre_primaire",
         geared_by="engine_speed",
+        magnitude=Magnitude((0.0, 1300.0)),
     ),
     Column(
         "slave_position",
         "mm",
-        named=r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)",
+        named=r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)"
+        r"|^[xs]_?(slave|clutch|kuppl)|nehmerzylinder|ausr[uü]cker|kupplungsweg",
+        magnitude=Magnitude((0.1, 300.0)),
     ),
-    Column("motor_position", "mm", rests=True, named=r"(motor|actuator)\w*(pos|travel)"),
+    Column(
+        "motor_position",
+        "mm",
+        rests=True,
+        named=r"(motor|actuator)\w*(pos|travel)|^[xs]_?(mot|act)|stellmotor",
+        magnitude=Magnitude((0.1, 300.0)),
+    ),
     Column(
         "engine_torque",
         "Nm",
         spn=513,
         named=r"(eng|crank|trnain|mot)\w*(torque|trq|tq|moment)\w*(act|net|meas)"
-        r"|actual\w*engine\w*torque",
+        r"|actual\w*engine\w*torque|^(m|t|trq|tq)_?(eng|mot|ice)|motormoment|couple_moteur",
         companions={"fraction": 4154, "friction": 514},
         reference_spn=544,
+        magnitude=Magnitude((0.04, 2.0), of="engine_torque_max", moves="engine_speed"),
     ),
     Column(
         "coolant_temp",
         "°C",
         possible=(-50.0, 130.0, 3.0),
         spn=110,
-        named=r"(coolant|cool|clnt|kuehl|water)\w*(temp|_te_|_t$)",
+        named=r"(coolant|cool|clnt|k(ue|ü)hl|water)\w*(temp|_te_|_t$)"
+        r"|(^t|temp\w*)_?(cool|kmt|water|k(ue|ü)hl|wasser)",
     ),
     Column(
         "ambient_temp",
         "°C",
         possible=(-60.0, 60.0, 2.0),
         spn=171,
-        named=r"(amb|outside|aussen|airamb)\w*(temp|_te_|_t$)",
+        named=r"(amb|outside|au(ss|ß)en|airamb|umgebung)\w*(temp|_te_|_t$)"
+        r"|(^t|temp\w*)_?(amb|out|au(ss|ß)en|umg)",
     ),
     Column(
         "vehicle_speed",
         "m/s",
         rests=True,
         spn=84,
-        named=r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$",
+        named=r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$|^v$|^v_?(veh|fzg)|geschwindigkeit|vitesse",
+        magnitude=Magnitude((0.0, 70.0)),
     ),
     Column(
         "engine_torque_demand",

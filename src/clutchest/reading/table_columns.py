@@ -1,0 +1,202 @@
+"""What the columns of a table are: canonical signals, their units, and the time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchest import units
+from clutchest.errors import ClutchestError, nearest
+from clutchest.reading.table_files import Cells, Frame, SignalTable
+from clutchest.signals import Floats
+from clutchest.vehicle import TableColumn
+
+TIME = "time"
+_TIMES = ("time", "t", "timestamp", "timestamps", "zeit", "zeitstempel", "temps", "tiempo", "tempo")
+_DATES = ("date", "datetime", "date_time", "datum", "utc")
+_HEADER = re.compile(r"^(?P<name>.*?\S)\s*[\[(]\s*(?P<unit>[^\[\]()]*)\s*[\])]$")
+_SUFFIX = re.compile(r"^(?P<name>t|time|timestamp|zeit)_(?P<unit>s|ms|us|ns)$", re.IGNORECASE)
+_NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "sec": 1e9, "seconds": 1e9}
+_EPOCH = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))  # stamps since 1970 beyond, and their unit, s
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A column that holds a signal, and its unit there."""
+
+    column: str
+    unit: str
+
+
+def split_header(header: str) -> tuple[str, str]:
+    """(name, unit) of a header such as ``engine_speed [rpm]``; no unit where none is known."""
+    for pattern in (_HEADER, _SUFFIX):
+        match = pattern.match(header.strip())
+        if match and (pattern is _SUFFIX or _is_unit(match["unit"])):
+            return match["name"].strip(), match["unit"].strip()
+    return header.strip(), ""
+
+
+def _is_unit(text: str) -> bool:
+    if text.strip().lower() in _NS:
+        return True
+    try:
+        units.parse(text)
+    except ClutchestError:
+        return False
+    return True
+
+
+def places(
+    table: SignalTable, wanted: Mapping[str, str], mapped: Mapping[str, TableColumn]
+) -> dict[str, Place]:
+    """Canonical name → its column.  ``wanted``: canonical names with their units; ``mapped``: the
+    columns that a vehicle file names.
+
+    Raises ClutchestError for a unit that measures something else.
+    """
+    headers = {header: split_header(header) for header in table.units}
+    found: dict[str, Place] = {}
+    for name, unit in wanted.items():
+        how = mapped.get(name)
+        header = _header_of(how.column if how else name, headers)
+        if header is None:
+            continue
+        stated = (how.unit if how else "") or headers[header][1] or table.units[header]
+        found[name] = Place(header, _checked(table, header, name, stated, unit))
+    return found
+
+
+def _header_of(name: str, headers: Mapping[str, tuple[str, str]]) -> str | None:
+    """The header that is ``name``, unit and case left out of account where it must."""
+    if name in headers:
+        return name
+    bare = [header for header, (base, _) in headers.items() if base.lower() == name.lower()]
+    return bare[0] if bare else None
+
+
+def _checked(table: SignalTable, header: str, name: str, stated: str, unit: str) -> str:
+    """The unit of a column, which must measure what ``name`` does; percent may be of a torque."""
+    if not stated:
+        return unit
+    try:
+        fits = stated == "K" or units.compatible(stated, unit)
+    except ClutchestError as problem:
+        raise ClutchestError(f"{table.source}: column '{header}': {problem}") from None
+    if fits or stated == "%":
+        return stated
+    raise ClutchestError(
+        f"{table.source}: column '{header}' is in {stated}, expected a unit of {name}, such as "
+        f"{unit}"
+    )
+
+
+def missing_words(
+    table: SignalTable, found: Mapping[str, Place], mapped: Mapping[str, TableColumn]
+) -> Iterator[str]:
+    """Of columns that the vehicle file names and the table does not have."""
+    for name, how in mapped.items():
+        if name not in found and name != TIME:
+            hint = nearest(how.column, table.units)
+            yield f"{table.source}: no column '{how.column}' ({name}){hint}"
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """The ``time`` (n,) of a table's rows, s, NaN where there is none; from ``start_ns`` on where
+    it is absolute; ``column`` its name."""
+
+    time: Floats
+    start_ns: int | None
+    column: str
+    warnings: tuple[str, ...] = ()
+
+
+def clock_of(table: Frame, mapped: Mapping[str, TableColumn]) -> Clock:
+    """The times of the rows.  Raises ClutchestError where there is no column of them."""
+    column, unit = _time_column(table, mapped)
+    seconds, warnings = _seconds(table, column, unit)
+    known = np.isfinite(seconds)
+    if not known.any():
+        reason = "".join(f"; {warning}" for warning in warnings[-1:])
+        raise ClutchestError(f"{table.source}: no row with a time in s{reason}")
+    start = float(seconds[known].min())
+    absolute = start > 1e8
+    if start < 0:
+        warnings.append(f"{_file(table)}: time begins at {start:g} s; counted from there")
+    if absolute or start < 0:
+        seconds = seconds - start
+    return Clock(seconds, round(start * 1e9) if absolute else None, column, tuple(warnings))
+
+
+def _time_column(table: Frame, mapped: Mapping[str, TableColumn]) -> tuple[str, str]:
+    """(header, unit) of the column of times."""
+    headers = {header: split_header(header) for header in table.units}
+    if how := mapped.get(TIME):
+        header = _header_of(how.column, headers)
+        if header is None:
+            hint = nearest(how.column, table.units)
+            raise ClutchestError(f"{table.source}: no column '{how.column}' (time){hint}")
+        return header, how.unit or headers[header][1] or table.units[header]
+    for names in (_TIMES, _DATES):
+        for name in names:
+            if (header := _header_of(name, headers)) is not None:
+                return header, headers[header][1] or table.units[header]
+    raise ClutchestError(
+        f"{table.source}: no column 'time' (s); it has " + ", ".join(list(table.units)[:8])
+    )
+
+
+def _seconds(table: Frame, column: str, unit: str) -> tuple[Floats, list[str]]:
+    """Times in s, of numbers, dates or spans; in words, what cannot be read."""
+    import pandas as pd
+
+    cells = table.cells(column)
+    if isinstance(cells.dtype, pd.DatetimeTZDtype):
+        cells = cells.dt.tz_convert("UTC").dt.tz_localize(None)
+    if pd.api.types.is_datetime64_dtype(cells):
+        cells = cells - pd.Timestamp(0)
+    if pd.api.types.is_timedelta64_dtype(cells):
+        return (cells / pd.Timedelta(seconds=1)).to_numpy(np.float64), []
+    numbers = table.column(column)
+    if numbers.given.any() and not np.isfinite(numbers.value).any():
+        dates = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
+        if dates.notna().any():
+            since = dates.dt.tz_localize(None) - pd.Timestamp(0)
+            return (since / pd.Timedelta(seconds=1)).to_numpy(np.float64), []
+    words = not_numbers(table, column, column, numbers)
+    return numbers.value * _unit_s(table, column, unit, numbers), words
+
+
+def _unit_s(table: Frame, column: str, unit: str, numbers: Cells) -> float:
+    """The unit of a column of times, s: as stated, else by the size of stamps since 1970."""
+    known = numbers.value[np.isfinite(numbers.value)]
+    if unit:
+        if unit.lower() in _NS:
+            return _NS[unit.lower()] / 1e9
+        try:
+            return units.convert(1.0, unit, "s")
+        except ClutchestError as problem:
+            raise ClutchestError(f"{table.source}: column '{column}': {problem}") from None
+    first = float(np.abs(known).min(initial=np.inf))
+    return next((factor for least, factor in _EPOCH if first >= least and len(known)), 1.0)
+
+
+def not_numbers(table: Frame, header: str, name: str, column: Cells) -> list[str]:
+    """In words, the first cell of a column that is no number, and how many there are."""
+    wrong = np.flatnonzero(column.given & np.isnan(column.value))
+    if not len(wrong):
+        return []
+    row = wrong[0] + table.first_row
+    return [
+        f"{_file(table)}: row {row}: {name} '{table.cells(header).iloc[wrong[0]]}' is not a number "
+        f"({len(wrong)} such cells)"
+    ]
+
+
+def _file(table: SignalTable) -> str:
+    """The file's name without its folder."""
+    return re.split(r"[/\\]", table.source)[-1]
