@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 
 from clutchest import memory_mapped
 from clutchest.errors import ClutchestError, nearest
+from clutchest.shown import Showing, Shown
+
+if TYPE_CHECKING:
+    from clutchest.pictures import Picture
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.bool_] | NDArray[np.intp] | slice  # which samples: a mask, indices, or from … to
@@ -225,8 +229,8 @@ class Truth:
     columns: Mapping[str, NDArray]
 
 
-@dataclass(frozen=True)
-class Signals(Mapping[str, Signal]):
+@dataclass(frozen=True, repr=False)
+class Signals(Showing, Mapping[str, Signal]):
     """The named signals of one drive; later drives of the same read hang on ``later``.
 
     Behaves as a mapping of canonical name → :class:`Signal`.  ``start_ns`` is the epoch time of
@@ -261,6 +265,36 @@ class Signals(Mapping[str, Signal]):
         return bool(both) and all(
             np.array_equal(self[name].value, other[name].value, equal_nan=True) for name in both
         )
+
+    def shown(self) -> Shown:
+        """The signals of this drive: samples, how many of them are valid, and the range."""
+        drives = len(self.later) + 1
+        line = f"{len(self.signals)} signals, {self.end:.1f} s"
+        rows = []
+        for name, signal in self.signals.items():
+            valid = signal.value[signal.valid]
+            low, high = (f"{limit(valid):.4g}" if len(valid) else "" for limit in (np.min, np.max))
+            rows.append((name, signal.unit, str(len(signal)), str(len(valid)), low, high))
+        return Shown(
+            line + (f", the first of {drives} drives" if drives > 1 else ""),
+            ("signal", "unit", "samples", "valid", "lowest", "highest"),
+            rows,
+        )
+
+    def plot(self, *names: str) -> Picture:
+        """This drive's signals over time, one below the other; all of them unless named."""
+        from clutchest.pictures import stacked, thinned
+        from clutchest.quantity import Quantity
+
+        some = [self[name] for name in names or self.signals]
+        if not some:
+            raise ClutchestError("this drive has no signals that could be plotted")
+        figure, panels = stacked(len(some))
+        for signal, axes in zip(some, panels, strict=True):
+            quantity = Quantity(signal.name, signal.unit or "1")
+            axes.plot(*thinned(signal.time, quantity.read(signal.value)), lw=0.8)
+            axes.set_title(quantity.label, loc="left", fontsize=9)
+        return figure
 
     def __getitem__(self, name: str) -> Signal:
         try:

@@ -13,9 +13,9 @@ import pytest
 from rich.console import Console
 
 from clutchest.errors import ClutchestError
+from clutchest.quantity import Quantity
 from clutchest.record import rerun as recording
 from clutchest.record.files import finished_into, json_text, read_state, write_run
-from clutchest.record.quantities import Quantity
 from clutchest.record.report import plus_minus
 from clutchest.record.terminal import print_run
 

@@ -6,11 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from clutchest.errors import ClutchestError
+from clutchest.shown import Showing, Shown
 from clutchest.signals import Floats
 
 if TYPE_CHECKING:
     from clutchest.diagnosis.isolation import Explanation
     from clutchest.estimate.run import Run
+    from clutchest.pictures import Picture
+
+
+_COLOURS = {"passed": "tab:green", "failed": "tab:red", "not run": "0.9"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +107,8 @@ class Isolability:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
+@dataclass(frozen=True, slots=True, repr=False)
+class Diagnosis(Showing):
     """The diagnosis of one run; ``lanes``: monitor → (time s, status) per drive."""
 
     run: Run
@@ -111,6 +117,33 @@ class Diagnosis:
     isolability: Isolability | None
     provenance: Mapping[str, str]
     lanes: Mapping[str, tuple[tuple[tuple[float, str], ...], ...]] = field(default_factory=dict)
+
+    def shown(self) -> Shown:
+        """Every fault, and every monitor with its status."""
+        names = ", ".join(fault.fault for fault in self.faults) or "no fault"
+        ran = sum(m.status != "not run" for m in self.monitors)
+        rows = [(f.fault, "fault", f.what) for f in self.faults]
+        rows += [(m.name, m.status, m.why) for m in self.monitors]
+        line = f"{names}; {ran} of {len(self.monitors)} monitors ran"
+        return Shown(line, ("name", "status", "why"), rows)
+
+    def plot(self, drive: int = 0) -> Picture:
+        """When each monitor of one drive passed (green) and failed (red)."""
+        from clutchest.pictures import stacked
+
+        if not 0 <= drive < len(self.run.tracks):
+            raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.run.tracks) - 1}")
+        names = [name for name, drives in self.lanes.items() if drives[drive]]
+        figure, (axes,) = stacked(1, 0.25 * len(names) + 0.5)
+        end = float(self.run.tracks[drive].time[-1])
+        for row, name in enumerate(names):
+            lane = self.lanes[name][drive]
+            until = [*(time for time, _ in lane[1:]), end]
+            for (begin, status), stop in zip(lane, until, strict=True):
+                axes.barh(row, stop - begin, left=begin, height=0.8, color=_COLOURS.get(status))
+        axes.set_yticks(range(len(names)), names)
+        axes.invert_yaxis()
+        return figure
 
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""

@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
+from clutchest.shown import Showing, Shown, plus_minus
 from clutchest.signals import Counts, Floats
 from clutchest.vehicle import Vehicle
 
@@ -175,8 +176,8 @@ class Misfit:
     levels: tuple[Level, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Discovery:
+@dataclass(frozen=True, slots=True, repr=False)
+class Discovery(Showing):
     """The answer.  ``sets`` are the names of causes that act together, the most likely first: one
     where they are named, several where the data do not separate them.  ``extended`` is the vehicle
     with what was identified in its model, ``curve`` the name of the curve added to it, if any;
@@ -212,6 +213,23 @@ class Discovery:
     def named(self) -> bool:
         """Whether causes have names: the model can then be run with them."""
         return bool(self.causes)
+
+    def shown(self) -> Shown:
+        """The causes with their sizes."""
+        rows = [
+            (
+                cause.effect,
+                ", ".join(
+                    f"{key} = {plus_minus(size.value, size.std)}"
+                    for key, size in cause.parameters.items()
+                ),
+                f"{cause.statistic:.1f}",
+                f"{cause.p_value:.1g}",
+            )
+            for cause in self.causes
+        ]
+        header = ("cause", "value", "2 Δ ln L", "p-value")
+        return Shown(f"{self.verdict}. {self.sentence}", header, rows)
 
     def summary(self) -> dict[str, Any]:
         """What ``discovery.json`` holds."""

@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
+from clutchest.errors import ClutchestError
 from clutchest.estimate.observability import Information
+from clutchest.shown import Showing, Shown, plus_minus
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from clutchest.pictures import Picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +103,8 @@ class Track:
         return {name: estimate for name, estimate in both.items() if estimate is not None}
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+@dataclass(frozen=True, slots=True, repr=False)
+class Run(Showing):
     """A replay: signals in, one :class:`Track` per drive out.
 
     ``summary`` is what ``summary.json`` holds; ``final`` what ``state.json`` carries to the
@@ -113,6 +117,45 @@ class Run:
     summary: Mapping[str, Any]
     final: Mapping[str, Any]
     provenance: Mapping[str, str]  # versions, hashes of vehicle, parameters and compiled model
+
+    def shown(self) -> Shown:
+        """The last estimate of every state, and why one is not valid."""
+        units = {state.name: state.unit for state in self.vehicle.machine.states}
+        events = sum(len(track.engagements) for track in self.tracks)
+        seconds = sum(float(track.time[-1]) for track in self.tracks if len(track.time))
+        rows = [
+            (
+                name,
+                plus_minus(state["value"], state["std"], units.get(name, ""))
+                if state["valid"]
+                else "",
+                "" if state["valid"] else str(state["why"]),
+            )
+            for name, state in self.summary["states"].items()
+        ]
+        return Shown(
+            f"{self.vehicle.name}, {len(self.tracks)} drive(s), {seconds:.1f} s, "
+            f"{events} slip event(s)",
+            ("state", "last estimate", "not valid"),
+            rows,
+        )
+
+    def plot(self, drive: int = 0) -> Picture:
+        """Mode, states and outputs of one drive over time, each with a band of two standard
+        deviations; grey where an estimate is not valid."""
+        from clutchest.estimate.run_picture import Band, draw_estimates
+        from clutchest.quantity import Quantity
+
+        if not 0 <= drive < len(self.tracks):
+            raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.tracks) - 1}")
+        track = self.tracks[drive]
+        units = {state.name: state.unit for state in self.vehicle.machine.states}
+        units |= {"clutch_torque": "Nm", "slip_energy": "J"}
+        bands = {
+            Quantity(name, units.get(name, "1")): Band(each.value, each.std, each.valid)
+            for name, each in {**track.states, **track.outputs}.items()
+        }
+        return draw_estimates(track.time, track.mode, track.mode_names, bands)
 
     def to_pandas(self) -> pd.DataFrame:
         """The columns of ``estimates.parquet``; all drives, one below the other."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from math import ceil, log10
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
+from clutchest.shown import Showing, Shown, plus_minus
 from clutchest.vehicle import Vehicle, dump_vehicle
 
 if TYPE_CHECKING:
@@ -80,7 +82,18 @@ class Validation:
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class PictureFile:
+    """A picture as a file would hold it, which a notebook shows."""
+
+    name: str
+    png: bytes = field(repr=False)
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Fit(Showing):
     """The result of one procedure.
 
     ``vehicle`` has the determined numbers in it.  ``parameters``: key in the vehicle file, dotted
@@ -96,6 +109,30 @@ class Fit:
     warnings: tuple[str, ...]
     draw: Callable[[Path], None]
     validation: Validation | None = None
+
+    def shown(self) -> Shown:
+        """Every number with its standard deviation, or why it is not determined."""
+        rows = [
+            (
+                key,
+                plus_minus(f.value, f.std or 0.0, f.unit) if f.determined else "",
+                "" if f.prior_std is None else f"{f.prior_std:.2g}",
+                f.why or "",
+            )
+            for key, f in self.parameters.items()
+        ]
+        count = sum(f.determined for f in self.parameters.values())
+        return Shown(
+            f"{self.procedure} of {self.vehicle.name}, {count} of {len(rows)} numbers determined",
+            ("number", "value", "σ before", "not determined"),
+            rows,
+        )
+
+    def plot(self) -> list[PictureFile]:
+        """The pictures that ``identify`` writes, by name."""
+        with TemporaryDirectory() as folder:
+            self.draw(Path(folder))
+            return [PictureFile(p.name, p.read_bytes()) for p in sorted(Path(folder).iterdir())]
 
     def as_dict(self) -> dict[str, Any]:
         """The contents of ``fit.json``."""

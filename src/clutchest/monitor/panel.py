@@ -12,7 +12,8 @@ from rich.text import Text
 from clutchest.estimate.run import Estimate
 from clutchest.models.machine import Machine
 from clutchest.monitor.events import MonitorEvent, SessionStatus
-from clutchest.record.quantities import OUTPUTS, Quantity
+from clutchest.quantity import Quantity
+from clutchest.record.quantities import OUTPUTS
 from clutchest.record.report import plus_minus
 
 _MODE = {

@@ -11,7 +11,7 @@ from clutchest.discovery.goodness_of_fit import REJECTED, DistortionTest, Goodne
 from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
 from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect
-from clutchest.record.quantities import Quantity
+from clutchest.quantity import Quantity
 from clutchest.record.report import rounded, table
 from clutchest.shipped import shipped
 from clutchest.signals import Counts

@@ -14,8 +14,9 @@ import rerun as rr
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track
+from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
-from clutchest.record.quantities import OUTPUTS, Quantity
+from clutchest.record.quantities import OUTPUTS
 from clutchest.record.series import TIMELINE, index, outline
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchest.discovery.result import Bins, Discovery, Misfit
-from clutchest.record.quantities import Quantity, quantity_of
+from clutchest.quantity import Quantity
+from clutchest.record.quantities import quantity_of
 from clutchest.signals import Floats
 
 if TYPE_CHECKING:

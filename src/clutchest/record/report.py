@@ -12,7 +12,8 @@ import numpy as np
 from clutchest.estimate.observability import NOTHING, correlated_with
 from clutchest.estimate.run import Run
 from clutchest.estimate.track import SMALLEST
-from clutchest.record.quantities import Quantity, states_of
+from clutchest.quantity import Quantity
+from clutchest.record.quantities import states_of
 
 _HOW_TO_READ = (
     "Lines are estimates, the bands around them one standard deviation; a line is grey "

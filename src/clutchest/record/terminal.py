@@ -10,9 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from clutchest.estimate.run import Run
+from clutchest.quantity import Quantity
 from clutchest.reading.inspection import Inspection
 from clutchest.reading.table_inspection import TableInspection
-from clutchest.record.quantities import Quantity, states_of
+from clutchest.record.quantities import states_of
 from clutchest.record.report import (
     BITS,
     event_words,
