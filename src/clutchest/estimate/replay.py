@@ -27,6 +27,7 @@ from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
 from clutchest.estimate.whole_log import compile_model, delays
 from clutchest.progress import Progress
+from clutchest.reading import read_log
 from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -36,7 +37,7 @@ FASTEST = 1000.0  # Hz, of the output grid
 
 
 def replay(
-    signals: Signals,
+    signals: Signals | str | Path | Sequence[str | Path],
     vehicle: Vehicle | str | Path,
     *,
     rate: float = 10.0,
@@ -47,7 +48,8 @@ def replay(
 ) -> Run:
     """Estimate temperatures, wear, friction and torque over every drive in ``signals``.
 
-    ``vehicle`` as loaded, or what ``load_vehicle`` takes.
+    ``signals`` as read, or what ``read_log`` takes; ``vehicle`` as loaded, or what ``load_vehicle``
+    takes.
     ``rate`` Hz of the output grid; ``state`` as an earlier run's ``Run.final``, carried over the
     time in between; with ``smooth`` also what each whole drive tells of the states at every time;
     ``engine``: the filter, ``kernel`` or ``filterpy``, which give the same and the latter some
@@ -56,6 +58,8 @@ def replay(
     all of them do.
     """
     vehicle = load_vehicle(vehicle)
+    if not isinstance(signals, Signals):
+        signals = read_log(signals, vehicle)
     if not 0.0 < rate <= FASTEST:
         raise ClutchestError(f"rate {rate:g} Hz: expected more than 0, at most {FASTEST:g}")
     tracks, parts = [], []

@@ -120,7 +120,7 @@ class Run(Showing):
 
     def shown(self) -> Shown:
         """The last estimate of every state, and why one is not valid."""
-        units = {state.name: state.unit for state in self.vehicle.machine.states}
+        units = self._units
         events = sum(len(track.engagements) for track in self.tracks)
         seconds = sum(float(track.time[-1]) for track in self.tracks if len(track.time))
         rows = [
@@ -149,8 +149,7 @@ class Run(Showing):
         if not 0 <= drive < len(self.tracks):
             raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.tracks) - 1}")
         track = self.tracks[drive]
-        units = {state.name: state.unit for state in self.vehicle.machine.states}
-        units |= {"clutch_torque": "Nm", "slip_energy": "J"}
+        units = self._units
         bands = {
             Quantity(name, units.get(name, "1")): Band(each.value, each.std, each.valid)
             for name, each in {**track.states, **track.outputs}.items()
@@ -158,7 +157,10 @@ class Run(Showing):
         return draw_estimates(track.time, track.mode, track.mode_names, bands)
 
     def to_pandas(self) -> pd.DataFrame:
-        """The columns of ``estimates.parquet``; all drives, one below the other."""
+        """The columns of ``estimates.parquet``; all drives, one below the other.
+
+        ``attrs["units"]`` of the table: column → unit.
+        """
         import pandas as pd
 
         frames = []
@@ -166,7 +168,17 @@ class Run(Showing):
             columns = columns_of(track, drive)
             columns["mode"] = pd.Categorical.from_codes(track.mode, list(track.mode_names))
             frames.append(pd.DataFrame(columns))
-        return pd.concat(frames, ignore_index=True)
+        table = pd.concat(frames, ignore_index=True)
+        units = {**self._units, "time": "s"}
+        stems = {name: name.removesuffix("_std").removesuffix("_smoothed") for name in table}
+        table.attrs["units"] = {name: units[stem] for name, stem in stems.items() if stem in units}
+        return table
+
+    @property
+    def _units(self) -> dict[str, str]:
+        """State or output → unit."""
+        states = {state.name: state.unit for state in self.vehicle.machine.states}
+        return {**states, "clutch_torque": "Nm", "slip_energy": "J"}
 
 
 def columns_of(track: Track, drive: int) -> dict[str, Any]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchest.errors import ClutchestError, nearest
 from clutchest.models import machine_in_file, machine_of
 from clutchest.models.error_curve import ErrorCurve, Numbers, numbers_of
 
@@ -158,6 +161,23 @@ class Vehicle:
     def python_files(self) -> tuple[Path, ...]:
         """The Python files that it names."""
         return (*([self.model_file] if self.model_file else []), *self.effects_files)
+
+    def with_parameters(self, **values: float) -> Vehicle:
+        """The same vehicle with other values of some parameters, in the units that they have here.
+
+        Their spreads stay.  Raises ClutchestError for a parameter that it does not have, or a value
+        that is no finite number.
+        """
+        parameters = dict(self.parameters)
+        for key, value in values.items():
+            if key not in parameters:
+                raise ClutchestError(f"no parameter '{key}'{nearest(key, parameters)}")
+            if not isfinite(value):
+                raise ClutchestError(f"{key}: {value} is no finite number")
+            source = f"given instead of {parameters[key].value:g}"
+            parameters[key] = replace(parameters[key], value=float(value), source=source)
+        digest = sha256(f"{self.hash} {sorted(values.items())}".encode()).hexdigest()
+        return replace(self, parameters=parameters, hash=digest[: len(self.hash)])
 
     @property
     def guessed(self) -> tuple[str, ...]:

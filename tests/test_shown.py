@@ -1,0 +1,78 @@
+"""How results show themselves in a terminal and in a notebook."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.errors import ClutchestError
+from clutchest.estimate.run import Run
+from clutchest.shown import Shown
+
+PNG = b"\x89PNG"
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return clutchest.replay("demo", "truck")
+
+
+def test_a_result_is_one_line(run: Run) -> None:
+    for result in (run, run.signals, clutchest.diagnose(run)):
+        assert "\n" not in repr(result)
+        assert len(repr(result)) < 200
+
+
+def test_a_table_has_a_row_for_each_state(run: Run) -> None:
+    rows = [name for name, *_ in run.shown().rows]
+    assert rows == list(run.tracks[0].states)
+    assert run._repr_html_().count("<tr>") == len(rows) + 1
+
+
+def test_html_is_escaped() -> None:
+    assert "<b>" not in Shown("<b>", ("<b>",), [("<b>",)]).html
+
+
+def test_pictures_of_signals_and_runs(run: Run) -> None:
+    assert run.signals.plot("engine_speed", "slave_position")._repr_png_().startswith(PNG)
+    picture = run.plot()
+    assert picture._repr_png_().startswith(PNG)
+    mode, first, *_ = picture.axes
+    assert [label.get_text() for label in mode.get_yticklabels()] == list(
+        np.array(run.tracks[0].mode_names)[np.unique(run.tracks[0].mode)]
+    )
+    assert first.get_title(loc="left") == "body temperature [°C]"
+
+
+def test_pictures_of_what_is_not_there(run: Run) -> None:
+    with pytest.raises(ClutchestError, match=r"no signal 'engine_sped'.*engine_speed"):
+        run.signals.plot("engine_sped")
+    with pytest.raises(ClutchestError, match="no drive 3, expected 0"):
+        run.plot(3)
+
+
+def test_a_diagnosis_draws_every_monitor_that_ran(run: Run) -> None:
+    diagnosis = clutchest.diagnose(run)
+    (axes,) = diagnosis.plot().axes
+    ran = [name for name, drives in diagnosis.lanes.items() if drives[0]]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ran
+
+
+def test_columns_have_units(run: Run) -> None:
+    units = run.to_pandas().attrs["units"]
+    assert units["temp_disc"] == units["temp_disc_std"] == "°C"
+    assert units["clutch_torque"] == "Nm"
+    assert "mode" not in units
+
+
+def test_other_parameters() -> None:
+    truck = clutchest.load_vehicle("truck")
+    other = truck.with_parameters(engine_inertia=4.0)
+    assert other.parameters["engine_inertia"].value == 4.0
+    assert other.parameters["engine_inertia"].spread == truck.parameters["engine_inertia"].spread
+    assert other.hash != truck.hash
+    with pytest.raises(ClutchestError, match=r"no parameter 'engine_inerta'; .*engine_inertia"):
+        truck.with_parameters(engine_inerta=4.0)
+    with pytest.raises(ClutchestError, match="no finite number"):
+        truck.with_parameters(engine_inertia=float("nan"))
