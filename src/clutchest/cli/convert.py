@@ -10,7 +10,7 @@ import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import WHOLE, AsJson, Trust, WindowOptions
-from clutchest.cli.terminal import note, print_json, progress
+from clutchest.cli.terminal import loaded, note, print_json, progress
 
 if TYPE_CHECKING:
     from clutchest.reading.conversion import Conversion
@@ -59,9 +59,8 @@ def convert(
         show("reading", None)
         from clutchest.reading.conversion import Conversion
         from clutchest.record.files import finished_into
-        from clutchest.vehicle import load_vehicle
 
-        car = None if vehicle is None else load_vehicle(vehicle, trust=trust)
+        car = None if vehicle is None else loaded(vehicle, trust)
         read = Conversion.of(logs, out, car, window.parse())
         show("writing", None)
         with finished_into(out.parent) as folder:

@@ -16,7 +16,7 @@ from clutchest.cli.options import (
     VehicleName,
     disjoint,
 )
-from clutchest.cli.terminal import answer, progress
+from clutchest.cli.terminal import answer, loaded, progress
 from clutchest.identify import OF_EVERY_MACHINE
 
 if TYPE_CHECKING:
@@ -75,10 +75,9 @@ def identify(
         from clutchest.identify.fit import print_fit
         from clutchest.reading import read_log
         from clutchest.record.files import finished_into, json_text
-        from clutchest.vehicle import load_vehicle
         from clutchest.vehicle.trust import trust_written
 
-        car = load_vehicle(vehicle, trust=trust)
+        car = loaded(vehicle, trust)
         disjoint(logs, holdout or ())
         show("reading", None)
         signals, held_out = read_log(logs, car), read_log(holdout, car) if holdout else None

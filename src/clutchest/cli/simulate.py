@@ -11,7 +11,7 @@ import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import AsJson, Trust, VehicleName
-from clutchest.cli.terminal import print_json, progress
+from clutchest.cli.terminal import loaded, print_json, progress
 
 if TYPE_CHECKING:
     from clutchest.vehicle import Vehicle
@@ -154,9 +154,8 @@ def simulate(
         show("simulating", None)
         from clutchest.record.files import finished_into
         from clutchest.simulated import write_simulation
-        from clutchest.vehicle import load_vehicle
 
-        car, files = load_vehicle(vehicle, trust=trust), tuple(truth.effects or ())
+        car, files = loaded(vehicle, trust), tuple(truth.effects or ())
         if files:
             _check_own(files, car, effects)
         with finished_into(out.parent) as folder:

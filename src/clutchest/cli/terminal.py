@@ -15,6 +15,8 @@ from clutchest.progress import Progress
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from clutchest.vehicle import Vehicle
+
 
 @contextmanager
 def progress() -> Iterator[Progress]:
@@ -64,6 +66,16 @@ def answer(
     print(f"Written to {out}: {', '.join(written)}")
     if "recording.rrd" in written:
         print(f"To view it: rerun {out / 'recording.rrd'}")
+
+
+def loaded(vehicle: str, trust: bool) -> Vehicle:
+    """The vehicle; what is unlikely in its file is said on stderr."""
+    from clutchest.vehicle import load_vehicle
+
+    car = load_vehicle(vehicle, trust=trust)
+    for words in car.notes:
+        note(f"warning: {words}")
+    return car
 
 
 def note(text: str) -> None:

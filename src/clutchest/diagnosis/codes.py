@@ -19,6 +19,8 @@ UNKNOWN_CAUSE = 11  # FMI
 MISFIT = "misfit"  # deviations that no known fault explains
 WEAR = "wear"  # beyond its limit
 WORN = 16  # FMI: above normal, moderately severe
+CONTRADICTION = "contradiction"  # of signals and model
+INCORRECT = 2  # FMI: data erratic, intermittent or incorrect
 KINDS = (
     "missing",
     "late",
@@ -99,6 +101,8 @@ def number_of(fault: str, vehicle: Vehicle, size: float = 0.0) -> tuple[int, int
             fmi = of_model.fmi[0 if size >= 0.0 else 1]
     if fault == WEAR:
         fmi = WORN
+    if kind == CONTRADICTION:
+        fmi = INCORRECT
     if stated is not None:
         return stated[0], fmi if stated[1] is None else stated[1]
     return PROPRIETARY[_place(fault)], fmi

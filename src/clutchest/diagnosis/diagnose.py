@@ -8,8 +8,10 @@ import numpy as np
 
 from clutchest.diagnosis import structure
 from clutchest.diagnosis.codes import MISFIT, WEAR, number_of_set, status_byte
+from clutchest.diagnosis.contradiction import contradictions
 from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis, effects_for
 from clutchest.diagnosis.faults import Alarm, StreamTest
+from clutchest.diagnosis.freeze_frame import freeze_frame
 from clutchest.diagnosis.isolation import (
     Explanation,
     explanations,
@@ -20,7 +22,6 @@ from clutchest.diagnosis.isolation import (
 from clutchest.diagnosis.monitor_status import lanes, monitor_statuses
 from clutchest.diagnosis.refit import refitted
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
-from clutchest.diagnosis.streams import false_alarms
 from clutchest.estimate.run import Run
 from clutchest.progress import Progress
 
@@ -39,6 +40,7 @@ def diagnose(run: Run, *, progress: Progress | None = None) -> Diagnosis:
     ]
     faults = [*_stream_faults(run, drives), *_model_faults(run, drives, progress)]
     faults.sort(key=lambda f: (f.drive, f.first_detected_s))
+    faults = [*contradictions(run, drives), *faults]
     return Diagnosis(
         run=run,
         monitors=monitor_statuses(run, drives),
@@ -78,7 +80,7 @@ def _stream_fault(run: Run, drives: Drives, number: int, test: StreamTest, first
         confidence=_confidence(test.per_1000h, drives[number].length),
         what=first.what,
         causes=(),
-        freeze_frame=_freeze_frame(run, number, first.detected),
+        freeze_frame=freeze_frame(run, number, first.detected),
         status_byte=status_byte(every_drive),
         spn=spn,
         fmi=fmi,
@@ -164,7 +166,7 @@ def _model_fault(
     size = causes[0].size if causes else 0.0
     spn, fmi = number_of_set(names, run.vehicle, size)
     every_drive = [(d.length, [alarm] if i == number else []) for i, d in enumerate(drives)]
-    chance = 1.0 - _confidence(false_alarms(run.vehicle), drives[number].length)
+    chance = 1.0 - _confidence(run.vehicle.false_alarms_per_1000h, drives[number].length)
     return Fault(
         fault=names[0],
         set=tuple(names),
@@ -175,7 +177,7 @@ def _model_fault(
         confidence=1.0 - chance * alarm.chance,
         what=alarm.what,
         causes=tuple(causes),
-        freeze_frame=_freeze_frame(run, number, alarm.detected, causes),
+        freeze_frame=freeze_frame(run, number, alarm.detected, causes),
         status_byte=status_byte(every_drive),
         spn=spn,
         fmi=fmi,
@@ -185,32 +187,6 @@ def _model_fault(
 def _confidence(per_1000h: float, length: float) -> float:
     """1 − the probability of a false alarm within so many s."""
     return float(np.exp(-per_1000h * max(length, 1.0) / 3.6e6))
-
-
-def _freeze_frame(run: Run, drive: int, time: float, causes: Sequence[Explanation] = ()) -> dict:
-    """Mode, states, inputs and ranked causes at ``time`` s of a drive."""
-    track, signals = run.tracks[drive], run.signals.drives[drive]
-    row = int(np.clip(np.searchsorted(track.time, time, "right") - 1, 0, len(track.time) - 1))
-    inputs, torque = {}, track.clutch_torque
-    for name, signal in signals.items():
-        valid = signal.only_valid()
-        at = int(np.searchsorted(valid.time, time, "right")) - 1
-        inputs[name] = float(valid.value[at]) if at >= 0 else None
-    return {
-        "time": float(track.time[row]),
-        "mode": track.mode_names[track.mode[row]],
-        "states": {
-            name: {
-                "value": float(e.value[row]),
-                "std": float(e.std[row]),
-                "valid": bool(e.valid[row]),
-            }
-            for name, e in track.states.items()
-        },
-        "clutch_torque": float(torque.value[row]) if torque else None,
-        "inputs": inputs,
-        "causes": [c.fault for c in causes],
-    }
 
 
 # --- isolability ----------------------------------------------------------------------------------

@@ -11,13 +11,7 @@ from clutchest.diagnosis.blocks import blocks_of
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.fault_tests import SHORTEST_H, FaultTestResults, run_fault_tests
 from clutchest.diagnosis.faults import Alarm
-from clutchest.diagnosis.streams import (
-    RECOVERY_S,
-    SILENT_BUS,
-    StreamTests,
-    between,
-    false_alarms,
-)
+from clutchest.diagnosis.streams import RECOVERY_S, SILENT_BUS, StreamTests, between
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, Track
 from clutchest.models.effects import Effect
@@ -55,12 +49,14 @@ class DriveDiagnosis:
         cls, run: Run, signals: Signals, track: Track, progress: Progress | None = None
     ) -> DriveDiagnosis:
         """One of the drives of ``run``."""
-        per_1000h = false_alarms(run.vehicle)
+        per_1000h = run.vehicle.false_alarms_per_1000h
         length = max(signals.end, float(track.time[-1]) if len(track.time) else 0.0)
         streams = StreamTests(run.vehicle)
         streams.take(signals, length)
         valid = _valid(signals, streams, run)
-        equations, why_not = _equations(run, signals, valid, per_1000h, progress)
+        equations, why_not = None, "signals and model contradict each other"
+        if track.contradiction is None or (not track.contradiction.kind and streams.failed):
+            equations, why_not = _equations(run, signals, valid, per_1000h, progress)
         wear = _wear(run, track, per_1000h, length)
         return cls(length, valid, streams, equations, why_not, wear)
 

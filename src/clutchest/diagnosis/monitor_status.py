@@ -8,7 +8,6 @@ from clutchest.diagnosis.codes import MISFIT, WEAR
 from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis
 from clutchest.diagnosis.faults import Alarm, StreamTest
 from clutchest.diagnosis.result import MonitorStatus
-from clutchest.diagnosis.streams import false_alarms
 from clutchest.estimate.run import Run
 from clutchest.models.fault import ModelFault
 
@@ -45,7 +44,9 @@ def _monitor(
     chosen = min(
         range(len(statuses)), key=lambda i: ("failed", "passed", "not run").index(statuses[i])
     )
-    return MonitorStatus(name, *words[chosen], at[chosen], false_alarms(run.vehicle), statuses)
+    return MonitorStatus(
+        name, *words[chosen], at[chosen], run.vehicle.false_alarms_per_1000h, statuses
+    )
 
 
 def _stream_tests(drives: Sequence[DriveDiagnosis]) -> dict[str, list[StreamTest | None]]:

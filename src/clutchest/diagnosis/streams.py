@@ -21,17 +21,12 @@ USUAL_FROM = 20
 SILENT_BUS = f"{Silent.kind}:{BUS}"
 
 
-def false_alarms(vehicle: Vehicle) -> float:
-    """False alarms per 1000 h and monitor that the vehicle file allows."""
-    return vehicle.monitors.get("false_alarms_per_1000h", RATE)
-
-
 class StreamTests:
     """All such tests of one drive.  Give :meth:`take` new data in order of time."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
-        self.tests = stream_tests(vehicle, false_alarms(vehicle))
+        self.tests = stream_tests(vehicle, vehicle.false_alarms_per_1000h)
         self.frames = False  # whether any frame has been received
         self._bus = next(test for test in self.tests if isinstance(test, Silent))
         self._bus.messages = frozenset(test.subject for test in self.tests if test.of_message)
@@ -53,6 +48,11 @@ class StreamTests:
                 test.take(batch)
         return [test for test in self.tests if len(test.alarms) > before[test.name]]
 
+    @property
+    def failed(self) -> bool:
+        """Whether any test has failed that is of consequence to the estimates."""
+        return any(test.alarms and not test.harmless for test in self.tests)
+
     def masked(self, test: StreamTest, alarm: Alarm) -> list[StreamTest]:
         """The tests of the whole message or bus, or of a signal that ``test`` uses, whose faults
         explain its ``alarm``."""
@@ -73,7 +73,7 @@ class StreamTests:
             if traffic.channel is None:
                 continue
             if traffic.channel not in self._channels:
-                test = Silent(str(traffic.channel), false_alarms(self.vehicle))
+                test = Silent(str(traffic.channel), self.vehicle.false_alarms_per_1000h)
                 self._channels[traffic.channel] = test
             self._channels[traffic.channel].messages |= {name}
         self._active |= set(new.activity)

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from clutchest.compute.records import Belief
+from clutchest.estimate.consistency import Consistency
 from clutchest.estimate.delay_equalisation import Clocks
 from clutchest.estimate.drive_setup import DriveSetup, held_on
 from clutchest.estimate.engines import KERNEL, filter_of
-from clutchest.estimate.initial_state import History, carried_on, fresh, leave
+from clutchest.estimate.initial_state import History, carried_on, contradicted, fresh, leave
 from clutchest.estimate.run import Engagement, Track
 from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.estimate.samples import APART, SensorReadings, slope_count
@@ -103,6 +104,7 @@ class Drive:
         self.recent: Rows | None = None  # since the last slip event ended
         self.history = History.of(state)
         self.last: Timeline | None = None
+        self.consistency = Consistency(self.compiled.model, vehicle.false_alarms_per_1000h)
         longest = max(s.repeats for s in model.sensors)
         self.back = self.thresholds.back + 2 * longest + MARGIN
 
@@ -266,6 +268,7 @@ class Drive:
         track = track_of(
             self.vehicle, self.compiled, line, filtered, rows, events, self.gained_before
         )
+        track = self.consistency.take(track)
         if len(rows.time):
             self.gained_before, self.own = filtered.gained[-1], filtered.P[-1].diagonal()
         released = self._released_ns(float(line.t[-1]), assembled)
@@ -318,7 +321,8 @@ class Drive:
         """As :func:`clutchest.estimate.initial_state.leave` has it."""
         if self.belief is None or self.last is None:
             return None
-        return leave(self.vehicle, self.compiled, self.last, self.belief, self.start_ns, self.past)
+        left = leave(self.vehicle, self.compiled, self.last, self.belief, self.start_ns, self.past)
+        return contradicted(left, self.consistency.found)
 
 
 def _last_begin(time: np.ndarray, gap: float) -> int:

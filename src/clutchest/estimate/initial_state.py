@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from clutchest.errors import ClutchestError
+from clutchest.estimate.run import Contradiction
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, copied, first_belief, run
 from clutchest.signals import Floats
@@ -19,6 +20,9 @@ from clutchest.vehicle.state_uncertainty import prior_std, process_noise
 COOLING = 3600.0  # s, time constant at which the inputs of a parked machine go to their new values
 LONGEST_SOAK = 48 * 3600.0  # s, after which every temperature has settled
 PARKED_STEP = 5.0  # s
+ROUNDING = 1e-6  # of a covariance
+LARGEST = 1e300  # integers that are still numbers
+LATEST_NS = 1 << 63  # of a clock
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +97,12 @@ def carried_on(
     """
     belief, model = fresh(vehicle, compiled, timeline), compiled.model
     _check(vehicle, compiled, state)
+    if state.get("contradiction"):
+        return (
+            belief,
+            "signals and model contradict each other in the drive before: nothing of it is carried "
+            "over",
+        )
     before = _recalled(compiled, state, belief)
     known = np.array([s.name in state["states"] for s in model.states])
     kept = known & np.array([s.carried for s in model.states])
@@ -150,6 +160,11 @@ def leave(
     }
 
 
+def contradicted(left: dict[str, Any], found: Contradiction | None) -> dict[str, Any]:
+    """What a drive leaves, which says so where signals and model contradict each other in it."""
+    return {**left, "contradiction": found.words} if found else left
+
+
 def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> None:
     required = {
         "model",
@@ -180,6 +195,7 @@ def _check(vehicle: Vehicle, compiled: Compiled, state: Mapping[str, Any]) -> No
     if not set(known) & set(names):
         raise StateError(f"the carried-over state has none of the states {', '.join(known)}")
     _check_numbers(state, len(names))
+    _check_possible(compiled, state)
 
 
 def _check_numbers(state: Mapping[str, Any], n: int) -> None:
@@ -206,18 +222,43 @@ def _check_numbers(state: Mapping[str, Any], n: int) -> None:
     for key, shape in shapes.items():
         try:
             numbers = np.array(state[key], np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             numbers = np.zeros(0)
         if numbers.shape != shape or not np.all(np.isfinite(numbers)):
             raise _damaged(key, f"{' × '.join(map(str, shape))} finite numbers")
-    if np.any(np.diag(np.array(state["P"], np.float64)) < 0):
+    P = np.array(state["P"], np.float64)
+    scale = np.sqrt(np.maximum(np.diag(P), 1e-300))
+    correlation = P / np.outer(scale, scale)
+    if np.any(np.diag(P) < 0) or not np.all(np.isfinite(correlation)):
         raise _damaged("P", "a covariance: no variance below zero")
+    if np.abs(P - P.T).max(initial=0.0) > ROUNDING * np.abs(P).max(initial=0.0) or (
+        np.linalg.eigvalsh((correlation + correlation.T) / 2).min(initial=0.0) < -ROUNDING
+    ):
+        raise _damaged("P", "a covariance: symmetric and positive semidefinite")
+    if state["slip_energy"][1] < 0:
+        raise _damaged("slip_energy", "an energy and its variance, not below zero")
     inputs = state["inputs"]
     if not (isinstance(inputs, Mapping) and all(map(_finite, inputs.values()))):
         raise _damaged("inputs", "names with finite numbers")
     time = state.get("time_ns")
-    if time is not None and (isinstance(time, bool) or not isinstance(time, int)):
+    if time is not None and (
+        isinstance(time, bool) or not isinstance(time, int) or abs(time) >= LATEST_NS
+    ):
         raise _damaged("time_ns", "a whole number of ns or null")
+
+
+def _check_possible(compiled: Compiled, state: Mapping[str, Any]) -> None:
+    """Every value is physically possible; what a contradicted drive left is not carried over."""
+    numbers = dict(
+        zip(state["states"], zip(state["x"], np.diag(state["P"]), strict=True), strict=True)
+    )
+    for each in () if state.get("contradiction") else compiled.model.states:
+        value, variance = numbers.get(each.name, (None, 0.0))
+        if value is None:
+            continue
+        (low, high), margin = each.possible, 3.0 * float(np.sqrt(variance))
+        if not low - margin <= value <= high + margin:
+            raise _damaged("x", f"physically possible: {each.name} is {value:.4g} {each.unit}")
 
 
 def _damaged(key: str, expected: str) -> StateError:
@@ -225,7 +266,9 @@ def _damaged(key: str, expected: str) -> StateError:
 
 
 def _finite(value: Any) -> bool:
-    return isinstance(value, int | float) and isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return isfinite(value) if isinstance(value, float) else abs(value) < LARGEST
 
 
 def _recalled(compiled: Compiled, state: Mapping[str, Any], fresh: Belief) -> Belief:

@@ -15,11 +15,13 @@ import numpy as np
 
 from clutchest import __version__, memory_mapped
 from clutchest.errors import ClutchestError
+from clutchest.estimate.consistency import Consistency, all_invalid
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.drive import Drive, begun
 from clutchest.estimate.drive_setup import Unusable, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
-from clutchest.estimate.initial_state import History, leave
+from clutchest.estimate.explanation import explained
+from clutchest.estimate.initial_state import History, contradicted, leave
 from clutchest.estimate.run import Run, Track
 from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
@@ -71,6 +73,9 @@ def replay(
         except Unusable as problem:
             unusable.append((drive, problem))
             continue
+        found = explained(track.contradiction, track, part.drive, vehicle, progress)
+        if found is not None:
+            track, state = all_invalid(track, found), contradicted(dict(state), found)
         tracks.append(track)
         parts.append(part)
     if not tracks:
@@ -169,6 +174,7 @@ def _whole(
     start, warnings = begun(vehicle, compiled, timeline, state, signals.start_ns)
     filtered = filter_of(engine)(compiled, timeline, start, progress=progress)
     track = track_of(vehicle, compiled, timeline, filtered)
+    track = Consistency(compiled.model, vehicle.false_alarms_per_1000h).take(track)
     over = smoothed(compiled, timeline, start, filtered, progress)
     track = replace(track, smoothed=states_of(vehicle, compiled, over.x, over.variance))
     span = float(timeline.t[-1] - timeline.t[0])

@@ -75,6 +75,20 @@ class Engagement:
 
 
 @dataclass(frozen=True, slots=True)
+class Contradiction:
+    """Signals and model that cannot both be right: ``words`` say how that shows, ``signal`` is the
+    one most in question, from ``since_s`` on the drive's clock no state is believed.
+    ``explanation`` in words, "" where none was sought, and its ``kind``: sign, swap, unit or dead,
+    "" where there is none."""
+
+    words: str
+    signal: str
+    since_s: float
+    explanation: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Track:
     """The estimates of one drive on the output grid.
 
@@ -82,6 +96,7 @@ class Track:
     is denser than the grid while the clutch slips.  ``smoothed``: the states from what was
     measured over the whole drive; empty unless asked for.  ``clutch_torque`` is None of a machine
     without an output of that name, ``slip_energy`` where its equations have no output ``power``.
+    ``contradiction``: why none of the states is valid, if so.
     """
 
     time: Floats
@@ -95,6 +110,7 @@ class Track:
     log_likelihood: float
     information: Information
     smoothed: Mapping[str, Estimate] = field(default_factory=dict)
+    contradiction: Contradiction | None = None
 
     @property
     def outputs(self) -> dict[str, Estimate]:

@@ -58,6 +58,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
     end, energy = parts[-1], tracks[-1].slip_energy
     return {
         "vehicle": vehicle.name,
+        "contradiction": _contradiction(tracks),
         **counts.summary(),
         "messages": counts.messages,
         "duration_s": float(sum(p.span_s for p in parts)),
@@ -85,6 +86,20 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "log_likelihood": float(sum(track.log_likelihood for track in tracks)),
         "warnings": warnings,
     }
+
+
+def _contradiction(tracks: Sequence[Track]) -> dict[str, Any] | None:
+    """The first drive in which signals and model contradict each other."""
+    for number, track in enumerate(tracks):
+        if found := track.contradiction:
+            return {
+                "words": found.words,
+                "explanation": found.explanation,
+                "signal": found.signal,
+                "drive": number,
+                "since_s": found.since_s,
+            }
+    return None
 
 
 def _number(column: Floats | None) -> float | None:
@@ -134,9 +149,13 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
             bits = _bits(tracks, state.name)
             partners = together[state.name]
             own = float(np.sqrt(part.own[i]))
+            reason, what = _distrusted(track, state, value), None
+            if not valid and reason is None:
+                reason = _too_wide(state, std, own, bits["total"], partners)
+                what = needs(vehicle.machine, state, partners)
             entry |= {
-                "why": None if valid else _too_wide(state, std, own, bits["total"], partners),
-                "needs": None if valid else needs(vehicle.machine, state, partners),
+                "why": None if valid else reason,
+                "needs": what,
                 "information_bits": bits,
                 "informed_at_s": track.information.informed_at(state.name),
                 "not_observable_now": not_observable_now(track.information, state.name),
@@ -151,6 +170,14 @@ def _bits(tracks: Sequence[Track], name: str) -> dict[str, float]:
     informed = [t.information.by_mode() for t in tracks if name in t.information.names]
     modes = {mode: sum(drive[mode][name] for drive in informed) for mode in tracks[0].mode_names}
     return {"total": sum(modes.values()), **modes}
+
+
+def _distrusted(track: Track, state: State, value: float) -> str | None:
+    """Why a value is not believed, however narrow it is."""
+    if track.contradiction:
+        return f"signals and model contradict each other: {track.contradiction.words}"
+    low, high = state.possible
+    return None if low <= value <= high else "the value is physically impossible"
 
 
 def _too_wide(

@@ -153,13 +153,15 @@ def joined(tracks: Sequence[Track]) -> Track:
             column(lambda t: t.information.bits),
             first.information.mode_names,
         ),
+        contradiction=tracks[-1].contradiction,
     )
 
 
 def states_of(
     vehicle: Vehicle, compiled: Compiled, x: Floats, variance: Floats
 ) -> dict[str, Estimate]:
-    """Columns of ``x`` and ``variance`` (r, n) by name, and whether they are narrow enough."""
+    """Columns of ``x`` and ``variance`` (r, n) by name, and whether they are narrow enough and
+    physically possible."""
     states = {}
     for i, state in enumerate(compiled.model.states):
         std = np.sqrt(variance[:, i])
@@ -168,7 +170,9 @@ def states_of(
             nothing = np.full(len(std), np.nan)
             states[state.name] = Estimate(nothing, nothing, np.zeros(len(std), bool))
         else:
-            states[state.name] = Estimate(x[:, i], std, std <= useful)
+            (low, high), value = state.possible, x[:, i]
+            possible = (value >= low) & (value <= high)
+            states[state.name] = Estimate(value, std, (std <= useful) & possible)
     return states
 
 

@@ -23,6 +23,8 @@ class State:
     relaxes faster than the steps that everything else asks for.  A ``factor`` is always above 0,
     and measurements move its logarithm.
 
+    ``possible`` (unit): the lowest and the highest value that is physically possible.
+
     For discovery: ``wander`` (unit/√s) is as far as it may wander, as a random walk, in a healthy
     machine that is driven; unless the vehicle file says otherwise.
     For fault tests: ``restart_std`` (unit) is how far from rest it may start in a healthy machine
@@ -49,11 +51,15 @@ class State:
     restart_std: float = 0.0
     drift: float = 0.0
     wander: float = 0.0
+    possible: tuple[float, float] = (-inf, inf)
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A constant of the equations, from the vehicle file; bounds in ``unit``."""
+    """A constant of the equations, from the vehicle file; bounds in ``unit``.
+
+    ``plausible`` (unit): what such machines have; a value outside is used, and said.
+    """
 
     key: str
     unit: str
@@ -61,6 +67,7 @@ class Parameter:
     what: str
     lower: float = -inf
     upper: float = inf
+    plausible: tuple[float, float] = (-inf, inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +91,9 @@ class Sensor:
     ``mode`` (any unless given).  ``repeats``: s, for how long the estimator takes a reading to
     repeat its own error, so that the average over twice as long counts as one reading: errors of
     second order in the equations do not average out over hundreds of readings a second.
+    ``tolerance``: as many standard deviations as innovations may have, in the median over ten
+    seconds, where the equations are wrong by the largest plausible errors; beyond, signals and
+    model contradict each other.
     """
 
     name: str
@@ -93,6 +103,7 @@ class Sensor:
     column: str = ""
     mode: str = ""
     repeats: float = 0.0
+    tolerance: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +131,7 @@ class Column:
     that belong to it, by the vehicle file's key), ``reference_spn`` of what 100 % of it stands for.
     ``magnitude``: how large its readings are, by which a wrong unit of a table shows.
     ``geared_by``: the signal by which a gear is inferred, where a wheel speed times a gear's ratio
-    can stand in for this one.
+    can stand in for this one.  ``noisiest``: the largest standard deviation that such a sensor has.
     """
 
     name: str
@@ -133,3 +144,4 @@ class Column:
     reference_spn: int | None = None
     geared_by: str = ""
     magnitude: Magnitude | None = None
+    noisiest: float = inf

@@ -92,7 +92,7 @@ class Monitor:
         ``show`` is called with every piece, every event, and a few times a second in between.
         """
         end = None if duration is None else time.monotonic() + duration
-        for note in self._outputs.notes:
+        for note in (*self.vehicle.notes, *self._outputs.notes):
             self._report("warning", note, {})
         gc.freeze()  # objects of the set-up are not collected
         gc.disable()  # garbage is collected when no row is due, see _process
@@ -129,7 +129,7 @@ class Monitor:
         self._signals: dict[str, list[Signal]] = {}
         self._last_s: dict[str, float] = {}  # signal → time of its last sample
         self._start_ns, self._mode = None, ""
-        self._watched_s = 0.0
+        self._watched_s, self._contradicted = 0.0, False
         self._live = LiveEstimator(
             self.vehicle,
             self.database,
@@ -224,6 +224,10 @@ class Monitor:
         """Rows into the status, the files and events of their own."""
         track = piece.track
         self.status.rows += len(track.time)
+        if track.contradiction and not self._contradicted:
+            self._contradicted = True
+            words = f"signals and model contradict each other: {track.contradiction.words}"
+            self._put(MonitorEvent(track.contradiction.since_s, "warning", words, {}))
         if len(track.time):
             self.status.piece = piece
         if piece.begins:

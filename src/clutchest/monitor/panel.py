@@ -51,6 +51,8 @@ def _head(status: SessionStatus) -> Text:
     mode = track.mode_names[track.mode[-1]]
     text.append(f" {mode.upper()} ", style=f"reverse {_MODE.get(mode, '')}")
     text.append(f"  at {track.time[-1]:.1f} s")
+    if track.contradiction:
+        text.append("   signals and model contradict each other", style="bold bright_red")
     if status.away:
         text.append(f"   interface down: {status.away}", style="yellow")
     elif status.silent_s > 1.0:
@@ -77,14 +79,16 @@ def _estimates(status: SessionStatus, machine: Machine) -> Table:
         table.add_row(
             quantity.words,
             plus_minus(quantity, value, std),
-            _note(estimate, quantity),
+            _note(estimate, quantity, track.contradiction is not None),
             style="" if valid else "dim",
         )
     return table
 
 
-def _note(estimate: Estimate, quantity: Quantity) -> Text:
+def _note(estimate: Estimate, quantity: Quantity, contradicted: bool) -> Text:
     """A bar for a temperature; the reason why an estimate is not valid."""
+    if contradicted:
+        return Text("signals contradict the model")
     if not estimate.valid[-1]:
         return Text("too uncertain to be of use")
     if quantity.unit != "°C":

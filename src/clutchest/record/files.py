@@ -90,6 +90,10 @@ def read_state(path: Path) -> dict[str, Any]:
         raise ClutchestError(
             f"{path}: not text; expected the state.json of an earlier replay"
         ) from None
+    except (RecursionError, ValueError):  # nested without end, or a number of thousands of digits
+        raise ClutchestError(
+            f"{path}: damaged; expected the state.json of an earlier replay"
+        ) from None
     if not isinstance(state, dict):
         raise ClutchestError(f"{path}: expected the state.json of an earlier replay, an object")
     return state

@@ -50,7 +50,7 @@ def informed(state: Mapping[str, Any]) -> str:
     source of information and what limits it."""
     bits, now = state["information_bits"], state["not_observable_now"]
     if not state["valid"]:
-        return f"{state['why']}; needs {state['needs']}"
+        return f"{state['why']}; needs {state['needs']}" if state["needs"] else state["why"]
     parts = ["initial value"]
     if bits["total"] >= NOTHING:
         mode = max((m for m in bits if m != "total"), key=lambda m: bits[m])
@@ -62,7 +62,7 @@ def informed(state: Mapping[str, Any]) -> str:
 
 def markdown(run: Run) -> str:
     """Summary, final states, engagements and warnings of ``run`` as one Markdown text."""
-    parts = [f"# {run.vehicle.name}", _sources(run), _HOW_TO_READ]
+    parts = [f"# {run.vehicle.name}", *map(_bold, contradiction(run)), _sources(run), _HOW_TO_READ]
     parts += ["## Estimates at the end", _states(run), BITS]
     if run.summary["wear"]:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
@@ -77,6 +77,22 @@ def markdown(run: Run) -> str:
     ]
     parts += ["## Provenance", table(("what", "version or hash"), made_by)]
     return "\n\n".join(parts) + "\n"
+
+
+def contradiction(run: Run) -> list[str]:
+    """That signals and model cannot both be right, and what explains it; empty where they can."""
+    found = run.summary["contradiction"]
+    if found is None:
+        return []
+    where = f"drive {found['drive']}: " if len(run.tracks) > 1 else ""
+    words = (
+        f"{where}signals and model contradict each other, no estimate is valid: {found['words']}"
+    )
+    return [words, *([found["explanation"]] if found["explanation"] else [])]
+
+
+def _bold(words: str) -> str:
+    return f"**{words}**"
 
 
 def _sources(run: Run) -> str:

@@ -16,6 +16,7 @@ from clutchest.reading.table_inspection import TableInspection
 from clutchest.record.quantities import states_of
 from clutchest.record.report import (
     BITS,
+    contradiction,
     event_words,
     hottest_words,
     informed,
@@ -30,6 +31,8 @@ def print_run(run: Run, console: Console) -> None:
     """Print the final states with their source of information, slip events and wear in a line or
     two each, and the warnings of ``run``."""
     summary = run.summary
+    for words in contradiction(run):
+        console.print(f"[bold red]{escape(words)}[/]")
     title = f"{escape(run.vehicle.name)}: {summary['duration_s']:.0f} s"
     if len(run.tracks) > 1:
         title += f", {len(run.tracks)} drives"

@@ -15,6 +15,7 @@ from clutchest.vehicle.columns_section import read_columns
 from clutchest.vehicle.curves import PATCH, read_curves
 from clutchest.vehicle.effects_section import read_effects
 from clutchest.vehicle.named_files import NamedFiles
+from clutchest.vehicle.plausible import unlikely
 from clutchest.vehicle.signals_section import read_signals
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.trust import check_trusted
@@ -110,7 +111,10 @@ def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
         codes=codes,
         effects_files=own_effects,
         curves=curves,
-        notes=tuple(f"{path.name}: {PATCH}" for path in named.patches),
+        notes=(
+            *(f"{path.name}: {PATCH}" for path in named.patches),
+            *(f"{file.path.name}: {words}" for words in unlikely(machine, parameters, signals)),
+        ),
         checked=tuple(checked),
         model_file=named.model,
         digests=named.digests,

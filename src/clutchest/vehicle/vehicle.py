@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from clutchest.models.machine import Machine
 
 
+FALSE_ALARMS = 1.0  # per 1000 h, unless a vehicle file has another number
+
+
 @dataclass(frozen=True, slots=True)
 class BusSignal:
     """One signal on the bus: the DBC's names, and the bus unit the file claims for it."""
@@ -142,6 +145,11 @@ class Vehicle:
     model_file: Path | None = field(default=None, compare=False)
     digests: Mapping[Path, str] = field(default_factory=dict, compare=False)
     columns: Mapping[str, TableColumn] = field(default_factory=dict)
+
+    @property
+    def false_alarms_per_1000h(self) -> float:
+        """False alarms per 1000 h and monitor that the vehicle file allows."""
+        return self.monitors.get("false_alarms_per_1000h", FALSE_ALARMS)
 
     @property
     def machine(self) -> Machine:

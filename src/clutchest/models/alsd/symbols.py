@@ -5,6 +5,9 @@ from __future__ import annotations
 from clutchest.models.declarations import Separation
 from clutchest.models.symbols import Column, Input, Sensor, State
 
+METAL = (-60.0, 1150.0)  # °C, from the coldest night to where steel plates melt
+WINDING = (-60.0, 400.0)  # °C, beyond the insulation of any motor
+
 STATES = (
     State(
         "current",
@@ -101,6 +104,7 @@ STATES = (
         healthy_std=0.03,
         factor=True,
         prior="friction_coefficient",
+        possible=(0.02, 2.5),
     ),
     State(
         "temp_pack",
@@ -112,6 +116,7 @@ STATES = (
         10.0,
         "the oil temperature, while the clutch rests",
         0.15,
+        possible=METAL,
     ),
     State(
         "temp_armature",
@@ -123,6 +128,7 @@ STATES = (
         10.0,
         "current at a held motor",
         0.15,
+        possible=WINDING,
     ),
 )
 
@@ -144,25 +150,34 @@ WHEELS = (
 )
 
 COLUMNS = (
-    Column("armature_voltage", "V", rests=True),
-    Column("armature_current", "A", rests=True),
-    Column("motor_angle", "rad"),
-    Column("slip_speed", "rad/s", rests=True),
-    Column("oil_temp", "°C", possible=(-50.0, 180.0, 5.0)),
-    Column("armature_temp", "°C", possible=(-50.0, 250.0, 20.0)),
-    Column("clutch_torque", "Nm"),
-    Column("motor_torque", "Nm"),
-    Column("drive_torque", "Nm"),
-    Column("shaft_torque", "Nm"),
-    Column("drive_angle", "rad"),
-    Column("wheel_speed_left", "rad/s", rests=True),
-    Column("wheel_speed_right", "rad/s", rests=True),
+    Column("armature_voltage", "V", rests=True, noisiest=2.0),
+    Column("armature_current", "A", rests=True, noisiest=5.0),
+    Column("motor_angle", "rad", noisiest=1.0),
+    Column("slip_speed", "rad/s", rests=True, noisiest=2.0),
+    Column("oil_temp", "°C", possible=(-50.0, 180.0, 5.0), noisiest=10.0),
+    Column("armature_temp", "°C", possible=(-50.0, 250.0, 20.0), noisiest=20.0),
+    Column("clutch_torque", "Nm", noisiest=200.0),
+    Column("motor_torque", "Nm", noisiest=1.0),
+    Column("drive_torque", "Nm", noisiest=100.0),
+    Column("shaft_torque", "Nm", noisiest=300.0),
+    Column("drive_angle", "rad", noisiest=0.05),
+    Column("wheel_speed_left", "rad/s", rests=True, noisiest=2.0),
+    Column("wheel_speed_right", "rad/s", rests=True, noisiest=2.0),
 )
 
 SENSORS = (
-    Sensor("armature_current", "A", "i_a", "armature current"),
-    Sensor("motor_angle", "rad", "α_m1", "actuator motor's angle"),
-    Sensor("armature_temp", "°C", "ϑ_a", "armature temperature"),
-    Sensor("clutch_torque", "Nm", "T_c", "torque at the grounded output shaft", mode="slipping"),
-    Sensor("shaft_torque", "Nm", "T_c", "left half-shaft less right", mode="slipping"),
+    Sensor("armature_current", "A", "i_a", "armature current", tolerance=15.0),
+    Sensor("motor_angle", "rad", "α_m1", "actuator motor's angle", tolerance=40.0),
+    Sensor("armature_temp", "°C", "ϑ_a", "armature temperature", tolerance=6.0),
+    Sensor(
+        "clutch_torque",
+        "Nm",
+        "T_c",
+        "torque at the grounded output shaft",
+        mode="slipping",
+        tolerance=40.0,
+    ),
+    Sensor(
+        "shaft_torque", "Nm", "T_c", "left half-shaft less right", mode="slipping", tolerance=40.0
+    ),
 )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from clutchest.models.declarations import Separation
 from clutchest.models.symbols import Column, Input, Magnitude, Parameter, Sensor, State
 
+METAL = (-60.0, 1150.0)  # °C, from the coldest night to where cast iron melts
+
 STATES = (
     State(
         "temp_body",
@@ -17,6 +19,7 @@ STATES = (
         "a standstill with the actuator retracted",
         0.15,
         restart_std=40.0,
+        possible=METAL,
     ),
     State(
         "temp_housing",
@@ -29,6 +32,7 @@ STATES = (
         "a long cool-down with the actuator retracted",
         0.15,
         restart_std=25.0,
+        possible=METAL,
     ),
     State(
         "temp_disc",
@@ -41,6 +45,7 @@ STATES = (
         "a slip, or the actuator retracted right after one",
         0.3,
         restart_std=50.0,
+        possible=METAL,
     ),
     State(
         "zero_position",
@@ -65,6 +70,7 @@ STATES = (
         "a launch: torque through a slipping clutch",
         healthy_std=0.02,
         drift=1.0,
+        possible=(0.02, 2.5),
     ),
     State(
         "engine_speed",
@@ -76,6 +82,7 @@ STATES = (
         5.0,
         "any sample of the engine speed",
         carried=False,
+        possible=(-20.0, 1000.0),
     ),
     State(
         "torque_bias",
@@ -104,33 +111,117 @@ STATES = (
 )
 
 PARAMETERS = (
-    Parameter("heat_capacity_body", "J/K", "(m c_p)_b", "heat capacity of the body", 1.0),
-    Parameter("heat_capacity_housing", "J/K", "(m c_p)_h", "heat capacity of the housing", 1.0),
-    Parameter("heat_capacity_disc", "J/K", "(m c_p)_d", "heat capacity of the disc", 1.0),
-    Parameter("conductance_engine_body", "W/K", "k_ICE2b", "engine block to body", 0.0),
-    Parameter("conductance_body_housing", "W/K", "k_b2h", "body to housing", 0.0),
-    Parameter("conductance_housing_ambient", "W/K", "k_h2amb", "housing to ambient air", 0.0),
-    Parameter("conductance_disc_body", "W/K", "k_d2b", "disc to body", 1e-3),
+    Parameter(
+        "heat_capacity_body",
+        "J/K",
+        "(m c_p)_b",
+        "heat capacity of the body",
+        1.0,
+        plausible=(1000.0, 400000.0),
+    ),
+    Parameter(
+        "heat_capacity_housing",
+        "J/K",
+        "(m c_p)_h",
+        "heat capacity of the housing",
+        1.0,
+        plausible=(500.0, 200000.0),
+    ),
+    Parameter(
+        "heat_capacity_disc",
+        "J/K",
+        "(m c_p)_d",
+        "heat capacity of the disc",
+        1.0,
+        plausible=(50.0, 20000.0),
+    ),
+    Parameter(
+        "conductance_engine_body",
+        "W/K",
+        "k_ICE2b",
+        "engine block to body",
+        0.0,
+        plausible=(0.1, 500.0),
+    ),
+    Parameter(
+        "conductance_body_housing", "W/K", "k_b2h", "body to housing", 0.0, plausible=(0.1, 500.0)
+    ),
+    Parameter(
+        "conductance_housing_ambient",
+        "W/K",
+        "k_h2amb",
+        "housing to ambient air",
+        0.0,
+        plausible=(0.1, 300.0),
+    ),
+    Parameter(
+        "conductance_disc_body", "W/K", "k_d2b", "disc to body", 1e-3, plausible=(1.0, 2000.0)
+    ),
     Parameter(
         "heat_fraction_body", "1", "k_P", "share of the slip power that enters the body", 0.0, 1.0
     ),
-    Parameter("expansion_body", "mm/K", "k_exp,1", "zero position per body temperature"),
-    Parameter("expansion_disc", "mm/K", "k_exp,2", "zero position per disc over body temperature"),
-    Parameter("reference_temp", "°C", "T_ref", "temperature at which the torque curve holds"),
+    Parameter(
+        "expansion_body",
+        "mm/K",
+        "k_exp,1",
+        "zero position per body temperature",
+        plausible=(-0.05, 0.1),
+    ),
+    Parameter(
+        "expansion_disc",
+        "mm/K",
+        "k_exp,2",
+        "zero position per disc over body temperature",
+        plausible=(-0.05, 0.1),
+    ),
+    Parameter(
+        "reference_temp",
+        "°C",
+        "T_ref",
+        "temperature at which the torque curve holds",
+        plausible=(-20.0, 200.0),
+    ),
     Parameter(
         "disc_body_temp_cap",
         "K",
         "ΔT_cap",
         "T_d − T_b above which the disc expands no further",
         0.0,
+        plausible=(10.0, 600.0),
     ),
-    Parameter("zero_position_ref", "mm", "x0_ref", "nominal zero position at T_ref"),
-    Parameter("position_origin", "mm", "x_origin", "sensor reading at x = 0"),
-    Parameter("torque_cubic", "Nm/mm^3", "a", "cubic term of the torque curve", upper=0.0),
-    Parameter("torque_quadratic", "Nm/mm^2", "b", "quadratic term of the torque curve", 0.0),
-    Parameter("kiss_point", "mm", "x_ISP", "incipient sliding point"),
-    Parameter("engine_inertia", "kg m^2", "J_e", "engine with flywheel", 1e-3),
-    Parameter("engine_torque_max", "Nm", "M_e,max", "largest engine torque", 1.0),
+    Parameter(
+        "zero_position_ref",
+        "mm",
+        "x0_ref",
+        "nominal zero position at T_ref",
+        plausible=(-20.0, 150.0),
+    ),
+    Parameter(
+        "position_origin", "mm", "x_origin", "sensor reading at x = 0", plausible=(-20.0, 150.0)
+    ),
+    Parameter(
+        "torque_cubic",
+        "Nm/mm^3",
+        "a",
+        "cubic term of the torque curve",
+        upper=0.0,
+        plausible=(-1000.0, -0.01),
+    ),
+    Parameter(
+        "torque_quadratic",
+        "Nm/mm^2",
+        "b",
+        "quadratic term of the torque curve",
+        0.0,
+        plausible=(0.1, 1000.0),
+    ),
+    Parameter("kiss_point", "mm", "x_ISP", "incipient sliding point", plausible=(0.5, 40.0)),
+    Parameter(
+        "engine_inertia", "kg m^2", "J_e", "engine with flywheel", 1e-3, plausible=(0.02, 20.0)
+    ),
+    Parameter(
+        "engine_torque_max", "Nm", "M_e,max", "largest engine torque", 1.0, plausible=(30.0, 8000.0)
+    ),
 )
 
 INPUTS = (
@@ -153,6 +244,7 @@ COLUMNS = (
         named=r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$|^n_?(eng|mot|ice)"
         r"|(speed|drehzahl)_(eng|mot)|r[eé]gime_moteur|giri_motore",
         magnitude=Magnitude((45.0, 1300.0), 350.0),
+        noisiest=10.0,
     ),
     Column(
         "input_shaft_speed",
@@ -163,6 +255,7 @@ COLUMNS = (
         r"|^n_?(in|turb|gbx_?in|getr)|getriebeeingang|arbre_primaire",
         geared_by="engine_speed",
         magnitude=Magnitude((0.0, 1300.0)),
+        noisiest=10.0,
     ),
     Column(
         "slave_position",
@@ -170,6 +263,7 @@ COLUMNS = (
         named=r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)"
         r"|^[xs]_?(slave|clutch|kuppl)|nehmerzylinder|ausr[uü]cker|kupplungsweg",
         magnitude=Magnitude((0.1, 300.0)),
+        noisiest=1.0,
     ),
     Column(
         "motor_position",
@@ -177,6 +271,7 @@ COLUMNS = (
         rests=True,
         named=r"(motor|actuator)\w*(pos|travel)|^[xs]_?(mot|act)|stellmotor",
         magnitude=Magnitude((0.1, 300.0)),
+        noisiest=2.0,
     ),
     Column(
         "engine_torque",
@@ -187,6 +282,7 @@ COLUMNS = (
         companions={"fraction": 4154, "friction": 514},
         reference_spn=544,
         magnitude=Magnitude((0.04, 2.0), of="engine_torque_max", moves="engine_speed"),
+        noisiest=300.0,
     ),
     Column(
         "coolant_temp",
@@ -195,6 +291,7 @@ COLUMNS = (
         spn=110,
         named=r"(coolant|cool|clnt|k(ue|ü)hl|water)\w*(temp|_te_|_t$)"
         r"|(^t|temp\w*)_?(cool|kmt|water|k(ue|ü)hl|wasser)",
+        noisiest=10.0,
     ),
     Column(
         "ambient_temp",
@@ -203,6 +300,7 @@ COLUMNS = (
         spn=171,
         named=r"(amb|outside|au(ss|ß)en|airamb|umgebung)\w*(temp|_te_|_t$)"
         r"|(^t|temp\w*)_?(amb|out|au(ss|ß)en|umg)",
+        noisiest=10.0,
     ),
     Column(
         "vehicle_speed",
@@ -211,6 +309,7 @@ COLUMNS = (
         spn=84,
         named=r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$|^v$|^v_?(veh|fzg)|geschwindigkeit|vitesse",
         magnitude=Magnitude((0.0, 70.0)),
+        noisiest=3.0,
     ),
     Column(
         "engine_torque_demand",
@@ -235,7 +334,7 @@ COLUMNS = (
 # more precise than that product and make the body's temperature wrong by three standard deviations
 # after it was heated.
 SENSORS = (
-    Sensor("engine_speed", "rad/s", "ω_e", "engine speed"),
+    Sensor("engine_speed", "rad/s", "ω_e", "engine speed", tolerance=4.0),
     Sensor(
         "zero_position",
         "mm",
@@ -244,6 +343,7 @@ SENSORS = (
         column="slave_position",
         mode="retracted",
         repeats=0.08,
+        tolerance=4.0,
     ),
 )
 

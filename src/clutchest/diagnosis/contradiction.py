@@ -1,0 +1,49 @@
+"""Signals that contradict the model: a fault of a signal, before any of the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from clutchest.diagnosis.codes import CONTRADICTION, number_of, status_byte
+from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis
+from clutchest.diagnosis.faults import Alarm
+from clutchest.diagnosis.freeze_frame import freeze_frame
+from clutchest.diagnosis.result import Fault
+from clutchest.estimate.run import Run
+
+
+def contradictions(run: Run, drives: Sequence[DriveDiagnosis]) -> list[Fault]:
+    """The first drive's fault of every signal in question, with its best explanation.
+
+    One without an explanation is none where a test of frames or signals has failed: that fault
+    says more.
+    """
+    faults: dict[str, Fault] = {}
+    for number, (track, drive) in enumerate(zip(run.tracks, drives, strict=True)):
+        found = track.contradiction
+        if found is None or (not found.kind and drive.streams.failed):
+            continue
+        name = f"{CONTRADICTION}:{found.signal}"
+        spn, fmi = number_of(name, run.vehicle)
+        alarm = Alarm(0.0, found.since_s)
+        faults.setdefault(
+            name,
+            Fault(
+                fault=name,
+                set=(name,),
+                drive=number,
+                began_s=0.0,
+                first_detected_s=found.since_s,
+                ended_s=None,
+                confidence=1.0 - run.vehicle.false_alarms_per_1000h * drive.length / 3.6e6,
+                what=f"{found.explanation} ({found.words})",
+                causes=(),
+                freeze_frame=freeze_frame(run, number, found.since_s),
+                status_byte=status_byte(
+                    [(d.length, [alarm] if i == number else []) for i, d in enumerate(drives)]
+                ),
+                spn=spn,
+                fmi=fmi,
+            ),
+        )
+    return list(faults.values())

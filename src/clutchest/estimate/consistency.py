@@ -1,0 +1,171 @@
+"""Whether signals and model can both be right, while a drive is filtered.
+
+Three things cannot be, whatever the noise: a state outside what is physically possible, dissipated
+energy that comes back, and innovations far outside what noise and the largest plausible errors of
+the model allow.  All are judged over stretches of a drive, so that a short transient counts little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+from math import comb
+
+import numpy as np
+
+from clutchest.estimate.run import Contradiction, Estimate, Track
+from clutchest.models.model import Model
+from clutchest.signals import Floats
+
+STRETCH_S = 10.0  # s of innovations that are judged together
+LEAST = 5  # readings of a sensor in a stretch that is judged
+MEDIAN = 0.6745  # of |z|, standard normal
+SHARE = 0.1  # of the stretches that may exceed a sensor's tolerance in a right model
+LASTING_S = 10.0  # s beyond a physical bound
+STD = 3.0  # standard deviations beyond it
+ROUNDING = 1e-6  # s
+RETURNED_J = 1e3  # J of dissipated energy that rounding may take back
+BACKWARDS = 0.05  # of it likewise
+
+
+class Consistency:
+    """Judges the pieces of one drive, one after another.
+
+    ``per_1000h``: false alarms in a right model; ``found`` the first contradiction, None without.
+    """
+
+    def __init__(self, model: Model, per_1000h: float) -> None:
+        self.model, self.per_1000h = model, per_1000h
+        self.found: Contradiction | None = None
+        self._open: dict[int, list[tuple[Floats, Floats]]] = {}  # sensor → times and |z|
+        self._judged = dict.fromkeys(range(len(model.sensors)), (0, 0))  # stretches, and beyond
+        self._worst = dict.fromkeys(range(len(model.sensors)), 0.0)  # largest scale over tolerance
+        self._outside: dict[str, float] = {}  # state → s
+        self._last_s, self._most_J = -np.inf, 0.0
+
+    def take(self, track: Track) -> Track:
+        """The next piece, its states not valid behind a contradiction."""
+        found = [self._misfit(track), self._impossible(track), self._returned(track)]
+        if self.found is None:
+            known = [c for c in found if c is not None]
+            self.found = min(known, key=lambda c: c.since_s, default=None)
+        if self.found is None:
+            return track
+        before = track.time < self.found.since_s
+        return replace(track, states=_invalid(track.states, before), contradiction=self.found)
+
+    def _misfit(self, track: Track) -> Contradiction | None:
+        """Innovations: the median of each stretch against the sensor's tolerance."""
+        events = track.innovations
+        latest = np.concatenate([events.time[-1:], track.time[-1:], [0.0]]).max()
+        now = int(latest // STRETCH_S)
+        first: Contradiction | None = None
+        for i, sensor in enumerate(self.model.sensors):
+            time, innovation, std = events.of(sensor.name)
+            parts = self._open.setdefault(i, [])
+            parts.append((time, np.abs(innovation / np.maximum(std, 1e-300))))
+            time, z = (np.concatenate([p[k] for p in parts]) for k in (0, 1))
+            number = (time // STRETCH_S).astype(np.int64)
+            complete = int(np.searchsorted(number, now))
+            self._open[i] = [(time[complete:], z[complete:])]
+            edges = np.flatnonzero(np.diff(number[:complete], prepend=-1, append=-1))
+            for a, b in pairwise(edges):
+                found = self._stretch(i, z[a:b], (int(number[a]) + 1) * STRETCH_S)
+                if found and (first is None or found.since_s < first.since_s):
+                    first = found
+        return first
+
+    def _stretch(self, i: int, z: Floats, end: float) -> Contradiction | None:
+        if len(z) < LEAST:
+            return None
+        sensor, (n, beyond) = self.model.sensors[i], self._judged[i]
+        scale = float(np.median(z)) / MEDIAN
+        self._worst[i] = max(self._worst[i], scale / sensor.tolerance)
+        n, beyond = n + 1, beyond + (scale > sensor.tolerance)
+        self._judged[i] = n, beyond
+        allowed = self.per_1000h * end / 3.6e6 / len(self.model.sensors)
+        if _at_least(beyond, n, SHARE) >= allowed:
+            return None
+        return Contradiction(
+            f"{sensor.name} differs from the model's prediction by more than {sensor.tolerance:g} "
+            f"times its standard deviation in {beyond} of {n} stretches of {STRETCH_S:g} s, "
+            f"lately {scale:.0f} times",
+            sensor.column or sensor.name,
+            end,
+        )
+
+    def _impossible(self, track: Track) -> Contradiction | None:
+        """States beyond their physical bounds, and for how long."""
+        if not len(track.time):
+            return None
+        step = np.diff(track.time, prepend=max(self._last_s, track.time[0] - 1.0))
+        self._last_s = float(track.time[-1])
+        first: Contradiction | None = None
+        for state in self.model.states:
+            (low, high), each = state.possible, track.states[state.name]
+            off = np.maximum(low - each.value, each.value - high)
+            spent = np.cumsum(np.where(off > STD * each.std, np.minimum(step, 1.0), 0.0))
+            spent += self._outside.get(state.name, 0.0)
+            self._outside[state.name] = float(spent[-1])
+            rows = np.flatnonzero(spent >= LASTING_S - ROUNDING)
+            if len(rows) and (first is None or track.time[rows[0]] < first.since_s):
+                k = int(rows[0])
+                first = Contradiction(
+                    f"{state.name} {each.value[k]:.3g} ± {each.std[k]:.2g} {state.unit} is "
+                    f"physically impossible, expected {_range(low, high)}".replace(" 1 is", " is"),
+                    self._suspect(state.name),
+                    float(track.time[k]),
+                )
+        return first
+
+    def _returned(self, track: Track) -> Contradiction | None:
+        """Dissipated energy rises."""
+        energy = track.slip_energy
+        if energy is None or not len(energy.value):
+            return None
+        value = np.nan_to_num(energy.value)
+        most = np.maximum(np.maximum.accumulate(value), self._most_J)
+        self._most_J = float(most[-1])
+        fallen = most - value
+        allowed = np.maximum(BACKWARDS * most, RETURNED_J) + STD * np.nan_to_num(energy.std)
+        rows = np.flatnonzero(fallen > allowed)
+        if not len(rows):
+            return None
+        k = int(rows[0])
+        return Contradiction(
+            f"dissipated energy falls by {fallen[k] / 1e3:.3g} kJ, and heat does not come back",
+            self._suspect(""),
+            float(track.time[k]),
+        )
+
+    def _suspect(self, state: str) -> str:
+        """The signal of a state, or of the sensor that the model predicts worst."""
+        names = [sensor.column or sensor.name for sensor in self.model.sensors]
+        if state in names:
+            return state
+        return names[max(self._worst, key=lambda i: self._worst[i])]
+
+
+def all_invalid(track: Track, found: Contradiction) -> Track:
+    """A drive that contradicts the model, known as a whole: none of its states is valid."""
+    none = np.zeros(len(track.time), bool)
+    return replace(track, states=_invalid(track.states, none), contradiction=found)
+
+
+def _invalid(states: Mapping[str, Estimate], still: np.ndarray) -> dict[str, Estimate]:
+    return {name: replace(each, valid=each.valid & still) for name, each in states.items()}
+
+
+def _range(low: float, high: float) -> str:
+    if not np.isfinite(low):
+        return f"at most {high:g}"
+    return f"{low:g} … {high:g}" if np.isfinite(high) else f"at least {low:g}"
+
+
+def _at_least(k: int, n: int, p: float) -> float:
+    """Probability of at least ``k`` of ``n``, each with probability ``p``."""
+    if k <= n * p:
+        return 1.0
+    n, k = (n, k) if n <= 1000 else (1000, k * 1000 // n)  # of a long drive its share
+    return sum(comb(n, j) * p**j * (1 - p) ** (n - j) for j in range(k, n + 1))

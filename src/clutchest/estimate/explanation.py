@@ -1,0 +1,228 @@
+"""What explains that signals and model contradict each other: one sign, one swap, one unit.
+
+Each explanation is tried: the signals are mended by it and filtered anew.  One that fits leaves
+every innovation within what the model predicts; of several the most probable is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import log, pi
+
+import numpy as np
+
+from clutchest import units
+from clutchest.errors import ClutchestError
+from clutchest.estimate.consistency import Consistency
+from clutchest.estimate.delay_equalisation import evenly_late
+from clutchest.estimate.initial_state import fresh
+from clutchest.estimate.run import Contradiction, Track
+from clutchest.estimate.timeline import build
+from clutchest.estimate.track import track_of
+from clutchest.estimate.whole_log import compile_model, delays, run
+from clutchest.progress import Progress
+from clutchest.signals import Floats, Signal, Signals
+from clutchest.vehicle import Vehicle
+
+LONGEST_S = 300.0  # s of a drive that are filtered for each explanation
+READINGS = 60_000  # or so many samples of its fastest signal
+FACTORS = {1000.0: "1000", 60.0 / (2.0 * pi): "60/(2π)", 3.6: "3.6", 100.0: "100"}
+CLIPPED = 5.0  # standard deviations; a larger innovation counts as these
+FITS = (
+    1.6  # root mean square of innovations over their standard deviation, of a model that is right
+)
+SUSPICIOUS = 2.5  # the same, from which explanations are sought
+KEPT = 0.5  # of the readings of every sensor that an explanation has to keep
+RATE = 1.0  # Hz
+
+
+@dataclass(frozen=True, slots=True)
+class MendedFit:
+    """How well mended signals fit: the largest ``rms`` of a sensor, ``readings`` per sensor,
+    ``log_likelihood`` of the signals as they were read."""
+
+    rms: float
+    readings: Mapping[str, int]
+    log_likelihood: float
+    contradicted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """``signal`` in question, the ``kind`` and ``words`` of what is wrong with it, ``mended``
+    signals, and by what each reading of a sensor was multiplied."""
+
+    signal: str
+    kind: str
+    words: str
+    mended: Mapping[str, Signal]
+    factor: float = 1.0
+
+
+def explained(
+    found: Contradiction | None,
+    track: Track,
+    signals: Signals,
+    vehicle: Vehicle,
+    progress: Progress | None = None,
+) -> Contradiction | None:
+    """The contradiction with its best explanation.
+
+    One that was not ``found`` is, where innovations are larger than a right model's and a single
+    sign, swap or unit makes them fit.
+    """
+    if found is None and rms_of(track) < SUSPICIOUS:
+        return None
+    best, dead = _best(signals, vehicle, progress), _dead(signals, vehicle)
+    if best is not None:
+        words = found.words if found else "innovations are far larger than the model predicts"
+        since = found.since_s if found else 0.0
+        mended = f"{best.words}: mended, all signals fit"
+        return Contradiction(words, best.signal, since, mended, best.kind)
+    if found is None:
+        return None
+    if dead:
+        what = (
+            f"{dead[0]} does not change at all"
+            if len(dead) == 1
+            else (f"{', '.join(dead)} do not change at all")
+        )
+        return replace(found, signal=dead[0], explanation=f"{what}: a dead sensor", kind="dead")
+    words = "no single sign, swap or unit explains it: another vehicle or bench, or several faults"
+    return replace(found, explanation=words)
+
+
+def rms_of(track: Track) -> float:
+    """The largest of the sensors' innovations over their standard deviation, root mean square."""
+    events, largest = track.innovations, 0.0
+    for name in events.names:
+        _, innovation, std = events.of(name)
+        if len(std):
+            z = np.minimum(np.abs(innovation / np.maximum(std, 1e-300)), CLIPPED)
+            largest = max(largest, float(np.sqrt(np.mean(z**2))))
+    return largest
+
+
+def _best(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> Remedy | None:
+    """The most probable of the explanations that fit."""
+    short = _shortened(signals)
+    as_read = _fit(short, vehicle, 1.0, "")
+    if as_read is None:
+        return None
+    tried = list(_explanations(short, vehicle))
+    signs_and_swaps = [each for each in tried if each.kind != "unit"]
+    for group in (signs_and_swaps, [each for each in tried if each.kind == "unit"]):
+        fitting = []
+        for number, remedy in enumerate(group):
+            if progress:
+                progress("trying explanations", number / len(group))
+            mended = replace(short, signals={**short.signals, **remedy.mended})
+            fit = _fit(mended, vehicle, remedy.factor, remedy.signal)
+            if fit is not None and _explains(fit, as_read):
+                fitting.append((fit.log_likelihood, remedy))
+        if fitting:
+            return max(fitting, key=lambda each: each[0])[1]
+    return None
+
+
+def _explains(fit: MendedFit, as_read: MendedFit) -> bool:
+    """Whether mended signals fit, without hiding readings from any sensor."""
+    kept = all(fit.readings[name] >= KEPT * n for name, n in as_read.readings.items())
+    better = fit.log_likelihood > as_read.log_likelihood
+    return kept and better and not fit.contradicted and fit.rms <= FITS
+
+
+def _shortened(signals: Signals) -> Signals:
+    """The drive's first part."""
+    end = LONGEST_S
+    for signal in signals.signals.values():
+        if len(signal) > READINGS:
+            end = min(end, float(signal.time[READINGS]))
+    return replace(
+        signals,
+        signals={n: s.take(s.time <= end) for n, s in signals.items() if (s.time <= end).any()},
+        end=min(end, signals.end),
+    )
+
+
+def _explanations(signals: Signals, vehicle: Vehicle) -> Iterator[Remedy]:
+    """Signs, swaps and units, of every signal that the equations use."""
+    model = vehicle.machine.equations(signals.available)
+    used = {i.name for i in model.inputs} | {s.column or s.name for s in model.sensors}
+    used |= set(vehicle.machine.regimes.signals)
+    names = [n for n in vehicle.machine.units if n in used and n in signals.available]
+    names = [n for n in names if np.ptp(signals[n].only_valid().value) > 0.0]
+    read = {s.column or s.name for s in model.sensors}
+    for a, b in combinations(names, 2):
+        if units.compatible(signals[a].unit, signals[b].unit):
+            yield Remedy(
+                a,
+                "swap",
+                f"{a} and {b} are swapped",
+                {a: replace(signals[b], name=a), b: replace(signals[a], name=b)},
+            )
+    for name in names:
+        if units.parse(signals[name].unit).offset:  # a temperature has no sign and no factor
+            continue
+        yield Remedy(name, "sign", f"the sign of {name} is wrong", _times(signals[name], -1.0))
+        for factor, words in FACTORS.items():
+            for times, what in ((1.0 / factor, "large"), (factor, "small")):
+                yield Remedy(
+                    name,
+                    "unit",
+                    f"{name} is {words} times too {what}, as of a wrong unit",
+                    _times(signals[name], times),
+                    times if name in read else 1.0,
+                )
+
+
+def _times(signal: Signal, factor: float) -> dict[str, Signal]:
+    return {signal.name: replace(signal, value=signal.value * factor)}
+
+
+def _fit(signals: Signals, vehicle: Vehicle, factor: float, signal: str) -> MendedFit | None:
+    """How well these signals fit; None where they cannot be filtered."""
+    try:
+        compiled = compile_model(vehicle, vehicle.machine.equations(signals.available))
+        timeline = build(
+            evenly_late(signals, vehicle), vehicle, compiled.model, RATE, delays(vehicle)
+        )
+        filtered = run(compiled, timeline, fresh(vehicle, compiled, timeline))
+        track = track_of(vehicle, compiled, timeline, filtered)
+    except (ClutchestError, FloatingPointError, np.linalg.LinAlgError):
+        return None
+    if not np.isfinite(filtered.log_likelihood):
+        return None
+    judge = Consistency(compiled.model, vehicle.false_alarms_per_1000h)
+    judge.take(track)
+    events = track.innovations
+    counts = np.bincount(events.sensor, minlength=len(events.names))
+    readings = {name: int(n) for name, n in zip(events.names, counts, strict=True)}
+    of = sum(readings[s.name] for s in compiled.model.sensors if (s.column or s.name) == signal)
+    return MendedFit(
+        rms_of(track),
+        readings,
+        filtered.log_likelihood + of * log(abs(factor)),  # density of what was read
+        judge.found is not None,
+    )
+
+
+def _dead(signals: Signals, vehicle: Vehicle) -> list[str]:
+    """Signals that have one value over the whole drive, where the machine's own never do."""
+    model = vehicle.machine.equations(signals.available)
+    used = {s.column or s.name for s in model.sensors} | {
+        i.name for i in model.inputs if i.default is None
+    }
+    return [
+        name
+        for name in vehicle.machine.units
+        if name in used
+        and name in signals.available
+        and _constant(signals[name].only_valid().value)
+    ]
+
+
+def _constant(value: Floats) -> bool:
+    return len(value) > 10 and float(np.ptp(value)) == 0.0

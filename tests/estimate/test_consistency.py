@@ -1,0 +1,234 @@
+"""Signals and model that cannot both be right: no state is valid, and the reason is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.errors import ClutchestError
+from clutchest.estimate.consistency import Consistency
+from clutchest.estimate.replay import replay
+from clutchest.estimate.run import Estimate, Innovations
+from clutchest.record.report import markdown
+
+GOOD = 0.7  # |z| of the innovations of a right model
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return clutchest.read_log("demo", "truck")
+
+
+@pytest.fixture(scope="module")
+def healthy(demo):
+    return replay(demo, "truck")
+
+
+def mended(signals, **changes):
+    """The drive with some of its signals changed, each by a function of its values."""
+    new = {
+        name: replace(signals[name], value=change(signals[name].value))
+        for name, change in changes.items()
+    }
+    return replace(signals, signals={**signals.signals, **new})
+
+
+def judge(model):
+    return Consistency(model, 1.0)
+
+
+def track(healthy, seconds, z=GOOD, sensor=0, **states):
+    """A track of ``seconds`` s whose innovations are ``z`` standard deviations, with states that
+    have other values."""
+    rows = np.arange(0.0, seconds, 0.1)
+    whole = healthy.tracks[0]
+    ones = np.ones(len(rows))
+    values = {n: float(np.nanmedian(e.value)) for n, e in whole.states.items()} | states
+    signs = np.where(np.arange(len(rows)) % 2, 1.0, -1.0)
+    return replace(
+        whole,
+        time=rows,
+        mode=np.ones(len(rows), np.uint8),
+        states={n: Estimate(v * ones, 0.01 * ones, ones > 0) for n, v in values.items()},
+        slip_energy=Estimate(1e5 * rows, ones, ones > 0),
+        innovations=Innovations(
+            whole.innovations.names, rows, np.full(len(rows), sensor, np.int8), z * signs, ones
+        ),
+    )
+
+
+def portion(track, start, stop):
+    a, b = np.searchsorted(track.time, [start, stop])
+    cut = slice(int(a), int(b))
+
+    def of(each):
+        return replace(each, value=each.value[cut], std=each.std[cut], valid=each.valid[cut])
+
+    events = track.innovations
+    return replace(
+        track,
+        time=track.time[cut],
+        mode=track.mode[cut],
+        states={n: of(e) for n, e in track.states.items()},
+        slip_energy=of(track.slip_energy),
+        innovations=replace(
+            events,
+            time=events.time[cut],
+            sensor=events.sensor[cut],
+            innovation=events.innovation[cut],
+            std=events.std[cut],
+        ),
+    )
+
+
+@pytest.fixture(scope="module")
+def truck(healthy):
+    return healthy.vehicle.machine.equations(healthy.signals.available)
+
+
+def test_a_healthy_drive_contradicts_nothing(healthy):
+    assert healthy.summary["contradiction"] is None and "contradiction" not in healthy.final
+    assert healthy.summary["states"]["friction"]["valid"]
+
+
+def test_innovations_far_outside_the_noise_are_found_and_a_transient_is_not(truck, healthy):
+    steady = judge(truck)
+    steady.take(track(healthy, 300.0))
+    assert steady.found is None
+    wrong = judge(truck)
+    wrong.take(track(healthy, 300.0, z=8.0))
+    assert wrong.found is not None and 30.0 <= wrong.found.since_s <= 90.0
+    assert "engine_speed differs" in wrong.found.words
+    transient = track(healthy, 300.0)
+    events = transient.innovations
+    large = np.where((events.time > 100.0) & (events.time < 120.0), 100.0, 1.0)
+    once = judge(truck)
+    once.take(replace(transient, innovations=replace(events, innovation=large * events.innovation)))
+    assert once.found is None
+
+
+@pytest.mark.parametrize(
+    ("state", "value"), [("friction", -0.9), ("temp_body", -631.0), ("temp_disc", 2000.0)]
+)
+def test_what_is_physically_impossible_is_found_once_it_lasts(truck, healthy, state, value):
+    impossible = track(healthy, 60.0, **{state: value})
+    short, lasting = judge(truck), judge(truck)
+    short.take(portion(impossible, 0.0, 8.0))
+    assert short.found is None
+    after = lasting.take(impossible)
+    assert lasting.found is not None and state in lasting.found.words
+    assert 9.0 <= lasting.found.since_s <= 11.0
+    for each in after.states.values():
+        assert not each.valid[after.time >= lasting.found.since_s].any()
+
+
+def test_heat_does_not_come_back(truck, healthy):
+    drive = track(healthy, 60.0)
+    energy = replace(
+        drive.slip_energy, value=np.minimum(drive.slip_energy.value, 5e6 - 1e5 * drive.time)
+    )
+    backwards = judge(truck)
+    backwards.take(replace(drive, slip_energy=energy))
+    assert backwards.found is not None and "heat does not come back" in backwards.found.words
+
+
+def test_pieces_are_judged_as_the_whole(truck, healthy):
+    drive = track(healthy, 200.0, z=8.0, friction=-0.5)
+    whole, pieces = judge(truck), judge(truck)
+    after = whole.take(drive)
+    edges = np.concatenate([[0.0], np.sort(np.random.default_rng(1).uniform(0, 200, 300)), [201.0]])
+    parts = [pieces.take(portion(drive, a, b)) for a, b in pairwise(edges)]
+    assert pieces.found == whole.found
+    valid = np.concatenate([part.states["temp_body"].valid for part in parts])
+    np.testing.assert_array_equal(valid, after.states["temp_body"].valid)
+
+
+def test_a_wrong_sign_makes_every_state_invalid_everywhere(demo, healthy):
+    run = replay(mended(demo, engine_torque=lambda m: -m), "truck")
+    found = run.summary["contradiction"]
+    assert found["signal"] == "engine_torque"
+    assert "the sign of engine_torque is wrong" in found["explanation"]
+    assert all(
+        not state["valid"] and "contradict" in state["why"] and state["needs"] is None
+        for name, state in run.summary["states"].items()
+        if state["value"] is not None
+    )
+    assert not run.to_pandas().filter(like="_valid").to_numpy().any()
+    assert markdown(run).splitlines()[2].startswith("**signals and model contradict each other")
+    again = replay(demo, "truck", state={**run.final, "time_ns": None})
+    assert any("nothing of it is carried over" in w for w in again.summary["warnings"])
+    np.testing.assert_array_equal(
+        again.tracks[0].states["friction"].value, healthy.tracks[0].states["friction"].value
+    )
+
+
+def test_a_state_file_with_an_impossible_value_is_damaged(demo, healthy):
+    left = healthy.final
+    place = left["states"].index("friction")
+    x = [-0.9 if k == place else value for k, value in enumerate(left["x"])]
+    with pytest.raises(ClutchestError, match=r"damaged: 'x' must be physically possible: friction"):
+        replay(demo, "truck", state={**left, "x": x, "time_ns": None})
+
+
+WRONG = {
+    "swapped speeds": ("swap", "engine_speed and input_shaft_speed are swapped"),
+    "torque in kNm": ("unit", "engine_torque is 1000 times too small"),
+    "speed in rpm": ("unit", "engine_speed is 60/(2π) times too large"),
+    "dead sensor": ("dead", "slave_position does not change at all"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", WRONG)
+def test_the_explanation_is_named(demo, what):
+    kind, words = WRONG[what]
+    if kind == "swap":
+        a, b = demo["engine_speed"], demo["input_shaft_speed"]
+        new = {a.name: replace(b, name=a.name), b.name: replace(a, name=b.name)}
+        signals = replace(demo, signals={**demo.signals, **new})
+    else:
+        change = {
+            "torque in kNm": {"engine_torque": lambda m: m / 1000.0},
+            "speed in rpm": {"engine_speed": lambda w: w * 60.0 / (2.0 * np.pi)},
+            "dead sensor": {"slave_position": lambda x: np.full_like(x, np.median(x))},
+        }[what]
+        signals = mended(demo, **change)
+    run = replay(signals, "truck")
+    assert words in run.summary["contradiction"]["explanation"]
+    assert not any(state["valid"] for state in run.summary["states"].values())
+
+
+@pytest.mark.slow
+def test_diagnose_names_the_signal_before_the_clutch(demo):
+    run = replay(mended(demo, engine_torque=lambda m: -m), "truck")
+    fault = clutchest.diagnose(run).faults[0]
+    assert fault.fault == "contradiction:engine_torque" and "sign" in fault.what
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["I1", "I4"])
+def test_a_log_of_another_bench_is_not_believed(scenario):
+    drive = clutchest.simulate("alsd_rig", scenario, 1, duration=60.0)
+    run = replay(drive, "alsd_rig")
+    assert run.summary["contradiction"] is not None
+    assert not any(state["valid"] for state in run.summary["states"].values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"friction_level": {"change": -0.5}},
+        {"wear": {"amount": 1.5, "rate": 0.1}},
+        {"torque_gain": {"change": 0.3}},
+        {"position_delay": {"delay": 0.2}},
+        {"heat_split": {"fraction": 0.6}},
+    ],
+)
+def test_a_large_effect_is_no_contradiction(effect):
+    run = replay(clutchest.simulate("truck", "launches", 3, effect, duration=240.0), "truck")
+    assert run.summary["contradiction"] is None
