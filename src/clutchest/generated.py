@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import sys
-import tempfile
 from collections.abc import Sequence
 from functools import lru_cache
 from importlib.metadata import version
@@ -43,12 +42,7 @@ def named(parts: Sequence[str]) -> tuple[str, str]:
 def load(digest: str, text: str, kind: str = "model") -> ModuleType:
     """The generated module, of a ``kind`` that names its file; written at first use, compiled at
     first call, cached from then on."""
-    folder = cache_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path = kept(folder, f"{kind}_{digest}.py", text)
-    except OSError:  # a read-only home: compile anew in each process
-        path = kept(Path(tempfile.mkdtemp(prefix="clutchest-")), f"{kind}_{digest}.py", text)
+    path = kept(cache_folder(), f"{kind}_{digest}.py", text)
     name = f"clutchest_generated_{digest}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None

@@ -12,9 +12,10 @@ import pytest
 
 import can
 import clutchest
-from clutchest.can.bus import SocketReader, filters, open_bus, reader_of
+from clutchest.can.bus import SocketReader, filters, open_bus
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.player import play
+from clutchest.can.readers import reader_of
 from clutchest.reading.log import load_database
 from clutchest.reading.wanted import mapped_messages
 from clutchest.shipped import locate

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import struct
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from clutchest.can import transport
 from clutchest.can.database import Message
 from clutchest.can.frames import Flag, Frames
+from clutchest.can.multicast import listen_on
 from clutchest.errors import ClutchestError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 BUFFER = 8 << 20  # bytes a socket may hold: seconds of a full bus, where the default holds bursts
 MOST = 2000  # frames in one go
-_SO_RXQ_OVFL, _SO_RCVBUFFORCE, _SO_TIMESTAMPNS = 40, 33, 35
+SO_RXQ_OVFL, _SO_RCVBUFFORCE, SO_TIMESTAMPNS = 40, 33, 35
 _CLASSIC, _FD = 16, 72  # bytes of the kernel's struct can_frame and canfd_frame
 _TRANSPORT = ((0xEC0000, 0xFF0000), (0xEB0000, 0xFF0000))  # TP.CM and TP.DT of any sender
 
@@ -35,7 +35,10 @@ def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = 
     import can
 
     options: dict[str, Any] = {"can_filters": filters(messages) or None}
-    if channel is not None:
+    network = ""  # of a multicast group
+    if interface == "udp_multicast" and channel is not None:
+        channel, _, network = channel.partition("%")
+    if channel:
         options["channel"] = channel
     try:
         bus = can.Bus(interface=interface, **options)
@@ -49,6 +52,9 @@ def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = 
         raise ClutchestError(
             f"bus {where}: cannot be opened: {reason}; interfaces that python-can knows: {known}"
         ) from None
+    if type(bus).__name__ == "UdpMulticastBus":
+        inner = bus._multicast  # type: ignore[attr-defined]
+        listen_on(sockets_of(bus), inner.group, network)
     _widen(bus)
     return bus
 
@@ -64,7 +70,7 @@ def filters(messages: Iterable[Message]) -> list[dict[str, Any]]:
     return accepted
 
 
-def _sockets(bus: can.BusABC) -> list[socket.socket]:
+def sockets_of(bus: can.BusABC) -> list[socket.socket]:
     """The sockets of a bus that has any: python-can gives them no common name."""
     inner = getattr(bus, "_multicast", None)
     candidates = (getattr(bus, "socket", None), getattr(inner, "_socket", None))
@@ -73,7 +79,7 @@ def _sockets(bus: can.BusABC) -> list[socket.socket]:
 
 def _widen(bus: can.BusABC) -> None:
     """Room for bursts: what does not fit into a socket's buffer is lost without an error."""
-    for sock in _sockets(bus):
+    for sock in sockets_of(bus):
         for option in (_SO_RCVBUFFORCE, socket.SO_RCVBUF):  # the first one needs the right to
             try:
                 sock.setsockopt(socket.SOL_SOCKET, option, BUFFER)
@@ -85,11 +91,13 @@ def _widen(bus: can.BusABC) -> None:
 @dataclass(frozen=True, slots=True)
 class Received:
     """Frames with the stamps of the interface; when they were handed over, ns on the monotonic
-    clock; how many the kernel has dropped so far."""
+    clock; how many the kernel has ``dropped`` so far, None where that is not known; what was
+    ``malformed`` so far, by kind."""
 
     frames: Frames
     at_ns: int
-    dropped: int = 0
+    dropped: int | None = 0
+    malformed: Mapping[str, int] = field(default_factory=dict)
 
 
 class BusReader:
@@ -107,7 +115,7 @@ class BusReader:
         messages = [message]
         while len(messages) < MOST and (message := self.bus.recv(0)) is not None:
             messages.append(message)
-        return Received(frames_of(messages), time.monotonic_ns())
+        return Received(frames_of(messages), time.monotonic_ns(), None)
 
 
 class SocketReader(BusReader):
@@ -115,8 +123,8 @@ class SocketReader(BusReader):
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__(bus)
-        self.socket = _sockets(bus)[0]
-        self.socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        self.socket = sockets_of(bus)[0]
+        self.socket.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
         self.dropped = 0
         self._room = socket.CMSG_SPACE(16) + socket.CMSG_SPACE(4)
 
@@ -135,10 +143,10 @@ class SocketReader(BusReader):
                 break
             stamp = 0
             for _, kind, content in extra:
-                if kind == _SO_TIMESTAMPNS:
+                if kind == SO_TIMESTAMPNS:
                     seconds, ns = struct.unpack("=qq", content[:16])
                     stamp = seconds * 10**9 + ns
-                elif kind == _SO_RXQ_OVFL:
+                elif kind == SO_RXQ_OVFL:
                     self.dropped = struct.unpack("=I", content[:4])[0]
             payloads.append(raw)
             stamps.append(stamp)
@@ -146,12 +154,6 @@ class SocketReader(BusReader):
         if not payloads:
             return None
         return Received(_kernel_frames(payloads, stamps, sent), time.monotonic_ns(), self.dropped)
-
-
-def reader_of(bus: can.BusABC) -> BusReader:
-    """The best way to read this bus."""
-    is_socketcan = type(bus).__name__ == "SocketcanBus" and os.name == "posix"
-    return SocketReader(bus) if is_socketcan and _sockets(bus) else BusReader(bus)
 
 
 def _kernel_frames(payloads: Sequence[bytes], stamps: list[int], sent: list[bool]) -> Frames:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clutchest.budgets import DBC_BYTES, within
 from clutchest.can import j1939
 from clutchest.can.layout_cache import recalled, remember
 from clutchest.errors import ClutchestError, nearest
@@ -143,6 +144,7 @@ def load(paths: Sequence[Path]) -> Database:
 
 def _load_one(path: Path, warnings: list[str]) -> list[Message]:
     try:
+        within(path, DBC_BYTES, "a DBC")
         content = path.read_bytes()
     except OSError as error:
         raise ClutchestError(f"{path}: cannot be read ({error.strerror})") from None
@@ -220,7 +222,10 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
             "no attribute says that this is J1939, but its ids are those of J1939 parameter "
             "groups: messages are matched by them"
         )
-    messages = [_message(message, is_j1939) for message in database.messages]
+    try:
+        messages = [_message(message, is_j1939) for message in database.messages]
+    except OverflowError as error:
+        raise ClutchestError(f"{path}: a number that cannot be held ({error})") from None
     ids: dict[tuple[int, bool], str] = {}
     for message in messages:
         first = ids.setdefault((message.id, message.extended), message.name)

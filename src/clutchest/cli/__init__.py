@@ -5,6 +5,7 @@ Whatever is heavy is imported by the verb that needs it, so that ``--help`` answ
 
 from __future__ import annotations
 
+import os
 from typing import Annotated
 
 import typer
@@ -20,7 +21,7 @@ from clutchest.cli.play import play
 from clutchest.cli.replay import replay
 from clutchest.cli.reproduce import reproduce
 from clutchest.cli.simulate import WithScenarios, simulate
-from clutchest.cli.terminal import fail
+from clutchest.cli.terminal import fail, printable, unexpected
 from clutchest.cli.trust import trust
 from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
@@ -50,7 +51,9 @@ for _verb in (
 
 
 def main() -> None:
-    """Run the command line.  Bad input ends in one line on stderr and exit code 1."""
+    """Run the command line.  Bad input ends in one line on stderr and exit code 1; so does what
+    nobody foresaw, with a file to send."""
+    printable()
     try:
         app()
     except ClutchestError as problem:
@@ -60,6 +63,12 @@ def main() -> None:
     except OSError as problem:
         where = f"{problem.filename}: " if problem.filename else ""
         fail(f"{where}{problem.strerror or problem}")
+    except RecursionError:
+        fail("an input is nested too deeply")
+    except Exception as problem:
+        if "CLUTCHEST_TRACEBACK" in os.environ:
+            raise
+        fail(unexpected(problem))
 
 
 def _version(wanted: bool) -> None:

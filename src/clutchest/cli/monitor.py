@@ -102,7 +102,7 @@ def monitor(
         _watch(watching, session.duration)
     else:
         status = watching.run(session.duration, _words)
-        print(f"{status.frames} frames, {status.lost} lost, {status.rows} rows of estimates")
+        print(f"{status.frames} frames, {status.losses}, {status.rows} rows of estimates")
     print(f"Written to {out}: {', '.join(watching.written)}")
 
 

@@ -2,20 +2,56 @@
 
 from __future__ import annotations
 
+import codecs
 import sys
+import tempfile
+import traceback
+import unicodedata
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from io import TextIOWrapper
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from clutchest import __version__
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from clutchest.vehicle import Vehicle
+
+
+_FORMS = {
+    "±": "+/-",
+    "−": "-",
+    "–": "-",
+    "—": "-",
+    "σ": "sigma",
+    "Δ": "Delta",
+    "×": "x",
+    "·": ".",
+    "≥": ">=",
+    "≤": "<=",
+    "…": "...",
+    "°": "deg ",
+    "′": "'",
+    "√": "sqrt",
+    "→": "->",
+    "█": "#",
+    "²": "^2",
+    "³": "^3",
+    "χ": "chi",
+    "Ω": "Ohm",
+    "μ": "u",
+    "ω": "omega",
+    "α": "alpha",
+    **dict.fromkeys("─━═╌┄┅┈┉╴╶", "-"),
+    **dict.fromkeys("│┃║", "|"),
+    **dict.fromkeys("┌┐└┘├┤┬┴┼┏┓┗┛┡┩╇╈┯┷╭╮╰╯", "+"),
+}  # what stands for it in ASCII
 
 
 @contextmanager
@@ -81,6 +117,54 @@ def loaded(vehicle: str, trust: bool) -> Vehicle:
 def note(text: str) -> None:
     """A remark beside the result, on stderr."""
     print(text, file=sys.stderr)
+
+
+def printable() -> None:
+    """Let stdout and stderr print what their encoding has no character for, in ASCII."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="ascii_forms")
+
+
+def _ascii_forms(problem: UnicodeError) -> tuple[str, int]:
+    """What stands for characters that an encoding lacks: a form in ASCII, else a question mark."""
+    if not isinstance(problem, UnicodeEncodeError):
+        raise problem
+    text = problem.object[problem.start : problem.end]
+    return "".join(map(_ascii_form, text)), problem.end
+
+
+def _ascii_form(character: str) -> str:
+    if character in _FORMS:
+        return _FORMS[character]
+    plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return plain or ("?" if character.isprintable() else ascii(character)[1:-1])
+
+
+codecs.register_error("ascii_forms", _ascii_forms)
+
+
+def unexpected(problem: Exception) -> str:
+    """One line about an error that nobody foresaw, and the file that says where it arose."""
+    words = f"{type(problem).__name__}: {problem}"[:200]
+    about = [
+        f"clutchest {__version__}, Python {sys.version}, {sys.platform}",
+        " ".join(sys.argv),
+        "".join(traceback.format_exception(problem)),
+    ]
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w",
+            prefix="clutchest-error-",
+            suffix=".txt",
+            delete=False,
+            encoding="utf-8",
+            errors="backslashreplace",
+        ) as file:
+            file.write("\n\n".join(about))
+    except OSError:
+        return f"unexpected error: {words}"
+    return f"unexpected error: {words}; please report it with {file.name}"
 
 
 def fail(problem: str) -> NoReturn:

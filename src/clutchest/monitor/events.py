@@ -55,6 +55,8 @@ class SessionStatus:
     vehicle: str
     frames: int = 0
     lost: int = 0
+    losses_known: bool = True
+    malformed: int = 0
     rows: int = 0
     now: float = 0.0
     piece: Piece | None = None
@@ -64,6 +66,12 @@ class SessionStatus:
     silent_s: float = 0.0
     address: str = ""
     latency_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+
+    @property
+    def losses(self) -> str:
+        """Frames that were lost, and what was no frame, in words."""
+        lost = f"{self.lost} lost" if self.losses_known or self.lost else "lost: not known"
+        return lost + (f", {self.malformed} malformed" if self.malformed else "")
 
 
 Show = Callable[[SessionStatus, Piece | None, Sequence[MonitorEvent]], None]

@@ -9,8 +9,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from clutchest.can.bus import BusReader, Received, message_of, reader_of
+from clutchest.can.bus import BusReader, Received, message_of
 from clutchest.can.frames import Frames
+from clutchest.can.readers import reader_of
 
 if TYPE_CHECKING:
     import can
@@ -41,9 +42,21 @@ class Listener(threading.Thread):
         self._reopen = reopen
         self._done = threading.Event()
         self._down = False
+        self.died = ""  # of what, where it did
 
     def run(self) -> None:
         """Receive until stopped."""
+        try:
+            self._receive()
+        except BaseException as problem:  # a thread that dies must end the session, not go deaf
+            self.died = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+
+    @property
+    def dead(self) -> bool:
+        """Whether nothing is received any more, though nobody stopped it."""
+        return not self._done.is_set() and not self.is_alive()
+
+    def _receive(self) -> None:
         import can
 
         while not self._done.is_set():

@@ -118,6 +118,8 @@ class Monitor:
         frames = self._reception.take(wait, self._live.due_ns)
         self.status.frames, self.status.lost = self._reception.count, self._reception.lost
         self.status.away = self._reception.away
+        self.status.losses_known = self._reception.losses_known
+        self.status.malformed = sum(self._reception.malformed.values())
         self._outputs.receive(frames)
         return frames
 

@@ -131,7 +131,7 @@ def words(event: MonitorEvent) -> str:
 
 
 def _foot(status: SessionStatus) -> str:
-    parts = [f"{status.frames} frames", f"{status.lost} lost"]
+    parts = [f"{status.frames} frames", status.losses]
     if len(status.latency_s) > 5:
         parts.append(
             f"estimates {1e3 * float(np.median(status.latency_s)):.0f} ms after the frame "

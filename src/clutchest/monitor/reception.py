@@ -13,6 +13,7 @@ from clutchest.can.bus import Received, filters
 from clutchest.can.database import Message
 from clutchest.can.encode import check
 from clutchest.can.frames import Frames
+from clutchest.errors import ClutchestError
 from clutchest.monitor.listener import Listener, Trouble
 from clutchest.monitor.stamps import Stamps
 
@@ -29,8 +30,8 @@ Report = Callable[[str, str, Mapping[str, Any]], None]  # (kind of event, name, 
 class Reception:
     """Frames of ``messages`` from ``bus``; failures and losses go to ``report`` as events.
 
-    ``count`` frames received, ``lost`` frames dropped by the socket, ``away`` the error while the
-    interface is down.
+    ``count`` frames received, ``lost`` frames dropped by the socket (where ``losses_known``),
+    ``malformed`` what was no frame, by kind; ``away`` the error while the interface is down.
     """
 
     def __init__(
@@ -42,6 +43,8 @@ class Reception:
     ) -> None:
         bus.set_filters(filters(messages))  # type: ignore[arg-type]
         self.count = self.lost = 0
+        self.losses_known = True
+        self.malformed: dict[str, int] = {}
         self.away = ""
         self._stamps, self._report = Stamps(), report
         self._listener = Listener(bus, reopen)
@@ -71,6 +74,11 @@ class Reception:
                 item = received.get_nowait()
         except queue.Empty:
             pass
+        if not batches and self._listener.dead:
+            raise ClutchestError(
+                "the thread that receives frames has ended"
+                + (f" ({self._listener.died})" if self._listener.died else "")
+            )
         return Frames.concatenate(batches)
 
     def horizon_ns(self) -> int:
@@ -90,11 +98,20 @@ class Reception:
             words = f"the interface's clock jumped by {jump:+.1f} s; the stamps are corrected"
             self._report("warning", words, {"jump_s": jump})
         self._stamps.jumps.clear()
-        if (more := received.dropped - self.lost) > 0:
-            self.lost = received.dropped
+        self._malformed(received)
+        self.losses_known = received.dropped is not None
+        if (more := (received.dropped or 0) - self.lost) > 0:
+            self.lost += more
             data = {"frames_dropped": more, "why": "the socket's buffer was full"}
             self._report("gap", "bus", data)
         return frames
+
+    def _malformed(self, received: Received) -> None:
+        """Tell of datagrams that are no frames, each kind when it first comes."""
+        for kind, count in received.malformed.items():
+            if kind not in self.malformed:
+                self._report("warning", f"dropped, as it is no frame: {kind}", {"count": count})
+            self.malformed[kind] = count
 
     def _trouble(self, trouble: Trouble) -> None:
         if trouble.back:

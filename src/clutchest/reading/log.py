@@ -19,6 +19,7 @@ from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
+from clutchest.reading.table_drives import drives_of
 from clutchest.reading.table_files import is_table
 from clutchest.reading.tables import joined, read_table
 from clutchest.reading.wanted import mapped_messages
@@ -114,11 +115,12 @@ class _Drives:
 def _tables_drive(
     group: Sequence[_Piece], vehicle: Vehicle, database: Database, window: TimeWindow
 ) -> _Drives:
-    """The one drive whose pieces are tables, as far as it lies in the ``window``."""
+    """The drives in pieces of one table, cut at its long gaps and by the ``window``."""
     tables = [piece.content for piece in group if isinstance(piece.content, Signals)]
     mapped = _only_mapped(joined(tables), vehicle)
-    drive = window.of_signals(plausible(mapped, vehicle, database))
-    return _Drives((drive,) if drive else ())
+    parts = drives_of(mapped, SPLIT_S)
+    drives = [window.of_signals(plausible(part, vehicle, database)) for part in parts]
+    return _Drives(tuple(drive for drive in drives if drive))
 
 
 def _frames_drives(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchest import units
+from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
 from clutchest.reading.table_files import Cells, Frame, SignalTable
 from clutchest.signals import Floats
@@ -119,6 +120,10 @@ def clock_of(table: Frame, mapped: Mapping[str, TableColumn]) -> Clock:
     """The times of the rows.  Raises ClutchestError where there is no column of them."""
     column, unit = _time_column(table, mapped)
     seconds, warnings = _seconds(table, column, unit)
+    beyond = int(np.count_nonzero(np.abs(seconds) > LAST_S))
+    if beyond:
+        seconds = np.where(np.abs(seconds) > LAST_S, np.nan, seconds)
+        warnings.append(f"{_file(table)}: {beyond} times beyond {LAST_S:g} s, which are not told")
     known = np.isfinite(seconds)
     if not known.any():
         reason = "".join(f"; {warning}" for warning in warnings[-1:])

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
+from clutchest.reading.table_budget import check_cells, read_csv
 from clutchest.signals import Floats
 
 if TYPE_CHECKING:
@@ -221,6 +222,8 @@ def _of_parquet(path: Path) -> Frame:
     schema = pq.read_schema(path)
     if b"clutchest" in (schema.metadata or {}):
         raise ClutchestError(f"{path}: is a result of clutchest, expected a log")
+    about = pq.read_metadata(path)
+    check_cells(path, about.num_rows * about.num_columns)
     stated = {}
     for column in schema:
         metadata = column.metadata or {}
@@ -230,8 +233,6 @@ def _of_parquet(path: Path) -> Frame:
 
 
 def _of_csv(path: Path) -> Frame:
-    import pandas as pd
-
     head = _head(path)
     first = head.splitlines()[0] if head.splitlines() else ""
     separator = max(",;\t", key=first.count) if first else ","
@@ -244,7 +245,7 @@ def _of_csv(path: Path) -> Frame:
     encodings = ("utf-16",) if head.startswith("\ufeff16") else ("utf-8-sig", "latin-1")
     for encoding in encodings:
         try:
-            return _of_cells(str(path), pd.read_csv(path, encoding=encoding, **options))
+            return _of_cells(str(path), read_csv(path, {"encoding": encoding, **options}))
         except UnicodeDecodeError:
             continue
     raise ClutchestError(f"{path}: not a text in {' or '.join(encodings)}")
@@ -320,7 +321,10 @@ def _mdf(path: Path) -> Any:
     from asammdf import MDF
 
     from clutchest.can.log_source import quiet
+    from clutchest.can.recovery.mf4_links import check_links
 
+    with path.open("rb") as file:
+        check_links(path, file)
     with quiet("asammdf"):
         options: dict[str, Any] = {"process_bus_logging": False}
         return MDF(path, **options)
@@ -335,6 +339,7 @@ def _measurement(path: Path) -> Measurement:
         for number, group in enumerate(mdf.groups):
             cycles = group.channel_group.cycles_nr
             rows = max(rows, cycles)
+            check_cells(path, cycles)
             for index, channel in enumerate(group.channels):
                 if not cycles or masters.get(number) == index or channel.name in places:
                     continue

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import units
+from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
 from clutchest.reading.table_columns import (
     TIME,
@@ -141,7 +142,7 @@ class _Rows:
             self._useful |= given & np.isfinite(column.value)
         else:
             assert column.time is not None
-            time, given = column.time, column.given & np.isfinite(column.time)
+            time, given = column.time, column.given & (np.abs(column.time) <= LAST_S)
             self.end = max(self.end, float(time[given].max(initial=0.0)))
             self.useful = max(self.useful, int(given.sum()))
         if not given.any():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
+from clutchest.budgets import STATE_BYTES, within
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of
 
@@ -78,6 +79,7 @@ def finished_into(out: Path) -> Iterator[Path]:
 def read_state(path: Path) -> dict[str, Any]:
     """What an earlier run left in its ``state.json``.  Raises ClutchestError naming the line."""
     try:
+        within(path, STATE_BYTES, "a state.json")
         state = json.loads(path.read_text(encoding="utf-8"))
     except json.JSONDecodeError as problem:
         raise ClutchestError(

@@ -81,7 +81,7 @@ def markdown(run: Run) -> str:
 
 def contradiction(run: Run) -> list[str]:
     """That signals and model cannot both be right, and what explains it; empty where they can."""
-    found = run.summary["contradiction"]
+    found = run.summary.get("contradiction")
     if found is None:
         return []
     where = f"drive {found['drive']}: " if len(run.tracks) > 1 else ""

@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import inf
 from typing import Any
 
+from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.errors import ClutchestError
 from clutchest.vehicle.toml import Keys, TomlFile
 from clutchest.vehicle.vehicle import BusSignal, SignalMap
@@ -102,7 +103,7 @@ def _signal(entry: _Entry) -> SignalMap:
         entry.name,
         bus,
         noise=entry.number("noise", 1e-12) or 0.0,
-        delay=entry.number("delay", 0.0) or 0.0,
+        delay=entry.number("delay", 0.0, LONGEST_DELAY_S) or 0.0,
         noise_ar=_noise_ar(entry),
         noise_source=entry.string("noise_source"),
         reference=reference,

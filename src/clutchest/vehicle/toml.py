@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
 from clutchest import units
+from clutchest.budgets import LARGEST, VEHICLE_BYTES, within
 from clutchest.errors import ClutchestError, nearest
 from clutchest.vehicle.vehicle import ParameterValue
 
@@ -30,6 +31,7 @@ class TomlFile:
     @classmethod
     def read(cls, path: Path) -> TomlFile:
         """Parse the file.  Raises ClutchestError naming file and line if it is not TOML."""
+        within(path, VEHICLE_BYTES, "a vehicle file")
         raw = path.read_bytes()
         try:
             text = raw.decode("utf-8")
@@ -43,6 +45,12 @@ class TomlFile:
             line = int(at[1]) if at else text.count("\n") + 1
             what = re.sub(r" \(at [^)]*\)", "", str(problem))
             raise ClutchestError(f"{path.name}:{line}: not TOML: {what}") from None
+        except ValueError:  # Python reads no longer numbers
+            line = _line_of(text, lambda line: max(map(len, re.findall(r"\d+", line)), default=0))
+            raise ClutchestError(f"{path.name}:{line}: a number of too many digits") from None
+        except RecursionError:
+            line = _line_of(text, lambda line: line.count("[") + line.count("{") + line.count("."))
+            raise ClutchestError(f"{path.name}:{line}: nested too deeply") from None
 
     def error(self, keys: Keys, complaint: str) -> ClutchestError:
         """An error about the key ``keys`` (a path from the top), with its line."""
@@ -74,28 +82,30 @@ class TomlFile:
     def table(self, keys: Keys, value: Any) -> dict[str, Any]:
         """A sub-table."""
         if not isinstance(value, dict):
-            raise self.error(keys, f"{'.'.join(keys)} must be a table, not {value!r}")
+            raise self.error(keys, f"{'.'.join(keys)} must be a table, not {shown(value)}")
         return value
 
     def string(self, keys: Keys, value: Any) -> str:
         """A string that is not empty."""
         if not isinstance(value, str) or not value:
-            raise self.error(keys, f"{'.'.join(keys)} must be a string, not {value!r}")
+            raise self.error(keys, f"{'.'.join(keys)} must be a string, not {shown(value)}")
         return value
 
     def strings(self, keys: Keys, value: Any) -> list[str]:
         """A list of strings."""
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise self.error(keys, f"{'.'.join(keys)} must be a list of strings, not {value!r}")
+            raise self.error(keys, f"{'.'.join(keys)} must be a list of strings: {shown(value)}")
         return value
 
     def number(self, keys: Keys, value: Any, lower: float = -inf, upper: float = inf) -> float:
         """A finite number from ``lower`` to ``upper``."""
         name = ".".join(keys)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error(keys, f"{name} must be a number, not {value!r}")
-        if not isfinite(value):
+            raise self.error(keys, f"{name} must be a number, not {shown(value)}")
+        if isinstance(value, float) and not isfinite(value):
             raise self.error(keys, f"{name} = {value} is not finite")
+        if abs(value) > LARGEST:
+            raise self.error(keys, f"{name} = {shown(value)} must be at most {LARGEST:g}")
         if not lower <= value <= upper:
             raise self.error(keys, f"{name} = {value:g} must be {_range(lower, upper)}")
         return float(value)
@@ -104,7 +114,7 @@ class TomlFile:
         """An integer from 0 to ``upper``."""
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= upper:
             raise self.error(
-                keys, f"{'.'.join(keys)} must be an integer 0 … {upper}, not {value!r}"
+                keys, f"{'.'.join(keys)} must be an integer 0 … {upper}, not {shown(value)}"
             )
         return value
 
@@ -140,6 +150,21 @@ class TomlFile:
         if not isinstance(source, str):
             raise self.error((*keys, "source"), f"{'.'.join(keys)}.source must be a string")
         return ParameterValue(number, unit, spread if scale == 1.0 else spread * scale, source)
+
+
+def shown(value: Any) -> str:
+    """A value as a message can hold it, however long or deep it is."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):
+        return f"a {type(value).__name__} that is too long or too deep"
+    return text if len(text) <= 80 else f"{text[:77]}…"
+
+
+def _line_of(text: str, size: Callable[[str], int]) -> int:
+    """The number of the line of which ``size`` is largest."""
+    lines = text.splitlines()
+    return 1 + max(range(len(lines)), key=lambda k: size(lines[k]), default=0)
 
 
 def _range(lower: float, upper: float) -> str:

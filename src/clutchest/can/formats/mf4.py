@@ -14,6 +14,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.budgets import UNPACKED_BYTES
 from clutchest.can.frames import LENGTHS, Flag, Frames
 from clutchest.can.log_format import LogFormat, begins_with
 from clutchest.can.log_source import LogSource, quiet
@@ -23,7 +24,6 @@ from clutchest.errors import ClutchestError
 if TYPE_CHECKING:
     from asammdf import MDF, Signal
 
-_LARGEST_ZIPPED = 1 << 30  # bytes, inflated
 _TOGETHER = 1 << 21  # bytes of a group's records
 _LONGEST = 1 << 16  # bytes of one record
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
@@ -75,7 +75,7 @@ def _next(source: LogSource, blocks: Iterator[Frames]) -> Frames | None:
 
 def _blocks(source: LogSource) -> Generator[Frames, None, None]:
     if source.zipped:
-        yield from _of_file(source, BytesIO(source.everything(_LARGEST_ZIPPED)))
+        yield from _of_file(source, BytesIO(source.everything(UNPACKED_BYTES)))
     else:
         with source.path.open("rb") as file:
             yield from _of_file(source, file)
@@ -84,7 +84,9 @@ def _blocks(source: LogSource) -> Generator[Frames, None, None]:
 def _of_file(source: LogSource, file: IO[bytes]) -> Iterator[Frames]:
     """The frames that can be read; what is lost is counted."""
     from clutchest.can.recovery import mf4 as recovery
+    from clutchest.can.recovery.mf4_links import check_links
 
+    check_links(source.path, file)
     if not recovery.described(file):
         raise ClutchestError(
             f"{source.path}: the file ends early, and with its end what describes "

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from clutchest.budgets import SQLITE_STEPS, SQLITE_VALUE_BYTES, UNPACKED_BYTES
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.log_format import NO_CHANNELS, NO_DIRECTION, LogFormat, Loss, begins_with
 from clutchest.can.log_source import LogSource, opened, quiet
@@ -19,7 +20,7 @@ from clutchest.can.time_stamps import counts_from_epoch
 from clutchest.errors import ClutchestError
 
 _MARK = b"SQLite format 3"
-_LARGEST_ZIPPED = 1 << 30  # bytes, inflated
+_STEPS = 100_000  # between two looks at what is left
 _TABLE = """CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER,
             remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"""
 
@@ -29,7 +30,7 @@ def read(source: LogSource) -> Iterator[Frames]:
     if source.zipped:
         with TemporaryDirectory(prefix="clutchest-") as folder:
             plain = Path(folder) / source.path.stem
-            plain.write_bytes(source.everything(_LARGEST_ZIPPED))
+            plain.write_bytes(source.everything(UNPACKED_BYTES))
             with opened(plain) as unpacked:
                 yield from read(unpacked)
         return
@@ -59,7 +60,31 @@ def _blocks(source: LogSource) -> Iterator[Frames]:
             yield Frames.empty(rejected=((BROKEN, 1),))
             return
         with reader:
+            _bounded(source, reader._conn)
             yield from blocks_of(reader)
+
+
+def _bounded(source: LogSource, database: sqlite3.Connection) -> None:
+    """Lets the file ask for values and work in proportion to its size only.
+
+    Raises ClutchestError where 'messages' is not a table: a view may make rows without end.
+    """
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, SQLITE_VALUE_BYTES)
+    steps, per_byte = SQLITE_STEPS
+    left = iter(range((steps + per_byte * source.path.stat().st_size) // _STEPS))
+    database.set_progress_handler(lambda: next(left, None) is None, _STEPS)
+    try:
+        found = database.execute(
+            "SELECT type, sql FROM sqlite_master WHERE name = 'messages'"
+        ).fetchall()
+    except sqlite3.Error:
+        return  # a damaged file, which the reader says
+    for kind, text in found:
+        if kind != "table" or "GENERATED" in text.upper() or "VIRTUAL" in text.upper():
+            raise ClutchestError(
+                f"{source.path}: 'messages' is a {kind} that makes its rows "
+                "itself, expected a plain table"
+            )
 
 
 def _behind(source: LogSource, count: int) -> Iterator[Frames]:

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from clutchest.budgets import LARGEST, MESSAGE_BITS
 from clutchest.can.log_source import quiet
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ _REFERENCE = re.compile(
     r"SG_MUL_VAL_|SIG_GROUP_|BO_TX_BU_)\s+(?P<id>\d+)\s*:?\s*(?P<signal>[A-Za-z_]\w*)?"
 )
 _OF_SIGNALS = re.compile(r"\s*(CM_\s+SG_|BA_\s+\"[^\"]*\"\s+SG_|VAL_|SIG_VALTYPE_|SG_MUL_VAL_)\s")
+_PLACE = re.compile(r"\s*SG_\s+[^:\"]*:\s*(\d+)\s*\|\s*(\d+)\s*@[^(\"]*(\([^)\"]*)")
+_DIGITS, _LONGEST_NUMBER, _LONG = 9, 310, 1 << 20
 _EXTENDED = 1 << 31
 _INVALID = "not valid in a DBC"
 
@@ -128,6 +131,31 @@ class _Text:
         return len(self.complaints) > before
 
 
+def _check_numbers(text: str) -> None:
+    """Raises Irreparable for places and numbers beyond any message, and for a long text whose
+    quotes do not close: what cantools does with them takes all memory."""
+    for number, line in enumerate(text.splitlines(), 1):
+        place = _PLACE.match(line)
+        if place is None:
+            continue
+        if any(len(digits) > _DIGITS or int(digits) > MESSAGE_BITS for digits in place.group(1, 2)):
+            raise Irreparable(number, f"a signal begins and ends within {MESSAGE_BITS} bits")
+        for words in re.findall(r"[-+.\w]+", place[3]):
+            if len(words) > _LONGEST_NUMBER or not _fits(words):
+                raise Irreparable(
+                    number, f"scale or offset {words[:20]}, expected at most {LARGEST:g}"
+                )
+    if len(text) > _LONG and text.count('"') % 2:
+        raise Irreparable(text.count("\n", 0, text.rindex('"')) + 1, "a quote that does not close")
+
+
+def _fits(number: str) -> bool:
+    try:
+        return abs(float(number)) <= LARGEST
+    except ValueError:  # no number, which cantools says
+        return True
+
+
 def parsed(text: str) -> tuple[Database, list[str]]:
     """The database, and in words what was left out of it or tolerated.
 
@@ -136,6 +164,7 @@ def parsed(text: str) -> tuple[Database, list[str]]:
     import cantools.database
     from textparser import ParseError, TokenizeError
 
+    _check_numbers(text)
     given, strict = _Text(text.splitlines()), True
     with quiet("cantools"):
         for _ in range(_MOST):

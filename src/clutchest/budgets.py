@@ -1,0 +1,39 @@
+"""Budgets: what an input may ask for, so that reading it ends, in bounded time and memory.
+
+One table for every reader.  Whatever exceeds its budget is refused in one line, before the work is
+done; every input below 100 MB is read within a GiB, or refused.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from clutchest.errors import ClutchestError
+
+VEHICLE_BYTES = 4 << 20  # of a vehicle file, with its curves
+STATE_BYTES = 16 << 20  # of a state.json
+DBC_BYTES = 8 << 20  # of a DBC; cantools needs some hundred times as much
+UNPACKED_BYTES = 256 << 20  # of a compressed file that can only be read whole
+TEXT_BYTES = 2 << 30  # of a compressed table, inflated block by block
+LINE_BYTES = 16 << 20  # of one line of a table
+TABLE_CELLS = 30_000_000  # numbers of a table, or as many as its file has bytes
+SQLITE_STEPS = (10_000_000, 50)  # of SQLite's machine: so many, and per byte of the file
+SQLITE_VALUE_BYTES = 1 << 16  # of one value in an SQLite file
+MF4_BLOCKS = 2_000_000  # blocks of an MDF4 file that describe its content
+MESSAGE_BITS = 1785 * 8  # of the longest message, one of J1939's transport protocol
+LARGEST = 1e30  # of a number that a person states
+LONGEST_DELAY_S = 60.0  # of a signal behind the others
+
+
+def within(path: Path, bytes_: int, what: str) -> None:
+    """Raises ClutchestError for a file of more than so many bytes."""
+    size = path.stat().st_size
+    if size > bytes_:
+        raise ClutchestError(
+            f"{path}: {size >> 20} MiB are too many for {what}, expected at most {bytes_ >> 20}"
+        )
+
+
+def cells(path: Path) -> int:
+    """How many numbers a table in the file at ``path`` may hold."""
+    return max(TABLE_CELLS, path.stat().st_size)

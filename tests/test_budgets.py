@@ -1,0 +1,237 @@
+"""Inputs that would need time or memory without end: refused in one line, before the work."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import sqlite3
+from struct import pack
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import clutchest
+from clutchest import budgets
+from clutchest.can.database import load
+from clutchest.can.files import read_frames
+from clutchest.can.recovery.mf4_links import returning
+from clutchest.errors import ClutchestError
+from clutchest.record.files import read_state
+from clutchest.shipped import locate, shipped
+from clutchest.vehicle import load_vehicle
+
+TRUCK = locate("truck", "vehicles").read_text(encoding="utf-8")
+DBC = (
+    shipped("dbc")["hdt_clutch"].read_text(encoding="utf-8")
+    if "hdt_clutch" in shipped("dbc")
+    else (
+        next(p for p in shipped("dbc").values() if "hdt_clutch" in p.name).read_text(
+            encoding="utf-8"
+        )
+    )
+)
+
+
+def refusal(what, *arguments) -> str:
+    with pytest.raises(ClutchestError) as caught:
+        what(*arguments)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
+    return str(caught.value)
+
+
+NUMBERS = {
+    "400 digits": ("engine_inertia = { value = 3.2", f"engine_inertia = {{ value = {'9' * 400}"),
+    "5000 digits": ("engine_inertia = { value = 3.2", f"engine_inertia = {{ value = {'9' * 5000}"),
+    "1e300": ("noise = 0.06", "noise = 1e300"),
+    "late": ("noise = 0.06", "noise = 0.06\ndelay = 1e6"),
+    "nested": ('name = "truck"', f"name = {'[' * 2000}{']' * 2000}"),
+    "deeper": ('name = "truck"', f"name = {'{a=' * 400}1{'}' * 400}"),
+}
+
+
+@pytest.mark.parametrize("what", NUMBERS)
+def test_a_vehicle_file_is_refused_with_its_line(tmp_path, what):
+    old, new = NUMBERS[what]
+    text = TRUCK.replace(old, new, 1)
+    assert text != TRUCK
+    path = tmp_path / "v.toml"
+    path.write_text(text, encoding="utf-8")
+    line = text[: text.index(new)].count("\n") + new.count("\n") + 1
+    assert refusal(load_vehicle, path).startswith(f"v.toml:{line}: ")
+
+
+def test_a_vehicle_file_of_many_megabytes_is_not_read(tmp_path):
+    path = tmp_path / "v.toml"
+    path.write_text(TRUCK + "# \n" * (budgets.VEHICLE_BYTES // 3))
+    assert "are too many for a vehicle file" in refusal(load_vehicle, path)
+
+
+PLACES = {
+    "start": ("24|16@1+", "4000000000|16@1+"),
+    "width": ("24|16@1+", "24|99999999999999999999@1+"),
+    "scale": ("24|16@1+ (0.125,0)", f"24|16@1+ ({'9' * 400},0)"),
+    "offset": ("24|16@1+ (0.125,0)", "24|16@1+ (0.125,1e999)"),
+}
+
+
+@pytest.mark.parametrize("what", PLACES)
+def test_a_signal_that_no_message_holds_is_refused_with_its_line(tmp_path, what):
+    old, new = PLACES[what]
+    assert old in DBC
+    path = tmp_path / "x.dbc"
+    path.write_text(DBC.replace(old, new, 1), encoding="utf-8")
+    line = DBC[: DBC.index(old)].count("\n") + 1
+    assert f"line {line}" in refusal(load, [path])
+
+
+def test_a_long_dbc_with_a_quote_that_does_not_close_is_refused(tmp_path):
+    path = tmp_path / "x.dbc"
+    path.write_text(DBC + 'CM_ "' + "word " * (1 << 18), encoding="utf-8")
+    assert "a quote that does not close" in refusal(load, [path])
+    path.write_text(DBC + "\n" * budgets.DBC_BYTES, encoding="utf-8")
+    assert "are too many for a DBC" in refusal(load, [path])
+
+
+def test_a_range_of_all_numbers_is_no_defect(tmp_path):
+    path = tmp_path / "x.dbc"
+    path.write_text(
+        DBC.replace("[0|8031.875]", "[-1.79769313486232E+308|1.79769313486232E+308]", 1)
+    )
+    assert load([path]).messages
+
+
+VIEWS = {
+    "endless": "CREATE VIEW messages AS WITH RECURSIVE r(ts) AS (SELECT 0 UNION ALL SELECT ts + 1 "
+    "FROM r) SELECT ts, 1, 0, 0, 0, 8, x'00' FROM r",
+    "giant": "CREATE VIEW messages AS SELECT 0 AS ts, 1 AS arbitration_id, 0 AS extended, 0 AS "
+    "remote, 0 AS error, 8 AS dlc, zeroblob(900000000) AS data",
+    "generated": "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER, remote "
+    "INTEGER, error INTEGER, dlc INTEGER, data BLOB GENERATED ALWAYS AS (zeroblob(900000000)))",
+}
+
+
+@pytest.mark.parametrize("what", VIEWS)
+def test_rows_that_a_database_makes_itself_are_not_read(tmp_path, what):
+    path = tmp_path / "x.db"
+    with sqlite3.connect(path) as database:
+        database.execute(VIEWS[what])
+    database.close()
+    assert "expected a plain table" in refusal(read_frames, path)
+
+
+def test_a_giant_value_in_a_database_is_not_fetched(tmp_path):
+    path = tmp_path / "x.db"
+    with sqlite3.connect(path) as database:
+        database.execute(
+            "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER, remote "
+            "INTEGER, error INTEGER, dlc INTEGER, data BLOB)"
+        )
+        database.execute("INSERT INTO messages VALUES (0, 1, 0, 0, 0, 8, zeroblob(10000000))")
+    database.close()
+    assert "no CAN frame could be read" in refusal(read_frames, path)
+
+
+def block(kind: bytes, *links: int) -> bytes:
+    return pack("<4sIQQ", kind, 0, 24 + 8 * len(links), len(links)) + pack(
+        f"<{len(links)}Q", *links
+    )
+
+
+@pytest.mark.parametrize(
+    ("blocks", "place"),
+    [
+        ([block(b"##HD", 112, 0, 0, 0, 0, 0), block(b"##DG", 0, 0, 0, 0)], None),
+        ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"##DG", 136, 0, 0, 0)], 136),
+        ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"##DG", 0, 192, 0, 0),
+          block(b"##CG", 136, 0, 0, 0, 0, 0)], 136),
+        ([block(b"##HD", 0, 136, 0, 0, 0, 0), block(b"##FH", 136, 0)], 136),
+        ([block(b"##HD", 10**15, 0, 0, 0, 0, 0)], None),
+    ],
+)  # fmt: skip
+def test_chains_that_return_are_found(tmp_path, blocks, place):
+    path = tmp_path / "x.mf4"
+    path.write_bytes(b"\0" * 64 + b"".join(blocks))
+    with path.open("rb") as file:
+        assert returning(file) == place
+
+
+def drive(rows=600) -> pd.DataFrame:
+    time = np.arange(rows) * 0.1
+    return pd.DataFrame({
+        "time": time,
+        "engine_speed": 100.0 + np.sin(time),
+        "engine_torque": 50.0 + 0 * time,
+        "input_shaft_speed": 100.0 + np.sin(time),
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("late", [1e7, 1e9, 1e300, -1e300])
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_late_row_is_no_end_of_the_drive(tmp_path, late, suffix):
+    table = drive()
+    table.loc[300, "time"] = late
+    path = tmp_path / f"drive.{suffix}"
+    table.to_csv(path, index=False) if suffix == "csv" else table.to_parquet(path)
+    first = clutchest.read_log(path, "truck").drives[0]
+    assert first.end < 61.0 and len(first["engine_speed"]) == 599
+
+
+def test_a_table_without_a_time_that_can_be_told_is_refused(tmp_path):
+    table = drive()
+    table["time"] += 1e200
+    table.to_parquet(tmp_path / "drive.parquet")
+    assert "times beyond 7e+09 s" in refusal(
+        clutchest.read_log, tmp_path / "drive.parquet", "truck"
+    )
+
+
+def test_tables_that_inflate_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(budgets, "TABLE_CELLS", 100_000)
+    monkeypatch.setattr(budgets, "LINE_BYTES", 1 << 20)
+    rows = "time,engine_speed\n" + "1.0,100.0\n" * 500_000
+    with gzip.open(tmp_path / "long.csv.gz", "wt") as file:
+        file.write(rows)
+    with gzip.open(tmp_path / "line.csv.gz", "wt") as file:
+        file.write("time,engine_speed\n" + "1" * (4 << 20))
+    constant = pd.DataFrame({"time": np.zeros(200_000), "engine_speed": np.zeros(200_000)})
+    constant.to_parquet(tmp_path / "constant.parquet")
+    for name in ("long.csv.gz", "line.csv.gz", "constant.parquet"):
+        assert "holds more than" in refusal(clutchest.read_log, tmp_path / name, "truck"), name
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"a":' * 100_000, '{"x": ' + "9" * 5000 + "}", '"x"', "{"]
+)
+def test_a_hostile_state_is_one_line(tmp_path, text):
+    path = tmp_path / "state.json"
+    path.write_text(text)
+    assert str(path) in refusal(read_state, path)
+
+
+@pytest.fixture(scope="module")
+def left():
+    return clutchest.replay(clutchest.read_log("demo", "truck"), "truck").final
+
+
+STATES = {
+    "digits in x": lambda s: s["x"].__setitem__(0, 10**400),
+    "digits in inputs": lambda s: s["inputs"].__setitem__("coolant_temp", 10**400),
+    "digits in history": lambda s: s["history"].__setitem__("driven_s", 10**400),
+    "time": lambda s: s.__setitem__("time_ns", -(10**400)),
+    "variance": lambda s: s["slip_energy"].__setitem__(1, -1.0),
+    "indefinite": lambda s: (s["P"][0].__setitem__(1, 1e6), s["P"][1].__setitem__(0, 1e6)),
+    "asymmetric": lambda s: s["P"][0].__setitem__(1, 1e3),
+    "words": lambda s: s.__setitem__("x", "many"),
+}
+
+
+@pytest.mark.parametrize("what", STATES)
+def test_a_damaged_state_is_said(left, what):
+    state = json.loads(json.dumps(left))
+    STATES[what](state)
+    assert "damaged" in refusal(lambda: clutchest.replay(_demo(), "truck", state=state))
+
+
+def _demo():
+    return clutchest.read_log("demo", "truck")
