@@ -161,7 +161,7 @@ def drive(rows=600) -> pd.DataFrame:
     return pd.DataFrame({
         "time": time,
         "engine_speed": 100.0 + np.sin(time),
-        "engine_torque": 50.0 + 0 * time,
+        "engine_torque": 500.0 + 100.0 * np.sin(time),
         "input_shaft_speed": 100.0 + np.sin(time),
     })  # fmt: skip
 
