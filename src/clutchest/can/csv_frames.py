@@ -1,0 +1,311 @@
+"""Frames in tables of text whose header names the columns: the common part of such formats.
+
+A format finds its header in the head of a file, and says how times and ids are written.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.can.frames import LENGTHS, Frames
+from clutchest.can.log_source import LogSource
+from clutchest.can.text_scan import (
+    BAD_DATA,
+    BAD_ID,
+    BAD_TIME,
+    BLANK,
+    ERROR,
+    EXTENDED,
+    FD,
+    HEX,
+    NO_FRAME,
+    REMOTE,
+    SENT,
+    TOO_SHORT,
+    WIDE,
+    Bytes,
+    Ints,
+    Table,
+    at_end,
+    blanks,
+    compiled,
+    decimal,
+    hexadecimal,
+    line_end,
+    rejected_line,
+    undated,
+)
+
+SKIP, TIME, ID, IS_EXTENDED, IS_REMOTE, IS_ERROR, IS_SENT, CHANNEL, LENGTH, DATA, BYTE = range(11)
+_NAMED = {
+    TIME: r"time|timestamps?|abstime(sec)?|times|timems|timeus",
+    ID: r"id|canid|arbid|arbitrationid|identifier|addr|address|messageid|msgid|idhex|iddec",
+    IS_EXTENDED: r"extended|xtd|ext|ide|extendedid",
+    IS_REMOTE: r"remote|rtr|remoteframe",
+    IS_ERROR: r"er|err|error|errorframe",
+    IS_SENT: r"dir|direction|tx|rxtx|txrx",
+    CHANNEL: r"bus|channel|chn|ch|network|canchannel|busnumber",
+    LENGTH: r"len|length|datalength|dlc|size|datalen",
+    DATA: r"data|databytes|payload|datahex",
+    BYTE: r"[db]\d+|data\d+|byte\d+|databyte\d+",
+}
+_UNITS = {"ms": 1_000_000, "us": 1_000, "µs": 1_000, "ns": 1}
+_HEADER_LINES = 100  # of the file, among which the header is
+
+
+class Layout(NamedTuple):
+    """``roles`` (c,) of the columns; the ``separator``; the ``time_ns`` of a unit of time, whether
+    ids are ``decimal``, channels count from ``first_channel``, and numbers have a ``comma``."""
+
+    roles: NDArray[np.uint8]
+    separator: int
+    time_ns: int
+    decimal: bool
+    first_channel: int
+    comma: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """The header of such a file: where it ``begins`` and ends in the head, and its names."""
+
+    begin: int
+    end: int
+    names: tuple[str, ...]
+    separator: str
+
+    def roles(self) -> list[int]:
+        """The role of each column; of several lengths the one that is no code counts."""
+        roles = [_role(name) for name in self.names]
+        lengths = [k for k, role in enumerate(roles) if role == LENGTH]
+        for k in lengths[1:] if len(lengths) > 1 else ():
+            code = _plain(self.names[lengths[0]]) == "dlc"
+            roles[lengths[0] if code else k] = SKIP
+        for once in (TIME, ID, DATA, CHANNEL, IS_SENT):
+            for k in [k for k, role in enumerate(roles) if role == once][1:]:
+                roles[k] = SKIP
+        return roles
+
+    def holds_frames(self) -> bool:
+        """Whether it names time, id and data."""
+        roles = self.roles()
+        return TIME in roles and ID in roles and (DATA in roles or roles.count(BYTE) > 1)
+
+    def unit_ns(self) -> int:
+        """ns of the unit that the column of times states; s without one."""
+        stated = next((n for n in self.names if _role(n) == TIME), "").lower()
+        unit = re.search(r"[\[(]\s*(ms|us|µs|ns)\s*[\])]|(ms|us)$", stated)
+        return _UNITS[unit[1] or unit[2]] if unit else 1_000_000_000
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"\(.*?\)|\[[a-zµ]*\]|[^a-z0-9]", "", name.lower())
+
+
+def _role(name: str) -> int:
+    plain = _plain(name)
+    return next((r for r, named in _NAMED.items() if re.fullmatch(named, plain)), SKIP)
+
+
+def headers(head: bytes) -> Iterator[Header]:
+    """The first lines of a file as headers, wherever they may be one."""
+    begin = 0
+    for line in head.split(b"\n")[:_HEADER_LINES]:
+        end = begin + len(line) + 1
+        text = line.decode("utf-8", "replace").strip()
+        separator = max(",;\t", key=text.count)
+        if text.count(separator) >= 2:
+            names = tuple(name.strip().strip('"') for name in text.split(separator))
+            yield Header(begin, end, names, separator)
+        begin = end
+
+
+def frames_of(
+    source: LogSource, header: Header, time_ns: int, *, first_channel: int = 0
+) -> Iterator[Frames]:
+    """Frames behind the ``header``; lines that cannot be read are counted in ``rejected``."""
+    dec = any(_role(name) == ID and "dec" in name.lower() for name in header.names)
+    sample = source.head[header.end :].split(b"\n")[0]
+    layout = Layout(
+        np.array(header.roles(), np.uint8),
+        ord(header.separator),
+        time_ns,
+        dec,
+        first_channel,
+        header.separator == ";" and b"." not in sample.split(b";")[0],
+    )
+    source.read(header.end)
+    return undated(source, lambda *table: _scan(layout, *table))
+
+
+@compiled
+def _scan(layout: Layout, text: Bytes, out: Table, counts: Ints) -> int:
+    """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
+    n = i = int(np.int64(0))
+    while i < len(text):
+        end = _line(layout, text, i, n, out)
+        if end >= 0:
+            n += 1
+            i = end + 1
+        elif end == WIDE:
+            return -1
+        else:
+            i = rejected_line(text, i, end, n, out, counts)
+    return n
+
+
+@compiled
+def _line(layout: Layout, text: Bytes, i: int, n: int, out: Table) -> int:
+    """Reads one line into row ``n``; the position of its newline, or why not."""
+    if at_end(text, i) >= 0:
+        return BLANK
+    flag = count = channel = 0
+    stated, known, extended = -1, 0, False
+    column, columns = 0, len(layout.roles)
+    while column < columns or layout.roles[columns - 1] == BYTE:  # a header may name 8 of 64 bytes
+        role = layout.roles[min(column, columns - 1)]
+        column += 1
+        i = blanks(text, i) if layout.separator != 9 else i
+        quoted = text[i] == 34
+        i += quoted
+        behind = i
+        if role == TIME:
+            t_ns, behind = _time(text, i, layout.time_ns, layout.comma)
+            if behind == i:
+                return BAD_TIME
+            out.t_ns[n] = t_ns
+        elif role == ID:
+            value, behind = _id(text, i, layout.decimal)
+            if behind == i or value > 0x1FFFFFFF:
+                return BAD_ID
+            out.id[n] = value
+            extended |= value > 0x7FF or (text[behind] | 32) == 120
+            known += 1
+        elif role == LENGTH:
+            stated, behind = decimal(text, i)
+            if behind == i or stated > 64:
+                stated = -1
+        elif role == CHANNEL:
+            channel = _channel(text, i, layout.separator) - layout.first_channel
+        elif role in (DATA, BYTE):
+            count, behind = _bytes(text, i, count, role == DATA, n, out)
+            if count < 0:
+                return count
+        elif role != SKIP and (text[i] | 32 == 116 or text[i] == 49 or text[i] | 32 == 121):
+            flag |= _flag_of(role)
+        i = _field_end(text, behind, layout.separator, quoted)
+        if text[i] == 10:
+            break
+        i += 1
+    if not known:
+        return NO_FRAME
+    if extended:
+        flag |= EXTENDED
+    if flag & ERROR:
+        flag &= ~EXTENDED
+    length = _length(stated, count, flag)
+    if length > count and not flag & (REMOTE | ERROR):
+        return TOO_SHORT
+    for byte in range(0 if flag & REMOTE else length, count):
+        out.data[n, byte] = 0
+    if length > 8:
+        flag |= FD
+    out.channel[n], out.flags[n], out.length[n] = max(channel, 0) & 0xFF, flag, length
+    return line_end(text, i)
+
+
+@compiled
+def _flag_of(role: int) -> int:
+    """The flag that a column of yes or no sets."""
+    if role == IS_EXTENDED:
+        return EXTENDED
+    if role == IS_REMOTE:
+        return REMOTE
+    return ERROR if role == IS_ERROR else SENT
+
+
+@compiled
+def _length(stated: int, count: int, flag: int) -> int:
+    """Payload bytes, of what is stated and how many there are: beyond 8 a code may be stated."""
+    if stated < 0:
+        return count
+    if 8 < stated < 16 and LENGTHS[stated] == count:
+        return count
+    return stated
+
+
+@compiled
+def _field_end(text: Bytes, i: int, separator: int, quoted: bool) -> int:
+    """The separator or newline behind a field."""
+    while text[i] != 10 and (quoted or text[i] != separator):
+        quoted = quoted and text[i] != 34
+        i += 1
+    return i
+
+
+@compiled
+def _time(text: Bytes, i: int, unit_ns: int, comma: bool) -> tuple[int, int]:
+    """(ns, position behind) of a decimal number in ``unit_ns``."""
+    first = i + 1 if text[i] == 45 else i  # -
+    whole, behind = decimal(text, first)
+    if behind == first or whole > 9_000_000_000_000_000_000 // unit_ns:
+        return 0, i
+    ns = whole * unit_ns
+    if text[behind] == 46 or (comma and text[behind] == 44):
+        behind += 1
+        while 48 <= text[behind] <= 57:
+            unit_ns //= 10
+            ns += (text[behind] - 48) * unit_ns
+            behind += 1
+    return (-ns if first > i else ns), behind
+
+
+@compiled
+def _id(text: Bytes, i: int, is_decimal: bool) -> tuple[int, int]:
+    """(id, position behind), hexadecimal unless ``is_decimal``, with or without 0x."""
+    if text[i] == 48 and (text[i + 1] | 32) == 120:
+        value, behind = hexadecimal(text, i + 2)
+        return value, (i if behind == i + 2 else behind)
+    if is_decimal:
+        return decimal(text, i)
+    return hexadecimal(text, i)
+
+
+@compiled
+def _channel(text: Bytes, i: int, separator: int) -> int:
+    """The first number in a field."""
+    while text[i] != 10 and text[i] != separator:
+        if 48 <= text[i] <= 57:
+            value, _ = decimal(text, i)
+            return value
+        i += 1
+    return 0
+
+
+@compiled
+def _bytes(text: Bytes, i: int, count: int, many: bool, n: int, out: Table) -> tuple[int, int]:
+    """(bytes so far, position behind) of one byte or, where there are ``many``, of a field of them,
+    with or without blanks between; a negative number is the reason why not."""
+    while True:
+        while many and (text[i] == 32 or text[i] == 45):
+            i += 1
+        if text[i] == 48 and (text[i + 1] | 32) == 120:  # 0x
+            i += 2
+        high = HEX[text[i]]
+        if high < 0:
+            return count, i
+        low = HEX[text[i + 1]]
+        if count == 64:
+            return BAD_DATA, i
+        if count == out.data.shape[1]:
+            return WIDE, i
+        out.data[n, count] = high if low < 0 else high * 16 + low
+        count, i = count + 1, i + (1 if low < 0 else 2)
+        if not many:
+            return count, i

@@ -1,0 +1,46 @@
+"""Any other csv whose header names time, id and data, as CANalyzer and CANcaseXL export it:
+``Time[s];Channel;ID;Dir;DLC;Data``, Cabana's ``time,addr,bus,data``, and their like.
+
+The header states the unit of the time, s otherwise; ids are hexadecimal unless it says ``dec``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from clutchest.can import csv_frames
+from clutchest.can.formats import csv as of_python_can
+from clutchest.can.formats import gvret, vehicle_spy
+from clutchest.can.frames import Frames
+from clutchest.can.log_format import LogFormat
+from clutchest.can.log_source import LogSource
+
+_OTHERS = (of_python_can, gvret, vehicle_spy)
+
+
+def _header(head: bytes) -> csv_frames.Header | None:
+    if any(other.FORMAT.sniff(head) is not None for other in _OTHERS):
+        return None
+    return next((h for h in csv_frames.headers(head) if h.holds_frames()), None)
+
+
+def _sniff(head: bytes) -> int | None:
+    header = _header(head)
+    return None if header is None else header.begin
+
+
+def read(source: LogSource) -> Iterator[Frames]:
+    """Frames of such a log; lines that cannot be read are counted in ``rejected``."""
+    header = _header(source.head)
+    assert header is not None
+    first = 0 if "bus" in (name.lower() for name in header.names) else 1
+    return csv_frames.frames_of(source, header, header.unit_ns(), first_channel=first)
+
+
+FORMAT = LogFormat(
+    title="csv of named columns",
+    about="any whose header names time, id and data, such as CANalyzer's and CANcaseXL's",
+    suffix=".csv",
+    sniff=_sniff,
+    read=read,
+)
