@@ -40,9 +40,22 @@ def test_a_damaged_mf4_is_read_or_refused(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
+STATEFUL = {".json": 300, ".parquet": 1000}
+OTHERS = {".toml": 60, ".dbc": 20, ".table.csv": 100, ".py": 200, ".datagram": 1000}
+
+
+@pytest.mark.parametrize("suffix", OTHERS)
+def test_damaged_inputs_of_other_kinds_are_read_or_refused(suffix, tmp_path, capfd):
+    inputs = OTHERS[suffix]
+    results = fuzz(inputs, seed=7, formats=[suffix], seconds=20, keep=tmp_path)
+    assert results.total() == inputs and results[f"{suffix} refused"] > 0
+    assert capfd.readouterr().out == ""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("suffix", "inputs"), [*((s, 3000) for s in (*TEXT, ".db")), (".mf4", 600)]
+    ("suffix", "inputs"),
+    [*((s, 3000) for s in (*TEXT, ".db")), (".mf4", 600), (".json", 300), (".parquet", 1000)],
 )
 def test_many_more_damaged_logs(suffix, inputs, tmp_path):
     assert fuzz(inputs, seed=11, formats=[suffix], seconds=20, keep=tmp_path).total() == inputs

@@ -1,8 +1,9 @@
-"""Feeds damaged logs to every reader: PYTHONPATH=tests python -m fuzz [--inputs 100000] [--seed 0]
+"""Feeds damaged inputs to every reader: PYTHONPATH=tests python -m fuzz [--inputs 100000]
 
-Each input must give frames that are sound, or a ClutchestError in one line, within --seconds and
-without growing the process beyond --mebibytes.  An input that does otherwise is kept in --keep and
-ends the run.  With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every index of the
+Logs, vehicle files, DBCs, states, decoded tables, effects files, datagrams; --formats names some by
+their suffix.  Each input must give what is sound, or a ClutchestError in one line, within --seconds
+and without growing the process beyond --mebibytes.  An input that does otherwise is kept in --keep
+and ends the run.  With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every index of the
 compiled readers is checked too.
 """
 
@@ -28,6 +29,7 @@ from clutchest.can.files import blocks_of, read_frames
 from clutchest.can.frames import Frames
 from clutchest.can.log_source import LogSource
 from clutchest.errors import ClutchestError
+from fuzz import kinds
 from fuzz.mutate import mutated, packed, zipped
 
 SEEDS = Path(__file__).parent / "seeds"
@@ -73,6 +75,16 @@ def judged(path: Path, content: bytes) -> str:
     return "frames"
 
 
+def _suffix(name: str) -> str:
+    return kinds.kind_of(name) or Path(name).suffix
+
+
+def _judged(path: Path, name: str, content: bytes) -> str:
+    if kinds.kind_of(name):
+        return kinds.judged(path.parent, name, content)
+    return judged(path, content)
+
+
 def peak_MiB() -> float:
     """The most memory that this process has held."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -99,17 +111,17 @@ def fuzz(
     allowed = max(mebibytes, peak_MiB())
     end = perf_counter() + 60.0 * minutes
     log_source.BLOCK = 1 << 14  # so that files have several, and little memory to clear
-    seeds = {
-        path.name: path.read_bytes()
-        for path in sorted(SEEDS.iterdir())
-        if not formats or path.suffix in formats
-    }
+    every = {path.name: path.read_bytes() for path in sorted(SEEDS.iterdir())}
+    wanted = set(formats)
+    if not wanted or wanted & set(kinds.KINDS):
+        every |= kinds.seeds()
+    seeds = {n: c for n, c in every.items() if not wanted or _suffix(n) in wanted}
     random, results = Random(seed), Counter[str]()
     signal.signal(signal.SIGALRM, _too_slow)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "input"
         for name, content in seeds.items():  # as they are; also compiles
-            assert judged(path, content) == "frames", name
+            assert _judged(path, name, content) in ("frames", "read"), name
         assert judged(path, b"no log at all") == "refused"
         for i in range(inputs):
             if perf_counter() > end:
@@ -117,7 +129,7 @@ def fuzz(
             name, content = damaged(seeds, random)
             signal.setitimer(signal.ITIMER_REAL, seconds)
             try:
-                result = judged(path, content)
+                result = _judged(path, name, content)
                 assert peak_MiB() <= allowed, "more memory than is allowed"
             except BaseException:
                 signal.setitimer(signal.ITIMER_REAL, 0)
@@ -127,7 +139,7 @@ def fuzz(
                 print(f"kept: {kept}", file=sys.stderr)
                 raise
             signal.setitimer(signal.ITIMER_REAL, 0)
-            results[f"{Path(name).suffix} {result}"] += 1
+            results[f"{_suffix(name)} {result}"] += 1
     return results
 
 

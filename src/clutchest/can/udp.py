@@ -70,8 +70,13 @@ class UdpReader(BusReader):
                     stamp = seconds + ns * 1e-9
                 elif kind == SO_RXQ_OVFL and self.dropped is not None:
                     self.dropped = struct.unpack("=I", content[:4])[0]
-            message = self._message(raw, bool(flags & socket.MSG_TRUNC), stamp)
-            if message is not None and self.bus._matches_filters(message):
+            if flags & socket.MSG_TRUNC:
+                self.malformed["datagram longer than a frame"] += 1
+                continue
+            message, defect = message_in(raw, stamp)
+            if message is None:
+                self.malformed[defect] += 1
+            elif self.bus._matches_filters(message):
                 messages.append(message)
         if not messages and self.malformed.total() == before:
             return None
@@ -79,26 +84,23 @@ class UdpReader(BusReader):
             frames_of(messages), time.monotonic_ns(), self.dropped, dict(self.malformed)
         )
 
-    def _message(self, raw: bytes, truncated: bool, stamp: float) -> can.Message | None:
-        """The frame in a datagram; None, and counted, where there is none."""
-        if truncated:
-            self.malformed["datagram longer than a frame"] += 1
-            return None
-        try:
-            import msgpack
 
-            given = msgpack.unpackb(raw)
-        except Exception:  # the bytes of a stranger
-            self.malformed["not a message of python-can"] += 1
-            return None
-        if not isinstance(given, dict) or (wrong := _defect(given)):
-            self.malformed[wrong if isinstance(given, dict) else "no fields of a frame"] += 1
-            return None
-        try:
-            return _frame(given, stamp)
-        except Exception:  # python-can's own check of a frame
-            self.malformed["not a valid CAN frame"] += 1
-            return None
+def message_in(raw: bytes, stamp: float) -> tuple[can.Message | None, str]:
+    """The frame in a datagram, received at ``stamp`` s; None where there is none, and why."""
+    try:
+        import msgpack
+
+        given = msgpack.unpackb(raw)
+    except Exception:  # the bytes of a stranger
+        return None, "not a message of python-can"
+    if not isinstance(given, dict):
+        return None, "no fields of a frame"
+    if wrong := _defect(given):
+        return None, wrong
+    try:
+        return _frame(given, stamp), ""
+    except Exception:  # python-can's own check of a frame
+        return None, "not a valid CAN frame"
 
 
 def _address(sender: Any) -> str:

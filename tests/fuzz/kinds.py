@@ -1,0 +1,131 @@
+"""Inputs that are no logs: what each is made of, and how it is judged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pandas as pd
+
+import clutchest
+from clutchest.can.database import load
+from clutchest.can.udp import message_in
+from clutchest.errors import ClutchestError
+from clutchest.models.effects import effects_of_file
+from clutchest.reading.tables import read_table
+from clutchest.record.files import read_state
+from clutchest.shipped import locate, shipped
+from clutchest.signals import Signals
+from clutchest.vehicle import load_vehicle
+
+EFFECT = """
+from clutchest.machine import Effect, Number
+class Humidity(Effect):
+    name, model, equation, scales = "humidity", "dry_clutch", "torque", {"clutch_torque": "change"}
+    parameters = (Number("change", "1", -0.1, 0.1),)
+"""
+FRAME = {
+    "timestamp": 0.0,
+    "arbitration_id": 0xCF00400,
+    "is_extended_id": True,
+    "is_remote_frame": False,
+    "is_error_frame": False,
+    "channel": None,
+    "dlc": 8,
+    "data": b"12345678",
+    "is_fd": False,
+    "bitrate_switch": False,
+    "error_state_indicator": False,
+}
+
+
+@cache
+def drive() -> Signals:
+    """The first seconds of the shipped log."""
+    from clutchest.reading.window import TimeWindow
+
+    return clutchest.read_log("demo", "truck", TimeWindow.parse(None, "10"))
+
+
+def seeds() -> dict[str, bytes]:
+    """Name → content of a sound input of each kind."""
+    time = np.arange(50) * 0.1
+    speed = 100.0 + np.sin(time)
+    table = pd.DataFrame(
+        {"time": time, "engine_speed": speed, "engine_torque": 500.0 + speed,
+         "input_shaft_speed": speed}
+    )  # fmt: skip
+    columns = BytesIO()
+    table.to_parquet(columns)
+    state = {**clutchest.replay(drive(), "truck").final, "time_ns": None}  # of no time
+    dbc = next(path for path in shipped("dbc").values() if "hdt" in path.name)
+    return {
+        "vehicle.toml": locate("truck", "vehicles").read_bytes(),
+        "bus.dbc": dbc.read_bytes(),
+        "state.json": json.dumps(state).encode(),
+        "decoded.table.csv": table.to_csv(index=False).encode(),
+        "decoded.parquet": columns.getvalue(),
+        "own.py": EFFECT.encode(),
+        "frame.datagram": msgpack.packb(FRAME),
+    }
+
+
+def _vehicle(path: Path) -> None:
+    load_vehicle(path)
+
+
+def _dbc(path: Path) -> None:
+    load([path])
+
+
+def _state(path: Path) -> None:
+    clutchest.replay(drive(), "truck", state=read_state(path))
+
+
+def _table(path: Path) -> None:
+    vehicle = load_vehicle("truck")
+    read_table(path, vehicle.machine.units, vehicle)
+
+
+def _effects(path: Path) -> None:
+    effects_of_file(path)
+
+
+def _datagram(path: Path) -> None:
+    message, defect = message_in(path.read_bytes(), 0.0)
+    assert (message is None) == bool(defect), "neither a frame nor a reason"
+    if message is None:
+        raise ClutchestError(f"{path}: {defect}")
+
+
+KINDS: Mapping[str, Callable[[Path], None]] = {
+    ".toml": _vehicle,
+    ".dbc": _dbc,
+    ".json": _state,
+    ".table.csv": _table,
+    ".parquet": _table,
+    ".py": _effects,
+    ".datagram": _datagram,
+}
+
+
+def kind_of(name: str) -> str:
+    """The end of the name by which an input is judged; empty for a log."""
+    return next((end for end in KINDS if name.endswith(end)), "")
+
+
+def judged(folder: Path, name: str, content: bytes) -> str:
+    """``read`` or ``refused``.  Raises AssertionError, or whatever else was let through."""
+    path = folder / f"input{kind_of(name)}"
+    path.write_bytes(content)
+    try:
+        KINDS[kind_of(name)](path)
+    except ClutchestError as problem:
+        assert "\n" not in str(problem), "the error has several lines"
+        return "refused"
+    return "read"
