@@ -31,6 +31,7 @@ VERBS = (
     "reproduce",
     "monitor",
     "play",
+    "export",
     "trust",
 )
 

@@ -14,6 +14,7 @@ from clutchest import __version__
 from clutchest.cli.convert import convert
 from clutchest.cli.diagnose import diagnose
 from clutchest.cli.discover import discover
+from clutchest.cli.export import export
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
 from clutchest.cli.monitor import monitor
@@ -45,6 +46,7 @@ for _verb in (
     reproduce,
     monitor,
     play,
+    export,
     trust,
 ):
     app.command(cls=WithScenarios if _verb is simulate else Verb)(_verb)

@@ -1,0 +1,1 @@
+"""A vehicle's model as C code and as a functional mock-up unit."""
