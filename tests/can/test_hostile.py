@@ -73,7 +73,7 @@ def test_a_gzip_of_nothing_readable_is_refused_at_once(tmp_path):
 def test_a_whole_read_format_in_a_gzip_has_a_limit(tmp_path, monkeypatch):
     from clutchest.can.formats import mf4
 
-    monkeypatch.setattr(mf4, "_LARGEST_ZIPPED", 10 * MIB)
+    monkeypatch.setattr(mf4, "UNPACKED_BYTES", 10 * MIB)
     path = tmp_path / "a.mf4.gz"
     path.write_bytes(deflated(b"MDF     4.10    ", b"\0" * MIB, 40, wbits=31))
     with within(35), pytest.raises(ClutchestError, match=r"more than 10 MiB.*unpack it first"):

@@ -57,7 +57,8 @@ def functions(exported: ExportedModel) -> Iterator[ca.Function]:
 def _data(exported: ExportedModel) -> str:
     """Names, places and values of everything that the functions take."""
     model, prefix = exported.model, exported.identifier.upper()
-    units = {s.name: s.unit for s in (*model.states, *model.inputs, *model.sensors)}
+    units = {s.name: s.unit for s in model.states} | {s.name: s.unit for s in model.sensors}
+    units |= {item.name: item.unit for item in model.inputs}
     keys = {q.key: q.unit for q in model.parameters}
     parts = [
         f"/* {exported.vehicle.name}: {model.name}, by clutchest {__version__}, vehicle file "

@@ -62,10 +62,15 @@ def daes(exported: ExportedModel) -> ca.DaeBuilder:
     rates, readings, outputs = equations(*at)
     for i, state in enumerate(x):
         unit.eq(unit.der(state), rates[i])
+        unit.set_initial(model.states[i].name, "exact")
         unit.set_start(model.states[i].name, exported.states[model.states[i].name])
-        unit.set_unit(model.states[i].name, model.states[i].unit)
-    for name, value in exported.inputs.items():
-        unit.set_start(name, value)
+        # units would ask for definitions, which the exporter does not write
+        unit.set_description(
+            model.states[i].name, f"{model.states[i].what}, {model.states[i].unit}"
+        )
+    for item in model.inputs:
+        unit.set_start(item.name, exported.inputs[item.name])
+        unit.set_description(item.name, f"{item.what}, {item.unit}")
     for key, value in numbers.items():
         unit.set_start(named[key], value)
     for flag in exported.flags:

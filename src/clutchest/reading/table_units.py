@@ -26,7 +26,8 @@ _LIKELY = {  # unit of a canonical signal → others that loggers use
     "Nm": ("Nm", "%"),
     "rad": ("rad", "°", "rev"),
 }
-_PERCENT_STEP = 0.125  # of a torque in percent on a bus
+_PERCENT_STEP = 0.125  # of a torque in percent on a bus: every step is a multiple of it
+_LARGEST_STEP = 1.0  # no bus states a percentage more coarsely
 _MOST_PERCENT = 125.0
 _RATIO = 0.15  # by how much two speeds of one shaft may differ
 _LEVEL = 10.0  # times the change from sample to sample: a level, no noise about zero
@@ -85,8 +86,12 @@ def _scale(column: Column, vehicle: Vehicle) -> float | None:
 
 def _is_percent(value: Floats) -> bool:
     """Whether all values are steps of a percentage."""
-    steps = value / _PERCENT_STEP
-    return bool(np.abs(value).max() <= _MOST_PERCENT and np.all(steps == np.rint(steps)))
+    steps, apart = value / _PERCENT_STEP, np.diff(np.unique(value))
+    return bool(
+        np.abs(value).max() <= _MOST_PERCENT
+        and np.all(steps == np.rint(steps))
+        and not np.all(apart > _LARGEST_STEP)
+    )
 
 
 def _varies(column: Column, signals: Mapping[str, Signal]) -> bool:
