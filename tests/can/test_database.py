@@ -212,3 +212,89 @@ def test_a_dbc_is_read_where_nothing_can_be_kept(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path / "file" / "below"))
     assert "EEC1" in load([shipped("dbc")["hdt_clutch"]]).messages
+
+
+def _as(kind: str, text: str) -> str:
+    """The messages of a DBC, written as another kind of database by cantools, or by hand."""
+    import cantools
+
+    if kind == "arxml":
+        return _ARXML
+    database = cantools.database.load_string(text, "dbc")
+    return database.as_kcd_string() if kind == "kcd" else database.as_sym_string()
+
+
+_PLAIN = """VERSION ""
+NS_ :
+BS_:
+BU_: A B
+BO_ 291 Motor: 8 A
+ SG_ Speed : 0|16@1+ (0.25,0) [0|16000] "rpm" B
+ SG_ Torque : 16|12@1- (0.5,-10) [-1000|1000] "Nm" B
+BO_ 2566844926 Road: 8 A
+ SG_ Pace : 8|16@1+ (0.00390625,0) [0|250] "km/h" B
+"""
+
+_ARXML = """<?xml version="1.0" encoding="UTF-8"?>
+<AUTOSAR xmlns="http://autosar.org/schema/r4.0"><AR-PACKAGES><AR-PACKAGE>
+<SHORT-NAME>P</SHORT-NAME><ELEMENTS>
+<CAN-CLUSTER><SHORT-NAME>Cluster</SHORT-NAME><CAN-CLUSTER-VARIANTS><CAN-CLUSTER-CONDITIONAL>
+<BAUDRATE>500000</BAUDRATE><PHYSICAL-CHANNELS><CAN-PHYSICAL-CHANNEL><SHORT-NAME>Ch</SHORT-NAME>
+<FRAME-TRIGGERINGS><CAN-FRAME-TRIGGERING><SHORT-NAME>T</SHORT-NAME>
+<FRAME-REF DEST="CAN-FRAME">/P/Motor</FRAME-REF>
+<CAN-ADDRESSING-MODE>STANDARD</CAN-ADDRESSING-MODE><IDENTIFIER>291</IDENTIFIER>
+</CAN-FRAME-TRIGGERING></FRAME-TRIGGERINGS></CAN-PHYSICAL-CHANNEL></PHYSICAL-CHANNELS>
+</CAN-CLUSTER-CONDITIONAL></CAN-CLUSTER-VARIANTS></CAN-CLUSTER>
+<CAN-FRAME><SHORT-NAME>Motor</SHORT-NAME><FRAME-LENGTH>8</FRAME-LENGTH><PDU-TO-FRAME-MAPPINGS>
+<PDU-TO-FRAME-MAPPING><SHORT-NAME>M</SHORT-NAME>
+<PACKING-BYTE-ORDER>MOST-SIGNIFICANT-BYTE-LAST</PACKING-BYTE-ORDER>
+<PDU-REF DEST="I-SIGNAL-I-PDU">/P/Pdu</PDU-REF><START-POSITION>0</START-POSITION>
+</PDU-TO-FRAME-MAPPING></PDU-TO-FRAME-MAPPINGS></CAN-FRAME>
+<I-SIGNAL-I-PDU><SHORT-NAME>Pdu</SHORT-NAME><LENGTH>8</LENGTH><I-SIGNAL-TO-PDU-MAPPINGS>
+<I-SIGNAL-TO-I-PDU-MAPPING><SHORT-NAME>S</SHORT-NAME>
+<I-SIGNAL-REF DEST="I-SIGNAL">/P/Speed</I-SIGNAL-REF>
+<PACKING-BYTE-ORDER>MOST-SIGNIFICANT-BYTE-LAST</PACKING-BYTE-ORDER>
+<START-POSITION>0</START-POSITION></I-SIGNAL-TO-I-PDU-MAPPING></I-SIGNAL-TO-PDU-MAPPINGS>
+</I-SIGNAL-I-PDU>
+<I-SIGNAL><SHORT-NAME>Speed</SHORT-NAME><LENGTH>16</LENGTH>
+<SYSTEM-SIGNAL-REF DEST="SYSTEM-SIGNAL">/P/SysSpeed</SYSTEM-SIGNAL-REF></I-SIGNAL>
+<SYSTEM-SIGNAL><SHORT-NAME>SysSpeed</SHORT-NAME></SYSTEM-SIGNAL>
+</ELEMENTS></AR-PACKAGE></AR-PACKAGES></AUTOSAR>
+"""
+
+
+@pytest.mark.parametrize("kind", ["kcd", "sym", "arxml"])
+def test_databases_of_other_kinds(kind, tmp_path):
+    (tmp_path / "a.dbc").write_text(_PLAIN)
+    (tmp_path / f"a.{kind}").write_text(_as(kind, _PLAIN))
+    expected, given = load([tmp_path / "a.dbc"]), load([tmp_path / f"a.{kind}"])
+    names = ["Motor"] if kind == "arxml" else ["Motor", "Road"]
+    assert list(given.messages) == names
+    again = load([tmp_path / f"a.{kind}"])  # from the cache
+    for name in names:
+        assert again.message(name) == given.message(name)
+        a, b = expected.message(name), given.message(name)
+        assert (a.id, a.extended, a.length) == (b.id, b.extended, b.length)
+        for signal, layout in b.signals.items():
+            wanted = a.signal(signal)
+            place = ("start", "width", "little_endian", "signed")
+            assert [getattr(layout, key) for key in place] == [
+                getattr(wanted, key) for key in place
+            ]
+            if kind != "arxml":
+                assert (layout.scale, layout.offset, layout.unit) == (
+                    wanted.scale,
+                    wanted.offset,
+                    wanted.unit,
+                )
+
+
+@pytest.mark.parametrize(
+    "text", ["<AUTOSAR><broken", "<NetworkDefinition", 'FormatVersion=6.0 // nothing\nTitle="x"\n']
+)
+def test_a_broken_database_of_another_kind_is_refused_in_a_line(text, tmp_path, capfd):
+    (tmp_path / "a.xml").write_text(text)
+    with pytest.raises(ClutchestError, match=r"a\.xml: (not a readable|no messages)") as problem:
+        load([tmp_path / "a.xml"])
+    assert "\n" not in str(problem.value)
+    assert capfd.readouterr().err == ""

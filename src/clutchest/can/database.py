@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -206,8 +207,9 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
     from clutchest.can.recovery.dbc import Irreparable, parsed
 
     text = _text(content)
+    kind = _kind(text)
     try:
-        database, complaints = parsed(text)
+        database, complaints = parsed(text) if kind == "dbc" else (_other(text, kind), [])
     except Irreparable as error:
         if not error.line:
             raise ClutchestError(f"{path}: {error}") from None
@@ -215,7 +217,8 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
         raise ClutchestError(f"{path}, line {error.line}: {error}: {line[:80]!r}") from None
     if not database.messages:
         why = f"; {complaints[0]}" if complaints else ""
-        raise ClutchestError(f"{path}: no messages; expected a DBC with BO_ lines{why}")
+        expected = "a DBC with BO_ lines" if kind == "dbc" else f"messages in this {kind.upper()}"
+        raise ClutchestError(f"{path}: no messages; expected {expected}{why}")
     is_j1939, assumed = _is_j1939(database)
     if assumed:
         complaints.append(
@@ -232,6 +235,34 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
         if first != message.name:
             complaints.append(f"messages '{first}' and '{message.name}' have the same id")
     return messages, complaints
+
+
+def _kind(text: str) -> str:
+    """The format of a database, by its content: a DBC unless another one shows."""
+    head = text[:5000]
+    if "<AUTOSAR" in head:
+        return "arxml"
+    if "<NetworkDefinition" in head:
+        return "kcd"
+    return "sym" if re.search(r"^\s*FormatVersion\s*=", head, re.MULTILINE) else "dbc"
+
+
+def _other(text: str, kind: str) -> cantools_can.Database:
+    """A database that is no DBC, as cantools reads it.  Raises Irreparable where it does not."""
+    from cantools.database import load_string
+
+    from clutchest.can.log_source import quiet
+    from clutchest.can.recovery.dbc import Irreparable
+
+    try:
+        with quiet("cantools"):
+            database: Any = load_string(text, database_format=kind, strict=False)
+    except Exception as error:  # its parsers raise whatever they meet
+        words = " ".join(str(error).split())[:200] or type(error).__name__
+        raise Irreparable(0, f"not a readable {kind.upper()}: {words}") from None
+    if not hasattr(database, "messages"):  # an ARXML of diagnostics
+        raise Irreparable(0, f"this {kind.upper()} describes no messages")
+    return database
 
 
 def _is_j1939(database: cantools_can.Database) -> tuple[bool, bool]:

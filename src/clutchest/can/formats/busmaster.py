@@ -41,6 +41,7 @@ from clutchest.can.text_scan import (
     spaced_bytes,
     tables,
 )
+from clutchest.can.time_stamps import LAST_S
 
 _START = re.compile(
     rb"\*\*\*START DATE AND TIME (\d+):(\d+):(\d+) (\d+):(\d+):(\d+)(?::(\d+))?", re.IGNORECASE
@@ -77,9 +78,10 @@ def _start(head: bytes) -> datetime | None:
         return None
     day, month, year, hour, minute, second, ms = (int(part or 0) for part in found.groups())
     try:
-        return datetime(year, month, day, hour, minute, second, ms % 1000 * 1000).astimezone()
+        date = datetime(year, month, day, hour, minute, second, ms % 1000 * 1000).astimezone()
     except (ValueError, OverflowError, OSError):
         return None
+    return date if 0 < date.timestamp() < LAST_S else None
 
 
 def _ns(moment: datetime) -> int:
