@@ -33,6 +33,7 @@ from clutchest.reading.tables import write_signals
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Floats, Signal, Signals, Truth
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
+from clutchest.vehicle.vehicle import SPEED
 
 FRICTION = 7.0  # %: the engine's own friction, where the bus reports one
 _EPOCH = 1_704_067_200  # 1 January 2024, UTC
@@ -337,9 +338,12 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
             continue
         # First gear throughout, which is the constant gear that the bus sends below.
         shown = value / signal.gears[0] if signal.gears else value
-        put(signal.bus, units.convert(shown, units_of[name], signal.bus.unit))
+        unit = units_of[name]
+        if signal.radius is not None:
+            shown, unit = shown * signal.radius, SPEED
+        put(signal.bus, units.convert(shown, unit, signal.bus.unit))
         if signal.other:
-            put(signal.other, units.convert(shown, units_of[name], signal.other.unit))
+            put(signal.other, units.convert(shown, unit, signal.other.unit))
     for name in sampled.signals:  # messages of companions alone have their own period
         signal = vehicle.signals[name]
         for companion, constant in ((signal.friction, FRICTION), (signal.gear, 1.0)):

@@ -123,8 +123,8 @@ class Inspection:
         words = f"signals.{column.name} ({column.unit}): no signal has a matching SPN or name"
         if column.geared_by and self.wheels:
             words += (
-                "; a wheel speed with gears = [ratios engine/wheel] can stand in for it: "
-                + ", ".join(self.wheels[:4])
+                "; a wheel speed with gears = [ratios engine/wheel], and with radius = tyre radius "
+                "where it is in km/h or m/s, can stand in for it: " + ", ".join(self.wheels[:4])
             )
         return words
 
@@ -302,8 +302,9 @@ def _search(
                     if layout.spn == spn:
                         companion = BusSignal(message.name, layout.name, layout.unit or "%")
                         companions.setdefault(column.name, {})[part] = companion
-            if _WHEEL.search(layout.name) and _fits(layout, "rad/s"):
-                wheels.append(f"{message.name}.{layout.name}")
+            if _WHEEL.search(layout.name) and (_fits(layout, "rad/s") or _fits(layout, "m/s")):
+                unit = f" ({layout.unit})" if layout.unit else ""
+                wheels.append(f"{message.name}.{layout.name}{unit}")
     ranked = {
         name: tuple(sorted(candidates[name], key=lambda c: c.rank, reverse=True))
         for name in machine.units

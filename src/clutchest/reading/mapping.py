@@ -28,6 +28,7 @@ from clutchest.reading.traffic import traffic_of
 from clutchest.reading.wanted import mapped_messages, parts
 from clutchest.signals import Counts, Floats, Signal, Signals, Traffic, Why
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle
+from clutchest.vehicle.vehicle import SPEED
 
 
 class NoMappedFrame(ClutchestError):
@@ -326,6 +327,8 @@ class Decoding:
                 value = (value + other.at(samples.rows)) / 2
         if signal.reference is not None:
             value = self._torque(signal, samples)
+        elif signal.radius is not None:
+            value = units.convert(value, signal.bus.unit, SPEED) / signal.radius
         else:
             value = units.convert_reading(value, signal.bus.unit, unit)
         if signal.gear and self._gear_is_sent(signal):

@@ -8,10 +8,11 @@ from itertools import pairwise
 from math import inf
 from typing import Any
 
+from clutchest import units
 from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.errors import ClutchestError
 from clutchest.vehicle.toml import Keys, TomlFile
-from clutchest.vehicle.vehicle import BusSignal, SignalMap
+from clutchest.vehicle.vehicle import SPEED, BusSignal, SignalMap
 
 LARGEST_ADDRESS, LARGEST_CHANNEL = 253, 255  # J1939 keeps the addresses above
 
@@ -27,6 +28,7 @@ _KEYS = (
     "fraction",
     "friction",
     "gears",
+    "radius",
     "gear",
     "other",
     "min",
@@ -37,7 +39,13 @@ _KEYS = (
 )
 _REQUIRED = ("message", "signal", "unit", "noise")
 _COMPANION = ("message", "signal", "unit")
-_REQUIRES = {"fraction": "reference", "friction": "reference", "gear": "gears", "other": "gears"}
+_REQUIRES = {
+    "fraction": "reference",
+    "friction": "reference",
+    "gear": "gears",
+    "other": "gears",
+    "radius": "gears",
+}
 
 
 def read_signals(
@@ -94,8 +102,15 @@ class _Entry:
 
 def _signal(entry: _Entry) -> SignalMap:
     entry.check_keys()
-    reference = _reference(entry)
+    reference, radius = _reference(entry), _radius(entry)
     expected = entry.unit if reference is None else "%"
+    expected = expected if radius is None else SPEED
+    if radius is None and "gears" in entry.table and _is_speed(entry.table["unit"]):
+        raise entry.error(
+            "unit",
+            f"signals.{entry.name} is in {entry.table['unit']}; with 'radius', the tyre's rolling "
+            f"radius (m), it becomes a wheel speed in {entry.unit}",
+        )
     unit = entry.file.unit(entry.keys("unit"), entry.table["unit"], expected)
     bus = BusSignal(entry.string("message"), entry.string("signal"), unit)
     minimum, maximum = _limits(entry)
@@ -110,8 +125,9 @@ def _signal(entry: _Entry) -> SignalMap:
         fraction=_companion(entry, "fraction", bus, "%", unit),
         friction=_companion(entry, "friction", bus, "%", unit),
         gears=_gears(entry),
+        radius=radius,
         gear=_companion(entry, "gear", bus, "1", "1"),
-        other=_companion(entry, "other", bus, entry.unit, unit),
+        other=_companion(entry, "other", bus, expected, unit),
         minimum=minimum,
         maximum=maximum,
         source_address=entry.integer("source_address", LARGEST_ADDRESS),
@@ -132,6 +148,20 @@ def _reference(entry: _Entry) -> float | None:
             f"'reference' converts percent to a torque (Nm); {entry.name} is in {entry.unit}",
         )
     return reference
+
+
+def _radius(entry: _Entry) -> float | None:
+    """Rolling radius of the tyres, m, by which a speed of the road is one of the wheels."""
+    if "radius" not in entry.table:
+        return None
+    return entry.file.quantity(entry.keys("radius"), entry.table["radius"], "m", 1e-2, 10.0).value
+
+
+def _is_speed(unit: object) -> bool:
+    try:
+        return isinstance(unit, str) and units.compatible(unit, SPEED)
+    except ClutchestError:
+        return False
 
 
 def _noise_ar(entry: _Entry) -> float:

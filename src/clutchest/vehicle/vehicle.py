@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 FALSE_ALARMS = 1.0  # per 1000 h, unless a vehicle file has another number
 
 
+SPEED = "m/s"  # of the road
+
+
 @dataclass(frozen=True, slots=True)
 class BusSignal:
     """One signal on the bus: the DBC's names, and the bus unit the file claims for it."""
@@ -50,8 +53,9 @@ class SignalMap:
 
     A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``.
     A wheel speed becomes an input-shaft speed through ``gears`` (ratio engine/wheel, first gear
-    first), the gear taken from ``gear`` where mapped, else inferred; with ``other``, the second
-    wheel of the axle, the mean of both turns the differential.
+    first), in a unit of length per time through the tyres' rolling ``radius`` (m); the gear is
+    taken from ``gear`` where mapped, else inferred; with ``other``, the second wheel of the axle,
+    the mean of both turns the differential.
 
     ``minimum``, ``maximum`` in the bus unit: samples outside are invalid.  ``source_address``
     (J1939) and ``channel`` choose among several senders.  ``period`` s, for simulation where the
@@ -68,6 +72,7 @@ class SignalMap:
     fraction: BusSignal | None = None
     friction: BusSignal | None = None
     gears: tuple[float, ...] = ()
+    radius: float | None = None
     gear: BusSignal | None = None
     other: BusSignal | None = None
     minimum: float | None = None
