@@ -151,7 +151,17 @@ def test_shipped_vehicle_loads_and_is_in_the_readme(name):
 def test_links_lead_somewhere(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     targets = [t for t in re.findall(r"\]\(([^)]+)\)", text) if "://" not in t]
-    assert [t for t in targets if not ((ROOT / page).parent / t).exists()] == []
+    assert [t for t in targets if not leads_somewhere(ROOT / page, t)] == []
+
+
+def leads_somewhere(page: Path, target: str) -> bool:
+    """Whether the file that a link names exists, and has the heading."""
+    name, _, heading = target.partition("#")
+    there = page.parent / name if name else page
+    if not heading or not there.exists():
+        return there.exists()
+    headings = re.findall(r"^#+ (.+)$", there.read_text(encoding="utf-8"), re.MULTILINE)
+    return heading in [re.sub(r"[^\w\- ]", "", h).lower().replace(" ", "-") for h in headings]
 
 
 def test_effects_page_is_that_of_the_library():
@@ -208,7 +218,7 @@ def test_wheel_holds_the_package_and_everything_shipped(tmp_path):
     modules = {
         p.relative_to(ROOT / "src").as_posix()
         for p in (ROOT / "src").rglob("*")
-        if p.suffix in (".py", ".json")
+        if p.suffix in (".py", ".json", ".typed")
     }
     data = {
         f"clutchest/data/{kind}/{path.name}"

@@ -27,7 +27,7 @@ def export(
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
-    """Export the model of a vehicle, with the effects that its file has.
+    """Export a vehicle's model, effects included, for other tools.
 
     \b
     Example:
