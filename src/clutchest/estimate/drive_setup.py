@@ -239,4 +239,4 @@ def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
 def _longest(model: Model, table: Floats) -> Floats:
     """The longest step, s, under every row of flags."""
     sliding = table[:, model.regime.index(SLIDING)] > 0 if SLIDING in model.regime else [True]
-    return np.where(sliding, *model.longest)
+    return np.broadcast_to(np.where(sliding, *model.longest), len(table)).copy()
