@@ -1,0 +1,32 @@
+"""The official records of the cascaded tanks as tables of canonical columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+SOURCE = "https://www.nonlinearbenchmark.org/benchmarks/cascaded-tanks"
+FILE = "cascaded_tanks.csv"
+RECORDS = {"estimation": ("uEst", "yEst"), "validation": ("uVal", "yVal")}
+PERIOD, HELD = 4.0, 3.9  # s between samples, and how long the pump's voltage surely stays
+
+
+def table(pump: np.ndarray, level: np.ndarray) -> pd.DataFrame:
+    """``time`` s, ``pump`` V at the begin and the end of each step, ``level`` V at the begin."""
+    begin = PERIOD * np.arange(len(pump))
+    rows = pd.DataFrame({"time": begin, "pump": pump, "level": level})
+    ends = pd.DataFrame({"time": begin + HELD, "pump": pump})
+    return pd.concat([rows, ends]).sort_values("time", ignore_index=True)
+
+
+def convert(data: Path, out: Path) -> list[Path]:
+    """Both records of the folder ``data`` as ``out``/<name>.parquet."""
+    if not (data / FILE).is_file():
+        raise SystemExit(f"{data / FILE}: not there; it is part of the archive at {SOURCE}")
+    record, paths = pd.read_csv(data / FILE), []
+    for name, (pump, level) in RECORDS.items():
+        paths.append(out / f"{name}.parquet")
+        table(record[pump].to_numpy(), record[level].to_numpy()).to_parquet(paths[-1], index=False)
+    return paths
