@@ -27,7 +27,8 @@ def tanks(q):
     q.pump_voltage = q.pump
     q.inflow = q.pump_gain * q.pump_voltage
     q.upper_depth = depth(q.upper)
-    q.lower_depth = depth(q.level)
+    q.head = q.level
+    q.lower_depth = depth(q.head)
     q.upper_outflow = q.outlet_upper * ca.sqrt(q.upper_depth)
     q.lower_outflow = q.outlet_lower * ca.sqrt(q.lower_depth)
     q.spilled = 0.0
@@ -179,7 +180,7 @@ class SensorZero(cm.Effect):
     parameters = (cm.Number("zero", "V", -1.0, 1.0),)
 
     def terms(self, g):
-        return {"lower_depth": lambda head, q: depth(head - g.zero)}
+        return {"head": lambda head, q: head - g.zero}
 
 
 class UpperWidth(cm.Effect):

@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.covariates import covariates, hats
-from clutchest.discovery.holdout_gain import BLOCK, HeldOutPrediction, between, carried, fitted
+from clutchest.discovery.holdout_gain import (
+    HeldOutPrediction,
+    between,
+    block_length,
+    carried,
+    fitted,
+)
 from clutchest.discovery.residual_curves import Curve, places
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Search
@@ -88,8 +94,9 @@ class HeldOutCurves:
         if chosen is None:
             return None, None
         halves = [self._chosen(2.0 * gained[:, 1 - k], usable) for k in (0, 1)]
+        length = block_length(self.before.at)
         parts = [
-            (self.before if i is None else self.after[i]).only(partial(_in_half, k))
+            (self.before if i is None else self.after[i]).only(partial(_in_half, k, length))
             for k, i in enumerate(halves)
         ]
         after = HeldOutPrediction.joined(parts)
@@ -114,7 +121,7 @@ class HeldOutCurves:
 
     def _gained(self) -> Floats:
         """ln(probability) that each curve gains in each half of the drives (n, 2)."""
-        second = _in_half(1, self.before.at).astype(np.int64)
+        second = _in_half(1, block_length(self.before.at), self.before.at).astype(np.int64)
         old = (self.span @ (self.span.T @ self.before.white)) ** 2
         gains = np.zeros((len(self.curves), 2))
         for i, after in enumerate(self.after):
@@ -124,6 +131,6 @@ class HeldOutCurves:
         return gains
 
 
-def _in_half(k: int, t: Floats) -> NDArray[np.bool_]:
-    """Which times s are in the first or the second half: blocks of drives in turns."""
-    return t // BLOCK % 2 == k
+def _in_half(k: int, length: float, t: Floats) -> NDArray[np.bool_]:
+    """Which times s are in the first or the second half: blocks of that ``length`` s in turns."""
+    return t // length % 2 == k

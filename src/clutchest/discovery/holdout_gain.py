@@ -28,6 +28,7 @@ from clutchest.signals import Floats
 Indices = NDArray[np.int64]
 
 BLOCK = 20.0  # s; what lies closer together is not independent
+FEWEST, LEAST = 12, 16  # blocks of a short record, and readings of a slow one in each
 RESAMPLED = 1000
 PARTS = 4  # of a log, for cross-validation
 
@@ -206,11 +207,20 @@ def between(before: HeldOutPrediction, after: HeldOutPrediction, span: Floats) -
 def _interval(gained: Floats, at: Floats) -> Floats:
     """95 % confidence interval of the sum of what is ``gained`` (K) ``at`` times s: block
     bootstrap."""
-    _, of = np.unique(np.floor(at / BLOCK), return_inverse=True)
+    _, of = np.unique(np.floor(at / block_length(at)), return_inverse=True)
     sums = np.bincount(of, gained)
     rng = np.random.default_rng(0)
     drawn = sums[rng.integers(len(sums), size=(RESAMPLED, len(sums)))].sum(axis=1)
     return np.quantile(drawn, [0.025, 0.975])
+
+
+def block_length(at: Floats) -> float:
+    """s of a block of readings ``at`` (K) times s: ``BLOCK`` where the record is long enough for
+    ``FEWEST`` of them, and its readings come often enough for ``LEAST`` in each."""
+    if len(at) < 2:
+        return BLOCK
+    span = float(np.ptp(at))
+    return max(min(BLOCK, span / FEWEST), LEAST * span / len(at), 1e-9)
 
 
 def _root_mean_square(values: Floats) -> float | None:

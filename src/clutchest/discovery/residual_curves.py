@@ -31,7 +31,7 @@ SCALES = np.array(
     [0.1, 0.3, 1.0, 3.0, 10.0]
 )  # standard deviations of coefficients, in units of an error
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
-BLOCK_TIME = 2.0  # s
+BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
 ENTRIES = 3e6  # of derivatives, held at a time
 
 
@@ -73,7 +73,7 @@ def curves(
         if _is_tested(error_term, covariate, at)
     ]
     choices = Counter(error_terms[name].equation for name, _, _ in tables)
-    results, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(BLOCK_TIME)
+    results, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(_block_time(problem))
     for derivatives, some in _derivatives(objective, fit, values, tables, place):
         whole = [derivatives[:, columns].T @ derivatives[:, columns] for _, columns in some]
         c = projected_out(fit, free, objective.prior, derivatives)
@@ -113,6 +113,13 @@ def curves(
         for curve in results
     ]
     return sorted(named, key=lambda curve: -curve.evidence)
+
+
+def _block_time(problem: Problem) -> float:
+    """s of a block in which noise may be of one kind."""
+    steps = [np.diff(np.unique(drive.readings.t)) for drive in problem.drives]
+    period = np.median(np.concatenate([*steps, np.zeros(0)])) if any(map(len, steps)) else 0.0
+    return max(BLOCK_TIME, BLOCK_READINGS * float(period))
 
 
 def evidence(score: Floats, information: Floats, negligible: Floats) -> Floats:

@@ -21,7 +21,7 @@ from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import process_noise
 
-COARSEST = 0.5  # s between samples of the model's anchor; slip events are little longer
+COARSEST = 0.5  # s between samples of the anchor, unless the vehicle file states a longer gap
 
 
 class Unusable(ClutchestError):
@@ -165,10 +165,11 @@ def timings_of(signals: Signals, setup: DriveSetup) -> dict[str, SampleTiming]:
             f"'{setup.vehicle.name}'{hints}"
         )
     anchor, period = signals[model.anchor], timings[model.anchor].period
-    if period > COARSEST and np.count_nonzero(anchor.valid) > 1:
+    coarsest = max(COARSEST, setup.thresholds.gap)  # a slow machine states that it may be missing
+    if period > coarsest and np.count_nonzero(anchor.valid) > 1:
         raise ClutchestError(
             f"{model.anchor} has a sample every {period:g} s, expected at least one every "
-            f"{COARSEST:g} s; are the times in seconds?"
+            f"{coarsest:g} s ([modes] gap); are the times in seconds?"
         )
     return timings
 
