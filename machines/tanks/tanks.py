@@ -184,23 +184,23 @@ class SensorZero(cm.Effect):
 
 
 class UpperWidth(cm.Effect):
-    """The upper tank widens: its level moves by 1/(1 + ``slope`` · (x₁ − 5)/5) of what it would."""
+    """The upper tank widens: its level moves by exp(−``slope`` · (x₁ − 5)/5) of what it would."""
 
     name, equation = "upper_width", "upper"
     parameters = (cm.Number("slope", "1", -0.3, 0.3),)
 
     def terms(self, g):
-        return {"upper_net": lambda net, q: net / (1 + g.slope * (q.upper - 5.0) / 5.0)}
+        return {"upper_net": lambda net, q: net * ca.exp(-g.slope * (q.upper - 5.0) / 5.0)}
 
 
 class LowerWidth(cm.Effect):
-    """The lower tank widens: its level moves by 1/(1 + ``slope`` · (x₂ − 5)/5) of what it would."""
+    """The lower tank widens: its level moves by exp(−``slope`` · (x₂ − 5)/5) of what it would."""
 
     name, equation = "lower_width", "lower"
     parameters = (cm.Number("slope", "1", -0.3, 0.3),)
 
     def terms(self, g):
-        return {"lower_net": lambda net, q: net / (1 + g.slope * (q.level - 5.0) / 5.0)}
+        return {"lower_net": lambda net, q: net * ca.exp(-g.slope * (q.level - 5.0) / 5.0)}
 
 
 class PumpDelay(cm.Effect):

@@ -28,6 +28,7 @@ from clutchest.discovery.holdout_curves import HeldOutCurves
 from clutchest.discovery.holdout_gain import cross_validated_gain, held_out_gain
 from clutchest.discovery.identifiable import identifiability, not_testable, untested_effects
 from clutchest.discovery.misfit import misfit
+from clutchest.discovery.own_noise import with_noise_of_likeliest
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable
 from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
@@ -133,7 +134,7 @@ class _Outcome:
 
 def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discovery:
     """Identify causes, extend the vehicle with them, and measure the gain."""
-    search = begin(task.problem(task.signals), task.progress)
+    search = with_noise_of_likeliest(begin(task.problem(task.signals), task.progress))
     problem = search.problem
     identifiable = (
         *identifiability(search.candidates, problem.units, search.null_scores, LEVEL),

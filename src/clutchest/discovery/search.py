@@ -49,6 +49,8 @@ class Search:
     ``best`` the causes identified (none at first), ``rivals`` sets of as many, best first;
     ``p_values`` by effect: family-wise, of its score when it was first tried; ``tried`` what has
     been fitted; ``by_count`` the best and its rivals at every number of causes.
+    ``begins``: of causes alone, by how much each improves the fit with a noise model of its own, 2
+    Δ ln L, and that fit, from which those of a search begin as well.
     ``unusual_starts``: indices of temperatures from which drives start, unlike a clutch at rest.
     """
 
@@ -62,6 +64,7 @@ class Search:
     p_values: Mapping[str, float] = field(default_factory=dict)
     tried: frozenset[frozenset[CandidateCause]] = frozenset()
     by_count: Mapping[int, tuple[CauseSet, ...]] = field(default_factory=dict)
+    begins: Mapping[CandidateCause, tuple[float, Linearisation]] = field(default_factory=dict)
 
     @property
     def problem(self) -> Problem:
@@ -114,7 +117,7 @@ class Search:
         """Scores of ``wanted`` beside the causes in ``base``."""
         fit = self.objective.linearise_at(base.fit.theta, base.fit.shapes)
         derivatives = columns(self.objective, fit, wanted)
-        return _scored(self.objective, fit, self.free(base.causes), wanted, derivatives, seed)
+        return scored(self.objective, fit, self.free(base.causes), wanted, derivatives, seed)
 
     def established(self, cause: CandidateCause, of: CauseSet) -> tuple[float, float]:
         """By how much a cause of a set improves the fit beside the others, 2 Δ ln L, and its
@@ -122,9 +125,13 @@ class Search:
         if len(of.causes) == 1:
             return self.null.cost - of.cost, self.p_values.get(cause.name, 0.0)
         improvement = self.released(self.without(cause, of)).cost - of.cost
+        return improvement, self.p_of_improvement(cause, improvement)
+
+    def p_of_improvement(self, cause: CandidateCause, improvement: float) -> float:
+        """Family-wise p-value of a cause that improves the fit by so much, 2 Δ ln L."""
         sides = 1.0 if cause.gain.one_sided else 2.0
         p = sides * norm.sf(np.sqrt(max(improvement, 0.0)))
-        return improvement, float(self.null_scores.p_family_wise(p))
+        return float(self.null_scores.p_family_wise(p))
 
     def least_gain(self, beside: CauseSet | None = None) -> float:
         """By how much, in 2 Δ ln L, one more cause must improve the fit; ``beside`` others by more
@@ -180,7 +187,7 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     derivatives = columns(objective, fit, every)
     objective = objective.with_span([fit.psi, derivatives])
     fit = objective.judged(fit)
-    scores = _scored(objective, fit, free_of(problem, ()), every, derivatives, seed=1)
+    scores = scored(objective, fit, free_of(problem, ()), every, derivatives, seed=1)
     null = CauseSet((), fit).bare
     return Search(objective, every, null, scores, null, unusual)
 
@@ -228,7 +235,7 @@ def columns(objective: Objective, fit: Linearisation, wanted: Sequence[Candidate
     return derivatives
 
 
-def _scored(
+def scored(
     objective: Objective,
     fit: Linearisation,
     free: NDArray[np.int64],
@@ -236,6 +243,7 @@ def _scored(
     derivatives: Floats,
     seed: int,
 ) -> ScoreTest:
+    """Scores of ``wanted``, whose ``derivatives`` (K, C) are given, beside what is ``free``."""
     one_sided = [c.gain.one_sided for c in wanted]
     return score_test(fit, free, objective.prior, derivatives, one_sided, seed)
 
@@ -255,6 +263,14 @@ def _grown(search: Search, parents: Sequence[CauseSet]) -> tuple[Search, list[Ca
     with these tried."""
     wanted = list[tuple[tuple[CandidateCause, ...], list[Linearisation]]]()
     tried, p_values = set(search.tried), dict(search.p_values)
+    if not search.best.causes:
+        for cause in sorted(search.begins, key=lambda c: -search.begins[c][0])[:LEADERS]:
+            tried.add(frozenset((cause,)))
+            gain, begin = search.begins[cause]
+            wanted.append(((cause,), [search.null.fit, begin]))
+            p_values[cause.name] = min(
+                p_values.get(cause.name, 1.0), search.p_of_improvement(cause, gain)
+            )
     for parent in parents:
         others = [c for c in search.candidates if _may_join(c, parent)]
         scores = search.scores(parent, others, seed=2) if parent.causes else search.null_scores

@@ -9,12 +9,13 @@ evaluations each and 50 s altogether here, 15.0 and 88 s there (tolerances 1e-4;
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
+from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective, solved
 from clutchest.inference.unknowns import Shapes
 from clutchest.signals import Floats
 
@@ -46,11 +47,18 @@ class Tolerance(NamedTuple):
 COARSE, FINE = Tolerance(), Tolerance(1e-4, 0.0)
 
 
-def settle(objective: Objective, theta: Floats) -> tuple[Objective, Linearisation]:
-    """The most probable nuisances with gains as in ``theta``, and an objective with the noise model
-    of what is left: a step for the one, an estimate of the other, alternately."""
-    free = objective.problem.nuisances
-    lin = improve(objective, brought_near(objective, objective.linearise_at(theta), free), free)
+def settle(
+    objective: Objective,
+    theta: Floats,
+    gains: Sequence[int] = (),
+    shapes: Shapes = NO_SHAPES,
+) -> tuple[Objective, Linearisation]:
+    """The most probable nuisances, and ``gains`` (indices) where some are free too, others as in
+    ``theta``; and an objective with the noise model of what is left: a step for the one, an
+    estimate of the other, alternately."""
+    free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
+    begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
+    lin = improve(objective, begin, free)
     for _ in range(TURNS):
         before = lin.r @ lin.r
         objective, lin = with_noise_estimated(objective, lin)
@@ -219,7 +227,7 @@ def step(
     step = np.zeros(len(lin.theta))
     while len(free):
         rest = -slope[free] - curvature[free] @ step + curvature[np.ix_(free, free)] @ step[free]
-        step[free] = np.linalg.solve(curvature[np.ix_(free, free)], rest)
+        step[free] = solved(curvature[np.ix_(free, free)], rest)
         aim = lin.theta + step
         out = free[(aim[free] < objective.low[free]) | (aim[free] > objective.high[free])]
         if not len(out):

@@ -198,7 +198,7 @@ class Objective:
         taken its share: what a cause leaves in the data must not pass for noise."""
         prior = np.ones(len(lin.theta))  # a cause is taken to be of a plausible size
         inner = lin.information + np.diag(prior)
-        step = np.asarray(np.linalg.solve(inner, -lin.slope(lin.r)), np.float64)
+        step = solved(inner, -lin.slope(lin.r))
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
         rest = self._less_scatter(rest)
         noise_model = NoiseModel.fit(self.stretches, rest)
@@ -393,3 +393,12 @@ def _scattered(
         white *= weight[:, None]
         noises.append(InputNoiseCovariance.of(white))
     return noises
+
+
+def solved(curvature: Floats, slope: Floats) -> Floats:
+    """The step (f) to where the slope is 0; the shortest of those where numbers so far off that
+    derivatives overwhelm all else leave no single one."""
+    try:
+        return np.asarray(np.linalg.solve(curvature, slope), np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(curvature, slope, rcond=None)[0], np.float64)

@@ -1,0 +1,110 @@
+"""Errors that pass for noise: hypotheses compared each with the noise model of its own residuals.
+
+Noise is estimated from what the model leaves.  Where that is many times what the sensors are stated
+to have, and slow, an autoregressive model takes an error of the equations for its own, and the
+score of the cause at 0 says little: causes that act beyond a threshold only begin far from there.
+So the candidates are fitted from plausible sizes on, and what is compared is the likelihood with
+the determinant of the noise's covariance in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest.discovery.candidates import CandidateCause, settings
+from clutchest.discovery.search import LEVEL, Search, columns, free_of, scored
+from clutchest.inference.concurrent_fits import concurrently
+from clutchest.inference.map_fit import improve, settle
+from clutchest.inference.noise_model import NoiseModel
+from clutchest.inference.objective import FAR, SAME, Linearisation, Objective
+
+LOUD = 3.0  # rms innovation, of the stated noise, from which on some of it may be an error
+ENOUGH = 30.0  # of 2 Δ ln L, noise included, by which a cause must be more likely than none
+SIZE = 0.3  # of its largest plausible size, from which a fit begins where the effect states none
+
+Settled = tuple[float, Objective, Linearisation]
+
+
+def with_noise_of_likeliest(search: Search) -> Search:
+    """The search with the noise model of the likeliest cause, where one is far likelier than none,
+    what the model without a cause leaves is no noise of the stated level, and yet no score is
+    significant; else as it is."""
+    scores = search.null_scores
+    significant = scores.p_family_wise(scores.p_alone(scores.z).min()) <= LEVEL
+    if significant or _loudness(search.null.fit, search.objective) < LOUD:
+        return search
+    none = _settled(search, (), search.null.fit.theta)
+    tasks = [(c, size) for c in search.candidates for size in _sizes(c)]
+
+    def fitted(task: tuple[CandidateCause, float]) -> Settled:
+        cause, size = task
+        theta = search.null.fit.theta.copy()
+        theta[cause.index] = size / cause.gain.upper
+        return _settled(search, (cause,), theta)
+
+    fits = concurrently(search.problem, fitted, tasks)
+    begins: dict[CandidateCause, tuple[float, Linearisation]] = {}
+    for (cause, _), (cost, _, fit) in zip(tasks, fits, strict=True):
+        if cause not in begins or cost < begins[cause][0]:
+            begins[cause] = cost, fit.bare
+    cost, objective, fit = min(fits, key=lambda each: each[0], default=none)
+    if none[0] - cost < ENOUGH:
+        return search
+    gained = {cause: (none[0] - own, begin) for cause, (own, begin) in begins.items()}
+    return replace(_judged_by(search, objective, fit), begins=gained)
+
+
+def _sizes(cause: CandidateCause) -> tuple[float, ...]:
+    """Where fits of a cause begin, in the unit of its gain."""
+    gain = cause.gain
+    if gain.trials:
+        return gain.trials
+    return (SIZE * gain.upper,) if gain.one_sided else (SIZE * gain.lower, SIZE * gain.upper)
+
+
+def _loudness(fit: Linearisation, objective: Objective) -> float:
+    """Rms innovation of the loudest sensor, of its stated noise."""
+    at = objective.linearise_at(fit.theta, fit.shapes, np.zeros(0, np.int64))
+    drives = objective.problem.drives
+    sensor = np.concatenate([drive.readings.sensor for drive in drives])
+    r = np.concatenate([innovations.r for innovations in at.raw])
+    return max(
+        (float(np.sqrt(np.mean(r[sensor == i] ** 2))) for i in np.unique(sensor)), default=0.0
+    )
+
+
+def _settled(search: Search, causes: Sequence[CandidateCause], theta: np.ndarray) -> Settled:
+    """The most probable numbers from ``theta`` (m) on, with noise as they leave it; and −2
+    ln(probability), that of the noise included."""
+    begin = Objective.of(search.problem)
+    known = search.objective
+    begin = replace(begin, prior=known.prior, low=known.low, high=known.high)
+    gains = [c.index for c in causes]
+    objective, fit = settle(begin, theta, gains, settings(tuple(causes)))
+    own = NoiseModel.fit(objective.stretches, [innovations.r for innovations in fit.raw])
+    cost = float(np.sum(objective.prior * fit.theta**2))
+    for s, innovations in zip(objective.stretches, fit.raw, strict=True):
+        white = own.whiten(s, innovations.r)
+        order = np.minimum(s.place, own.level.shape[1] - 1)
+        level = own.level[np.searchsorted(own.groups, s.group), order]
+        cost += float(np.sum(np.minimum(white**2, FAR**2)) + 2.0 * np.sum(np.log(level)))
+    return cost if np.isfinite(cost) else np.inf, replace(objective, span=None), fit
+
+
+def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Search:
+    """A search that has found nothing yet, with another noise model, that of a ``fit``."""
+    at = objective.linearise_at(fit.theta, fit.shapes)
+    null = objective.linearise_at(search.null.fit.theta)
+    spans = [at.psi, columns(objective, at, search.candidates)]
+    derivatives = columns(objective, null, search.candidates)
+    objective = objective.with_span([*spans, null.psi, derivatives], SAME)
+    free = free_of(search.problem, ())
+    null = improve(objective, objective.judged(null), free)
+    null = objective.linearise_at(null.theta)
+    derivatives = columns(objective, null, search.candidates)
+    scores = scored(objective, null, free, search.candidates, derivatives, seed=1)
+    none = replace(search.null, fit=null).bare
+    return replace(search, objective=objective, null=none, best=none, null_scores=scores)
