@@ -1,0 +1,173 @@
+"""Discovers what the textbook's model of the EMPS gets wrong, and what the correction is worth.
+
+python machines/emps/run.py DATA --out DIR: DATA holds the official files; DIR gets result.json,
+extended.toml, the report of the first discovery and pictures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time
+
+import numpy as np
+import pandas as pd
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+from convert import convert  # noqa: E402
+
+from clutchest.discovery.chain import chain, extended_by, summary  # noqa: E402
+from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
+from clutchest.reading import read_log  # noqa: E402
+from clutchest.record.discovery import write_discovery  # noqa: E402
+from clutchest.vehicle import dump_vehicle, load_vehicle  # noqa: E402
+
+# Of the benchmark's report: mass, viscous and dry friction, offset, fitted to the discovery record.
+PUBLISHED = {"mass": 95.1089, "viscous": 203.5034, "coulomb": 20.3935, "offset": -3.1648}
+STEPS = 20  # of a simulation, between two samples
+BLOCK, RESAMPLED = 100, 1000  # samples of a block of the bootstrap, and draws
+
+
+def motion(table: pd.DataFrame) -> Mapping[str, np.ndarray]:
+    """The columns of a record, and the acceleration."""
+    columns = {name: table[name].to_numpy() for name in table.columns}
+    return columns | {"acceleration": np.gradient(columns["speed"], columns["time"])}
+
+
+def inputs_of(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The inputs of the equations (nu, K)."""
+    return np.array([record[item.name] for item in fitted.posterior.problem.compiled.model.inputs])
+
+
+def states_of(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The speed as measured, and states of effects as they are in steady motion (n, K)."""
+    names = [state.name for state in fitted.posterior.problem.compiled.model.states]
+    speed = record["speed"]
+    return np.array([speed if name == "speed" else np.sign(speed) for name in names])
+
+
+def force_error(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Measured force less that of the equations at the measured motion (K), N."""
+    pair = fitted.quantities("drive_force", "inverse_force")
+    states, inputs = states_of(fitted, record), inputs_of(fitted, record)
+    drive, inverse = np.array(pair(states, inputs, np.ones((1, states.shape[1]))))
+    return drive - inverse
+
+
+def speed_error(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Measured speed less that simulated from the measured force alone (K), m/s."""
+    rates, inputs = fitted.rates(), inputs_of(fitted, record)
+    x, simulated = states_of(fitted, record)[:, 0], []
+    on, dt = np.ones(1), float(np.median(np.diff(record["time"]))) / STEPS
+    for k in range(inputs.shape[1]):
+        simulated.append(x[0])
+        ahead = inputs[:, min(k + 1, inputs.shape[1] - 1)]
+        for i in range(STEPS):
+            u = inputs[:, k] + (i + 0.5) / STEPS * (ahead - inputs[:, k])
+            first = np.array(rates(x, u, on)).ravel()
+            x = x + dt * np.array(rates(x + dt / 2.0 * first, u, on)).ravel()
+    return record["speed"] - np.array(simulated)
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def less(before: np.ndarray, after: np.ndarray) -> list[float]:
+    """95 % interval of rms before − rms after, by a block bootstrap."""
+    count = len(before) // BLOCK
+    squares = np.array([e[: count * BLOCK].reshape(count, BLOCK) ** 2 for e in (before, after)])
+    sums = squares.mean(axis=2)
+    drawn = np.random.default_rng(0).integers(count, size=(RESAMPLED, count))
+    means = np.sqrt(sums[:, drawn].mean(axis=2))
+    return np.quantile(means[0] - means[1], [0.025, 0.975]).tolist()
+
+
+def published_force_error(record: Mapping[str, np.ndarray]) -> float:
+    """Relative force error of the published numbers on this record."""
+    p = PUBLISHED
+    dry = p["coulomb"] * np.sign(record["speed"]) + p["offset"]
+    made = p["mass"] * record["acceleration"] + p["viscous"] * record["speed"] + dry
+    return rms(record["force"] - made) / rms(record["force"])
+
+
+def scores(before: FittedMachine, after: FittedMachine, record: Mapping[str, np.ndarray]) -> dict:
+    """Both machines on one record: force of the inverse model, speed of the simulated one."""
+    force = [force_error(each, record) for each in (before, after)]
+    speed = [speed_error(each, record) for each in (before, after)]
+    size = rms(record["force"])
+    return {
+        "force_error_percent": {
+            "published_base": 100.0 * published_force_error(record),
+            "before": 100.0 * rms(force[0]) / size,
+            "after": 100.0 * rms(force[1]) / size,
+            "less_ci95": [100.0 * value / size for value in less(*force)],
+        },
+        "simulated_speed_rmse_m_s": {
+            "before": rms(speed[0]),
+            "after": rms(speed[1]),
+            "less_ci95": less(*speed),
+        },
+    }
+
+
+def draw(before: FittedMachine, after: FittedMachine, record: Mapping, path: Path) -> None:
+    """Friction against speed: what the force leaves when the mass is moved, and both models."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
+    for axis, fitted, title in zip(axes, (before, after), ("textbook", "extended"), strict=True):
+        error, steady = force_error(fitted, record), np.abs(record["acceleration"]) < 0.05
+        axis.plot(record["speed"][steady], error[steady], ".", markersize=2)
+        axis.set(xlabel="speed [m/s]", ylabel="force, measured − model [N]", title=title)
+        axis.set_ylim(-12.0, 12.0)
+        axis.grid(alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Run, and write what came out."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path, help="folder of the official files")
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    wall, cpu = perf_counter(), process_time()
+    vehicle = load_vehicle(HERE / "emps.toml")
+    with TemporaryDirectory() as folder:
+        paths = convert(options.data, Path(folder))
+        signals, held_out = (read_log([path], vehicle) for path in paths)
+        records = [motion(pd.read_parquet(path)) for path in paths]
+    found = chain(signals, vehicle, held_out.drives)
+    extended = extended_by(found, vehicle)
+    before, after = (FittedMachine.of(signals, each) for each in (vehicle, extended))
+    held = scores(before, after, records[1])
+    result = {
+        **summary(found),
+        "rmse_before": held["force_error_percent"]["before"],
+        "rmse_after": held["force_error_percent"]["after"],
+        "rmse_of": "force on the pulse record, % of its rms",
+        "held_out": held,
+        "fitted": {"before": dict(before.numbers), "after": dict(after.numbers)},
+        "seconds": perf_counter() - wall,
+        "processor_seconds": process_time() - cpu,
+    }
+    (options.out / "result.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
+    dump_vehicle(extended, options.out / "extended.toml")
+    write_discovery(found[0], options.out / "first")
+    draw(before, after, records[0], options.out / "friction.png")
+    print(json.dumps({k: result[k] for k in ("verdict", "where", "held_out", "seconds")}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
