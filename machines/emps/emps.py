@@ -108,7 +108,9 @@ class Presliding(cm.Effect):
         cm.Number("share", "1", 0.0, 1.0),
         cm.Number("distance", "mm", 0.01, 5.0, shape=True, default=0.1, grid=(0.05, 0.3, 1.5)),
     )
-    states = (cm.State("bristle", "1", "z", "of the presliding friction", 0.0, 0.0, 1.0, stiff=True),)
+    states = (
+        cm.State("bristle", "1", "z", "of the presliding friction", 0.0, 0.0, 1.0, stiff=True),
+    )
 
     def terms(self, g):
         return {

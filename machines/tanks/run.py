@@ -81,7 +81,7 @@ def main() -> None:
         **summary(found),
         "rmse_before": rms(other[0].error),
         "rmse_after": rms(other[1].error),
-        "rmse_of": "simulated level on the validation record, V; starts as on the estimation record",
+        "rmse_of": "simulated level on the validation record, V; starts as the other",
         "less_ci95": less(other[0].error, other[1].error),
         "rmse_estimation": [rms(each.error) for each in own],
         "fitted": {"before": dict(fitted[0].numbers), "after": dict(fitted[1].numbers)},

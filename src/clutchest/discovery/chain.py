@@ -1,4 +1,4 @@
-"""Discover, extend, discover again: until nothing more is found, or held-out drives gain no more."""
+"""Discover, extend, discover again, until nothing is found or held-out drives gain nothing."""
 
 from __future__ import annotations
 
