@@ -183,18 +183,6 @@ class ForceDelay(cm.Effect):
     parameters = (cm.Number("delay", "s", 0.0, 0.005),)
 
 
-def moves(rng, time, parameters):
-    """The carriage goes to and fro in the way of the record: a speed controller's force."""
-    rate, phase = rng.uniform(0.1, 1.0, (4, 1)), rng.uniform(0.0, 2 * np.pi, (4, 1))
-    turn = 2 * np.pi * rate * time + phase
-    speed = 0.03 * np.sin(turn).sum(axis=0)
-    change = (0.03 * 2 * np.pi * rate * np.cos(turn)).sum(axis=0)
-    dry = parameters["coulomb"] * np.tanh(speed / 0.01)
-    force = parameters["mass"] * change + parameters["viscous"] * speed + dry
-    position = MIDDLE - (0.03 * np.cos(turn) / (2 * np.pi * rate)).sum(axis=0)
-    return {"force": force + parameters["offset"], "position": position}
-
-
 MACHINE = cm.Machine.of(
     MODEL,
     "carriage on a ball screw, driven over a belt (EMPS)",
@@ -222,5 +210,4 @@ MACHINE = cm.Machine.of(
         DriveSaturation(),
         ForceDelay(),
     ),
-    excitations={"moves": moves},
 )

@@ -1,9 +1,8 @@
-"""STS3215: a servo (DC motor and gearbox, 12 V) swings an arm with a mass at its end, on a bench."""
+"""STS3215: a servo, DC motor and gearbox at 12 V, swings an arm with a mass on a bench."""
 
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from clutchest import machine as cm
 
@@ -215,29 +214,6 @@ class Coasting(cm.Effect):
         return {"motor_torque": lambda t, q: t - g.share * (1 - q.enabled) * q.drag}
 
 
-def swings(rng, time, parameters):
-    """A position controller follows slow sines: duty that carries mass, friction and back-EMF."""
-    rate, phase = rng.uniform(0.2, 1.0, (3, 1)), rng.uniform(0.0, 2 * np.pi, (3, 1))
-    turn = 2 * np.pi * rate * time + phase
-    position = 0.4 * np.sin(turn).sum(axis=0)
-    speed = (0.4 * 2 * np.pi * rate * np.cos(turn)).sum(axis=0)
-    change = -(0.4 * (2 * np.pi * rate) ** 2 * np.sin(turn)).sum(axis=0)
-    moment, inertia = 0.969 * GRAVITY * 0.1, 0.969 * 0.1**2
-    K, R = parameters["torque_constant"], parameters["resistance"]
-    torque = (parameters["armature"] + inertia) * change + moment * np.sin(position)
-    torque += parameters["viscous"] * speed + parameters["coulomb"] * np.tanh(speed / 0.2)
-    duty = (torque * R / K + K * speed) / 12.0
-    whole = np.ones(len(time))
-    return {
-        "duty": np.clip(duty, -1.0, 1.0),
-        "supply": 12.0 * whole,
-        "position": position,
-        "enabled": whole,
-        "moment": moment * whole,
-        "load_inertia": inertia * whole,
-    }
-
-
 MACHINE = cm.Machine.of(
     MODEL,
     "servo with gearbox and arm (STS3215)",
@@ -272,5 +248,4 @@ MACHINE = cm.Machine.of(
         ArmMass(),
         Coasting(),
     ),
-    excitations={"swings": swings},
 )

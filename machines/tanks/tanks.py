@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from clutchest import machine as cm
 
@@ -210,14 +209,6 @@ class PumpDelay(cm.Effect):
     parameters = (cm.Number("delay", "s", 0.0, 12.0),)
 
 
-def steps(rng, time, parameters):
-    """The pump's voltage in steps of 4 s, a sum of slow sines as in the benchmark."""
-    rate, phase = rng.uniform(5e-4, 0.01, (12, 1)), rng.uniform(0.0, 2 * np.pi, (12, 1))
-    held = np.floor(time / 4.0) * 4.0
-    waves = np.sin(2 * np.pi * rate * held + phase).sum(axis=0)
-    return {"pump": np.clip(2.8 + 0.4 * waves, 0.0, 6.5)}
-
-
 MACHINE = cm.Machine.of(
     MODEL,
     "two tanks in cascade",
@@ -248,5 +239,4 @@ MACHINE = cm.Machine.of(
         LowerWidth(),
         PumpDelay(),
     ),
-    excitations={"steps": steps},
 )

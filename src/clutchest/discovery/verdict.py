@@ -130,8 +130,9 @@ def _verdict(
 
 def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[str, float]]:
     """Backward elimination of causes that might be noise beside others and are not confirmed on
-    held-out drives.  The search without them, in which the rest are judged anew: another set of as
-    many causes may be more likely.  What each one eliminated had improved the fit by, 2 Δ ln L."""
+    held-out drives, and of established ones that cost more there than they explain in the log.  The
+    search without them, in which the rest are judged anew: another set of as many causes may be
+    more likely.  What each one eliminated had improved the fit by, 2 Δ ln L."""
     dropped, confirmed = dict[str, float](), set[int]()
     while len(search.best.causes) > 1:
         doubtful = [
@@ -140,11 +141,11 @@ def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[st
             if c.index not in confirmed
         ]
         worth, p, cause = max(doubtful, key=lambda each: each[1], default=(0.0, 0.0, None))
-        if cause is None or p <= ESTABLISHED:
+        if cause is None:
             break
         fewer = search.without(cause, search.best)
-        gain = held_out_gain(search, search.best, other(), fewer)
-        if gain.total > 0.0 and search.keeps_best(2.0 * gain.total, fewer):
+        more = 2.0 * held_out_gain(search, search.best, other(), fewer).total
+        if worth + more > 0.0 if p <= ESTABLISHED else more > 0.0 and search.keeps_best(more, fewer):
             confirmed.add(cause.index)
             continue
         search = search.reduced_to(fewer)
