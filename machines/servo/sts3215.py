@@ -172,10 +172,10 @@ class DutyDeadband(cm.Effect):
 
 
 class DutyDelay(cm.Effect):
-    """The duty acts late."""
+    """The reported duty acts late, or is reported late (below 0)."""
 
     name, equation, delays = "duty_delay", "timing:duty", {"duty": "delay"}
-    parameters = (cm.Number("delay", "s", 0.0, 0.03),)
+    parameters = (cm.Number("delay", "s", -0.03, 0.03),)
 
 
 class MountAngle(cm.Effect):
