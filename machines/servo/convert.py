@@ -13,8 +13,8 @@ SOURCE = "https://github.com/kscalelabs/sysid, data/feetech/STS_3215_12V_2025031
 FILE = "servo_sts3215.parquet"
 GRAVITY = 9.81  # m/s²
 SIGN, SCALE = 10.24, 0.1  # the reported duty: tenths, and this much more where it is positive
-WINDOW = 9  # samples of 5 ms that position and duty are smoothed over alike
-EVERY = 2  # the bench samples at 100 Hz; what lies between was interpolated
+WINDOW = 13  # samples of 5 ms that position and duty are smoothed over alike
+EVERY = 4  # of these samples, one reading: 50 Hz, of a bench that samples at 100 Hz
 
 DISCOVERY = {"arm_m": (0.10,), "mass_kg": (0.535, 0.969)}
 HELD_OUT = {"arm_m": (0.15,), "mass_kg": (0.741, 1.168)}
@@ -29,7 +29,7 @@ def duty_of(reported: np.ndarray) -> np.ndarray:
 
 
 def table(run: pd.DataFrame) -> pd.DataFrame:
-    """``time`` s and the machine's columns at 100 Hz.
+    """``time`` s and the machine's columns at 50 Hz.
 
     Position and duty pass the same filter without delay, as in identification by inverse dynamics.
     """

@@ -1,0 +1,179 @@
+"""Discovers what the textbook's model of the STS3215 servo gets wrong, and what that is worth.
+
+python machines/servo/run.py DATA --out DIR: DATA holds the table of runs; DIR gets result.json,
+extended.toml, the report of the first discovery and a picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter, process_time
+
+import numpy as np
+import pandas as pd
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+import published  # noqa: E402
+from convert import HELD_OUT, chosen, convert, runs  # noqa: E402
+
+from clutchest.discovery.chain import chain, extended_by, summary  # noqa: E402
+from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
+from clutchest.reading import read_log  # noqa: E402
+from clutchest.record.discovery import write_discovery  # noqa: E402
+from clutchest.vehicle import dump_vehicle, load_vehicle  # noqa: E402
+
+ERROR_GAIN = (
+    0.1649  # duty per rad of error and unit of the firmware's gain, as its authors measured
+)
+STEP, FINE = 0.005, 5  # s between the bench's rows, and steps of our equations in between
+RESAMPLED = 1000  # draws of the bootstrap over runs
+
+Rates = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+class Bench:
+    """Runs side by side, padded to the longest: arrays (steps, runs), ``counts`` where they are
+    measured."""
+
+    def __init__(self, some: list[pd.DataFrame]) -> None:
+        longest = max(map(len, some))
+
+        def padded(name: str) -> np.ndarray:
+            columns = [run[name].to_numpy().astype(float) for run in some]
+            return np.array([np.pad(c, (0, longest - len(c)), mode="edge") for c in columns]).T
+
+        self.goal, self.position, self.supply = map(
+            padded, ("goal_rad", "position_rad", "supply_V")
+        )
+        self.on = padded("torque_enabled")
+        self.counts = np.arange(longest)[:, None] < np.array([len(run) for run in some])
+        self.gain, self.mass, self.arm = (
+            np.array([run[name].iloc[0] for run in some]) for name in ("kp", "mass_kg", "arm_m")
+        )
+
+    def duty(self, k: int, position: np.ndarray) -> np.ndarray:
+        """What the servo's controller commands (runs) at a simulated position."""
+        return np.clip(ERROR_GAIN * self.gain * (self.goal[k] - position), -1.0, 1.0)
+
+    def absolute_error(self, simulated: np.ndarray) -> np.ndarray:
+        """Mean absolute error of the position in every run (runs), rad."""
+        off = np.abs(simulated - self.position) * self.counts
+        return off.sum(axis=0) / self.counts.sum(axis=0)
+
+
+def by_published(bench: Bench) -> np.ndarray:
+    """Positions (steps, runs) as M6 simulates them."""
+    position, speed, path = bench.position[0].copy(), np.zeros(len(bench.gain)), []
+    known = {"mass": bench.mass, "arm": bench.arm}
+    for k in range(len(bench.goal)):
+        path.append(position.copy())
+        voltage = bench.supply[k] * bench.duty(k, position)
+        change = published.acceleration(position, speed, voltage, bench.on[k], known)
+        speed = speed + published.STEP * change
+        position = position + published.STEP * speed
+    return np.array(path)
+
+
+def by_machine(bench: Bench, fitted: FittedMachine) -> np.ndarray:
+    """Positions (steps, runs) as our equations simulate them, controller and all."""
+    model, rates = fitted.posterior.problem.compiled.model, fitted.rates()
+    count = len(bench.gain)
+    x, position = np.zeros((len(model.states), count)), bench.position[0].copy()
+    place, path, dt = model.state("speed"), [], STEP / FINE
+    moment, inertia = bench.mass * 9.81 * bench.arm, bench.mass * bench.arm**2
+    for k in range(len(bench.goal)):
+        path.append(position.copy())
+        for _ in range(FINE):
+            known = {
+                "duty": bench.duty(k, position) * bench.on[k],
+                "supply": bench.supply[k],
+                "position": position,
+                "enabled": bench.on[k],
+                "moment": moment,
+                "load_inertia": inertia,
+                "acceleration": np.zeros(count),
+            }
+            u = np.array([known[item.name] for item in model.inputs])
+            first = np.array(rates(x, u, np.ones((1, count))))
+            half = x + dt / 2.0 * first
+            second = np.array(rates(half, u, np.ones((1, count))))
+            x, position = x + dt * second, position + dt * half[place]
+    return np.array(path)
+
+
+def less(before: np.ndarray, after: np.ndarray) -> list[float]:
+    """95 % interval of mean(before) − mean(after) over runs, by a bootstrap."""
+    drawn = np.random.default_rng(0).integers(len(before), size=(RESAMPLED, len(before)))
+    return np.quantile((before - after)[drawn].mean(axis=1), [0.025, 0.975]).tolist()
+
+
+def draw(bench: Bench, paths: dict[str, np.ndarray], path: Path) -> None:
+    """Four runs: the position measured and simulated."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, 2, figsize=(11, 6), constrained_layout=True)
+    for axis, i in zip(axes.ravel(), range(0, len(bench.gain), len(bench.gain) // 4), strict=False):
+        inside = bench.counts[:, i]
+        time = STEP * np.arange(inside.sum())
+        axis.plot(time, bench.position[inside, i], "k", lw=1.5, label="measured")
+        for label, each in paths.items():
+            axis.plot(time, each[inside, i], lw=1, label=label)
+        axis.set(xlabel="time [s]", ylabel="angle [rad]", title=f"{bench.mass[i]:.3g} kg")
+        axis.grid(alpha=0.3)
+    axes[0, 0].legend()
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Run, and write what came out."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path, help="folder of the table of runs")
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    wall, cpu = perf_counter(), process_time()
+    vehicle = load_vehicle(HERE / "sts3215.toml", trust=True)
+    with TemporaryDirectory() as folder:
+        own, other = convert(options.data, Path(folder))
+        signals, held_out = read_log(own, vehicle), read_log(other, vehicle)
+    found = chain(signals, vehicle, held_out.drives)
+    extended = extended_by(found, vehicle)
+    fitted = [FittedMachine.of(signals, each) for each in (vehicle, extended)]
+    bench = Bench(chosen(runs(options.data), HELD_OUT))
+    paths = {
+        name: by_machine(bench, each)
+        for name, each in zip(("textbook", "extended"), fitted, strict=True)
+    } | {"M6": by_published(bench)}
+    error = {name: bench.absolute_error(path) for name, path in paths.items()}
+    result = {
+        **summary(found),
+        "rmse_before": float(error["textbook"].mean()),
+        "rmse_after": float(error["extended"].mean()),
+        "rmse_of": "mean absolute error of the simulated angle, runs held out, rad, untrimmed",
+        "m6": float(error["M6"].mean()),
+        "less_ci95": less(error["textbook"], error["extended"]),
+        "less_than_m6_ci95": less(error["M6"], error["extended"]),
+        "fitted": {"before": dict(fitted[0].numbers), "after": dict(fitted[1].numbers)},
+        "seconds": perf_counter() - wall,
+        "processor_seconds": process_time() - cpu,
+    }
+    (options.out / "result.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
+    dump_vehicle(extended, options.out / "extended.toml")
+    write_discovery(found[0], options.out / "first")
+    draw(bench, paths, options.out / "angle.png")
+    words = ("verdict", "where", "rmse_before", "rmse_after", "m6", "less_ci95", "seconds")
+    print(json.dumps({k: result[k] for k in words}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
