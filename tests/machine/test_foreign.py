@@ -1,0 +1,164 @@
+"""The examples of others' machines: their files, records of their layout, and the real ones."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from clutchest.discovery.holdout_gain import BLOCK, FEWEST, LEAST, block_length
+from clutchest.errors import ClutchestError
+from clutchest.estimate.drive_setup import DriveSetup
+from clutchest.identify.fitted_machine import FittedMachine
+from clutchest.reading import read_log
+from clutchest.vehicle import load_vehicle
+
+MACHINES = Path(__file__).parents[2] / "machines"
+REAL = Path(__file__).parents[2].parent / "shared" / "data" / "foreign"
+VEHICLES = {"emps": "emps.toml", "tanks": "tanks.toml", "servo": "sts3215.toml"}
+
+measured = pytest.mark.skipif(not REAL.is_dir(), reason=f"no measured records in {REAL}")
+
+
+def module(machine: str, name: str) -> ModuleType:
+    """A file of a machine's folder as a module."""
+    path = MACHINES / machine / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"{machine}_{name}", path)
+    assert spec is not None and spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+def vehicle(machine: str):
+    return load_vehicle(MACHINES / machine / VEHICLES[machine], trust=True)
+
+
+def result_of(machine: str, data: Path, out: Path) -> dict:
+    """What the folder's run.py writes."""
+    command = [sys.executable, str(MACHINES / machine / "run.py"), str(data), "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ})
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads((out / "result.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def made_up(tmp_path_factory) -> Path:
+    """Short records in the layouts of EMPS and tanks."""
+    folder = tmp_path_factory.mktemp("made_up")
+    module("tanks", "generate").generate(folder, seed=1, count=128)
+    module("emps", "generate").generate(folder, seed=1, duration=3.0)
+    return folder
+
+
+@pytest.mark.parametrize("machine", VEHICLES)
+def test_every_machine_states_the_regimes_longest_steps(machine):
+    """A machine with regimes, none of which is sliding, has one longest step for each."""
+    car = vehicle(machine)
+    model = car.machine.equations(car.machine.units)
+    flags, _, longest = DriveSetup(car, model, 1.0, {}).tables
+    assert len(longest) == len(flags)
+    assert set(longest) <= set(model.longest)
+
+
+def test_the_tanks_record_becomes_a_table_that_holds_the_pump(made_up, tmp_path):
+    paths = module("tanks", "convert").convert(made_up, tmp_path)
+    table = pd.read_parquet(paths[0])
+    assert table["level"].count() == 128
+    assert len(table) == 2 * 128
+    held = table["pump"].to_numpy().reshape(-1, 2)
+    assert np.array_equal(held[:, 0], held[:, 1])
+    signals = read_log(paths, vehicle("tanks"))
+    assert len(signals.drives) == 2
+
+
+def test_a_slow_machine_must_state_its_gap(made_up, tmp_path):
+    paths = module("tanks", "convert").convert(made_up, tmp_path)
+    for name in ("tanks.py", "tanks.toml"):
+        text = (MACHINES / "tanks" / name).read_text().replace("gap = 20\n", "gap = 2\n")
+        (tmp_path / name).write_text(text)
+    car = load_vehicle(tmp_path / "tanks.toml", trust=True)
+    with pytest.raises(ClutchestError, match=r"every 4 s, expected .* every 2 s \(\[modes\] gap\)"):
+        FittedMachine.of(read_log(paths[:1], car), car)
+
+
+def test_the_tanks_are_simulated_from_the_start(made_up, tmp_path):
+    """Without a reading that renews them, what is predicted is a simulation."""
+    car = vehicle("tanks")
+    paths = module("tanks", "convert").convert(made_up, tmp_path)
+    own, other = (read_log([path], car) for path in paths)
+    fitted = FittedMachine.of(own, car)
+    [known], [new] = fitted.predicted(own, "level"), fitted.predicted(other, "level")
+    record = pd.read_csv(made_up / "cascaded_tanks.csv")
+    assert known.measured == pytest.approx(record["yEst"])
+    assert new.measured == pytest.approx(record["yVal"])
+    assert np.std(known.error) < 0.7 * np.std(known.measured)
+    assert set(fitted.numbers) == {"pump_gain", "outlet_upper", "outlet_lower"}
+
+
+def test_the_carriage_moves_by_its_filtered_force(made_up, tmp_path):
+    """Position and force pass one filter: the balance of forces holds at 100 Hz."""
+    paths = module("emps", "convert").convert(made_up, tmp_path)
+    table = pd.read_parquet(paths[0])
+    moving = table["speed"] > 0.02
+    change = np.gradient(table["speed"], table["time"])
+    made = 95.0 * change + 180.0 * table["speed"] + 20.0 - 3.0
+    assert moving.sum() > 20
+    assert np.std((table["force"] - made)[moving]) < 3.0
+
+
+def test_a_missing_record_is_named(tmp_path):
+    with pytest.raises(SystemExit, match=r"DATA_EMPS\.mat: not there; it is part of"):
+        module("emps", "convert").convert(tmp_path, tmp_path)
+
+
+def test_duty_of_the_servo_has_its_sign():
+    """The servo reports tenths of the duty, 10.24 more where it is positive."""
+    duty = module("servo", "convert").duty_of(np.array([11.64, 11.64, 11.64, 2.83, 2.83, 2.83, 2.83]))
+    assert duty[0] == pytest.approx(0.14)
+    assert duty[-1] == pytest.approx(-0.283)
+    assert np.isnan(duty[3])
+
+
+def test_blocks_fit_the_record():
+    hour = np.arange(0.0, 3600.0, 0.01)
+    assert block_length(hour) == BLOCK
+    short = np.arange(0.0, 24.8, 0.01)
+    assert block_length(short) == pytest.approx(short[-1] / FEWEST)
+    slow = np.arange(0.0, 4096.0, 4.0)
+    assert block_length(slow) == pytest.approx(LEAST * 4.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_spill_is_found_in_a_made_up_record(tmp_path):
+    module("tanks", "generate").generate(tmp_path, seed=0)
+    result = result_of("tanks", tmp_path, tmp_path / "out")
+    assert result["verdict"] in ("named", "ambiguous")
+    assert "spill_caught" in [cause["effect"] for cause in result["causes"]]
+    assert result["less_ci95"][0] > 0.0
+
+
+@measured
+@pytest.mark.slow
+def test_the_tanks_spill(tmp_path):
+    result = result_of("tanks", REAL, tmp_path)
+    assert "spill_caught" in [cause["effect"] for cause in result["causes"]]
+    assert result["gain"]["ci95"][0] > 0.0
+    assert result["rmse_after"] < 0.49
+
+
+@measured
+@pytest.mark.slow
+def test_the_carriage_has_another_friction_backwards(tmp_path):
+    result = result_of("emps", REAL, tmp_path)
+    assert "viscous_direction" in [cause["effect"] for cause in result["causes"]]
+    assert result["gain"]["ci95"][0] > 0.0
+    assert result["held_out"]["force_error_percent"]["less_ci95"][0] > 0.0
