@@ -71,14 +71,19 @@ def backward_eliminated(monkeypatch, p_of, gains):
 
 @pytest.mark.parametrize(("gain", "kept"), [(5.0, True), (0.5, False), (-5.0, False)])
 def test_a_doubtful_cause_must_be_confirmed(monkeypatch, gain, kept):
-    left, dropped = backward_eliminated(monkeypatch, {"a": SURELY, "b": DOUBTFUL}, {"b": gain})
+    gains = {"a": 9.0, "b": gain}
+    left, dropped = backward_eliminated(monkeypatch, {"a": SURELY, "b": DOUBTFUL}, gains)
     assert left == ({"a", "b"} if kept else {"a"})
     assert dropped == ([] if kept else ["b"])
 
 
-def test_what_is_beyond_doubt_is_not_asked(monkeypatch):
-    left, dropped = backward_eliminated(monkeypatch, {"a": SURELY, "b": SURELY}, {})
-    assert (left, dropped) == ({"a", "b"}, [])
+@pytest.mark.parametrize(("gain", "kept"), [(9.0, True), (-24.0, True), (-26.0, False)])
+def test_an_established_cause_stays_unless_it_costs_more_than_it_explained(monkeypatch, gain, kept):
+    """It explains 50 in 2 Δ ln L; what it costs on other drives is in ln L."""
+    gains = {"a": 9.0, "b": gain}
+    left, dropped = backward_eliminated(monkeypatch, {"a": SURELY / 10, "b": SURELY}, gains)
+    assert left == ({"a", "b"} if kept else {"a"})
+    assert dropped == ([] if kept else ["b"])
 
 
 def test_the_most_doubtful_goes_first_and_the_last_one_stays(monkeypatch):

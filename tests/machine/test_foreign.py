@@ -122,7 +122,9 @@ def test_a_missing_record_is_named(tmp_path):
 
 def test_duty_of_the_servo_has_its_sign():
     """The servo reports tenths of the duty, 10.24 more where it is positive."""
-    duty = module("servo", "convert").duty_of(np.array([11.64, 11.64, 11.64, 2.83, 2.83, 2.83, 2.83]))
+    duty = module("servo", "convert").duty_of(
+        np.array([11.64, 11.64, 11.64, 2.83, 2.83, 2.83, 2.83])
+    )
     assert duty[0] == pytest.approx(0.14)
     assert duty[-1] == pytest.approx(-0.283)
     assert np.isnan(duty[3])

@@ -36,7 +36,6 @@ from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.sentences import (
     implausible,
     not_confirmed,
-    remains,
     sentence,
     still_distorted,
 )
@@ -184,7 +183,6 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
             *map(not_confirmed, verdict.dropped),
             *outcome.warnings,
             *(words for c in causes for words in implausible(c, task.effects)),
-            *(map(remains, verdict.minor) if outcome.named else ()),
             *refused,
             *([still_distorted(fit_extended)] if fit_extended and fit_extended.rejects else []),
         ),

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from clutchest.discovery.answer import Sizes, sizes_by_effect
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
-from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Where, either
 from clutchest.models.effects import Effect
 
@@ -89,12 +88,3 @@ def implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
                 f"is larger than plausible ({nearest:.3g})"
             )
     return warnings
-
-
-def remains(curve: Curve) -> str:
-    """Of an error without a name that is small beside the causes that have one."""
-    return (
-        f"beside the causes an error in '{curve.equation}' that correlates with "
-        f"{curve.covariate} remains (p = {curve.p_value:.2g}), which no known cause explains: "
-        "discover again with extended.toml"
-    )

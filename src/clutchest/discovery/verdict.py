@@ -30,10 +30,6 @@ UNNAMED = 0.0001
 # whatever they say: a drive may be affected by something that does not last.
 ESTABLISHED = 1e-5
 
-# Of what causes explain, 2 Δ ln L: an error beside them that is smaller is reported and does not
-# take their names.
-MINOR = 0.1
-
 HeldOut = Callable[[], Problem]  # held-out drives, linearised when they are asked for
 
 
@@ -45,8 +41,7 @@ class SearchVerdict:
     do not exclude, of sizes as the data say, ``rejected`` those they do; ``limit``: the cost of the
     best at plausible sizes, to which that of rejected ones is compared.  ``spreads``: the
     uncertainty of shapes.  ``errors`` of the model without a cause as curves, the most likely
-    first; ``unnamed``: whether they explain more than any cause; ``minor``: those beside the best
-    that explain much less.  ``dropped``: names of causes that
+    first; ``unnamed``: whether they explain more than any cause.  ``dropped``: names of causes that
     are not confirmed on held-out drives.
     """
 
@@ -60,7 +55,6 @@ class SearchVerdict:
     unnamed: bool
     dropped: Sequence[str]
     p_unnamed: float = 1.0
-    minor: Sequence[Curve] = ()
 
     @property
     def name(self) -> str:
@@ -111,20 +105,17 @@ def _verdict(
         best = search.released(best)
         remaining = _residual_errors(search, best)
     denied = sum(dropped.values())
-    explained = search.null.cost - best.cost
-    beside = [remaining[0]] if _significant(remaining) and remaining[0].worth > denied else []
-    minor = [e for e in beside if best.causes and e.worth < MINOR * explained]
-    unnamed = bool(beside) and not minor
+    unnamed = _significant(remaining) and remaining[0].worth > denied
     p = errors[0].p_value if errors else 1.0
-    if len(best.causes) > 1 or minor:  # one curve may explain as much as the causes
+    if len(best.causes) > 1:  # one curve may explain as much as several causes
         errors = _residual_errors(search, search.null)
         most = max((curve.worth for curve in errors), default=0.0)
-        unnamed |= most > explained
+        unnamed |= most > search.null.cost - best.cost
     if unnamed and search.problem.wanders:
         errors = _located(search) or errors
     search = replace(search, best=best)
     return SearchVerdict(
-        search, best, tied, rejected, limit, spreads, errors, unnamed, [*dropped], p, minor
+        search, best, tied, rejected, limit, spreads, errors, unnamed, [*dropped], p
     )
 
 
@@ -145,7 +136,11 @@ def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[st
             break
         fewer = search.without(cause, search.best)
         more = 2.0 * held_out_gain(search, search.best, other(), fewer).total
-        if worth + more > 0.0 if p <= ESTABLISHED else more > 0.0 and search.keeps_best(more, fewer):
+        if (
+            worth + more > 0.0
+            if p <= ESTABLISHED
+            else more > 0.0 and search.keeps_best(more, fewer)
+        ):
             confirmed.add(cause.index)
             continue
         search = search.reduced_to(fewer)
