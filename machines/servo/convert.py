@@ -36,7 +36,7 @@ def table(run: pd.DataFrame) -> pd.DataFrame:
     time, arm, mass = run.time_s.to_numpy(), run.arm_m.iloc[0], run.mass_kg.iloc[0]
     duty = duty_of(run.torque.to_numpy())
     known = np.isfinite(duty)
-    duty = np.interp(time, time[known], duty[known]) * run.torque_enabled.to_numpy()
+    duty = np.interp(time, time[known], duty[known])
     window = hann(WINDOW + 2)[1:-1]
     window /= window.sum()
     half = WINDOW // 2

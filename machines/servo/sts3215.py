@@ -178,6 +178,13 @@ class DutyDelay(cm.Effect):
     parameters = (cm.Number("delay", "s", -0.03, 0.03),)
 
 
+class SwitchDelay(cm.Effect):
+    """The bridge switches on and off late: the command takes its time on the bus."""
+
+    name, equation, delays = "switch_delay", "timing:enabled", {"enabled": "delay"}
+    parameters = (cm.Number("delay", "s", 0.0, 0.1),)
+
+
 class MountAngle(cm.Effect):
     """The bench leans: gravity acts at φ + ``offset``."""
 
@@ -230,6 +237,7 @@ MACHINE = cm.Machine.of(
             covariates=("position", "time"),
         ),
         cm.ErrorTerm("timing:duty", late=("duty", 0.005)),
+        cm.ErrorTerm("timing:enabled", late=("enabled", 0.01)),
     ),
     covariates={"load": "Nm"},
     compared=cm.Comparison("measured_torque", "motor_torque", "Nm", "motor torque"),
@@ -244,6 +252,7 @@ MACHINE = cm.Machine.of(
         DutyGain(),
         DutyDeadband(),
         DutyDelay(),
+        SwitchDelay(),
         MountAngle(),
         ArmMass(),
         Coasting(),
