@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective, solved
+from clutchest.inference.linear_solve import solved
+from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
 from clutchest.inference.unknowns import Shapes
 from clutchest.signals import Floats
 

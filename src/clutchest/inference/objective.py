@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance
+from clutchest.inference.linear_solve import solved
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
@@ -393,12 +394,3 @@ def _scattered(
         white *= weight[:, None]
         noises.append(InputNoiseCovariance.of(white))
     return noises
-
-
-def solved(curvature: Floats, slope: Floats) -> Floats:
-    """The step (f) to where the slope is 0; the shortest of those where numbers so far off that
-    derivatives overwhelm all else leave no single one."""
-    try:
-        return np.asarray(np.linalg.solve(curvature, slope), np.float64)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(curvature, slope, rcond=None)[0], np.float64)
