@@ -83,10 +83,12 @@ def test_the_tanks_record_becomes_a_table_that_holds_the_pump(made_up, tmp_path)
 def test_a_slow_machine_must_state_its_gap(made_up, tmp_path):
     paths = module("tanks", "convert").convert(made_up, tmp_path)
     for name in ("tanks.py", "tanks.toml"):
-        text = (MACHINES / "tanks" / name).read_text().replace("gap = 20\n", "gap = 2\n")
+        text = (MACHINES / "tanks" / name).read_text().replace("gap = 20\n", "gap = 3.95\n")
         (tmp_path / name).write_text(text)
     car = load_vehicle(tmp_path / "tanks.toml", trust=True)
-    with pytest.raises(ClutchestError, match=r"every 4 s, expected .* every 2 s \(\[modes\] gap\)"):
+    with pytest.raises(
+        ClutchestError, match=r"every 4 s, expected .* every 3.95 s \(\[modes\] gap\)"
+    ):
         FittedMachine.of(read_log(paths[:1], car), car)
 
 
