@@ -177,7 +177,7 @@ class DriveSaturation(cm.Effect):
 
 
 class ForceDelay(cm.Effect):
-    """The force acts late: amplifier and sampling."""
+    """The force is recorded late."""
 
     name, equation, delays = "force_delay", "timing:force", {"force": "delay"}
     parameters = (cm.Number("delay", "s", 0.0, 0.005),)

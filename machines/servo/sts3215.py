@@ -172,14 +172,14 @@ class DutyDeadband(cm.Effect):
 
 
 class DutyDelay(cm.Effect):
-    """The reported duty acts late, or is reported late (below 0)."""
+    """The duty is reported late, or acts later than it is reported (below 0)."""
 
     name, equation, delays = "duty_delay", "timing:duty", {"duty": "delay"}
     parameters = (cm.Number("delay", "s", -0.03, 0.03),)
 
 
 class SwitchDelay(cm.Effect):
-    """The bridge switches on and off late: the command takes its time on the bus."""
+    """The flag of the bridge is recorded late."""
 
     name, equation, delays = "switch_delay", "timing:enabled", {"enabled": "delay"}
     parameters = (cm.Number("delay", "s", 0.0, 0.1),)

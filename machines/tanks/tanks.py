@@ -203,7 +203,7 @@ class LowerWidth(cm.Effect):
 
 
 class PumpDelay(cm.Effect):
-    """The pump's flow arrives late."""
+    """The pump's voltage is recorded late."""
 
     name, equation, delays = "pump_delay", "timing:pump", {"pump": "delay"}
     parameters = (cm.Number("delay", "s", 0.0, 12.0),)
