@@ -40,15 +40,15 @@ def test_a_damaged_mf4_is_read_or_refused(tmp_path, capfd):
     assert capfd.readouterr().err == ""
 
 
-STATEFUL = {".json": 300, ".parquet": 1000}
-OTHERS = {".toml": 60, ".dbc": 20, ".table.csv": 100, ".py": 200, ".datagram": 1000}
+MORE = {".json": 300, ".parquet": 1000, ".toml": 500, ".dbc": 100, ".table.csv": 500}
+OTHERS = {".toml": 20, ".dbc": 3, ".table.csv": 30, ".py": 100, ".datagram": 1000}
 
 
 @pytest.mark.parametrize("suffix", OTHERS)
 def test_damaged_inputs_of_other_kinds_are_read_or_refused(suffix, tmp_path, capfd):
     inputs = OTHERS[suffix]
     results = fuzz(inputs, seed=7, formats=[suffix], seconds=20, keep=tmp_path)
-    assert results.total() == inputs and results[f"{suffix} refused"] > 0
+    assert results[f"{suffix} refused"] + results[f"{suffix} read"] == inputs
     assert capfd.readouterr().out == ""
 
 

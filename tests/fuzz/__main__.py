@@ -114,7 +114,7 @@ def fuzz(
     every = {path.name: path.read_bytes() for path in sorted(SEEDS.iterdir())}
     wanted = set(formats)
     if not wanted or wanted & set(kinds.KINDS):
-        every |= kinds.seeds()
+        every |= kinds.seeds(wanted)
     seeds = {n: c for n, c in every.items() if not wanted or _suffix(n) in wanted}
     random, results = Random(seed), Counter[str]()
     signal.signal(signal.SIGALRM, _too_slow)

@@ -164,3 +164,19 @@ def test_terminal_says_why_not_valid(run):
     assert "nothing informs it; needs a [launch]" in text
     assert "No slip event above 200 J" in text
     assert "… and 12 more warnings" in text
+
+
+def test_what_a_killed_process_left_unfinished_is_swept(run, tmp_path):
+    import os
+    import subprocess
+    import sys
+
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    dead = tmp_path / f".unfinished-{gone.pid}-abc"
+    alive = tmp_path / f".unfinished-{os.getpid()}-abc"
+    for folder in (dead, alive):
+        folder.mkdir()
+        (folder / "summary.json").touch()
+    write_run(run, tmp_path)
+    assert not dead.exists() and alive.exists()

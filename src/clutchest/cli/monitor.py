@@ -93,7 +93,7 @@ def monitor(
     """
     os.environ.setdefault("RUST_LOG", "error")  # the recording's own remarks are not the user's
     watching = _started(bus, vehicle, session, viewer, out)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:
         signal.signal(number, lambda *_: _end(watching))
     if as_json:
         watching.run(session.duration, _lines)

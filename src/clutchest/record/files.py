@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -18,6 +20,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of
 
 INNOVATIONS = "innovations.parquet"
+_UNFINISHED = ".unfinished-"  # and the process that writes it
 _PORTION = 25_000  # rows of a table that are written together
 
 
@@ -61,7 +64,8 @@ def finished_into(out: Path) -> Iterator[Path]:
     if out.exists() and not out.is_dir():
         raise ClutchestError(f"{out}: is a file, expected a folder for the results")
     out.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(dir=out, prefix=".unfinished-") as unfinished:
+    _sweep(out)
+    with TemporaryDirectory(dir=out, prefix=f"{_UNFINISHED}{os.getpid()}-") as unfinished:
         try:
             yield Path(unfinished)
         except ClutchestError as problem:  # name what was asked for, not the place of passage
@@ -74,6 +78,26 @@ def finished_into(out: Path) -> Iterator[Path]:
                 raise ClutchestError(f"{out / path.name}: is a folder, expected a file")
         for path in finished:
             path.replace(out / path.name)
+
+
+def _sweep(out: Path) -> None:
+    """Remove what processes left unfinished that were killed."""
+    for left in out.glob(f"{_UNFINISHED}*"):
+        number = left.name.removeprefix(_UNFINISHED).split("-")[0]
+        if number.isdigit() and not _runs(int(number)):
+            rmtree(left, ignore_errors=True)
+
+
+def _runs(process: int) -> bool:
+    if os.name != "posix":  # a signal of 0 would end it there
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def read_state(path: Path) -> dict[str, Any]:
