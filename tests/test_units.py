@@ -60,6 +60,8 @@ FACTORS = {
 }
 # unit → (value of 1 in the unit behind it)
 COMPOSED = {
+    ("kelvin", "K"): 1.0,
+    ("Kelvin", "K"): 1.0,
     ("km/h", "m/s"): 1 / 3.6,
     ("kph", "m/s"): constants.kmh,
     ("km/hour", "m/s"): constants.kmh,
@@ -129,6 +131,11 @@ def test_every_other_spelling_is_converted_above():
 def test_temperatures(value, unit, same, other):
     assert units.convert(value, unit, other) == pytest.approx(same, abs=1e-12)
     assert units.convert(same, other, unit) == pytest.approx(value, abs=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["K", "kelvin", "Kelvin"])
+def test_a_reading_in_kelvin_is_a_temperature(unit):
+    assert units.convert_reading(300.0, unit, "°C") == pytest.approx(26.85, abs=1e-12)
 
 
 def test_what_cannot_be_converted_is_refused():

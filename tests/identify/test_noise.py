@@ -147,7 +147,7 @@ def test_unknown_procedure():
     with pytest.raises(clutchest.ClutchestError, match="did you mean 'noise'"):
         identify("nois", nothing, truck, lambda text, share: None)
     rig = clutchest.load_vehicle("alsd_rig")
-    with pytest.raises(clutchest.ClutchestError, match="'torque-curve'; machine 'alsd' declares"):
+    with pytest.raises(clutchest.ClutchestError, match="'torque-curve'; valid: I1, "):
         identify("torque-curve", nothing, rig, lambda text, share: None)
 
 
