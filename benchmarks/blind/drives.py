@@ -10,7 +10,7 @@ import numpy as np
 
 import clutchest
 from blind.outsiders import Outsider
-from clutchest.generator import Mismatch, Sampled
+from clutchest.generator import Disturbances, DriveRequest, Mismatch, Sampled
 from clutchest.models import machine_of
 from clutchest.signals import Signal, Signals
 from clutchest.simulated import Effects, Options, simulate, simulate_sampled
@@ -108,6 +108,29 @@ class Drive:
         # rounded once: of two roundings, the finer would shift what the coarser one takes for half
         unrounded = _unrounded(simulate_sampled(*drive, **options), self.vehicle.model)
         return unrounded if noiseless else self._coarse(unrounded)
+
+    def request(
+        self,
+        effects: Effects | None = None,
+        outsider: Outsider | None = None,
+        scenario: str | None = None,
+    ) -> DriveRequest:
+        """The same drive, or another ``scenario`` by the same truck, asked of the generator without
+        any bus."""
+        parameters = self.vehicle.parameters
+        return DriveRequest(
+            {key: p.value for key, p in parameters.items()},
+            {key: p.spread for key, p in parameters.items()},
+            scenario or self.scenario,
+            self.seed + OTHER_ROAD * (scenario is not None),
+            (),
+            duration=self.duration if scenario is None else None,
+            effects=effects or {},
+            truck_seed=self.seed,
+            disturbances=Disturbances.of(healthy(self.vehicle.model)),
+            outsider=outsider,
+            mismatch=Mismatch.drawn(self.mismatches, self.seed),
+        )
 
     def _coarse(self, signals: Signals) -> Signals:
         rounded = {}

@@ -10,11 +10,14 @@ from scipy.optimize import brentq, minimize
 from scipy.stats import norm
 
 from blind.first_run import placed, right
+from blind.plan import gains
 from blind.row import NOMINAL, Record, Row, share
+from blind.utility import of_record
 from clutchest.signals import Floats
 
 NAMED, FAR, LEFT = 12.0, 4.0, 8.0  # d′: to be named, apart, left of an outsider
 TOLD = 0.9  # of a d′ aimed at, what counts as having come out
+USEFUL = 0.95  # m_utl
 STEEPEST = 30.0  # of the logistic curves over ln d′
 
 
@@ -149,6 +152,7 @@ def ambiguity(records: Sequence[Record]) -> list[Row]:
             lambda p: p >= 0.95,
         ),
         size,
+        utility(alike),
         share("ambiguous: right after the manoeuvre", "≥ 90 %", after, lambda p: p >= 0.90),
         share(
             "ambiguous, any size: right after the manoeuvre",
@@ -157,6 +161,18 @@ def ambiguity(records: Sequence[Record]) -> list[Row]:
             lambda p: p >= 0.90,
         ),
     ]
+
+
+def utility(alike: Sequence[Record]) -> Row:
+    """Mean of m_utl with the interval of its standard error."""
+    what, must = "ambiguous: m_utl, rivals d′ < 2 away", "≥ 0.95"
+    if len(alike) < 2:
+        return Row(what, must)
+    parts = len({gain.split(".")[0] for gain in gains()})
+    each = np.array([of_record(record, parts) for record in alike])
+    mean, error = float(each.mean()), float(each.std(ddof=1) / np.sqrt(len(each)))
+    low, high = mean - 1.96 * error, mean + 1.96 * error
+    return Row(what, must, len(each), mean, low, high, mean >= USEFUL, high < USEFUL)
 
 
 def left_over(records: Sequence[Record]) -> list[Record]:

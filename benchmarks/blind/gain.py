@@ -8,14 +8,15 @@ noise, what readings happen to be off by would weigh as much as most of what is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from blind.drives import Drive
+from blind.drives import OTHER_ROAD, Drive
+from blind.likelihood import Likelihood
 from blind.near_misses import FOREIGN
-from blind.oracle import Oracle
 from blind.outsiders import Outsider
+from clutchest.generator import DriveRequest
 from clutchest.signals import Signals
 from clutchest.simulated import Effects
 from clutchest.vehicle import load_vehicle
@@ -36,14 +37,25 @@ class HeldOut(Drive):
     ) -> Signals:
         return super().signals(effects, outsider, held_out=held_out, noiseless=noiseless)
 
+    def request(
+        self,
+        effects: Effects | None = None,
+        outsider: Outsider | None = None,
+        scenario: str | None = None,
+    ) -> DriveRequest:
+        return replace(super().request(effects, outsider), seed=self.seed + OTHER_ROAD)
+
 
 def on_held_out(drive: Drive, answer: Mapping[str, Any], extended: Path) -> dict[str, float]:
     """``gained`` in −ln(probability) by the ``extended`` vehicle file, ``possible`` by the model
     that knows what is hidden, and ``held_out_nll`` of the drive as it is expected without a cause.
     """
-    oracle, given = Oracle(HeldOut(drive.seed, drive.noise, drive.mismatches)), answer["outsider"]
+    model, given = (
+        Likelihood(HeldOut(drive.seed, drive.noise, drive.mismatches)),
+        answer["outsider"],
+    )
     outsider = FOREIGN[given["name"]](given["size"], given["phase"]) if given else None
     vehicle = load_vehicle(extended) if extended.exists() else drive.vehicle
     other = vehicle if vehicle.effect_numbers != drive.vehicle.effect_numbers else None
-    gained, possible = oracle.gains(oracle.twin(answer["effects"], outsider), other)
-    return {"gained": gained, "possible": possible, "held_out_nll": len(oracle.clean.r) / 2.0}
+    gained, possible = model.gains(model.twin(answer["effects"], outsider), other)
+    return {"gained": gained, "possible": possible, "held_out_nll": len(model.clean.r) / 2.0}

@@ -1,366 +1,232 @@
 """What the data of one drive could tell at best: distances in standard deviations.
 
-The drive is linearised at the truck's own numbers (parameters and first states, fitted within
-their priors).  What a cause does is read off a drive without noise, so that no luck is in it; then
-everything that is not known is allowed to explain it away: nuisances at the price of their priors,
-and other effects of the library free of charge within their plausible sizes.
+The generator alone is asked.  A drive's exact readings are replayed open loop, by a truck with the
+drive's own numbers and by trucks of others: inputs are what sensors showed, since whoever reads the
+log sees what driver and control unit did, whatever made them do it.  The differences of whole
+drives, made white by the noise that the sensors are stated to have, are the derivatives of
+generalised least squares.  Everything that is not known may explain a cause away: the truck's
+numbers at the price of their priors, and other effects of the library free of charge within their
+plausible sizes.
 """
 
 from __future__ import annotations
 
-from collections import ChainMap
-from collections.abc import Iterator, Sequence
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from blind.drives import Drive
 from blind.outsiders import Outsider
-from clutchest.errors import ClutchestError
-from clutchest.inference.input_noise_covariance import InputNoiseCovariance
-from clutchest.inference.noise_model import NoiseModel
-from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.inference.problem import Problem
-from clutchest.inference.unknowns import Shapes, UnknownGain
+from blind.seen import Seen, Truck
+from clutchest.generator import EFFECTS
+from clutchest.generator.replay import record
 from clutchest.models import machine_of
-from clutchest.models.effects import Effect
-from clutchest.signals import Floats, Signals
+from clutchest.models.effects import Effect, Number
+from clutchest.signals import Floats
 from clutchest.simulated import Effects
-from clutchest.vehicle import Vehicle
 
-FAR = 5.0  # standard deviations; what is further off is no noise
+Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
 NOMINAL: Shapes = MappingProxyType({})
 STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is promised
-KINK = 0.1  # s
-SHARES = (0.125, 0.25, 0.5, 1.0)  # of a cause
-COOLING = (1e6, 1e5, 1e4, 1e3, 1e2, 10.0, 1.0)  # a truck's own numbers lie far from the file's
-LOST = 25.0  # d′, from which on a fit may have strayed: no cause is hidden so large
+KEPT = 0.2  # of what a step promises, what may be lacking before the nuisances bend too much
+NUDGE = 1e-6  # of a largest plausible size, for derivatives
 CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitted in full, and so
 # many of the nearest in any case: far from what is hidden, a first order makes them seem further
 
 
 @dataclass(frozen=True)
-class Twin:
-    """A drive without noise as a cause in it ``grew``; the whole of it, ``signals``, comes last."""
+class Fit:
+    """The most probable numbers: nuisances ``z`` (m) in standard deviations, ``gains`` (k) in
+    largest plausible sizes; ``cost``: −2 ln(probability), 0 at best."""
 
-    signals: Signals
-    grew: tuple[Problem, ...]
-
-    @property
-    def problem(self) -> Problem:
-        return self.grew[-1]
-
-
-@dataclass(frozen=True)
-class Look:
-    """A drive at the numbers ``theta`` (m), made white: residuals ``r`` (K), their derivatives
-    ``psi`` (K, m); ``pull`` (m): nuisances less the truck's own, in standard deviations."""
-
-    theta: Floats
-    r: Floats
-    psi: Floats
-    pull: Floats
+    z: Floats
+    gains: Floats
+    cost: float
 
     @property
-    def cost(self) -> float:
-        """−2 ln(probability) up to a constant."""
-        return float(self.r @ self.r + self.pull @ self.pull)
+    def distance(self) -> float:
+        """In standard deviations."""
+        return float(np.sqrt(max(self.cost, 0.0)))
 
 
 class Oracle:
     """Of one drive; ``scenario``: of another one by the same truck."""
 
     def __init__(self, drive: Drive, scenario: str | None = None) -> None:
-        self.drive, self.scenario, self.vehicle = drive, scenario, drive.vehicle
-        self.effects = machine_of(drive.vehicle.model).effects
-        noisy = self._problem(drive.signals(scenario=scenario))
-        self.thetas, self.nuisances = noisy.thetas, noisy.nuisances
-        self.centre, self.noise_model = np.zeros(len(self.thetas)), None
-        self.exact = self._problem(self._exact())
-        near = self._cooled(self.exact, self.centre)
-        for _ in range(2):  # a drive begins where its own noisy readings say: fitted anew
-            self.noise_model = self._colour_of(noisy, self._fit(noisy, near).theta)
-        self.centre = self._fit(self.exact, near).theta  # from here on the truck's own numbers
-        settled = self._fit(self.exact, self.centre)
-        self.clean = self._look(self.exact, settled.theta, NOMINAL)
+        self.drive, self.scenario = drive, scenario
+        library = machine_of(drive.vehicle.model).effects
+        self.effects = {name: effect for name, effect in library.items() if name in EFFECTS}
+        shown, own = record(drive.request(scenario=scenario))
+        self.truck = Truck.of(drive, own)
+        self.clean = Seen(drive, self.truck, shown)
 
-    def _problem(self, signals: Signals) -> Problem:
-        return Problem.of(signals, self.vehicle, tuple(self.effects.values()))
-
-    def _extended(self, vehicle: Vehicle, signals: Signals) -> tuple[Oracle, Problem]:
-        """One that has another model of the same truck and no cause to free; and its drive."""
-        other = copy(self)
-        # a delay too small to be a cause belongs to the truck
-        other.effects = {name: effect for name, effect in self.effects.items() if effect.delays}
-        other.vehicle = vehicle
-        problem = other._problem(signals)
-        other.thetas, other.nuisances = problem.thetas, problem.nuisances
-        other.centre = other._taken(self, self.centre)
-        return other, problem
-
-    def _taken(self, other: Oracle, theta: Floats) -> Floats:
-        """What another oracle has at ``theta``, its causes aside."""
-        own = {
-            str(t): value
-            for t, value in zip(other.thetas, theta, strict=True)
-            if not isinstance(t, UnknownGain)
-        }
-        return np.array([own.get(str(t), 0.0) for t in self.thetas])
-
-    def _exact(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Signals:
-        return self.drive.signals(effects, outsider, noiseless=True, scenario=self.scenario)
-
-    def twin(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Twin:
-        """The drive with a cause in it and no noise."""
-        grew = [self._exact(*self._shared(effects, outsider, share)) for share in SHARES]
-        return Twin(grew[-1], tuple(map(self._problem, grew)))
-
-    def _shared(
-        self, effects: Effects | None, outsider: Outsider | None, share: float
-    ) -> tuple[Effects, Outsider | None]:
-        """``share`` of a cause: its gains, not its shapes."""
-        gains = {(t.effect, t.key) for t in self.thetas if isinstance(t, UnknownGain)}
-        less = {
-            name: {
-                key: value * (share if (name, key) in gains else 1.0)
-                for key, value in numbers.items()
-            }
-            for name, numbers in (effects or {}).items()
-        }
-        return less, outsider and replace(outsider, size=share * outsider.size)
-
-    def _look(
-        self,
-        problem: Problem,
-        theta: Floats,
-        shapes: Shapes,
-        heat: float = 1.0,
-        causes: Sequence[str] | None = None,
-    ) -> Look:
-        """A drive at ``theta``; of gains, derivatives by those of ``causes``, all unless given."""
-        active = None if causes is None else np.append(self.nuisances, self._columns(causes))
-        at = problem.implied(theta, shapes)
-        [rows], [drive] = problem.linearise(theta, shapes, active, at), problem.drives
-        readings = drive.readings
-        white = np.column_stack([rows.r, rows.psi])
-        if self.noise_model is not None:
-            both = np.column_stack([readings.input_noise, white])
-            both = self.noise_model.whiten(readings.stretches, both)[_telling(drive)]
-            directions, white = np.split(both, [readings.input_noise.shape[1]], axis=1)
-            InputNoiseCovariance.of(directions).whiten_in_place(white)
-        white /= np.sqrt(heat)
-        pull = np.zeros(len(theta))
-        pull[self.nuisances] = (theta - self.centre)[self.nuisances]
-        return Look(theta, white[:, 0], white[:, 1:], pull)
-
-    def _colour_of(self, problem: Problem, theta: Floats) -> NoiseModel:
-        """That of the noise: of what no nuisance explains of a drive without a cause."""
-        none = np.zeros(0, np.int64)
-        [drive], [rows] = problem.drives, problem.linearise(theta, NOMINAL, none)
-        return NoiseModel.fit([drive.readings.stretches], [np.clip(rows.r, -FAR, FAR)])
+    def twin(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Seen:
+        """The drive with a cause in it and no noise: driver and control unit react to it."""
+        shown, _ = record(self.drive.request(effects, outsider, scenario=self.scenario))
+        return Seen(self.drive, self.truck, shown)
 
     # --- distances ---------------------------------------------------------------------------
 
-    def distance(self, twin: Twin, causes: Sequence[str] = ()) -> float:
+    def distance(self, twin: Seen, causes: Sequence[str] = ()) -> float:
         """d′ of a twin from the nearest sizes of the effects ``causes`` acting together; from the
         model without a cause where there are none."""
-        return self._beyond(self._followed(twin, causes).cost)
-
-    def gains(self, twin: Twin, vehicle: Vehicle | None) -> tuple[float, float]:
-        """−ln(probability) of a twin that another model of the same truck gains, nought without
-        one, and that the model which knows what is hidden does.  The other's numbers are found
-        from those that come nearest without a cause and with those causes that it names."""
-        looks = [self._followed(twin)]
-        possible = self._beyond(looks[0].cost) ** 2 / 2.0
-        if vehicle is None:
-            return 0.0, possible
-        if named := tuple(name for name in vehicle.effects if name in self.effects):
-            looks.append(self._followed(twin, named))
-        other, problem = self._extended(vehicle, twin.signals)
-        found = [other._fit(problem, other._taken(self, look.theta)) for look in looks]
-        return possible - other._beyond(min(look.cost for look in found)) ** 2 / 2.0, possible
+        return self._fit(twin, causes).distance
 
     def nearest(
-        self, twin: Twin, beside: Sequence[str] = (), *, whole: bool = True
+        self, twin: Seen, beside: Sequence[str] = (), *, whole: bool = True
     ) -> dict[str, float]:
         """d′ of a twin from every effect of the library acting with ``beside``, in the shape that
         comes closest: name → distance.  Far ones to first order, and every choice of a shape; all
         of them unless the ``whole`` is asked for."""
-        base = self._followed(twin, beside)
+        base = self._fit(twin, beside)
         found: dict[str, tuple[float, Shapes]] = {}
-        for look, turn in self._turns(twin.problem, base.theta, beside):
-            for name, shapes in turn.items():
-                tried = self._beyond(self._step(look, self._columns((name, *beside)))[1]), shapes
+        for name, shapes in self._grid():
+            if name not in beside:
+                tried = self._first_order(twin, base, (name, *beside), shapes), shapes
                 found[name] = min(found.get(name, tried), tried, key=itemgetter(0))
         told = {name: distance for name, (distance, _) in found.items()}
         for i, name in enumerate(sorted(told, key=told.__getitem__)):
             if whole and (i < NEAREST or told[name] < CLOSE):
-                look = self._followed(twin, (name, *beside), found[name][1])
-                told[name] = min(told[name], self._beyond(look.cost))
+                fit = self._fit(twin, (name, *beside), found[name][1])
+                told[name] = min(told[name], fit.distance)
         return told
-
-    def _turns(
-        self, problem: Problem, theta: Floats, beside: Sequence[str] = ()
-    ) -> Iterator[tuple[Look, dict[str, Shapes]]]:
-        """Looks at ``theta`` and the shapes that each serves, by effect: every value of every
-        effect's once; those of ``beside`` stay as they are."""
-        grids = {
-            name: (NOMINAL, *grid(effect))
-            for name, effect in self.effects.items()
-            if name not in beside
-        }
-        for k in range(max(map(len, grids.values()))):
-            turn = {name: shapes[k] for name, shapes in grids.items() if k < len(shapes)}
-            yield self._look(problem, theta, dict(ChainMap(*map(dict, turn.values())))), turn
-
-    def _beyond(self, cost: float) -> float:
-        return float(np.sqrt(max(cost - self.clean.cost, 0.0)))
-
-    def _followed(self, twin: Twin, causes: Sequence[str] = (), shapes: Shapes = NOMINAL) -> Look:
-        """The most probable numbers, with the gains of ``causes`` free, followed up as what is
-        hidden grows: looked for at once, they stray where they bend."""
-        near = self.centre
-        for problem in twin.grew:
-            begins = near, self.centre + 2.0 * (near - self.centre)
-            looks = [self._look(problem, begin, shapes, causes=causes) for begin in begins]
-            best = min(looks, key=lambda look: look.cost)
-            look = self._fit(problem, best.theta, causes, shapes)
-            if self._beyond(look.cost) > LOST:
-                begin = self._cooled(problem, best.theta, causes, shapes)
-                again = self._fit(problem, begin, causes, shapes)
-                look = min(look, again, key=lambda look: look.cost)
-            near = look.theta
-        return look
-
-    def _cooled(
-        self,
-        problem: Problem,
-        begin: Floats,
-        causes: Sequence[str] = (),
-        shapes: Shapes = NOMINAL,
-    ) -> Floats:
-        """Numbers (m) near the most probable ones, from a ``begin`` (m) far off."""
-        for heat in COOLING:
-            begin = self._fit(problem, begin, causes, shapes, heat).theta
-        return begin
-
-    def _fit(
-        self,
-        problem: Problem,
-        begin: Floats,
-        causes: Sequence[str] = (),
-        shapes: Shapes = NOMINAL,
-        heat: float = 1.0,
-    ) -> Look:
-        """The most probable numbers from ``begin`` (m) on, with the gains of ``causes`` free:
-        Gauss–Newton.  ``heat``: by how much the noise seems to have more variance than it has."""
-        columns = self._columns(causes)
-        look = self._look(problem, begin, shapes, heat, causes)
-        for _ in range(STEPS):
-            step, promised = self._step(look, columns)
-            if look.cost - promised < SETTLED:
-                break
-            for share in (1.0, 0.5, 0.25, 0.1):
-                try:
-                    tried = self._look(problem, look.theta + share * step, shapes, heat, causes)
-                except ClutchestError:  # so far off that the equations leave the finite numbers
-                    continue
-                if tried.cost < look.cost:
-                    break
-            else:
-                break
-            look = tried
-        return look
-
-    def _step(self, look: Look, columns: NDArray[np.int64]) -> tuple[Floats, float]:
-        """The step (m) to where the linearised cost is least, and that cost; gains within their
-        plausible sizes."""
-        own, pull = look.psi[:, self.nuisances], look.pull[self.nuisances]
-        whole = np.column_stack([look.psi[:, columns], look.r])
-        curvature, across = own.T @ own + np.eye(own.shape[1]), own.T @ whole
-        across[:, -1] += pull
-        answer = np.linalg.solve(curvature, across)
-        inner = whole.T @ whole - across.T @ answer
-        a, b, c = inner[:-1, :-1], inner[:-1, -1], inner[-1, -1] + pull @ pull
-        gains = self._within(a, b, columns, look.theta[columns])
-        step = np.zeros(len(look.theta))
-        step[columns] = gains
-        step[self.nuisances] = -answer[:, -1] - answer[:, :-1] @ gains
-        return step, float(c + gains @ a @ gains + 2.0 * gains @ b)
-
-    def _within(self, a: Floats, b: Floats, columns: NDArray[np.int64], at: Floats) -> Floats:
-        """Steps of gains ``at`` that minimise gᵀ a g + 2 gᵀ b and leave them plausible."""
-        if not len(columns):
-            return np.zeros(0)
-        low, high = np.array([self._range(i) for i in columns]).T
-        values, vectors = np.linalg.eigh(a)
-        root = np.sqrt(np.maximum(values, 1e-9 * max(values[-1], 1e-9)))
-        target = -(vectors.T @ b) / root
-        bounds = (low - at, high - at)
-        return np.asarray(lsq_linear(root[:, None] * vectors.T, target, bounds).x)
 
     def per_largest(self, gain: str, beside: str | None = None, shapes: Shapes = NOMINAL) -> float:
         """d′ of the gain ``effect.key`` at its largest plausible size, to first order; with every
         gain of the effect ``beside`` free."""
-        look = self._look(self.exact, self.centre, shapes) if shapes else self.clean
-        return self._left(look, gain, [beside] if beside else [])
-
-    def _left(self, look: Look, gain: str, beside: Sequence[str] = ()) -> float:
-        index = next(i for i, t in enumerate(self.thetas) if str(t) == gain)
-        others = self._columns(beside)
-        free = np.concatenate([self.nuisances, others])
-        own, column = look.psi[:, free], look.psi[:, index]
-        prior = np.r_[np.ones(len(self.nuisances)), np.full(len(others), 1e-9)]
-        curvature = own.T @ own + np.diag(prior)
-        across = own.T @ column
-        left = column @ column - across @ np.linalg.solve(curvature, across)
-        return float(np.sqrt(max(left, 0.0)))
+        name, key = gain.split(".")
+        causes = (name, beside) if beside else (name,)
+        numbers = self._gains(causes)
+        columns = self._columns(self.clean, causes, shapes)
+        index = next(i for i, (n, number) in enumerate(numbers) if (n, number.key) == (name, key))
+        others = [i for i, (n, _) in enumerate(numbers) if n == beside]
+        return self._left(columns[:, index], columns[:, others])
 
     def excited(self) -> dict[str, float]:
         """``effect.gain`` → d′ at its largest plausible size, in the shape that shows most."""
         most: dict[str, float] = {}
-        for look, turn in self._turns(self.exact, self.centre):
-            for gain in (
-                f"{name}.{number.key}" for name in turn for number in self.effects[name].gains
-            ):
-                most[gain] = max(most.get(gain, 0.0), self._left(look, gain))
+        for name, shapes in self._grid():
+            columns = self._columns(self.clean, (name,), shapes)
+            for (_, number), column in zip(self._gains((name,)), columns.T, strict=True):
+                gain = f"{name}.{number.key}"
+                most[gain] = max(most.get(gain, 0.0), self._left(column, columns[:, :0]))
         return most
 
-    def _range(self, index: int) -> tuple[float, float]:
-        """The plausible range of a gain in its own unit."""
-        gain = self.thetas[index]
-        assert isinstance(gain, UnknownGain)
-        return gain.lower, gain.upper
+    def _left(self, column: Floats, free: Floats) -> float:
+        """What of a derivative (K,) no nuisance and none of the ``free`` ones (K, k) explains."""
+        own = np.column_stack([self.clean.nuisances, free])
+        prior = np.r_[np.ones(len(self.clean.nought)), np.full(free.shape[1], 1e-9)]
+        across = own.T @ column
+        left = column @ column - across @ np.linalg.solve(own.T @ own + np.diag(prior), across)
+        return float(np.sqrt(max(left, 0.0)))
 
-    def _columns(self, causes: Sequence[str]) -> NDArray[np.int64]:
-        """The gains of these effects."""
-        columns = [
-            i
-            for i, t in enumerate(self.thetas)
-            if isinstance(t, UnknownGain) and t.effect in causes
+    # --- fits --------------------------------------------------------------------------------
+
+    def _grid(self) -> list[tuple[str, Shapes]]:
+        """Every effect in every shape that a search tries."""
+        return [
+            (name, shapes)
+            for name, effect in self.effects.items()
+            for shapes in (NOMINAL, *grid(effect))
         ]
-        return np.array(columns, np.int64)
+
+    def _gains(self, causes: Sequence[str]) -> list[tuple[str, Number]]:
+        return [(name, number) for name in causes for number in self.effects[name].gains]
+
+    def _acting(self, causes: Sequence[str], gains: Floats, shapes: Shapes) -> Effects:
+        """These effects at ``gains`` of their largest plausible sizes."""
+        acting: dict[str, dict[str, float]] = {
+            name: {
+                n.key: shapes.get((name, n.key), n.default)
+                for n in self.effects[name].parameters
+                if n.shape
+            }
+            for name in causes
+        }
+        for (name, number), gain in zip(self._gains(causes), gains, strict=True):
+            acting[name][number.key] = float(gain) * number.upper
+        return acting
+
+    def _columns(
+        self, seen: Seen, causes: Sequence[str], shapes: Shapes, at: Fit | None = None
+    ) -> Floats:
+        """Derivatives (K, k) of a drive's white misfit by the gains of ``causes``."""
+        count = len(self._gains(causes))
+        z, gains = (seen.nought, np.zeros(count)) if at is None else (at.z, at.gains)
+        tried = []
+        for i, one in enumerate(np.eye(count)):
+            step = NUDGE if gains[i] + NUDGE <= 1.0 else -NUDGE
+            tried.append((self._acting(causes, gains + step * one, shapes), step))
+        return seen.by_effects(tried, z, self._acting(causes, gains, shapes))
+
+    def _first_order(self, seen: Seen, base: Fit, causes: Sequence[str], shapes: Shapes) -> float:
+        gains = np.r_[np.zeros(len(self._gains(causes)) - len(base.gains)), base.gains]
+        fit = Fit(base.z, gains, base.cost)
+        r = self._residual(seen, fit, causes, shapes)
+        columns = self._columns(seen, causes, shapes, fit)
+        return _step(seen.nuisances, r, fit, columns, self._lowest(causes)).distance
+
+    def _residual(self, seen: Seen, fit: Fit, causes: Sequence[str], shapes: Shapes) -> Floats:
+        raw = seen.misfit(fit.z, self._acting(causes, fit.gains, shapes))
+        return seen.white(raw[:, None])[:, 0]
+
+    def _fit(self, seen: Seen, causes: Sequence[str] = (), shapes: Shapes = NOMINAL) -> Fit:
+        """The most probable numbers with the gains of ``causes`` free: Gauss–Newton from the
+        truck's own on, every cost that of a whole replay."""
+        r, own = seen.residual, seen.nuisances
+        fit = Fit(seen.nought, np.zeros(len(self._gains(causes))), float(r @ r))
+        for _ in range(STEPS):
+            columns = self._columns(seen, causes, shapes, fit)
+            promised = _step(own, r, fit, columns, self._lowest(causes))
+            if fit.cost - promised.cost < SETTLED:
+                break
+            for share in (1.0, 0.5, 0.25, 0.1):
+                z = fit.z + share * (promised.z - fit.z)
+                tried = Fit(z, fit.gains + share * (promised.gains - fit.gains), 0.0)
+                tried_r = self._residual(seen, tried, causes, shapes)
+                tried = replace(tried, cost=float(tried_r @ tried_r + z @ z))
+                if tried.cost < fit.cost:
+                    break
+            else:
+                break
+            lacking = (tried.cost - promised.cost) / (fit.cost - promised.cost)
+            fit, r = tried, tried_r
+            if lacking > KEPT:
+                own = seen.by_nuisances(fit.z, self._acting(causes, fit.gains, shapes))
+        return fit
+
+    def _lowest(self, causes: Sequence[str]) -> Floats:
+        """The least plausible gains, in largest plausible ones."""
+        return np.array([number.lower / number.upper for _, number in self._gains(causes)])
 
 
-def _telling(drive: PreparedDrive) -> NDArray[np.bool_]:
-    """Which readings tell of the clutch, shape (K,): all but speeds while it is locked, and those
-    just after, when the straight lines between samples have yet to catch up with the kink."""
-    readings = drive.readings
-    free = drive.compiled.model.regime.index("free_running")
-    flags = drive.line.W[drive.line.row, free] > 0
-    begins = drive.line.t[1:][flags[1:] & ~flags[:-1]]
-    last = np.searchsorted(begins, readings.t, side="right") - 1
-    since = readings.t - np.where(last >= 0, begins[np.maximum(last, 0)], -np.inf)
-    slow = drive.line.W[readings.row, free] == 0
-    renewed = np.isin(
-        readings.sensor, [drive.compiled.model.sensor(n) for n in drive.compiled.model.renewed]
-    )
-    return ~renewed | (~slow & (since > KINK))
+def _step(own: Floats, r: Floats, fit: Fit, columns: Floats, lowest: Floats) -> Fit:
+    """Where the cost is least that is linearised by derivatives by nuisances, ``own`` (K, m), and
+    gains, ``columns`` (K, k); gains within their plausible sizes."""
+    whole = np.column_stack([columns, r])
+    curvature, across = own.T @ own + np.eye(own.shape[1]), own.T @ whole
+    across[:, -1] += fit.z
+    answer = np.linalg.solve(curvature, across)
+    inner = whole.T @ whole - across.T @ answer
+    a, b, c = inner[:-1, :-1], inner[:-1, -1], inner[-1, -1] + fit.z @ fit.z
+    gains = _within(a, b, lowest - fit.gains, 1.0 - fit.gains)
+    z = -answer[:, -1] - answer[:, :-1] @ gains
+    cost = float(c + gains @ a @ gains + 2.0 * gains @ b)
+    return Fit(fit.z + z, fit.gains + gains, cost)
+
+
+def _within(a: Floats, b: Floats, low: Floats, high: Floats) -> Floats:
+    """g between ``low`` and ``high`` that minimises gᵀ a g + 2 gᵀ b."""
+    if not len(b):
+        return np.zeros(0)
+    values, vectors = np.linalg.eigh(a)
+    root = np.sqrt(np.maximum(values, 1e-9 * max(values[-1], 1e-9)))
+    target = -(vectors.T @ b) / root
+    return np.asarray(lsq_linear(root[:, None] * vectors.T, target, (low, high + 1e-12)).x)
 
 
 def grid(effect: Effect) -> list[dict[tuple[str, str], float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +28,33 @@ SPACING = STEP * FAST  # s between rows of the fast record
 LONG = 1000.0  # s: from here on the truth is kept at 50 Hz instead of 100 Hz
 
 
+@dataclass(frozen=True)
+class Driven:
+    """A drive before any bus has sampled it: what each sensor ``shows``, without noise, as a
+    function of time in s up to ``duration``; parameters as drawn, before any effect; ``locked``
+    every SPACING s from 0 on."""
+
+    shows: Mapping[str, Reading]
+    locked: NDArray[np.bool_]
+    truth: Truth
+    parameters: Mapping[str, float]
+    duration: float
+
+
 def generate(request: DriveRequest) -> Sampled:
     """A drive with a truck.
 
     ``zero_position_ref`` itself is never drawn: its spread is that of the truth's x0_ref.
     Raises ClutchestError for an unknown scenario, effect, channel or missing parameter.
     """
+    driven = drive(request)
+    channels = request.mismatch.sensing.channels(request.channels)
+    signals = sample(channels, driven.shows, request.seed, driven.duration, request.outliers)
+    return Sampled(signals, driven.truth, driven.parameters, request.seed, request.scenario)
+
+
+def drive(request: DriveRequest) -> Driven:
+    """The same drive as exact sensors follow it; its channels are not asked for."""
     asked, duration = request.plan(SCENARIOS, RANGES)
     mismatch = request.mismatch
     plan = mismatch.plan(asked)
@@ -62,9 +84,7 @@ def generate(request: DriveRequest) -> Sampled:
     quantities = _quantities(mismatch.sensing.lagging(fast, SPACING), around, drawn, active)
     if request.outsider:
         quantities = request.outsider.readings(quantities)
-    channels = mismatch.sensing.channels(request.channels)
-    signals = sample(channels, quantities, seed, duration, request.outliers)
-    return Sampled(signals, truth, drawn, seed, request.scenario)
+    return Driven(quantities, fast[:, 0] == fast[:, 1], truth, drawn, duration)
 
 
 def draw(

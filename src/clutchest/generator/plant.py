@@ -59,6 +59,7 @@ __all__ = [
     "advance",
     "capacity",
     "expansion",
+    "follow",
     "rates",
     "run",
     "runge_kutta",
@@ -90,10 +91,11 @@ from clutchest.signals import Floats
 
 PER_METRE = np.array({scenarios.PER_METRE.tolist()!r})
 ''' + "".join(f"{name} = {value!r}\n" for name, value in _FROZEN.items())
-_FILES = ("situation.py", "parts.py", "physics.py", "control_unit.py", "driving.py")
+_FILES = ("situation.py", "parts.py", "physics.py", "control_unit.py", "driving.py", "forced.py")
 _TEXTS = [text_of(Path(__file__).parent / file) for file in _FILES]
 _MODULE = load(*named([_HEADER, *_TEXTS]), "truck")
 run, advance, runge_kutta = _MODULE.run, _MODULE.advance, _MODULE.runge_kutta
 capacity, transmitted, rates = _MODULE.capacity, _MODULE.transmitted, _MODULE.rates
 expansion, zero_reference = _MODULE.expansion, _MODULE.zero_reference
 sticking, actuate, settle = _MODULE.sticking, _MODULE.actuate, _MODULE.settle
+follow = _MODULE.follow

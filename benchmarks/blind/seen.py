@@ -1,0 +1,223 @@
+"""One generated drive as its readings tell of the clutch: what a truck of other numbers would have
+done under the same signals, made white by the noise that the readings have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blind.drives import NOISES, Drive
+from blind.white import SensorNoise, SpeedFilter
+from clutchest.generator.generate import SPACING
+from clutchest.generator.replay import NONE, Own, Recorded, Replayed, replay
+from clutchest.generator.replay import slope as slope_of
+from clutchest.models import machine_of
+from clutchest.reading import load_database
+from clutchest.signals import Floats
+from clutchest.simulated import Effects
+
+READ = ("engine_speed", "engine_torque", "slave_position")
+TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
+LATE = ("engine_torque", "slave_position")
+NUDGE = 1e-5  # standard deviations, for derivatives
+BLOCK = 1.0  # s of readings that one mean stands for where only heat flows
+SPELL = 30.0  # s of readings of a temperature whose noise acts as one
+SHORTEST = 5  # readings of a stretch
+
+Vector = Floats  # (m,) in the order of ``Truck.nuisances``
+
+
+@dataclass(frozen=True)
+class Truck:
+    """A truck's ``own`` numbers, and ``nuisances``: what a vehicle file leaves open, by name, with
+    the standard deviations of its priors."""
+
+    own: Own
+    nuisances: Mapping[str, float]
+
+    @classmethod
+    def of(cls, drive: Drive, own: Own) -> Truck:
+        """Of a drive's vehicle file; its states' priors are those of a drive's beginning."""
+        vehicle = drive.vehicle
+        spreads = {key: p.spread for key, p in vehicle.parameters.items() if p.spread > 0.0}
+        starts = {}
+        for state in machine_of(vehicle.model).states:
+            if state.name in own.start:
+                own_spread = spreads.pop(state.prior, None) if state.prior else state.healthy_std
+                starts[state.name] = state.initial_std if own_spread is None else own_spread
+        return cls(own, {**spreads, **starts, **dict.fromkeys(LATE, TIMING)})
+
+    def replay(self, recorded: Recorded, z: Vector, effects: Effects) -> Replayed:
+        """With its numbers ``z`` standard deviations higher."""
+        names = list(self.nuisances)
+        by = {n: s * u for n, s, u in zip(names, z, self.nuisances.values(), strict=True)}
+        return replay(recorded, self.own.moved(by), effects, {name: by[name] for name in LATE})
+
+
+class Seen:
+    """A recorded drive, looked at as a drive of ``truck``."""
+
+    def __init__(self, drive: Drive, truck: Truck, recorded: Recorded) -> None:
+        self.truck, self.recorded = truck, recorded
+        vehicle = drive.vehicle
+        database = load_database(vehicle)
+        kept = 1.0 - NOISES[drive.noise].outliers
+        self._noise = {
+            name: SensorNoise(s.noise / kept**0.5, s.noise_ar)
+            for name, s in vehicle.signals.items()
+        }
+        self._period = {
+            name: s.period or database.message(s.bus.message).cycle_time_s or 0.0
+            for name, s in vehicle.signals.items()
+        }
+        self._stretches = self._free()
+        self._blocks, self._counts = self._retracted()
+
+    def _free(self) -> list[slice]:
+        """Rows of the engine speed's readings in each stretch in which the clutch is not locked."""
+        every = round(self._period["engine_speed"] / SPACING)
+        # the first and the last may be of a moment at which the clutch is still locked
+        stretches = [slice(a + 1, b - 1, every) for a, b in _runs(~self.recorded.locked)]
+        return [one for one in stretches if one.stop - one.start >= SHORTEST * every]
+
+    def _retracted(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Begins and ends (n, 2) of blocks of rows in which the sensor shows the zero position;
+        readings in each, (n,)."""
+        time, period, blocks = self.recorded.time, self._period["slave_position"], []
+        for a, b in _runs(self.recorded.retracted):
+            edges = a + np.searchsorted(time[a:b], np.arange(time[a], time[b - 1], BLOCK))
+            blocks += list(zip(edges, [*edges[1:], b], strict=True))
+        rows = np.array(blocks, np.int64).reshape(-1, 2)
+        lasts = time[rows[:, 1] - 1] - time[rows[:, 0]]
+        told = lasts >= SHORTEST * period
+        return rows[told], np.rint(lasts[told] / period).astype(int)
+
+    @cached_property
+    def _plain(self) -> Replayed:
+        return self.truck.replay(self.recorded, self.nought, NONE)
+
+    @cached_property
+    def _slope(self) -> Floats:
+        return slope_of(self.recorded, self.truck.own)
+
+    @property
+    def nought(self) -> Vector:
+        """The truck's own numbers."""
+        return np.zeros(len(self.truck.nuisances))
+
+    def misfit(self, z: Vector, effects: Effects) -> Floats:
+        """Readings less what the truck with numbers ``z`` and ``effects`` would show; not white."""
+        told, signals = self.truck.replay(self.recorded, z, effects), self.recorded.signals
+        speed = signals["engine_speed"] - told.speed
+        sums = np.r_[0.0, np.cumsum(signals["slave_position"] - told.zero_position)]
+        begins, ends = self._blocks.T
+        means = (sums[ends] - sums[begins]) / (ends - begins)
+        return np.concatenate([*(speed[stretch] for stretch in self._stretches), means])
+
+    def white(self, columns: Floats) -> Floats:
+        """Misfits (K, m) in standard deviations, independent of each other."""
+        parts, at = [], 0
+        for one in self._filters:
+            rows = columns[at : at + len(one.spread)]
+            parts.append(one.innovations(rows))
+            at += len(rows)
+        rest = columns[at:] / self._std[:, None]
+        around, sizes = self._scattered
+        return np.concatenate([*parts, rest - around @ (sizes[:, None] * (around.T @ rest))])
+
+    @cached_property
+    def _filters(self) -> list[SpeedFilter]:
+        noise = [self._noise[name] for name in READ]
+        inertia = self.truck.own.parameters["engine_inertia"]
+        step, slope = self._period["engine_speed"], self._slope
+        return [SpeedFilter.of(slope[rows], inertia, step, noise) for rows in self._stretches]
+
+    @cached_property
+    def _std(self) -> Floats:
+        """Of the blocks' means."""
+        counts, which = np.unique(self._counts, return_inverse=True)
+        sensor = self._noise["slave_position"]
+        return np.array([sensor.of_mean(int(count)) for count in counts])[which]
+
+    @cached_property
+    def _scattered(self) -> tuple[Floats, Floats]:
+        """Directions (K, d) in which noise that has become heat scatters the zero position, and by
+        what share (d,) each counts for less."""
+        u, s, _ = np.linalg.svd(self._heated() / self._std[:, None], full_matrices=False)
+        return u, 1.0 - 1.0 / np.sqrt(1.0 + s**2)
+
+    def _heated(self) -> Floats:
+        """What one standard deviation of every heat error does to the blocks' means, (K, d)."""
+        capacities, own = self.truck.own.parameters, self.truck.own
+        still, after = self.recorded.resting(), {}
+        calm = replay(still, own).zero_position
+        for part in ("body", "housing", "disc"):
+            warmer = replay(still, own.moved({f"temp_{part}": 1.0})).zero_position - calm
+            after[part] = warmer / capacities[f"heat_capacity_{part}"]
+        time = self.recorded.time
+        middles = np.array([time[a:b].mean() for a, b in self._blocks])
+
+        def response(part: str, when: float) -> Floats:
+            since = middles - when
+            return np.where(since > 0.0, np.interp(since, time, after[part]), 0.0)
+
+        columns = [std * response("disc", end) for end, std in self._slips()]
+        for part, signal, path in (
+            ("body", "coolant_temp", "conductance_engine_body"),
+            ("housing", "ambient_temp", "conductance_housing_ambient"),
+        ):
+            count = SPELL / self._period[signal]
+            std = self._noise[signal].of_sum * np.sqrt(count) * self._period[signal]
+            for begin in np.arange(0.0, time[-1], SPELL):
+                columns.append(capacities[path] * std * response(part, begin + SPELL / 2.0))
+        return np.column_stack(columns)
+
+    def _slips(self) -> list[tuple[float, float]]:
+        """When each slip ends, and by how many joules its heat scatters."""
+        signals, step = self.recorded.signals, self._period["engine_speed"]
+        slip = signals["engine_speed"] - signals["input_shaft_speed"]
+        slope, torque = self._slope, self._plain.torque
+        found = []
+        for stretch in self._stretches:
+            x = np.linalg.norm((slope * slip)[stretch]) * self._noise["slave_position"].of_sum
+            w = np.linalg.norm(torque[stretch]) * self._noise["engine_speed"].of_sum * 2**0.5
+            if x + w > 0.0:
+                found.append((self.recorded.time[stretch.stop], float(np.hypot(x, w)) * step))
+        return found
+
+    @cached_property
+    def residual(self) -> Floats:
+        """White, at the truck's own numbers, (K,)."""
+        return self.white(self._raw[:, None])[:, 0]
+
+    @cached_property
+    def _raw(self) -> Floats:
+        return self.misfit(self.nought, NONE)
+
+    @cached_property
+    def nuisances(self) -> Floats:
+        """White derivatives of the misfit by the truck's numbers, (K, m)."""
+        return self.by_nuisances(self.nought, NONE)
+
+    def by_nuisances(self, z: Vector, effects: Effects) -> Floats:
+        """The same at other numbers, with ``effects``."""
+        before, one = self.misfit(z, effects), np.eye(len(z)) * NUDGE
+        raw = [self.misfit(z + step, effects) - before for step in one]
+        return self.white(np.column_stack(raw)) / NUDGE
+
+    def by_effects(self, tried: Sequence[tuple[Effects, float]], z: Vector, at: Effects) -> Floats:
+        """White differences of the misfit, (K, len(tried)), between each of the ``tried`` effects
+        and those ``at`` work, per so much."""
+        before = self.misfit(z, at)
+        raw = [(self.misfit(z, effects) - before) / share for effects, share in tried]
+        return self.white(np.column_stack(raw)) if raw else np.zeros((len(self.residual), 0))
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Begin and end of every run of flags that are set."""
+    edges = np.flatnonzero(np.diff(np.r_[0, flags, 0]))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
