@@ -31,8 +31,9 @@ from clutchest.simulated import Effects
 
 Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
 NOMINAL: Shapes = MappingProxyType({})
-STEPS, SETTLED = 12, 0.05  # Gauss–Newton: at most so many, until so little is promised
-KEPT = 0.2  # of what a step promises, what may be lacking before the nuisances bend too much
+STEPS, SETTLED = 40, 0.05  # of a fit: at most so many, until so little is promised
+DAMPED = 1e-3  # least damping of a step, once one has failed
+KEPT = 0.1  # of what a step promises, what may be lacking before derivatives count as stale
 NUDGE = 1e-6  # of a largest plausible size, for derivatives
 CLOSE, NEAREST = 5.0, 3  # d′; rivals nearer than this by first order are fitted in full, and so
 # many of the nearest in any case: far from what is hidden, a first order makes them seem further
@@ -83,15 +84,23 @@ class Oracle:
         comes closest: name → distance.  Far ones to first order, and every choice of a shape; all
         of them unless the ``whole`` is asked for."""
         base = self._fit(twin, beside)
-        found: dict[str, tuple[float, Shapes]] = {}
+        own = self._derivatives(twin, base, beside, NOMINAL)[0]
+        begins = (base, own), (replace(base, z=twin.nought), twin.nuisances)
+        found: dict[str, tuple[float, Shapes, Floats]] = {}
+        told: dict[str, float] = {}
         for name, shapes in self._grid():
-            if name not in beside:
-                tried = self._first_order(twin, base, (name, *beside), shapes), shapes
+            if name in beside:
+                continue
+            for at, by in begins:
+                d = self._first_order(twin, at, by, (name, *beside), shapes)
+                if at is base:
+                    told[name] = min(told.get(name, d), d)
+                tried = d, shapes, at.z
                 found[name] = min(found.get(name, tried), tried, key=itemgetter(0))
-        told = {name: distance for name, (distance, _) in found.items()}
-        for i, name in enumerate(sorted(told, key=told.__getitem__)):
-            if whole and (i < NEAREST or told[name] < CLOSE):
-                fit = self._fit(twin, (name, *beside), found[name][1])
+        for i, name in enumerate(sorted(found, key=lambda name: found[name][0])):
+            distance, shapes, begin = found[name]
+            if whole and (i < NEAREST or distance < CLOSE):
+                fit = self._fit(twin, (name, *beside), shapes, begin)
                 told[name] = min(told[name], fit.distance)
         return told
 
@@ -163,60 +172,88 @@ class Oracle:
             tried.append((self._acting(causes, gains + step * one, shapes), step))
         return seen.by_effects(tried, z, self._acting(causes, gains, shapes))
 
-    def _first_order(self, seen: Seen, base: Fit, causes: Sequence[str], shapes: Shapes) -> float:
+    def _first_order(
+        self, seen: Seen, base: Fit, own: Floats, causes: Sequence[str], shapes: Shapes
+    ) -> float:
+        """The distance that derivatives at ``base`` promise, those by nuisances being ``own``."""
         gains = np.r_[np.zeros(len(self._gains(causes)) - len(base.gains)), base.gains]
         fit = Fit(base.z, gains, base.cost)
         r = self._residual(seen, fit, causes, shapes)
         columns = self._columns(seen, causes, shapes, fit)
-        return _step(seen.nuisances, r, fit, columns, self._lowest(causes)).distance
+        return _step(own, r, fit, columns, self._lowest(causes)).distance
 
     def _residual(self, seen: Seen, fit: Fit, causes: Sequence[str], shapes: Shapes) -> Floats:
         raw = seen.misfit(fit.z, self._acting(causes, fit.gains, shapes))
         return seen.white(raw[:, None])[:, 0]
 
-    def _fit(self, seen: Seen, causes: Sequence[str] = (), shapes: Shapes = NOMINAL) -> Fit:
-        """The most probable numbers with the gains of ``causes`` free: Gauss–Newton from the
-        truck's own on, every cost that of a whole replay."""
-        r, own = seen.residual, seen.nuisances
-        fit = Fit(seen.nought, np.zeros(len(self._gains(causes))), float(r @ r))
+    def _fit(
+        self,
+        seen: Seen,
+        causes: Sequence[str] = (),
+        shapes: Shapes = NOMINAL,
+        begin: Floats | None = None,
+    ) -> Fit:
+        """The most probable numbers with the gains of ``causes`` free: Levenberg–Marquardt from the
+        truck's own numbers on, or those of ``begin`` (m), every cost that of a whole replay;
+        derivatives follow by Broyden's rule while they serve."""
+        lowest, damping, fresh = self._lowest(causes), 0.0, True
+        fit = Fit(seen.nought if begin is None else begin, np.zeros(len(lowest)), 0.0)
+        r = self._residual(seen, fit, causes, shapes)
+        fit = replace(fit, cost=float(r @ r + fit.z @ fit.z))
+        own, columns = self._derivatives(seen, fit, causes, shapes)
         for _ in range(STEPS):
-            columns = self._columns(seen, causes, shapes, fit)
-            promised = _step(own, r, fit, columns, self._lowest(causes))
+            promised = _step(own, r, fit, columns, lowest, damping)
             if fit.cost - promised.cost < SETTLED:
-                break
-            for share in (1.0, 0.5, 0.25, 0.1):
-                z = fit.z + share * (promised.z - fit.z)
-                tried = Fit(z, fit.gains + share * (promised.gains - fit.gains), 0.0)
-                tried_r = self._residual(seen, tried, causes, shapes)
-                tried = replace(tried, cost=float(tried_r @ tried_r + z @ z))
-                if tried.cost < fit.cost:
+                if fresh:
                     break
+                (own, columns), fresh = self._derivatives(seen, fit, causes, shapes), True
+                continue
+            tried_r = self._residual(seen, promised, causes, shapes)
+            tried = replace(promised, cost=float(tried_r @ tried_r + promised.z @ promised.z))
+            z, gains = tried.z - fit.z, tried.gains - fit.gains
+            lacks = (tried_r - r - own @ z - columns @ gains) / (z @ z + gains @ gains)
+            if tried.cost < fit.cost:
+                good = tried.cost - promised.cost < KEPT * (fit.cost - promised.cost)
+                own, columns = own + np.outer(lacks, z), columns + np.outer(lacks, gains)
+                fit, r, damping, fresh = tried, tried_r, 0.2 * damping, fresh and good
+            elif not fresh:
+                (own, columns), fresh = self._derivatives(seen, fit, causes, shapes), True
             else:
-                break
-            lacking = (tried.cost - promised.cost) / (fit.cost - promised.cost)
-            fit, r = tried, tried_r
-            if lacking > KEPT:
-                own = seen.by_nuisances(fit.z, self._acting(causes, fit.gains, shapes))
+                damping = max(4.0 * damping, DAMPED)
         return fit
+
+    def _derivatives(
+        self, seen: Seen, fit: Fit, causes: Sequence[str], shapes: Shapes
+    ) -> tuple[Floats, Floats]:
+        """By nuisances (K, m) and by gains (K, k)."""
+        if not (fit.z.any() or fit.gains.any()):
+            return seen.nuisances, self._columns(seen, causes, shapes, fit)
+        own = seen.by_nuisances(fit.z, self._acting(causes, fit.gains, shapes))
+        return own, self._columns(seen, causes, shapes, fit)
 
     def _lowest(self, causes: Sequence[str]) -> Floats:
         """The least plausible gains, in largest plausible ones."""
         return np.array([number.lower / number.upper for _, number in self._gains(causes)])
 
 
-def _step(own: Floats, r: Floats, fit: Fit, columns: Floats, lowest: Floats) -> Fit:
+def _step(
+    own: Floats, r: Floats, fit: Fit, columns: Floats, lowest: Floats, damping: float = 0.0
+) -> Fit:
     """Where the cost is least that is linearised by derivatives by nuisances, ``own`` (K, m), and
-    gains, ``columns`` (K, k); gains within their plausible sizes."""
+    gains, ``columns`` (K, k), gains within their plausible sizes; on the way there by as much as
+    the ``damping`` allows."""
     whole = np.column_stack([columns, r])
     curvature, across = own.T @ own + np.eye(own.shape[1]), own.T @ whole
     across[:, -1] += fit.z
-    answer = np.linalg.solve(curvature, across)
-    inner = whole.T @ whole - across.T @ answer
-    a, b, c = inner[:-1, :-1], inner[:-1, -1], inner[-1, -1] + fit.z @ fit.z
+    damped = curvature + damping * np.diag(np.diag(curvature))
+    answer = np.linalg.solve(damped, across)
+    full = whole.T @ whole
+    inner = full - across.T @ answer
+    a, b = inner[:-1, :-1] + damping * np.diag(np.diag(full)[:-1]), inner[:-1, -1]
     gains = _within(a, b, lowest - fit.gains, 1.0 - fit.gains)
     z = -answer[:, -1] - answer[:, :-1] @ gains
-    cost = float(c + gains @ a @ gains + 2.0 * gains @ b)
-    return Fit(fit.z + z, fit.gains + gains, cost)
+    moved, ahead = r + own @ z + columns @ gains, fit.z + z
+    return Fit(ahead, fit.gains + gains, float(moved @ moved + ahead @ ahead))
 
 
 def _within(a: Floats, b: Floats, low: Floats, high: Floats) -> Floats:

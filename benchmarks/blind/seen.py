@@ -89,6 +89,8 @@ class Seen:
         readings in each, (n,)."""
         time, period, blocks = self.recorded.time, self._period["slave_position"], []
         for a, b in _runs(self.recorded.retracted):
+            if b - a < 2:
+                continue
             edges = a + np.searchsorted(time[a:b], np.arange(time[a], time[b - 1], BLOCK))
             blocks += list(zip(edges, [*edges[1:], b], strict=True))
         rows = np.array(blocks, np.int64).reshape(-1, 2)

@@ -290,7 +290,7 @@ def _experiment(task: _Task, verdict: SearchVerdict) -> Experiment:
         rivals,
         beside,
         task.vehicle.machine,
-        lambda name, effects: simulate(task.vehicle, name, 1, effects, nominal=True),
+        lambda name: simulate(task.vehicle, name, 1, nominal=True),
         task.problem,
         task.progress,
     )

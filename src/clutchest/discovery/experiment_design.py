@@ -1,4 +1,8 @@
-"""The manoeuvre that would separate rivals best, each simulated."""
+"""The manoeuvre that would separate rivals best, as the model foresees it.
+
+A manoeuvre is what driver and control unit of a healthy vehicle do in it; what causes would change
+there is computed from the estimator's own equations, so that nothing but the model decides.
+"""
 
 from __future__ import annotations
 
@@ -26,24 +30,22 @@ def propose(
     rivals: Sequence[Sized],
     beside: Sequence[Sized],
     machine: Machine,
-    simulated: Callable[[str, dict[str, dict[str, float]]], Signals],
+    driven: Callable[[str], Signals],
     problem_of: Callable[[Signals], Problem],
     progress: Progress | None = None,
 ) -> Experiment:
-    """The manoeuvre in which the closest two of ``rivals`` are separated best, each judged by one
-    drive ``simulated`` with the first rival and the causes ``beside`` it that are certain."""
+    """The manoeuvre in which the closest two of ``rivals`` are separated best, the first of them
+    and the causes ``beside`` it that are certain being there; each judged by one drive of a healthy
+    vehicle, ``driven`` by its name."""
     names = " or ".join(c.name for c, _ in rivals)
     best, scenario, simulable, why = 0.0, None, False, ""
-    hidden: dict[str, dict[str, float]] = {}
-    for c, size in (rivals[0], *beside):  # two numbers of one effect may be among them
-        hidden.setdefault(c.name, {}).update({c.gain.key: size * c.gain.upper, **dict(c.shapes)})
     scenarios = machine.scenario_names
     for k, name in enumerate(scenarios):
         if progress:
             progress(f"simulating '{name}'", k / len(scenarios))
         try:
-            least = _least_distance(rivals, beside, problem_of(simulated(name, hidden)))
-        except ClutchestError as error:  # a cause of the user's own, or too large for a manoeuvre
+            least = _least_distance(rivals, beside, problem_of(driven(name)))
+        except ClutchestError as error:
             why = str(error)
             continue
         simulable = True
@@ -62,7 +64,8 @@ def propose(
 
 
 def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: Problem) -> float:
-    """Between the closest two, by first order at the numbers that the drive was simulated with."""
+    """Between the closest two, by first order at the sizes that they have; noise is that of the
+    drive itself, in which there is none of them."""
     theta = np.zeros(len(problem.thetas))
     for c, size in (rivals[0], *beside):
         theta[problem.index(c.gain_name)] = size
@@ -70,10 +73,10 @@ def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: P
     gains = [problem.index(c.gain_name) for c, _ in rivals]
     certain = [problem.index(c.gain_name) for c, _ in beside]
     free = np.concatenate([problem.nuisances, certain]).astype(int)
-    objective = Objective.of(problem)
-    fit = objective.linearise_at(theta, shapes, np.union1d(free, gains))
-    objective = objective.with_noise_of(fit)
-    fit = objective.whitened(fit)
+    objective, active = Objective.of(problem), np.union1d(free, gains)
+    healthy = objective.linearise_at(np.zeros(len(theta)), shapes, active)
+    objective = objective.with_noise_of(healthy)
+    fit = objective.whitened(objective.linearise_at(theta, shapes, active))
     scores: ScoreTest = score_test(
         fit,
         free,

@@ -12,7 +12,6 @@ from clutchest.generator.physics import (
     capacity,
     expansion,
     rates,
-    transmitted,
     zero_reference,
 )
 from clutchest.generator.situation import (
@@ -49,25 +48,22 @@ def follow(time: Floats, shown: Floats, y: Floats, s: Record, p: Record, out: Fl
     ``out`` (n, 2): the clutch torque in Nm while it is not locked, and where an empty actuator lets
     the piston rest, mm; or (n, 3): the slope of the torque over the position, Nm/mm, as well."""
     heat = (BODY, HOUSING, DISC, ENERGY)
-    first, second = np.zeros(len(y)), np.zeros(len(y))
+    before, after = np.zeros(len(y)), np.zeros(len(y))
     s.plate = shown[0, 3] + p.play  # it came to rest while closing
     for k in range(len(shown)):
         _enter(shown[k], y, s, p)
-        if k > 0:
-            h = time[k] - time[k - 1]
-            rates(y, s.plate, s, p, second)
-            for i in heat:
-                y[i] += 0.5 * h * (second[i] - first[i])
+        h = time[k] - time[k - 1] if k > 0 else 0.0
+        for i in heat:
+            y[i] += h * before[i]
+        rates(y, s.plate, s, p, after)
+        for i in heat:
+            y[i] += 0.5 * h * (after[i] - before[i])
+            before[i] = after[i]
         out[k] = 0.0
         out[k, 1] = zero_reference(y[ENERGY], s, p) + expansion(y[BODY], y[DISC], p)
         if not s.locked:
-            out[k, 0] = transmitted(y, s.plate, s, p)
+            out[k, 0] = -p.engine_inertia * after[ENGINE]  # no torque of the engine drives it here
         if not s.locked and out.shape[1] > 2:
             above = capacity(y, s.plate + NUDGE, s, p)
             below = capacity(y, s.plate - NUDGE, s, p)
             out[k, 2] = s.sign * (above - below) / (2.0 * NUDGE)
-        if k + 1 < len(shown):
-            h = time[k + 1] - time[k]
-            rates(y, s.plate, s, p, first)
-            for i in heat:
-                y[i] += h * first[i]

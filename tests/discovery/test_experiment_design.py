@@ -1,0 +1,81 @@
+"""The manoeuvre that is proposed: chosen by the model, tested in the generator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from clutchest.discovery.candidates import CandidateCause, candidates
+from clutchest.discovery.experiment_design import propose
+from clutchest.errors import ClutchestError
+from clutchest.generator import Disturbances
+from clutchest.inference.problem import Problem
+from clutchest.models import machine_of
+from clutchest.simulated import simulate
+from clutchest.vehicle import Vehicle, load_vehicle
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+SIZE = 0.5  # of the largest plausible one
+
+
+def _white() -> Vehicle:
+    truck = load_vehicle("truck")
+    return replace(truck, signals={n: replace(s, noise_ar=0.0) for n, s in truck.signals.items()})
+
+
+@pytest.mark.slow
+def test_what_the_model_foresees_is_what_the_generator_s_drive_shows(monkeypatch):
+    """The distance of a rival from a cause, foreseen by the program's equations from a healthy
+    drive, is that which replays by the generator find in the drive with the cause."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    from blind.drives import Drive
+    from blind.oracle import Oracle
+
+    @dataclass(frozen=True)
+    class Nominal(Drive):
+        def request(self, effects=None, outsider=None, scenario=None):
+            return replace(
+                super().request(effects, outsider),
+                scenario="launches",
+                seed=1,
+                nominal=True,
+                duration=None,
+                disturbances=Disturbances(),
+            )
+
+    asked, vehicle = [], _white()
+    machine = replace(machine_of(vehicle.model), scenarios=lambda: ("launches",))
+    effects = tuple(machine.effects.values())
+
+    def driven(name):
+        asked.append(name)
+        return simulate(vehicle, name, 1, nominal=True)
+
+    found = {c.name: c for c in candidates(Problem.of(driven("launches"), vehicle, effects))}
+    rivals = [(found[name], SIZE) for name in ("kiss_point", "torque_curve")]
+    words = propose(
+        rivals, [], machine, driven, lambda signals: Problem.of(signals, vehicle, effects)
+    )
+    assert words.scenario == "launches" and asked == ["launches"] * 2
+    told = float(words.words.split(" by ")[1].split()[0])
+    oracle, off = Oracle(Nominal(1, "white")), []
+    for (cause, size), (rival, _) in (rivals, rivals[::-1]):
+        twin = oracle.twin({cause.name: {cause.gain.key: 0.1 * size * cause.gain.upper}})
+        off.append(oracle.distance(twin, [rival.name]) / 0.1)
+    assert min(off) == pytest.approx(told, rel=0.3)
+
+
+def test_a_sensor_is_proposed_where_no_manoeuvre_can_be_simulated():
+    vehicle = _white()
+    machine = machine_of(vehicle.model)
+    effects = [machine.effects[name] for name in ("friction_level", "torque_gain")]
+    rivals = [(CandidateCause(effect, effect.gains[0], 0, ()), SIZE) for effect in effects]
+
+    def refused(name):
+        raise ClutchestError("no such road")
+
+    words = propose(rivals, [], machine, refused, lambda signals: None)
+    assert words.scenario is None and "no such road" in words.words
+    assert "torque sensor" in words.words
