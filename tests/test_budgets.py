@@ -223,6 +223,7 @@ STATES = {
     "indefinite": lambda s: (s["P"][0].__setitem__(1, 1e6), s["P"][1].__setitem__(0, 1e6)),
     "asymmetric": lambda s: s["P"][0].__setitem__(1, 1e3),
     "words": lambda s: s.__setitem__("x", "many"),
+    "numbers in quotes": lambda s: s.__setitem__("x", [str(value) for value in s["x"]]),
 }
 
 

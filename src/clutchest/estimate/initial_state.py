@@ -221,7 +221,8 @@ def _check_numbers(state: Mapping[str, Any], n: int) -> None:
     }
     for key, shape in shapes.items():
         try:
-            numbers = np.array(state[key], np.float64)
+            given = np.array(state[key])
+            numbers = given.astype(np.float64) if given.dtype.kind in "iuf" else np.zeros(0)
         except (TypeError, ValueError, OverflowError):
             numbers = np.zeros(0)
         if numbers.shape != shape or not np.all(np.isfinite(numbers)):
