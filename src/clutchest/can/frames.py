@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from enum import IntFlag
+from importlib import import_module
 from itertools import chain
 from typing import Any
 
@@ -96,6 +97,13 @@ class Frames:
             self.passed_over,
             self.notes,
         )
+
+    def decode(self, database: Any, messages: Sequence[str] | None = None) -> Any:
+        """The signals of all ``messages`` (every one unless given) of a ``database``: a DBC or
+        another file, several, or one that is loaded.  Gives :class:`clutchest.can.DecodedFrames`.
+        """
+        decoded = import_module("clutchest.can.decoded")  # which is made of frames
+        return decoded.DecodedFrames.of(self, database, messages)
 
     def steps(self) -> Iterator[tuple[int, NDArray[np.int64]]]:
         """From each frame to the next, ns, a portion at a time, each with its first row."""
