@@ -9,7 +9,6 @@ from math import ceil, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from clutchest.compute.lowered import (
     HAS_MAP,
@@ -23,6 +22,7 @@ from clutchest.compute.lowered import (
     step_map,
 )
 from clutchest.compute.update import propagate, update
+from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
 
@@ -38,7 +38,7 @@ class Plan(NamedTuple):
     finest: Any
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def wander(x, ua, ub, dt, w, p, g, q, noise, random, k, A, B, y, Y, Yu):
     """x ← x after ``dt`` s of the stochastic differential equation; inputs go ``ua`` → ``ub``.
 
@@ -65,7 +65,7 @@ def wander(x, ua, ub, dt, w, p, g, q, noise, random, k, A, B, y, Y, Yu):
         x[i] += dt / 6 * (k[0, i] + 2 * k[1, i] + 2 * k[2, i] + k[3, i]) + kicks[i]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def wander_finely(x, ua, ub, dt, finer, w, numbers, q, noise, random, work):
     """:func:`wander` in so many ``finer`` steps, each with the step map behind it."""
     k4, A, B, y, Y, Yu, at = work
@@ -78,7 +78,7 @@ def wander_finely(x, ua, ub, dt, finer, w, numbers, q, noise, random, work):
             x[:] = at
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def draw(random, x, P, events, regimes, numbers, plan, z, out_x, out_bound):
     """Draw the truth from ``x`` (n) along a timeline, and everything that is measured of it.
 

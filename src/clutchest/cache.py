@@ -5,6 +5,7 @@ What is kept there is executed, so the folder has to be this user's alone.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import stat
 import sys
@@ -66,3 +67,25 @@ def kept(folder: Path, name: str, text: str) -> Path:
         os.fsync(file.fileno())
     Path(file.name).replace(path)  # atomic: two processes may do this at once
     return path
+
+
+def recalled(name: str) -> bytes | None:
+    """What :func:`remember` has kept under this name; None if nothing, or if it is damaged."""
+    try:
+        kept = (cache_folder() / "native" / name).read_bytes()
+    except OSError:
+        return None
+    checksum, content = kept[:32], kept[32:]
+    return content if hashlib.sha256(content).digest() == checksum else None
+
+
+def remember(name: str, content: bytes) -> None:
+    """Keep something, unless the folder cannot be written to."""
+    folder = cache_folder() / "native"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, suffix=".tmp", delete=False) as file:
+            file.write(hashlib.sha256(content).digest() + content)
+        Path(file.name).replace(folder / name)
+    except OSError:
+        return

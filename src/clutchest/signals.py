@@ -8,11 +8,11 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
 from clutchest.errors import ClutchestError, nearest
+from clutchest.native import compiled
 from clutchest.shown import Showing, Shown
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class Signal:
         return len(self.time)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _between(time, samples, value, gap):  # type: ignore[no-untyped-def]
     """``value`` at ``time``, straight between ``samples`` at most ``gap`` apart, else held."""
     result, n, k = np.empty(len(time)), len(samples), 0

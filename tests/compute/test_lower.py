@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import linecache
 import math
 from collections.abc import Callable, Iterator
 from itertools import product
 from typing import Any
 
 import casadi as ca
-import numba
 import numpy as np
 import pytest
 
@@ -29,8 +29,10 @@ def runnable(text: str) -> Callable[..., Any]:
     """The one function in ``text``, compiled."""
     names: dict[str, Any] = {}
     exec(build._HEADER, names)
-    names |= {**vars(choices), "njit": lambda **_: numba.njit(error_model="numpy")}
-    exec(text, names)
+    names |= {**vars(choices), "__name__": "lowered"}
+    file = f"<{hash(text)}>"
+    linecache.cache[file] = (len(text), None, text.splitlines(True), file)
+    exec(compile(text, file, "exec"), names)
     return names["lowered"]
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
+from clutchest.native import compiled
 
 RESOLUTION_NS = 20_000_000  # of frames that lie closer together, one is enough
 _CHANNELS = 256
@@ -28,7 +28,7 @@ def times(frames: Frames, start_ns: int) -> dict[int, NDArray[np.float64]]:
     return {int(c): time[channel == c] for c in np.unique(channel)}
 
 
-@njit(cache=True)
+@compiled
 def _first_of_each(t_ns, channel, flags, resolution):  # type: ignore[no-untyped-def]
     last = np.full(_CHANNELS, np.iinfo(np.int64).min)
     chosen = np.empty(len(t_ns), np.intp)

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.can import j1939
 from clutchest.can.database import Message, SignalLayout
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
+from clutchest.native import compiled
 from clutchest.signals import Why
 
 Rows = NDArray[np.intp]
@@ -53,7 +53,7 @@ def rows_of(frames: Frames, message: Message, channel: int | None = None) -> Row
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _matching(ids, flags, channels, mask, wanted, kind, channel):  # type: ignore[no-untyped-def]
     rows = np.empty(len(ids), np.intp)
     n = 0
@@ -153,7 +153,7 @@ def _raw(data: NDArray[np.uint8], rows: Rows, layout: SignalLayout) -> NDArray:
     return raw.view(np.int64) if signed else raw
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _gather(data, rows, first, last, below, little, width, signed, raw):  # type: ignore[no-untyped-def]
     """The bits of a signal in each of ``rows``, bytes beyond the payload's width read as 0."""
     unused, end = np.uint64(64 - width), min(last, data.shape[1] - 1)

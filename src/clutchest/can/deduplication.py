@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
 from clutchest.can.frames import Frames
+from clutchest.native import compiled
 
 _LOOK_BACK = 256  # frames of one time stamp among which a duplicate is searched
 
@@ -24,7 +24,7 @@ def without_duplicates(frames: Frames) -> Frames:
     return replace(frames.take(~duplicate), passed_over=(*frames.passed_over, ("duplicate", count)))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _duplicates(t_ns, channel, ids, flags, length, data):  # type: ignore[no-untyped-def]
     duplicate = np.zeros(len(t_ns), np.bool_)
     for i in range(len(t_ns)):

@@ -8,18 +8,16 @@ nothing returns the position at which it began.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.log_source import LogSource
 from clutchest.can.time_stamps import counts_from_epoch
+from clutchest.native import compiled
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -47,34 +45,6 @@ SHORTEST = 5  # characters of a line that holds a frame; the least there can be 
 HEX = np.full(256, -1, np.int64)  # value of a hexadecimal digit
 for _value, _chars in enumerate(zip("0123456789abcdef", "0123456789ABCDEF", strict=True)):
     HEX[[ord(char) for char in _chars]] = _value
-
-# Nothing here allocates; counting references to the arrays would take longer than reading them.
-_OPTIONS: Any = {
-    "cache": True,
-    "forceinline": True,
-    "error_model": "numpy",
-    "_nrt": False,
-    "nogil": True,
-}
-compiled = njit(**_OPTIONS)
-
-
-def drop_stale_code() -> None:
-    """Delete what numba has compiled of the readers before this file changed.
-
-    numba asks only whether the file of a function itself is still the same, not those of the
-    functions that were compiled into it, so an edit here would go unnoticed by the formats.  The
-    question takes 0.4 ms; to keep nothing compiled would make reading the shipped log take 1.7 s
-    instead of 0.34 s at every start (``benchmarks/startup.py``).
-    """
-    with suppress(OSError):
-        changed = Path(__file__).stat().st_mtime
-        for index in Path(__file__).parent.glob("**/__pycache__/*.nbi"):
-            if index.stat().st_mtime < changed:
-                index.unlink()
-
-
-drop_stale_code()
 
 
 class Table(NamedTuple):

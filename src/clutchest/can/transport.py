@@ -11,12 +11,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.can import j1939
 from clutchest.can.database import Message
 from clutchest.can.frames import Flag, Frames, added_up
+from clutchest.native import compiled
 
 _PF = np.uint32(0xFF0000)  # PDU format within the id
 _CM, _DT = np.uint32(0xEC0000), np.uint32(0xEB0000)
@@ -104,7 +104,7 @@ class _Assembled(NamedTuple):
         )
 
 
-@njit(cache=True)
+@compiled
 def _assemble(packets, pgns, out):  # type: ignore[no-untyped-def]
     """Fills ``out`` (:class:`_Assembled`) from ``packets`` (:class:`_Packets`) of the groups
     ``pgns``, sorted; gives (messages, incomplete ones)."""

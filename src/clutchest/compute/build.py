@@ -16,7 +16,7 @@ from math import ceil, cos, exp, expm1, inf, log, nan, pi, sin, sqrt, tanh
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from clutchest.native import compiled
 
 '''
 _KERNELS = ("records.py", "update.py", "kernel.py", "smoother.py", "sensitivities.py")
@@ -56,8 +56,4 @@ def _text_of(file: str) -> str:
 
 def is_compiled(digest: str) -> bool:
     """Whether this machine has run the module before, so that it starts at once."""
-    folder = cache_folder() / "__pycache__"
-    return any(
-        any(folder.glob(f"model_{digest}.{first}-*.nbi"))
-        for first in ("run", "filter_sensitivities")
-    )
+    return (cache_folder() / f"model_{digest}.py").exists()

@@ -4,60 +4,60 @@ expression, and both sides are known when it chooses, so that the machine code n
 Truth is 1.0 and 0.0, as CasADi has it.
 """
 
-from numba import njit
+from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def when(condition, value):
     """CasADi's ``if_else_zero``: a value that is not a number does no harm where not chosen."""
     return value if condition != 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def less(a, b):
     """a < b."""
     return 1.0 if a < b else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def at_most(a, b):
     """a ≤ b."""
     return 1.0 if a <= b else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def same(a, b):
     """a = b."""
     return 1.0 if a == b else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def both(a, b):
     """a and b."""
     return 1.0 if a != 0.0 and b != 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def either(a, b):
     """a or b."""
     return 1.0 if a != 0.0 or b != 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def sign(a):
     """−1, 0 or 1."""
     return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def smaller(a, b):
     """The smaller of two."""
     return a if a < b else b
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(inline=True)
 def larger(a, b):
     """The larger of two."""
     return a if a > b else b

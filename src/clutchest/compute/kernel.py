@@ -25,7 +25,6 @@ from clutchest.compute.update import (
     TINY,
     correct_signature,
     doubt,
-    entry,
     in_proportion,
     inlined,
     inputs_between,
@@ -38,6 +37,7 @@ from clutchest.compute.update import (
     times,
     update,
 )
+from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
 
@@ -263,7 +263,7 @@ def store_outputs(o, u, belief, numbers, variance, weighting, rows, work):
         energy[3 + c] = belief.sE[c]
 
 
-@entry
+@compiled
 def run(belief, gained, events, regimes, numbers, weighting, rows, results, work):
     """Filter a whole log; returns its log-likelihood.
 

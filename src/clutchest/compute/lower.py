@@ -7,10 +7,10 @@ from collections import Counter
 import casadi as ca
 
 _SCALARS = ("dt",)  # arguments that are plain numbers
-_EXACT = "@njit(cache=True, error_model='numpy')"
+_EXACT = "@compiled"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
 # last bit beside a term that is zero
-CONTRACTED = "@njit(cache=True, error_model='numpy', fastmath={'contract'})"
+CONTRACTED = "@compiled(contract=True)"
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
 # What each operation of CasADi is in Python; see compute.choices for the named ones.

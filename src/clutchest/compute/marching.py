@@ -4,14 +4,14 @@ Like ``compute.kernel`` this text joins the model's lowered functions in the gen
 """
 
 import numpy as np
-from numba import njit
 
 from clutchest.compute.lowered import advance, watch
+from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def march(x, u, dt, between, w, p, g, out):
     """Advance ``x`` (n), in place, along inputs ``u`` (K, nu), straight between rows that lie
     ``between`` steps of ``dt`` s apart; ``out`` (K, watched) is filled."""

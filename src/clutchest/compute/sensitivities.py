@@ -7,7 +7,6 @@ does what ``run`` does, without energies, outputs and bounds.
 from math import ceil
 
 import numpy as np
-from numba import njit
 
 from clutchest.compute.lowered import (
     INPUTS,
@@ -22,7 +21,8 @@ from clutchest.compute.lowered import (
     transition,
 )
 from clutchest.compute.records import SensitivityWork
-from clutchest.compute.update import compiled, entry, inlined, inputs_between
+from clutchest.compute.update import inlined, inputs_between
+from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
 
@@ -111,7 +111,7 @@ def innovate(k, x, S, P, thetas, events, denoised, tracking, regimes, numbers, w
     return innovation
 
 
-@entry
+@compiled
 def filter_sensitivities(
     start, thetas, events, denoised, tracking, regimes, numbers, results, work
 ):
@@ -184,7 +184,7 @@ def weigh(P, H, R, tracked, PH, gain):
     return predicted
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@compiled
 def imply_inputs(x, row, rates, regimes, numbers, measured, u):
     """Put inputs ``u`` (K, nu), in place, to where they explain the measured slopes, as near to the
     ``measured`` ones (K, nu) as that goes: one step of Gauss and Newton from where they stand.

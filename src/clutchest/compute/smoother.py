@@ -16,10 +16,8 @@ import numpy as np
 from clutchest.compute.lowered import DOUBTED, STATES, THETAS, reading, step
 from clutchest.compute.update import (
     add_product,
-    compiled,
     correct_signature,
     doubt,
-    entry,
     inlined,
     inputs_between,
     propagate,
@@ -28,6 +26,7 @@ from clutchest.compute.update import (
     step_answer,
     update,
 )
+from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
 
@@ -101,7 +100,7 @@ def read_window(k, belief, centre, events, numbers, window, work):
         window.innovation[k, 1 + c] = -Hm[c]
 
 
-@entry
+@compiled
 def filter_window(belief, events, regimes, numbers, centre, window, work):
     """Filter one window with θ at its nominal value and keep in ``window`` what
     :func:`smooth_window` needs.
@@ -213,7 +212,7 @@ def back_over_step(L, A, Phi, T, LT):
             A[j, i] = A[i, j]
 
 
-@entry
+@compiled
 def smooth_window(L, A, events, window, work):
     """Smooth one window that :func:`filter_window` has filled, from its last event to its first.
 

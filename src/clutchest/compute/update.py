@@ -6,9 +6,6 @@ compiler unrolls, are the fastest form.
 """
 
 from math import sqrt
-from typing import Any
-
-from numba import njit
 
 from clutchest.compute.lowered import (
     DOUBTED,
@@ -20,16 +17,11 @@ from clutchest.compute.lowered import (
     reading_signature,
     step_signature,
 )
+from clutchest.native import compiled
 
 # --- the generated module goes on from here ---
 
-# Kernels get all their memory from outside, so that numba need not count references to it: a
-# record's arrays, counted at each access, made the filter three times as slow (0.50 µs an event of
-# a city drive became 1.5 µs; uncounted 0.48 µs).
-UNCOUNTED: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
-compiled = njit(**UNCOUNTED)
-entry = njit(nogil=True, **UNCOUNTED)
-inlined = njit(inline="always", **UNCOUNTED)  # what takes records
+inlined = compiled(inline=True)  # what takes records
 
 # A covariance with a state that is measured again and again, and fed by nothing, fades by a factor
 # at each reading.  Far below 1e-280 a processor takes a hundred times as long over every number;

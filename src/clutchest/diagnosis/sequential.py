@@ -10,7 +10,8 @@ exponential beyond a threshold (peaks over threshold).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from clutchest.native import compiled
 
 # State of a tail: number and sum of the samples, number and summed excess of those beyond the edge.
 COUNT, TOTAL, EXCEEDING, EXCESS, PRIOR, GRAIN = range(6)
@@ -24,13 +25,13 @@ def new_tail(prior_mean: float, grain: float = 0.0) -> np.ndarray:
     return np.array([0.0, 0.0, 0.0, 0.0, prior_mean, grain])
 
 
-@njit(cache=True)
+@compiled
 def tail_mean(tail):  # type: ignore[no-untyped-def]
     """Posterior mean of a sample."""
     return (tail[TOTAL] + PRIOR_COUNT * tail[PRIOR]) / (tail[COUNT] + PRIOR_COUNT)
 
 
-@njit(cache=True)
+@compiled
 def tail_take(tail, x):  # type: ignore[no-untyped-def]
     """Update with one healthy sample."""
     edge = EDGE * tail_mean(tail)
@@ -41,7 +42,7 @@ def tail_take(tail, x):  # type: ignore[no-untyped-def]
         tail[EXCESS] += x - edge + tail[GRAIN]
 
 
-@njit(cache=True)
+@compiled
 def tail_bound(tail, samples):  # type: ignore[no-untyped-def]
     """The value that ``samples`` healthy ones exceed once: peaks over threshold, exponential.
 
@@ -56,7 +57,7 @@ def tail_bound(tail, samples):  # type: ignore[no-untyped-def]
 # --- likelihood ratios ------------------------------------------------------------------------
 
 
-@njit(cache=True)
+@compiled
 def cusum(gains, start, path, begun):  # type: ignore[no-untyped-def]
     """Page's sum of log-likelihood ratios ``gains`` (n) from ``start`` on, into ``path`` (n);
     ``begun`` (n) the first sample since the last reset (−1: before the first of these)."""
@@ -72,7 +73,7 @@ def cusum(gains, start, path, begun):  # type: ignore[no-untyped-def]
 LEVEL, BEGUN, FAILING = range(3)  # state of cusum_step; further entries belong to its caller
 
 
-@njit(cache=True)
+@compiled
 def cusum_step(state, gain, bound, time, changes, n):  # type: ignore[no-untyped-def]
     """One step of Page's sum with ``gain`` at ``time`` s, limited to twice its ``bound``: the test
     fails above the bound and heals at 0.
@@ -94,7 +95,7 @@ def cusum_step(state, gain, bound, time, changes, n):  # type: ignore[no-untyped
     return n
 
 
-@njit(cache=True)
+@compiled
 def glr(score, information, low, high, one_sided, window, path, begun):  # type: ignore[no-untyped-def]
     """Generalised likelihood ratio of a fault of size ``low`` to ``high``, of either sign unless
     ``one_sided``, that began within the last ``window`` samples: ``path`` (n) and the maximising
@@ -118,7 +119,7 @@ def glr(score, information, low, high, one_sided, window, path, begun):  # type:
         path[k], begun[k] = best, first
 
 
-@njit(cache=True)
+@compiled
 def peaks(path, threshold, apart):  # type: ignore[no-untyped-def]
     """Maxima of ``path`` over its excursions beyond ``threshold``; excursions less than ``apart``
     samples apart count as one."""

@@ -13,10 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from clutchest.diagnosis.sequential import cusum, glr, peaks
 from clutchest.inference.noise_model import median_std
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 SIMULATED = 800_000  # blocks
@@ -93,7 +93,7 @@ def simulated(
     return noise_model.level * z * np.sqrt(resampled), resampled
 
 
-@njit(cache=True)
+@compiled
 def _autocorrelate(z, coefficient):  # type: ignore[no-untyped-def]
     innovation = np.sqrt(1.0 - coefficient**2)
     for k in range(1, len(z)):

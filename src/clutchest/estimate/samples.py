@@ -7,10 +7,10 @@ from itertools import pairwise
 from math import inf
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.estimate.sample_timing import SampleTiming
+from clutchest.native import compiled
 from clutchest.signals import Floats, Signal
 
 SLOPE_WINDOW = 0.1  # s, over which the slope of the engine speed is fitted
@@ -22,7 +22,7 @@ def blind(time: Floats, signal: Signal, gap: float) -> NDArray[np.bool_]:
     return np.asarray(_blind(time, signal.time, gap))
 
 
-@njit(cache=True)
+@compiled
 def _blind(time, samples, gap):  # type: ignore[no-untyped-def]
     missing, k = np.zeros(len(time), np.bool_), 0
     for i in range(len(time)):
@@ -75,7 +75,7 @@ def slope(
     return rate, float(noise / np.sqrt(max(moment, 1e-12)))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _lines(time, value, count):  # type: ignore[no-untyped-def]
     """The slope at every sample of a straight line through the ``count`` samples around it."""
     half, n = count // 2, len(time)
@@ -137,7 +137,7 @@ def readings_of(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _averages(time, value, apart, most):  # type: ignore[no-untyped-def]
     """First sample, number of samples and mean of every ``most`` that follow each other without a
     hole of more than ``apart`` s."""
@@ -149,4 +149,6 @@ def _averages(time, value, apart, most):  # type: ignore[no-untyped-def]
             first[n] = k
         count[n] += 1
         mean[n] += value[k]
-    return first[: n + 1], count[: n + 1], mean[: n + 1] / count[: n + 1]
+    for k in range(n + 1):
+        mean[k] /= count[k]
+    return first[: n + 1], count[: n + 1], mean[: n + 1]

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.estimate.drive_setup import DriveSetup, usable, warnings_of
@@ -15,6 +14,7 @@ from clutchest.estimate.samples import SensorReadings, blind, readings_of, slope
 from clutchest.models.model import Model
 from clutchest.models.regimes import FREE, Observed, Regimes
 from clutchest.models.thresholds import Thresholds
+from clutchest.native import compiled
 from clutchest.signals import LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
@@ -300,7 +300,7 @@ def _outputs(
     return emit, on_grid[emit >= 0]
 
 
-@njit(cache=True)
+@compiled
 def _emitted(t, sliding, grid):  # type: ignore[no-untyped-def]
     emit, on_grid = np.full(len(t), -1, np.int64), np.zeros(len(t), np.bool_)
     rows = place = 0

@@ -6,7 +6,6 @@ Its text joins that of the truck's other files in one generated module: see ``ge
 
 from __future__ import annotations
 
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.generator.physics import (
@@ -39,19 +38,20 @@ from clutchest.generator.situation import (
     UNLOADING,
     Record,
 )
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 # --- the generated module goes on from here ---
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _torque_limits(engine: float, p: Record) -> tuple[float, float]:
     full = min(max(0.45 + 0.55 * (engine - 60.0) / 50.0, 0.3), 1.0)
     full *= min(max((235.0 - engine) / 15.0, 0.0), 1.0)  # no more revolutions than that
     return -(60.0 + 0.9 * engine), full * p.engine_torque_max
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _govern(speed: float, y: Floats, s: Record, p: Record) -> None:
     """Engine towards ``speed``: what the clutch is felt to take, plus a share of the error."""
     s.setpoint += min(max(speed - s.setpoint, -80.0 * STEP), 80.0 * STEP)
@@ -60,7 +60,7 @@ def _govern(speed: float, y: Floats, s: Record, p: Record) -> None:
     s.request = min(max(request, low), high)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _position_for(torque: float, y: Floats, s: Record, p: Record) -> float:
     """Command for ``torque`` by the nominal curve, trimmed by what the engine feels."""
     if torque <= 0.0:
@@ -77,7 +77,7 @@ def _position_for(torque: float, y: Floats, s: Record, p: Record) -> float:
     return p.known_kiss - depth + s.trim
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _gear_for(speed: float, engine: float) -> int:
     """The gear that turns the shaft closest to ``engine`` rad/s at ``speed`` m/s."""
     best = 0
@@ -87,13 +87,13 @@ def _gear_for(speed: float, engine: float) -> int:
     return best + 1
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _sliding(wish: float, since: float) -> float:
     """Slip left on purpose (rad/s) while closing after a gearshift: power is on early."""
     return (12.0 if wish > 0.0 else -6.0) * max(1.0 - since / 0.6, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _drive(wish: float, y: Floats, s: Record, p: Record) -> None:
     """In gear, closed: pedal, brake, and when to change gear."""
     s.command = RETRACT
@@ -121,7 +121,7 @@ def _drive(wish: float, y: Floats, s: Record, p: Record) -> None:
         s.phase = UNLOADING
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _neutral(leg: Record, wish: float, y: Floats, s: Record, p: Record) -> None:
     """Clutch open, gear out: bring shaft and engine to the next gear's speed, then engage."""
     s.command = OPENED
@@ -148,7 +148,7 @@ def _neutral(leg: Record, wish: float, y: Floats, s: Record, p: Record) -> None:
         s.phase = HOLDING if s.bench else CLOSING if rolling else LAUNCHING
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def control(time: float, legs: NDArray, y: Floats, s: Record, p: Record) -> None:
     """One decision of the control unit and the driver."""
     while time >= legs[s.leg + 1].time:
@@ -211,7 +211,7 @@ def control(time: float, legs: NDArray, y: Floats, s: Record, p: Record) -> None
         s.setpoint = y[ENGINE]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _hold(time: float, leg: Record, end: float, y: Floats, s: Record, p: Record) -> None:
     """Slip on purpose, the shaft held."""
     _govern(leg.engine_speed, y, s, p)

@@ -6,7 +6,6 @@ Its text joins that of the truck's other files in one generated module: see ``ge
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from clutchest.generator.control_unit import (
     control,
@@ -40,12 +39,13 @@ from clutchest.generator.situation import (
 from clutchest.generator.surroundings import (
     GRID,
 )
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 # --- the generated module goes on from here ---
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def actuate(y: Floats, s: Record, p: Record) -> None:
     """Motor, slave piston and plate one STEP on, towards the command.
 
@@ -65,7 +65,7 @@ def actuate(y: Floats, s: Record, p: Record) -> None:
     s.plate = min(max(s.plate, s.slave - p.play), s.slave + p.play)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def note(k: int, drive: TruckDrive, record: TruckRecord) -> None:
     """Write what is at STEP k into the record."""
     s, p, y = drive.situation[0], drive.numbers[0], drive.state
@@ -84,7 +84,7 @@ def note(k: int, drive: TruckDrive, record: TruckRecord) -> None:
             row_out[7] = 1.0 if capacity(y, s.plate, s, p) > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def run(begin: int, end: int, substeps: int, drive: TruckDrive, record: TruckRecord) -> None:
     """The STEPs ``begin`` … ``end`` − 1 of a drive; in pieces it is the same drive."""
     legs, slow, y = drive.legs, drive.slow, drive.state

@@ -6,8 +6,6 @@ Its text joins that of the truck's other files in one generated module: see ``ge
 
 from __future__ import annotations
 
-from numba import njit
-
 from clutchest.generator.situation import (
     BODY,
     DELIVERED,
@@ -29,6 +27,7 @@ from clutchest.generator.structure import (
 from clutchest.generator.surroundings import (
     GEARBOX_TEMP,
 )
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 # --- the generated module goes on from here ---
@@ -36,7 +35,7 @@ from clutchest.signals import Floats
 RELAXING = 0.05  # s: a driveline out of gear untwists
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def curve_error(depth: float, p: Record) -> float:
     """The torque curve's relative error ``depth`` mm below the kiss point."""
     place = min(depth / DEEPEST, 1.0) * (CURVE_POINTS - 1)
@@ -44,26 +43,26 @@ def curve_error(depth: float, p: Record) -> float:
     return p.curve[row] + (place - row) * (p.curve[row + 1] - p.curve[row])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def delivered(y: Floats, p: Record) -> float:
     """What the engine delivers, Nm; its report is y[TORQUE]."""
     return y[DELIVERED] if p.delivery_lag > 0.0 else y[TORQUE]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def is_soft(s: Record, p: Record) -> bool:
     """Whether a soft driveline lies between the gearbox and the truck."""
     return p.driveline_stiffness > 0.0 and s.ratio > 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def pull(y: Floats, s: Record, p: Record) -> float:
     """The force of a soft driveline on the truck, N."""
     speed = y[SHAFT] / s.ratio - y[SPEED]
     return p.driveline_stiffness * y[STRETCH] + p.driveline_damping * speed
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def settle(y: Floats, coolant: float, ambient: float, p: Record) -> None:
     """What the parts begin with: as warm as is steady beside the other masses, no stretch."""
     inner, outer = p.flywheel_conductance, p.conductance_engine_body
@@ -75,7 +74,7 @@ def settle(y: Floats, coolant: float, ambient: float, p: Record) -> None:
     y[DELIVERED] = y[TORQUE]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def lag_and_stretch(y: Floats, s: Record, p: Record, out: Floats) -> None:
     """Rates of the engine's torque behind its report and of the driveline's stretch in m."""
     lag = p.delivery_lag
@@ -86,7 +85,7 @@ def lag_and_stretch(y: Floats, s: Record, p: Record, out: Floats) -> None:
         out[STRETCH] = -y[STRETCH] / RELAXING
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def heat_in_parts(y: Floats, power: float, s: Record, p: Record, out: Floats) -> None:
     """Rates of all temperatures, with the slip ``power`` W; y[DISC] is the disc's mean, y[FACES]
     by how much its faces are hotter than its core."""

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from math import exp
 
-from numba import njit
-
 from clutchest.generator.parts import (
     curve_error,
     delivered,
@@ -40,12 +38,13 @@ from clutchest.generator.situation import (
 from clutchest.generator.surroundings import (
     GEARBOX_TEMP,
 )
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 # --- the generated module goes on from here ---
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def expansion(body: float, disc: float, p: Record) -> float:
     """Δx0 (15), mm."""
     return p.expansion_body * (body - p.reference_temp) + p.expansion_disc * min(
@@ -53,13 +52,13 @@ def expansion(body: float, disc: float, p: Record) -> float:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def zero_reference(energy: float, s: Record, p: Record) -> float:
     """x0_ref after ``energy`` J of slip, mm."""
     return p.zero_position - p.wear_rate * 1e-6 * energy + s.foreign_zero_position
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def capacity(y: Floats, plate: float, s: Record, p: Record) -> float:
     """The friction torque that the clutch can carry (16), Nm ≥ 0, at plate position mm."""
     worn = zero_reference(y[ENERGY], s, p) - p.zero_position_ref
@@ -80,13 +79,13 @@ def capacity(y: Floats, plate: float, s: Record, p: Record) -> float:
     return max(torque + s.foreign_torque, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def resistance(speed: float, s: Record, p: Record) -> float:
     """Force against the truck's motion, N."""
     return p.mass * GRAVITY * (ROLLING + s.grade) + AIR * speed * speed + s.brake
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def shaft_side(y: Floats, s: Record, p: Record) -> tuple[float, float]:
     """Inverse inertia (1/(kg m²)) and load (Nm) that the clutch drives."""
     if is_soft(s, p):
@@ -99,7 +98,7 @@ def shaft_side(y: Floats, s: Record, p: Record) -> tuple[float, float]:
     return 1.0 / SHAFT_INERTIA, SHAFT_DRAG * y[SHAFT] + sync
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def sticking(y: Floats, s: Record, p: Record) -> float:
     """The torque that keeps both sides of the clutch at one speed, Nm."""
     inverse, load = shaft_side(y, s, p)
@@ -107,7 +106,7 @@ def sticking(y: Floats, s: Record, p: Record) -> float:
     return (driving + load * inverse) / (1.0 / p.engine_inertia + inverse)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def transmitted(y: Floats, plate: float, s: Record, p: Record) -> float:
     """The clutch's torque M_c on the shaft, Nm."""
     if s.locked:
@@ -115,7 +114,7 @@ def transmitted(y: Floats, plate: float, s: Record, p: Record) -> float:
     return s.sign * capacity(y, plate, s, p) + p.drag * (y[ENGINE] - y[SHAFT]) / 100.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def rates(y: Floats, plate: float, s: Record, p: Record, out: Floats) -> None:
     """dy/dt into ``out``: (12)–(14), (8), engine and driveline."""
     torque = transmitted(y, plate, s, p)
@@ -140,7 +139,7 @@ def rates(y: Floats, plate: float, s: Record, p: Record, out: Floats) -> None:
     out[TORQUE] = (s.request - y[TORQUE]) / ENGINE_LAG
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _heat(y: Floats, power: float, s: Record, p: Record, out: Floats) -> None:
     """Rates of body, housing and disc with the slip ``power`` W: (12)–(14)."""
     to_disc = (1.0 - p.heat_fraction_body) * power
@@ -164,7 +163,7 @@ def _heat(y: Floats, power: float, s: Record, p: Record, out: Floats) -> None:
     out[DISC] = (to_disc - from_disc + s.foreign_disc_heat) / p.heat_capacity_disc
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def runge_kutta(y: Floats, begin: float, h: float, s: Record, p: Record, work: Floats) -> None:
     """One classical fourth-order step of ``h`` s into ``work[0]``; the plate moves linearly
     through the STEP, of which the share ``begin`` is over."""
@@ -184,7 +183,7 @@ def runge_kutta(y: Floats, begin: float, h: float, s: Record, p: Record, work: F
         )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def lock_or_pass(y: Floats, plate: float, s: Record, p: Record) -> None:
     """At equal speeds: stick if the clutch can carry what that takes, else slip on."""
     needed, limit = sticking(y, s, p), capacity(y, plate, s, p)
@@ -192,7 +191,7 @@ def lock_or_pass(y: Floats, plate: float, s: Record, p: Record) -> None:
     s.sign = 1.0 if needed > 0.0 else -1.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def advance(y: Floats, substeps: int, s: Record, p: Record, work: Floats) -> None:
     """Integrate ``y`` over one STEP in place; lock-up and break-away are met within it."""
     for k in range(substeps):
@@ -228,7 +227,7 @@ def advance(y: Floats, substeps: int, s: Record, p: Record, work: Floats) -> Non
                 y[SHAFT] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _meet(y: Floats, s: Record, p: Record) -> None:
     """Make both speeds exactly one, keeping the angular momentum."""
     inverse, _ = shaft_side(y, s, p)

@@ -84,7 +84,7 @@ from math import exp, inf
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from clutchest.native import compiled
 from numpy.typing import NDArray
 
 from clutchest.signals import Floats

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def recur(drive: Floats, keep: float) -> Floats:
     """A first-order recursion: out[k] = keep · out[k − 1] + drive[k]; shape (n,)."""
     out = np.empty_like(drive)

@@ -10,9 +10,9 @@ matrices are too small for a threaded library.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 SECOND = np.array([1.0, -2.0, 1.0])  # weights of a second difference
@@ -25,7 +25,7 @@ def toeplitz_row(autocovariance: Floats) -> Floats:
     return np.convolve(c, [1.0, -4.0, 6.0, -4.0, 1.0], mode="valid")[: n - 2]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def factor(row: Floats, walk: float) -> Floats:
     """Lower Cholesky factor of the covariance of second differences, shape (n−2, n−2)."""
     n = len(row)
@@ -41,7 +41,7 @@ def factor(row: Floats, walk: float) -> Floats:
     return lower
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def whiten(lower: Floats, columns: Floats) -> Floats:
     """lower⁻¹ · columns."""
     white = columns.copy()
@@ -56,20 +56,24 @@ def whiten(lower: Floats, columns: Floats) -> Floats:
     return white
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _differences(n: int) -> Floats:
     """The matrix (n−2, n) of second differences."""
     matrix = np.zeros((n - 2, n))
     for i in range(n - 2):
-        matrix[i, i : i + 3] = SECOND
+        for k in range(3):
+            matrix[i, i + k] = SECOND[k]
     return matrix
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _of_missing(half: Floats, white: Floats, missing: NDArray[np.bool_]) -> float:
     """What integrating over the missing samples of one window adds to −2 log likelihood."""
-    places = np.flatnonzero(missing)
-    m, n = len(places), len(half)
+    places, m, n = np.zeros(len(missing), np.int64), 0, len(half)
+    for k in range(len(missing)):
+        if missing[k]:
+            places[m] = k
+            m += 1
     block, side = np.zeros((m, m)), np.zeros(m)
     for a in range(m):
         for k in range(n):
@@ -90,7 +94,7 @@ def _of_missing(half: Floats, white: Floats, missing: NDArray[np.bool_]) -> floa
     return added
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def table(
     row: Floats, walk_strengths: Floats, second: Floats, missing: NDArray[np.bool_]
 ) -> Floats:
@@ -102,13 +106,19 @@ def table(
     """
     count = second.shape[1]
     result = np.empty((count, len(walk_strengths)))
-    any_missing = np.array([missing[w].any() for w in range(count)])
+    any_missing, some = np.zeros(count, np.bool_), False
+    for w in range(count):
+        for k in range(missing.shape[1]):
+            any_missing[w] |= missing[w, k]
+        some = some or any_missing[w]
     differences = _differences(missing.shape[1])
     for d in range(len(walk_strengths)):
         lower = factor(row, walk_strengths[d])
         white = whiten(lower, second)
-        constant = 2.0 * np.log(np.diag(lower)).sum()
-        half = whiten(lower, differences) if any_missing.any() else differences
+        constant = 0.0
+        for k in range(len(lower)):
+            constant += 2.0 * np.log(lower[k, k])
+        half = whiten(lower, differences) if some else differences
         for w in range(count):
             value = constant
             for k in range(len(white)):

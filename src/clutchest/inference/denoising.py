@@ -7,10 +7,10 @@ the two seem to have something in common.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 GRID = 0.01  # s
@@ -123,7 +123,7 @@ def _smooth(t: Floats, value: Floats, window: float, rate: int = 0) -> Floats:
     return np.asarray(np.interp(t, grid, parabolas))
 
 
-@njit(cache=True)
+@compiled
 def _play(value: Floats, reach: float, out: Floats) -> None:
     """What a value drags along that has a play of ±``reach``."""
     held = value[0]

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from math import prod
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 ORDER = 12  # longest memory tried, samples
@@ -47,7 +47,7 @@ class Stretches:
         return cls(group, place)
 
 
-@njit(cache=True)
+@compiled
 def _count(together: NDArray, place: NDArray) -> None:
     for k in range(len(together)):
         place[k + 1] = place[k] + 1 if together[k] else 0
@@ -145,7 +145,7 @@ def _levinson(covariance: Floats, longest: int, count: int) -> tuple[Floats, Flo
     return weights, np.sqrt(variance)
 
 
-@njit(cache=True)
+@compiled
 def _whiten(values: Floats, of: NDArray, place: NDArray, weights: Floats, level: Floats) -> None:
     order = weights.shape[2]
     for k in range(len(values) - 1, -1, -1):  # those before stand as they were

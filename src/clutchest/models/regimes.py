@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.models.thresholds import EVERYWHERE, THRESHOLD_UNITS, Thresholds
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 FREE, SLIDING = "free_running", "sliding"  # flags that the timeline and the kernel use as well
@@ -119,7 +119,7 @@ def average(time: Floats, value: Floats, window: float) -> Floats:
     return (np.interp(b, time, area) - np.interp(a, time, area)) / (b - a)
 
 
-@njit(cache=True)
+@compiled
 def lasting(time, flag, least):  # type: ignore[no-untyped-def]
     """``flag`` where it holds for at least ``least`` s without a break."""
     kept, start = np.zeros(len(flag), np.bool_), 0
@@ -133,7 +133,7 @@ def lasting(time, flag, least):  # type: ignore[no-untyped-def]
     return kept
 
 
-@njit(cache=True)
+@compiled
 def since(time, flag):  # type: ignore[no-untyped-def]
     """For how long ``flag`` has held, s; −1 where it does not."""
     since, start = np.full(len(flag), -1.0), 0
@@ -145,7 +145,7 @@ def since(time, flag):  # type: ignore[no-untyped-def]
     return since
 
 
-@njit(cache=True)
+@compiled
 def around(time, flag, guard):  # type: ignore[no-untyped-def]
     """``flag``, widened by ``guard`` s on both sides."""
     widened, last, following = flag.copy(), -1, -1

@@ -13,13 +13,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.log_format import LogFormat, begins_with
 from clutchest.can.log_source import BLOCK, LogSource
 from clutchest.can.text_scan import Table
 from clutchest.can.time_stamps import EPOCH_NS
+from clutchest.native import compiled
 
 SOCKETCAN, SLL, SLL2 = 227, 113, 276  # link types
 _MAGICS = {  # first bytes → (byte order, ns of a unit of time)
@@ -164,7 +164,7 @@ def _interface(body: bytes, order: str) -> _Link:
     return _Link(kind, int(unit_ns) if unit_ns >= 1 else unit_ns, order == ">")
 
 
-@njit(cache=True)
+@compiled
 def _frames(data, ends, t_ns, channel, kinds, big, out):  # type: ignore[no-untyped-def]
     """Fills the table with the frames of packets; how many there are."""
     n = 0

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from clutchest.diagnosis.faults.sticking import words
 from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
 from clutchest.diagnosis.sequential import new_tail, tail_bound, tail_mean, tail_take
 from clutchest.models.fault import Demand
+from clutchest.native import compiled
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
@@ -134,7 +134,7 @@ class Demanded(StreamTest):
         )
 
 
-@njit(cache=True)
+@compiled
 def _largest_since(time, asked, value, span, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` (n) to the largest ``value`` asked for within ``span`` before ``time``."""
     first = 0

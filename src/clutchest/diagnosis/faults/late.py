@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from clutchest.diagnosis.faults.messages import messages_of
 from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
@@ -18,6 +17,7 @@ from clutchest.diagnosis.sequential import (
     tail_mean,
     tail_take,
 )
+from clutchest.native import compiled
 from clutchest.vehicle import Vehicle
 
 SMALLEST = 0.1  # of the period: the lateness that matters
@@ -98,7 +98,7 @@ class Late(StreamTest):
         )
 
 
-@njit(cache=True)
+@compiled
 def _late(time, ratio, tail, state, count, changes):  # type: ignore[no-untyped-def]
     n = 0
     for k in range(len(time)):

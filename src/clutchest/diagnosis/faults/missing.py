@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
 from clutchest.diagnosis.faults.messages import messages_of
 from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
@@ -17,6 +16,7 @@ from clutchest.diagnosis.sequential import (
     tail_mean,
     tail_take,
 )
+from clutchest.native import compiled
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
@@ -107,7 +107,7 @@ def _words(gap: float, bound: float) -> str:
     return f"no frame for {gap:.3g} s, expected one within {bound:.3g} s"
 
 
-@njit(cache=True)
+@compiled
 def _gaps(gaps, tail, per_1000h, bounds):  # type: ignore[no-untyped-def]
     for k in range(len(gaps)):
         mean = tail_mean(tail)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.diagnosis.faults.stream_test import Alarm, StreamTest
@@ -17,6 +16,7 @@ from clutchest.diagnosis.sequential import (
     tail_mean,
     tail_take,
 )
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 PRIOR_RUN = 2.0  # samples in a run of identical ones, before any has been observed
@@ -93,7 +93,7 @@ class RepeatTest(StreamTest):
         return self.repeats.bound if self.enabled else None
 
 
-@njit(cache=True)
+@compiled
 def _runs(time, same, tested, tail, state, per_1000h, changes):  # type: ignore[no-untyped-def]
     n = 0
     for k in range(len(time)):

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from math import log
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.diagnosis.faults.stream_test import Batch, StreamTest
 from clutchest.diagnosis.sequential import FAILING, cusum_step
+from clutchest.native import compiled
 from clutchest.signals import Traffic
 from clutchest.vehicle import Vehicle
 
@@ -74,7 +74,7 @@ class WrongFrames(StreamTest):
         return f"{int(self.state[WRONG])} of {int(self.state[FRAMES])} frames wrong while healthy"
 
 
-@njit(cache=True)
+@compiled
 def _bernoulli(time, wrong, state, bound, changes):  # type: ignore[no-untyped-def]
     n = 0
     for k in range(len(time)):

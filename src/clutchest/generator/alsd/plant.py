@@ -12,9 +12,9 @@ from math import exp, log, pi
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 STEP = 2e-5  # s
@@ -88,7 +88,7 @@ _FLOOR = 1e-5  # Nm
 _BARE = 0.01  # of the axial damping: what is left without a pack
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def spring(s: float, p: Record) -> float:
     """Reset spring (10), N, at displacement s, m."""
     ratio = p.spring_outer_diameter / p.spring_inner_diameter
@@ -99,7 +99,7 @@ def spring(s: float, p: Record) -> float:
     return lead * ((h / t - s / t) * (h / t - s / (2.0 * t)) + 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def pack(depth: float, p: Record) -> tuple[float, float]:
     """Force (N) and stiffness (N/m) of the pack, ``depth`` m beyond its free play."""
     if depth <= 0.0:
@@ -110,7 +110,7 @@ def pack(depth: float, p: Record) -> tuple[float, float]:
     return p.pack_stiffness * (depth - p.soft * yielded), p.pack_stiffness * yielded
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def press(plate: float, angle: float, free_play: float, h: float, bench: int, p: Record) -> float:
     """The plate's position after h s, m: d_e Δd/h = F_br − F_rs + F_lim − F_c, by Newton."""
     if bench == OUTPUT_FIXED:
@@ -141,7 +141,7 @@ def press(plate: float, angle: float, free_play: float, h: float, bench: int, p:
     return d
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def level(force: float, speed: float, p: Record) -> float:
     """Coulomb level of the ball ramp (7), Nm; with what the deviations of the rig make of it."""
     share = p.ball_ramp_friction / (1.0 + p.easing * force / 3e4)
@@ -149,20 +149,20 @@ def level(force: float, speed: float, p: Record) -> float:
     return max(share * p.ball_ramp_bore / 2.0 * abs(force), _FLOOR)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def friction_coefficient(slip: float, oil: float, p: Record) -> float:
     """μ with what slip and oil make of it."""
     mu = p.friction_coefficient * (1.0 + p.slip_change * exp(-abs(slip) / p.slip_speed))
     return mu * (1.0 + p.oil_slope * (oil - 60.0) / 100.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def limited(value: float, most: float) -> float:
     """Within ±most."""
     return min(max(value, -most), most)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def control(y: Record, asked: float, driven: float, c: Record, h: float, p: Record) -> None:
     """One sample of the controllers: armature voltage and servo torque."""
     if c.actuator == VOLTAGE:
@@ -188,7 +188,7 @@ def control(y: Record, asked: float, driven: float, c: Record, h: float, p: Reco
         y.servo_integral += h * p.servo_integral / p.servo_proportional * excess
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def actuate(y: Record, c: Record, h: float, p: Record) -> None:
     """Motor, gear, ball ramp and plate over h s: (1)–(9)."""
     warm = y.temp_armature - p.armature_reference_temp
@@ -239,7 +239,7 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
     y.temp_armature += h / p.armature_heat_capacity * (loss - cooling)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def slide(
     y: Record, slip: float, h: float, oil: float, stiffness: float, p: Record
 ) -> tuple[float, float]:
@@ -255,7 +255,7 @@ def slide(
     return stiffness * z + p.drag * slip / 10.0, potential
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
     """Along ``profile`` (K), rows ``fast`` steps apart, from its first row to its last; ``out``
     (K, RECORD) is filled."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Container
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from clutchest.models.regimes import (
@@ -21,6 +20,7 @@ from clutchest.models.regimes import (
     since,
 )
 from clutchest.models.thresholds import Thresholds
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 BARELY = 0.1  # of the slip that counts as locked: below, it may be noise alone
@@ -106,7 +106,7 @@ def classify(
     )
 
 
-@njit(cache=True)
+@compiled
 def _ending(time, slip, locked, longest, least):  # type: ignore[no-untyped-def]
     """Where a clutch that counts as ``locked`` still slides, for ``longest`` s at most: until the
     slip first falls below ``least``.  The rest of it makes a thousandth of the heat."""

@@ -1,0 +1,80 @@
+"""LLVM: from the text of a module to machine code, and to the address of its ``entry``.
+
+Machine code is the same for the same text, processor and LLVM, so that it can be kept on disk.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import sys
+from functools import lru_cache
+from typing import Any
+
+import llvmlite.binding as llvm
+
+OLDEST = 20  # of LLVM, whose text is written here
+LEVEL = 3
+_NEEDED = ("exp", "expm1", "log", "pow", "sin", "cos", "tanh", "floor", "ceil", "memset", "memcpy")
+
+
+def works() -> bool:
+    """Whether this platform can be compiled for: 64 bits, little endian, an LLVM that is known."""
+    known = llvm.llvm_version_info[0] >= OLDEST
+    return known and sys.byteorder == "little" and sys.maxsize > 2**32
+
+
+def platform() -> str:
+    """What machine code depends on, beside the text."""
+    features = llvm.get_host_cpu_features().flatten()
+    version = ".".join(map(str, llvm.llvm_version_info))
+    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features} {version} {LEVEL}"
+
+
+@lru_cache(maxsize=1)
+def _target() -> Any:
+    """The target machine.  Named where the machine's own library of functions is not loaded."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    library = ctypes.util.find_library("m") or ctypes.util.find_library("ucrtbase")
+    for name in _NEEDED:
+        if library and llvm.address_of_symbol(name) is None:
+            function = getattr(ctypes.CDLL(library), name, None)
+            if function is not None:
+                llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    return target.create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=LEVEL,
+        reloc="static" if target.name.startswith("x86") else "default",
+        codemodel="jitdefault",
+        jit=True,
+    )
+
+
+def machine_code(text: str) -> bytes:
+    """The object file of a module."""
+    machine = _target()
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    tuning = llvm.create_pipeline_tuning_options(speed_level=LEVEL)
+    tuning.loop_vectorization = tuning.slp_vectorization = True
+    builder = llvm.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    code: bytes = machine.emit_object(module)
+    return code
+
+
+_engines: list[Any] = []  # code lives as long as they do
+
+
+def address(code: bytes) -> int:
+    """Where the ``entry`` of an object file begins, in memory."""
+    machine = _target()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _engines.append(engine)
+    found: int = engine.get_function_address("entry")
+    return found

@@ -1,0 +1,27 @@
+"""The same decorator by numba: for other platforms, and to be compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+
+def compiled(
+    function: Callable[..., Any] | None = None, *, contract: bool = False, inline: bool = False
+) -> Any:
+    """As :func:`clutchest.native.dispatch.compiled`."""
+    from numba import njit
+
+    def made(function: Callable[..., Any]) -> Any:
+        # numba keeps an old answer when a function in another file changes: only what lies in one
+        # generated file is kept on disk
+        kept = function.__module__.startswith("clutchest_generated")
+        return njit(
+            cache=kept,
+            error_model="numpy",
+            nogil=True,
+            fastmath={"contract"} if contract else False,
+            inline="always" if inline else "never",
+        )(function)
+
+    return made(function) if function else made
