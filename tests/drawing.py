@@ -22,7 +22,7 @@ from clutchest.compute.lowered import (
     step_map,
 )
 from clutchest.compute.update import propagate, update
-from clutchest.native import compiled
+from clutchest.native.reference import compiled
 
 # --- the generated module goes on from here ---
 

@@ -18,6 +18,7 @@ from types import ModuleType
 
 from clutchest import __version__
 from clutchest.cache import cache_folder, kept
+from clutchest.native.source import GENERATED
 
 MARK = "# --- the generated module goes on from here ---\n"
 
@@ -43,7 +44,7 @@ def load(digest: str, text: str, kind: str = "model") -> ModuleType:
     """The generated module, of a ``kind`` that names its file; written at first use, compiled at
     first call, cached from then on."""
     path = kept(cache_folder(), f"{kind}_{digest}.py", text)
-    name = f"clutchest_generated_{digest}"
+    name = GENERATED + digest
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -10,6 +10,7 @@ from clutchest.native import compiled
 
 RESOLUTION_NS = 20_000_000  # of frames that lie closer together, one is enough
 _CHANNELS = 256
+_NEVER = int(np.iinfo(np.int64).min)
 _ERROR = int(Flag.ERROR)
 
 
@@ -30,7 +31,7 @@ def times(frames: Frames, start_ns: int) -> dict[int, NDArray[np.float64]]:
 
 @compiled
 def _first_of_each(t_ns, channel, flags, resolution):  # type: ignore[no-untyped-def]
-    last = np.full(_CHANNELS, np.iinfo(np.int64).min)
+    last = np.full(_CHANNELS, _NEVER)
     chosen = np.empty(len(t_ns), np.intp)
     n = 0
     for i in range(len(t_ns)):

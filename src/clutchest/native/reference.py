@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from clutchest.native.source import GENERATED
+
 
 def compiled(
     function: Callable[..., Any] | None = None, *, contract: bool = False, inline: bool = False
@@ -15,7 +17,7 @@ def compiled(
     def made(function: Callable[..., Any]) -> Any:
         # numba keeps an old answer when a function in another file changes: only what lies in one
         # generated file is kept on disk
-        kept = function.__module__.startswith("clutchest_generated")
+        kept = function.__module__.startswith(GENERATED)
         return njit(
             cache=kept,
             error_model="numpy",

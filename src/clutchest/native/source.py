@@ -12,6 +12,8 @@ from typing import Any
 
 from clutchest.native.types import Unsupported
 
+GENERATED = "clutchest_generated_"  # modules of this name are never edited
+
 
 @dataclass(frozen=True, eq=False)
 class Source:
@@ -41,15 +43,29 @@ class Source:
         return self.function.__globals__
 
     def definition(self) -> ast.FunctionDef:
-        """Its syntax tree.  Raises Unsupported where its text is not known."""
-        lines = linecache.getlines(self.code.co_filename, self.names)
-        found = _definitions("".join(lines)).get(self.name)
+        """Its syntax tree.  Raises Unsupported where its text is not known, or not any more."""
+        file = self.code.co_filename
+        linecache.checkcache(file)
+        text = "".join(linecache.getlines(file, self.names))
+        found = _definitions(text).get(self.name)
         if found is None:
-            raise Unsupported(f"no text of '{self.name}' in {self.code.co_filename}")
+            raise Unsupported(f"no text of '{self.name}' in {file}")
+        if not self.names["__name__"].startswith(GENERATED) and not self._is(_codes(text)):
+            raise Unsupported(f"'{self.name}' in {file} has changed since it was loaded")
         return found
+
+    def _is(self, codes: dict[str, CodeType]) -> bool:
+        """Whether it is one of these, under its name."""
+        code, found = self.code, codes[self.name]
+        return (found.co_code, repr(found.co_consts)) == (code.co_code, repr(code.co_consts))
 
 
 @lru_cache(maxsize=16)
 def _definitions(text: str) -> dict[str, ast.FunctionDef]:
-    tree = ast.parse(text)
-    return {part.name: part for part in tree.body if isinstance(part, ast.FunctionDef)}
+    return {part.name: part for part in ast.parse(text).body if isinstance(part, ast.FunctionDef)}
+
+
+@lru_cache(maxsize=16)
+def _codes(text: str) -> dict[str, CodeType]:
+    constants = compile(text, "", "exec", dont_inherit=True).co_consts
+    return {code.co_name: code for code in constants if isinstance(code, CodeType)}
