@@ -105,12 +105,13 @@ def elements(a, k):
 
 
 @compiled
-def filled(a, flag, small):
+def filled(a, flag, small, k):
     """What is written into arrays."""
     a[0, :] = 7
     a[1] = a[2]
     a[-1, 1:3] = 0.5
     a[2, 0] += 1
+    a[0] = 4, 3.5, 2, k
     flag[1:] = True
     flag[0] |= a[0, 0] > 6
     small[0] = 300  # of which eight bits are kept

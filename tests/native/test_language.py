@@ -31,8 +31,8 @@ CASES: list[tuple[Any, tuple[Any, ...]]] = [
     *((language.loops, (n,)) for n in (3, 6, 9)),
     *((language.early, (a,)) for a in (-1, 5, 1000)),
     *((language.elements, (a, k)) for a in (MATRIX, MATRIX.T, MATRIX[:, ::-1]) for k in (0, 1, 2)),
-    (language.filled, (MATRIX, np.array([False, True, False]), SMALL)),
-    (language.filled, (MATRIX.T.copy().T, np.array([False, True, False]), SMALL)),
+    (language.filled, (MATRIX, np.array([False, True, False]), SMALL, 1)),
+    (language.filled, (MATRIX.T.copy().T, np.array([False, True, False]), SMALL, 1)),
     (language.fresh, (np.array([0.5, 1.5, 2.5]),)),
     (language.fresh, (MATRIX[:, 1],)),
     (language.swapped, (np.zeros(3), np.ones(3))),
@@ -57,14 +57,14 @@ def rowed(function: Any, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 def test_it_does_what_python_does(function: Any, arguments: tuple[Any, ...]) -> None:
     if function is language.filled:
         # numpy refuses 300 as eight bits; the machine keeps what fits
-        arguments = (*arguments[:2], arguments[2].astype(np.int16).astype(np.uint8))
+        arguments = (*arguments[:2], arguments[2].astype(np.int16).astype(np.uint8), 1)
     ours, theirs = copy.deepcopy(arguments), copy.deepcopy(arguments)
     got = function(*ours)
     if function is language.filled:
-        theirs = (*theirs[:2], theirs[2].astype(np.int64))
+        theirs = (*theirs[:2], theirs[2].astype(np.int64), 1)
     wanted = function.py_func(*rowed(function, theirs))
     if function is language.filled:
-        theirs = (*theirs[:2], theirs[2].astype(np.uint8))
+        theirs = (*theirs[:2], theirs[2].astype(np.uint8), 1)
     same(got, wanted)
     same(ours, theirs)
 

@@ -9,55 +9,55 @@ from clutchest.native import compiled
 # --- the generated module goes on from here ---
 
 
-@compiled(inline=True)
+@compiled
 def when(condition, value):
     """CasADi's ``if_else_zero``: a value that is not a number does no harm where not chosen."""
     return value if condition != 0.0 else 0.0
 
 
-@compiled(inline=True)
+@compiled
 def less(a, b):
     """a < b."""
     return 1.0 if a < b else 0.0
 
 
-@compiled(inline=True)
+@compiled
 def at_most(a, b):
     """a ≤ b."""
     return 1.0 if a <= b else 0.0
 
 
-@compiled(inline=True)
+@compiled
 def same(a, b):
     """a = b."""
     return 1.0 if a == b else 0.0
 
 
-@compiled(inline=True)
+@compiled
 def both(a, b):
     """a and b."""
     return 1.0 if a != 0.0 and b != 0.0 else 0.0
 
 
-@compiled(inline=True)
+@compiled
 def either(a, b):
     """a or b."""
     return 1.0 if a != 0.0 or b != 0.0 else 0.0
 
 
-@compiled(inline=True)
+@compiled
 def sign(a):
     """−1, 0 or 1."""
     return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
 
 
-@compiled(inline=True)
+@compiled
 def smaller(a, b):
     """The smaller of two."""
     return a if a < b else b
 
 
-@compiled(inline=True)
+@compiled
 def larger(a, b):
     """The larger of two."""
     return a if a > b else b

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
+import os
 import sys
 from functools import lru_cache
 from typing import Any
@@ -14,12 +15,17 @@ from typing import Any
 import llvmlite.binding as llvm
 
 OLDEST = 20  # of LLVM, whose text is written here
-LEVEL = 3
+LEVEL = 2
 _NEEDED = ("exp", "expm1", "log", "pow", "sin", "cos", "tanh", "floor", "ceil", "memset", "memcpy")
 
 
 def works() -> bool:
-    """Whether this platform can be compiled for: 64 bits, little endian, an LLVM that is known."""
+    """Whether this platform can be compiled for: 64 bits, little endian, an LLVM that is known.
+
+    ``CLUTCHEST_COMPILER=numba`` has numba do it.
+    """
+    if os.environ.get("CLUTCHEST_COMPILER") == "numba":
+        return False
     known = llvm.llvm_version_info[0] >= OLDEST
     return known and sys.byteorder == "little" and sys.maxsize > 2**32
 
@@ -59,7 +65,7 @@ def machine_code(text: str) -> bytes:
     module = llvm.parse_assembly(text)
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     tuning = llvm.create_pipeline_tuning_options(speed_level=LEVEL)
-    tuning.loop_vectorization = tuning.slp_vectorization = True
+    tuning.loop_vectorization = True
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
     code: bytes = machine.emit_object(module)

@@ -9,8 +9,18 @@ from typing import Any
 
 from clutchest.native import arithmetic, arrays
 from clutchest.native.expressions import ExpressionTranslator, ModuleInProgress, items
-from clutchest.native.types import INT, NOTHING, Array, Record, Struct, Type, Unsupported, joined
-from clutchest.native.writer import NONE, Value
+from clutchest.native.types import (
+    INT,
+    NOTHING,
+    Array,
+    Record,
+    Struct,
+    Tuple,
+    Type,
+    Unsupported,
+    joined,
+)
+from clutchest.native.writer import NONE, Value, number
 
 
 class FunctionTranslator(ExpressionTranslator):
@@ -92,7 +102,13 @@ class FunctionTranslator(ExpressionTranslator):
             owner = self.value(target.value)
             if not isinstance(owner.type, Array):
                 raise Unsupported(f"an item of {owner.type} is set")
-            arrays.store(self.w, owner, self.indices(target.slice), value)
+            places = self.indices(target.slice)
+            if isinstance(value.type, Tuple):  # into a row, one by one
+                row = arrays.element(self.w, owner, places)
+                for i, item in enumerate(items(value)):
+                    arrays.store(self.w, row, [number(i)], item)
+            else:
+                arrays.store(self.w, owner, places, value)
         elif isinstance(target, ast.Attribute):
             owner = self.value(target.value)
             if not isinstance(owner.type, Struct):
