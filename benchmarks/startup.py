@@ -1,11 +1,12 @@
-"""What three shortcuts at the start are worth: python benchmarks/startup.py [--turns 7]
+"""What shortcuts at the start are worth: python benchmarks/startup.py [--turns 5] [--only REPLAY]
 
-Each is measured in processes of its own, alternating with and without:
+Processor seconds of processes of their own, alternating with and without:
 
-- pandas hidden from pyarrow while a replay is written (``clutchest.record.arrow``);
-- compiled readers kept on disk, dropped only where a piece of them has changed
-  (``clutchest.can.text_scan``);
-- the layout of a DBC kept on disk (``clutchest.can.layout_cache``).
+- functions compiled by ``clutchest.native`` instead of numba, nothing compiled before: the first
+  replay and the first diagnosis on a machine;
+- compiled code kept on disk;
+- the layout of a DBC kept on disk (``clutchest.can.layout_cache``);
+- pandas hidden from pyarrow while a replay is written (``clutchest.record.arrow``).
 """
 
 from __future__ import annotations
@@ -14,21 +15,17 @@ import argparse
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from statistics import median
 from tempfile import TemporaryDirectory
 
-REPLAY = """
+VERB = """
 import contextlib, sys
 import clutchest.cli, clutchest.record.arrow
 if {hidden} is False:
     clutchest.record.arrow.without_pandas = contextlib.nullcontext
-sys.argv = ["clutchest", "replay", "demo", "--vehicle", "truck", "--out", {out!r}]
+sys.argv = ["clutchest", {verb!r}, "demo", "--vehicle", "truck", "--out", {out!r}]
 clutchest.cli.main()
-"""
-READ = """
-from clutchest.can.files import read_frames
-from clutchest.shipped import locate
-read_frames(locate("demo", "logs"))
 """
 LAYOUT = """
 import clutchest.can.layout_cache, clutchest.can.database as database
@@ -37,73 +34,73 @@ if {kept} is False:
     database.recalled = lambda *given: None
 database.load([locate("hdt_clutch", "dbc")])
 """
-CHECK = """
-from time import perf_counter
-from clutchest.can import text_scan
-begin = perf_counter()
-text_scan.drop_stale_code()
-print(perf_counter() - begin)
-"""
 
 
 def seconds(program: str, **environment: str) -> float:
-    """How long a new process takes for ``program``."""
-    timed = (
-        f"from time import perf_counter as clock\nbegin = clock()\ntry:\n    exec({program!r})\n"
-    )
-    timed += "except SystemExit:\n    pass\nprint(clock() - begin)"
-    return printed(timed, **environment)
-
-
-def printed(program: str, **environment: str) -> float:
-    """The last number that a new process prints."""
+    """Processor time of a new process that runs ``program``."""
+    before = os.times()
     done = subprocess.run(
         [sys.executable, "-c", program],
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
-        check=True,
     )
-    return float(done.stdout.split()[-1])
+    after = os.times()
+    if done.returncode not in (0, 1):  # 1: a diagnosis with a fault
+        raise RuntimeError(done.stderr)
+    return sum(after[2:4]) - sum(before[2:4])
+
+
+def fresh(program: str, **environment: str) -> float:
+    """The same where nothing has been compiled or kept before."""
+    with TemporaryDirectory() as empty:
+        return seconds(program, CLUTCHEST_CACHE=empty, NUMBA_CACHE_DIR=empty, **environment)
+
+
+def comparisons(folder: str) -> dict[str, Callable[[bool], float]]:
+    """What is compared: a run with (True) or without (False) the shortcut."""
+
+    def verb(name: str, hidden: bool = True) -> str:
+        return VERB.format(verb=name, hidden=hidden, out=f"{folder}/{name}")
+
+    def compiler(ours: bool) -> str:
+        return "native" if ours else "numba"
+
+    return {
+        "first replay, native instead of numba": lambda ours: fresh(
+            verb("replay"), CLUTCHEST_COMPILER=compiler(ours)
+        ),
+        "first diagnosis, native instead of numba": lambda ours: fresh(
+            verb("diagnose"), CLUTCHEST_COMPILER=compiler(ours)
+        ),
+        "replay, what was compiled and read kept": lambda kept: (
+            seconds(verb("replay")) if kept else fresh(verb("replay"))
+        ),
+        "loading a DBC, layout kept": lambda kept: seconds(LAYOUT.format(kept=kept)),
+        "replay, pandas hidden": lambda hidden: seconds(verb("replay", hidden)),
+    }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--turns", type=int, default=7)
-    turns = parser.parse_args().turns
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--only", default="", help="comparisons whose name contains this")
+    given = parser.parse_args()
     with TemporaryDirectory() as folder:
-
-        def replay(hidden: bool) -> float:
-            return seconds(REPLAY.format(hidden=hidden, out=f"{folder}/out"))
-
-        def read(kept: bool) -> float:
-            if kept:
-                return seconds(READ)
-            with TemporaryDirectory() as empty:
-                return seconds(READ, NUMBA_CACHE_DIR=empty)
-
-        def layout(kept: bool) -> float:
-            return seconds(LAYOUT.format(kept=kept))
-
-        for what, run in (
-            ("replay of the demo, pandas hidden", replay),
-            ("reading the demo, compiled code kept", read),
-            ("loading a DBC, layout kept", layout),
-        ):
-            run(True)  # compiles
-            pairs = [(run(True), run(False)) for _ in range(turns)]
+        for what, run in comparisons(folder).items():
+            if given.only not in what:
+                continue
+            run(True)  # compiles, reads
+            pairs = [(run(True), run(False)) for _ in range(given.turns)]
             ratios = sorted(without / with_it for with_it, without in pairs)
             first, second = (median(times) for times in zip(*pairs, strict=True))
             print(
                 f"{what}: {first:.2f} s, without {second:.2f} s, × {median(ratios):.2f} "
-                f"({ratios[0]:.2f} … {ratios[-1]:.2f})"
+                f"({ratios[0]:.2f} … {ratios[-1]:.2f})",
+                flush=True,
             )
-    checks = [printed(CHECK) * 1e3 for _ in range(turns)]
-    print(
-        f"looking for stale compiled code: {median(checks):.2f} ms, at every import of the readers"
-    )
 
 
 if __name__ == "__main__":

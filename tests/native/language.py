@@ -190,3 +190,24 @@ def structure(rows, k):
 def sought(a, v):
     """Binary search."""
     return np.searchsorted(a, v), np.searchsorted(a, v, side="right")
+
+
+@compiled
+def of_record(row):
+    """An element that is handed over by itself."""
+    return row.count + row.level + row.curve[1]
+
+
+@compiled
+def doubled(n):
+    """An unsigned number."""
+    return n << np.uint64(1)
+
+
+@compiled
+def counted_down(i):
+    """An argument that a loop takes for its own later on."""
+    before = TABLE[i]
+    for i in range(2):
+        before += TABLE[i]
+    return before

@@ -142,6 +142,22 @@ def test_a_division_by_zero_is_numpys() -> None:
     assert language.whole(7, 0)[:2] == (0, 0)
 
 
+def test_arrays_of_a_subclass_are_known_by_their_type(tmp_path: Path) -> None:
+    for dtype in (np.float64, np.int32, np.uint8):
+        np.arange(5).astype(dtype).tofile(tmp_path / "column")
+        mapped = np.memmap(tmp_path / "column", dtype, "r")
+        assert language.sought(mapped, 3) == (3, 4)
+    for dtype in ("f8", "i4"):
+        fields = [("count", "i8"), ("level", "f8"), ("curve", dtype, 2)]
+        rows = np.array([(1, 2.0, [3, 4])], fields).view(np.recarray)
+        assert language.of_record(rows[0]) == 1 + 2.0 + 4
+
+
+def test_large_unsigned_numbers() -> None:
+    assert language.doubled(np.uint64(2**63 - 1)) == 2**64 - 2
+    assert language.doubled(np.uint64(2**63 + 1)) == 2
+
+
 def test_threads_may_call_at_once() -> None:
     rows = [np.full(50, float(k)) for k in range(40)]
     with ThreadPoolExecutor(4) as pool:

@@ -41,6 +41,7 @@ CASES: list[tuple[Any, tuple[Any, ...]]] = [
     (language.bytes_of, (np.frombuffer(b"4A\n\n", np.uint8), 5)),
     (language.structure, (STRUCTURE, 0)),
     (language.structure, (STRUCTURE, 1)),
+    (language.counted_down, (-2,)),
     *((language.sought, (np.array([1.0, 2.0, 2.0, 4.0]), v)) for v in (0.0, 2.0, 3.0, 9.0)),
 ]
 
@@ -86,5 +87,5 @@ def same(got: Any, wanted: Any) -> None:
 
 def test_every_function_has_a_case() -> None:
     functions = {f for f in vars(language).values() if hasattr(f, "py_func")}
-    helpers = {language.scaled, language.bits_of}
+    helpers = {language.scaled, language.bits_of, language.of_record, language.doubled}
     assert {function for function, _ in CASES} == functions - helpers

@@ -58,7 +58,7 @@ class Forward:
 
 
 def forward(model: Model, watched: Sequence[str]) -> Forward:
-    """Compile a model to be run forward; the first time on a machine takes some seconds."""
+    """Compile a model to be run forward; the first time on a machine takes about a second."""
     digest, text = generate_forward(model, watched)
     return Forward(model, tuple(watched), load(digest, text))
 

@@ -27,6 +27,7 @@ from clutchest.native.llvm_module import LlvmModule
 from clutchest.native.source import Source
 from clutchest.native.types import (
     BOOL,
+    UINT,
     Array,
     Record,
     Struct,
@@ -98,12 +99,11 @@ def compiled(
 
 def _key(value: Any) -> Any:
     """Equal for values of the same type."""
-    kind = type(value)
-    if kind is np.ndarray:
-        return (value.dtype, value.ndim, value.flags.c_contiguous)
-    if issubclass(kind, tuple):
-        return (kind, *[_key(item) for item in value])
-    return value.dtype if kind is np.void else kind
+    if isinstance(value, np.ndarray):
+        return (value.dtype, value.ndim, value.flags.c_contiguous, value.flags.aligned)
+    if isinstance(value, tuple):
+        return (type(value), *[_key(item) for item in value])
+    return value.dtype if isinstance(value, np.void) else type(value)
 
 
 def _leaves(value: Any, of: Type, into: list[Any]) -> None:
@@ -122,7 +122,7 @@ def _leaves(value: Any, of: Type, into: list[Any]) -> None:
     elif isinstance(of, Struct):
         into.append(value.__array_interface__["data"][0])
     else:
-        into.append(value)
+        into.append(_signed(int(value)) if of == UINT else value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,10 +166,8 @@ class _Entry:
         self.packing.pack_into(table, 0, *leaves)
         _memory.arrays = []
         self.function(ctypes.addressof(table))
-        if not self.returns.leaves:
-            return None
         results = list(self.unpacking.unpack_from(table, size))
-        result = _result(self.returns, results)
+        result = _result(self.returns, results) if results else None
         _memory.arrays = []
         return result
 
@@ -188,7 +186,14 @@ def _result(of: Type, leaves: list[Any]) -> Any:
                 return np.ndarray(rest[: of.ndim], of.dtype, owner, offset, strides)
         raise Unsupported("a result that is part of an argument")
     value = leaves.pop(0)
+    if of == UINT:
+        return int(value) % 2**64
     return bool(value) if of == BOOL else value
+
+
+def _signed(value: int) -> int:
+    """The integer of the same 64 bits."""
+    return value - 2**64 if value >= 2**63 else value
 
 
 def _digest(function: CompiledFunction, types: tuple[Type, ...]) -> str:

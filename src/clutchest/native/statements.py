@@ -304,7 +304,10 @@ def _natural(node: ast.FunctionDef, stored: Counter[str], names: dict[str, Any])
         and part.iter.func.id == "range"
     ]
     found: set[str] = set()
+    given = {argument.arg for argument in node.args.args}
     for name, bounds in loops:  # outer loops come first
+        if name in given:
+            continue
         if len(bounds) == 1 or (len(bounds) == 2 and _is_natural(bounds[0], found, names)):
             counters[name] += 1
             if counters[name] == stored[name]:
