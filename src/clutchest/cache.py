@@ -70,13 +70,17 @@ def kept(folder: Path, name: str, text: str) -> Path:
 
 
 def recalled(name: str) -> bytes | None:
-    """What :func:`remember` has kept under this name; None if nothing, or if it is damaged."""
+    """What :func:`remember` has kept under this name; None if nothing, or if it is damaged, which
+    is said."""
+    path = cache_folder() / "native" / name
     try:
-        kept = (cache_folder() / "native" / name).read_bytes()
+        found = path.read_bytes()
     except OSError:
         return None
-    checksum, content = kept[:32], kept[32:]
-    return content if hashlib.sha256(content).digest() == checksum else None
+    if hashlib.sha256(found[32:]).digest() == found[:32]:
+        return found[32:]
+    print(f"clutchest: cache: {path} is damaged, made anew", file=sys.stderr)
+    return None
 
 
 def remember(name: str, content: bytes) -> None:
