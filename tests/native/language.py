@@ -211,3 +211,13 @@ def counted_down(i):
     for i in range(2):
         before += TABLE[i]
     return before
+
+
+@compiled
+def until_returned(n):
+    """A loop that only a return leaves."""
+    k = 0
+    while True:
+        k += n
+        if k > 10:
+            return k, n

@@ -42,6 +42,7 @@ CASES: list[tuple[Any, tuple[Any, ...]]] = [
     (language.structure, (STRUCTURE, 0)),
     (language.structure, (STRUCTURE, 1)),
     (language.counted_down, (-2,)),
+    (language.until_returned, (4,)),
     *((language.sought, (np.array([1.0, 2.0, 2.0, 4.0]), v)) for v in (0.0, 2.0, 3.0, 9.0)),
 ]
 

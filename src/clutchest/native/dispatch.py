@@ -23,7 +23,7 @@ import numpy as np
 
 from clutchest.cache import recalled, remember
 from clutchest.native import engine
-from clutchest.native.llvm_module import LlvmModule
+from clutchest.native.llvm_module import LlvmModule, slots_of
 from clutchest.native.source import Source
 from clutchest.native.types import (
     BOOL,
@@ -40,6 +40,7 @@ from clutchest.native.types import (
 )
 
 _FORMATS = {"double": "d", "i64": "q", "i1": "q", "ptr": "Q"}
+_LAYOUT = 0x101  # numpy's flags for C order and alignment
 _memory = threading.local()  # arrays that the call at hand has asked for
 
 
@@ -100,25 +101,19 @@ def compiled(
 def _key(value: Any) -> Any:
     """Equal for values of the same type."""
     if isinstance(value, np.ndarray):
-        return (value.dtype, value.ndim, value.flags.c_contiguous, value.flags.aligned)
+        return (value.dtype, value.ndim, value.flags.num & _LAYOUT)
     if isinstance(value, tuple):
         return (type(value), *[_key(item) for item in value])
     return value.dtype if isinstance(value, np.void) else type(value)
 
 
-def _leaves(value: Any, of: Type, into: list[Any]) -> None:
-    """The leaves of a Python value."""
+def _handed(value: Any, of: Type, into: list[Any]) -> None:
+    """What the entry is handed of a Python value; arrays as objects, see ``slots_of``."""
     if isinstance(of, Array):
-        into.append(value.__array_interface__["data"][0])
-        into.extend(value.shape)
-        if not of.packed:
-            into.extend(value.strides)
-    elif isinstance(of, Record):
-        for item, (_, kind) in zip(value, of.fields, strict=True):
-            _leaves(item, kind, into)
-    elif isinstance(of, Tuple):
-        for item, kind in zip(value, of.items, strict=True):
-            _leaves(item, kind, into)
+        into.append(id(value))
+    elif isinstance(of, Record | Tuple):
+        for item, kind in zip(value, of.parts, strict=True):
+            _handed(item, kind, into)
     elif isinstance(of, Struct):
         into.append(value.__array_interface__["data"][0])
     else:
@@ -148,7 +143,7 @@ class _Entry:
             head, code = kept.split(b"\n", 1)
             returns = decoded(ast.literal_eval(head.decode()))
         address = engine.address(code)
-        given = "".join(_FORMATS[leaf] for of in types for leaf in of.leaves)
+        given = "".join(_FORMATS[slot] for of in types for slot in slots_of(of))
         return cls(
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address),
             types,
@@ -158,12 +153,12 @@ class _Entry:
         )
 
     def __call__(self, arguments: tuple[Any, ...]) -> Any:
-        leaves: list[Any] = [_ALLOCATOR]
+        handed: list[Any] = [_ALLOCATOR]
         for argument, of in zip(arguments, self.types, strict=True):
-            _leaves(argument, of, leaves)
+            _handed(argument, of, handed)
         size = self.packing.size
         table = ctypes.create_string_buffer(size + self.unpacking.size)
-        self.packing.pack_into(table, 0, *leaves)
+        self.packing.pack_into(table, 0, *handed)
         _memory.arrays = []
         self.function(ctypes.addressof(table))
         results = list(self.unpacking.unpack_from(table, size))

@@ -13,9 +13,11 @@ from functools import lru_cache
 from typing import Any
 
 import llvmlite.binding as llvm
+import numpy as np
 
 OLDEST = 20  # of LLVM, whose text is written here
 LEVEL = 2
+OBJECT_HEAD = object.__basicsize__  # bytes before what is an object's own
 _NEEDED = ("exp", "expm1", "log", "pow", "sin", "cos", "tanh", "floor", "ceil", "memset", "memcpy")
 
 
@@ -26,15 +28,28 @@ def works() -> bool:
     """
     if os.environ.get("CLUTCHEST_COMPILER") == "numba":
         return False
-    known = llvm.llvm_version_info[0] >= OLDEST
+    known = llvm.llvm_version_info[0] >= OLDEST and _arrays_are_known()
     return known and sys.byteorder == "little" and sys.maxsize > 2**32
+
+
+def _arrays_are_known() -> bool:
+    """Whether numpy's objects lie in memory as is believed: see ``llvm_module.slots_of``."""
+    array = np.zeros((3, 5, 7))[1:, ::2]
+    if sys.implementation.name != "cpython":
+        return False
+    data, _, sizes, steps = (ctypes.c_uint64 * 4).from_address(id(array) + OBJECT_HEAD)
+    if data != array.__array_interface__["data"][0]:
+        return False
+    shape, strides = ((ctypes.c_int64 * 3).from_address(at) for at in (sizes, steps))
+    return (tuple(shape), tuple(strides)) == (array.shape, array.strides)
 
 
 def platform() -> str:
     """What machine code depends on, beside the text."""
     features = llvm.get_host_cpu_features().flatten()
     version = ".".join(map(str, llvm.llvm_version_info))
-    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features} {version} {LEVEL}"
+    processor = f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features}"
+    return f"{processor} {version} {LEVEL} {OBJECT_HEAD}"
 
 
 @lru_cache(maxsize=1)

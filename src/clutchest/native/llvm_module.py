@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from clutchest.native import engine
 from clutchest.native.source import Source
 from clutchest.native.statements import FunctionTranslator
-from clutchest.native.types import Array, Struct, Type, Unsupported
+from clutchest.native.types import Array, Record, Struct, Tuple, Type, Unsupported
 from clutchest.native.writer import Value, Writer
 
 _ALLOCATOR = """@allocator = internal global ptr null
@@ -120,13 +121,15 @@ class LlvmModule:
         (where to get memory, the leaves of all arguments, room for those of the result); and what
         it returns."""
         made, w = self.instance(function, types), Writer()
+        slots = [slot for of in types for slot in slots_of(of)]
+        handed = [_slot(w, i + 1, slot) for i, slot in enumerate(slots)]
         leaves = [leaf for of in types for leaf in of.leaves]
-        operands = [_slot(w, i + 1, leaf) for i, leaf in enumerate(leaves)]
+        operands = [operand for of in types for operand in _unpacked(w, of, handed)]
         if self.allocates:
             w.line(f"store ptr {_slot(w, 0, 'ptr')}, ptr @allocator")
         result = called(w, made, ", ".join(map(" ".join, zip(leaves, operands, strict=True))))
         for i, (leaf, operand) in enumerate(zip(made.returns.leaves, result.leaves, strict=True)):
-            at = w.new(f"getelementptr i64, ptr %table, i64 {1 + len(leaves) + i}")
+            at = w.new(f"getelementptr i64, ptr %table, i64 {1 + len(slots) + i}")
             if leaf == "i1":
                 leaf, operand = "i64", w.new(f"zext i1 {operand} to i64")
             w.line(f"store {leaf} {operand}, ptr {at}")
@@ -159,6 +162,38 @@ def returned(of: Type) -> str:
     if not of.leaves:
         return "void"
     return of.leaves[0] if len(of.leaves) == 1 else "{ " + ", ".join(of.leaves) + " }"
+
+
+def slots_of(of: Type) -> tuple[str, ...]:
+    """The slots in which the entry is handed an argument: its leaves, but an array's is the address
+    of numpy's object, which is quicker than to ask it for address, shape and strides."""
+    if isinstance(of, Array):
+        return ("ptr",)
+    if isinstance(of, Record | Tuple):
+        return tuple(slot for part in of.parts for slot in slots_of(part))
+    return of.leaves
+
+
+def _unpacked(w: Writer, of: Type, handed: list[str]) -> list[str]:
+    """The leaves of an argument from what was handed over, which is taken off the list."""
+    if isinstance(of, Record | Tuple):
+        return [leaf for part in of.parts for leaf in _unpacked(w, part, handed)]
+    first = handed.pop(0)
+    if not isinstance(of, Array):
+        return [first]
+    begin = engine.OBJECT_HEAD
+    data, sizes, steps = (_pointer(w, first, begin + at) for at in (0, 16, 24))
+    numbers = [(sizes, i) for i in range(of.ndim)]
+    numbers += [] if of.packed else [(steps, i) for i in range(of.ndim)]
+    return [data, *(w.new(f"load i64, ptr {_at(w, of_, 8 * i)}") for of_, i in numbers)]
+
+
+def _at(w: Writer, address: str, offset: int) -> str:
+    return w.new(f"getelementptr i8, ptr {address}, i64 {offset}")
+
+
+def _pointer(w: Writer, address: str, offset: int) -> str:
+    return w.new(f"load ptr, ptr {_at(w, address, offset)}")
 
 
 def _slot(w: Writer, i: int, leaf: str) -> str:

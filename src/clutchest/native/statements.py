@@ -194,10 +194,15 @@ class FunctionTranslator(ExpressionTranslator):
         head, inside, end = w.label(), w.label(), w.label()
         w.jump(head)
         w.begin(head)
-        w.branch(self.condition(node.test).leaves[0], inside, end)
+        test = self.condition(node.test)
+        w.branch(test.leaves[0], inside, end)
         w.begin(inside)
         self._looped(node.body, head, end)
         w.begin(end)
+        breaks = any(isinstance(part, ast.Break) for part in ast.walk(node))
+        if test.constant is True and not breaks:  # only a return leaves it
+            w.line("unreachable")
+            self.ended = True
 
     def _looped(self, body: list[ast.stmt], on: str, end: str) -> None:
         """The body of a loop, which goes on at ``on``."""

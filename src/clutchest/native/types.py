@@ -93,6 +93,11 @@ class Record:
     fields: tuple[tuple[str, Type], ...]
 
     @cached_property
+    def parts(self) -> tuple[Type, ...]:
+        """The types of the fields."""
+        return tuple(of for _, of in self.fields)
+
+    @cached_property
     def leaves(self) -> tuple[str, ...]:
         """Machine types, as LLVM names them."""
         return tuple(leaf for _, of in self.fields for leaf in of.leaves)
@@ -103,6 +108,11 @@ class Tuple:
     """A tuple; without items, what a function returns that returns nothing."""
 
     items: tuple[Type, ...]
+
+    @property
+    def parts(self) -> tuple[Type, ...]:
+        """The types of the items."""
+        return self.items
 
     @cached_property
     def leaves(self) -> tuple[str, ...]:
