@@ -6,7 +6,6 @@ Its text joins that of the truck's other files in one generated module: see ``ge
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from clutchest.generator.physics import (
     capacity,
@@ -24,6 +23,7 @@ from clutchest.generator.situation import (
     SPEED,
     Record,
 )
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 # --- the generated module goes on from here ---
@@ -31,7 +31,7 @@ from clutchest.signals import Floats
 NUDGE = 1e-4  # mm, for the slope of the torque over the position
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _enter(row: Floats, y: Floats, s: Record, p: Record) -> None:
     """What is known at one row: engine, shaft and truck's speed, piston's place, coolant, ambient;
     whether the clutch is locked."""
@@ -42,7 +42,7 @@ def _enter(row: Floats, y: Floats, s: Record, p: Record) -> None:
     s.sign = 1.0 if row[0] > row[1] else -1.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def follow(time: Floats, shown: Floats, y: Floats, s: Record, p: Record, out: Floats) -> None:
     """Temperatures and slip energy ``y`` under the signals ``shown`` (n, 7) at ``time`` (n,) s.
     ``out`` (n, 2): the clutch torque in Nm while it is not locked, and where an empty actuator lets
