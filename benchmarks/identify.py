@@ -42,7 +42,9 @@ from clutchest.vehicle import Vehicle
 # record of zero positions starts at rest, as the model supposes: `cooldown` starts hot.
 RAMPS, HEATING = (("ramps", None),), (("heating", 750.0),)
 LASTS = {"I1": 150.0, "I4": 150.0}  # s, instead of 600, in which the rig warms up as far
-BENCHES = {name: ((name, LASTS.get(name)),) for name in ("I1", "I2", "I3", "I4")}
+BENCHES = {
+    name: ((name, LASTS.get(name)),) for name in ("I1", "I2", "I3", "I4", "I5", "I6", "I7", "I8")
+}
 FAST = (("I2", 6.0),)  # another duration than its own marks the log at 10 kHz
 AT_200_HZ = {name: log for name, log in BENCHES.items() if name != "I2"}
 SPECIMEN = (*BENCHES["I1"], *FAST, *(log for name, (log,) in BENCHES.items() if name > "I2"))

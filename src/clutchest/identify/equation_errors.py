@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,11 +54,13 @@ class _Unknowns:
     low: Floats
     high: Floats
     counts: tuple[int, ...]
+    acting: tuple[tuple[int, ...], ...]
 
     @classmethod
-    def of(
+    def prior(
         cls, parts: Sequence[EquationErrors], vehicle: Vehicle, keys: Sequence[str]
     ) -> _Unknowns:
+        """Those of the file, every parameter acting on every record."""
         own = np.concatenate([np.zeros((0, 2)), *(part.own for part in parts)])
         bounds = {p.key: (p.lower, p.upper) for p in vehicle.machine.parameters}
         known = [vehicle.parameters[key] for key in keys]
@@ -72,7 +74,13 @@ class _Unknowns:
             np.concatenate([limits[:, 0], -endless]),
             np.concatenate([limits[:, 1], endless]),
             tuple(len(part.own) for part in parts),
+            (tuple(range(len(keys))),) * len(parts),
         )
+
+    def of(self, part: EquationErrors, index: int, theta: Floats) -> Floats:
+        """The equation errors of one record at ``theta``."""
+        parameters, own = self.numbers(theta)
+        return part.errors(parameters, own[index])
 
     def numbers(self, theta: Floats) -> tuple[dict[str, float], list[Floats]]:
         """Parameters and own numbers of each record at ``theta``, in units of the priors."""
@@ -93,12 +101,8 @@ def fit_errors(
     Where errors exceed their noise, the standard deviations grow with them if ``widened``.
     """
     keys = [k for k, p in vehicle.parameters.items() if p.spread > 0 and k not in held]
-    unknowns = _Unknowns.of(parts, vehicle, keys)
-    scale = np.ones(len(parts))
-    first = _jacobian(parts, unknowns, np.zeros(len(unknowns.start)), scale)
-    acting = [key for i, key in enumerate(keys) if np.any(first[:, i] != 0.0)]
-    unknowns = _Unknowns.of(parts, vehicle, acting)
-    theta = np.zeros(len(unknowns.start))
+    unknowns, scale = _acting(parts, vehicle, keys), np.ones(len(parts))
+    acting, theta = unknowns.keys, np.zeros(len(unknowns.start))
     theta = _least(parts, unknowns, theta, scale)
     if widened:
         left = _errors(parts, unknowns, theta, scale)
@@ -109,13 +113,24 @@ def fit_errors(
     n, (_, own) = len(acting), unknowns.numbers(theta)
     unit = unknowns.unit[:n]
     return BenchPosterior(
-        tuple(acting),
+        acting,
         unknowns.start[:n] + unit * theta[:n],
         covariance[:n, :n] * np.outer(unit, unit),
         tuple(own),
         tuple(scale.tolist()),
         _cost(parts, unknowns, theta, scale),
     )
+
+
+def _acting(parts: Sequence[EquationErrors], vehicle: Vehicle, keys: Sequence[str]) -> _Unknowns:
+    """The parameters that act on any record, and on which."""
+    every = _Unknowns.prior(parts, vehicle, keys)
+    psi = _jacobian(parts, every, np.zeros(len(every.start)), np.ones(len(parts)))
+    rows = np.cumsum([len(part.errors(every.base, part.own[:, 0])) for part in parts])[:-1]
+    moves = [np.any(block[:, : len(keys)] != 0.0, axis=0) for block in np.split(psi, rows)]
+    kept = np.flatnonzero(np.any([np.zeros(len(keys), bool), *moves], axis=0))
+    found = _Unknowns.prior(parts, vehicle, [keys[int(k)] for k in kept])
+    return replace(found, acting=tuple(tuple(np.flatnonzero(of[kept])) for of in moves))
 
 
 def _errors(
@@ -141,14 +156,20 @@ def _cost(
 def _jacobian(
     parts: Sequence[EquationErrors], unknowns: _Unknowns, theta: Floats, scale: Floats
 ) -> Floats:
-    """Derivatives of all errors by all numbers, by central differences."""
-    columns = [np.zeros((len(_stacked(parts, unknowns, theta, scale)), 0))]
-    for i in range(len(theta)):
-        step = np.zeros(len(theta))
-        step[i] = STEP
-        ahead, behind = (_stacked(parts, unknowns, theta + s, scale) for s in (step, -step))
-        columns.append((ahead - behind) / (2 * STEP))
-    return np.column_stack(columns)
+    """Derivatives of all errors by all numbers, by central differences, of each record by those
+    that act on it."""
+    first, blocks = len(unknowns.keys), []
+    for i, (part, s) in enumerate(zip(parts, scale, strict=True)):
+        acts = [*unknowns.acting[i], *range(first, first + unknowns.counts[i])]
+        first += unknowns.counts[i]
+        block = np.zeros((len(unknowns.of(part, i, theta)), len(theta)))
+        for k in acts:
+            step = np.zeros(len(theta))
+            step[k] = STEP
+            ahead, behind = (unknowns.of(part, i, theta + way) for way in (step, -step))
+            block[:, k] = (ahead - behind) / (2 * STEP * s)
+        blocks.append(block)
+    return np.concatenate([np.zeros((0, len(theta))), *blocks])
 
 
 def _least(

@@ -177,9 +177,7 @@ def control(y: Record, asked: float, driven: float, c: Record, h: float, p: Reco
         free = p.current_proportional * error + y.current_integral
         y.voltage = limited(free, p.supply_voltage)
         y.current_integral += h * p.current_integral / p.current_proportional * (y.voltage - free)
-    if c.drive == TORQUE:
-        y.servo_torque = driven
-    elif c.drive == SLIP:
+    if c.drive == SLIP:
         error = p.final_drive_ratio * driven - y.drive_speed
         y.servo_integral += h * p.servo_integral * error
         free = p.servo_proportional * error + y.servo_integral
@@ -271,6 +269,8 @@ def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
             driven = last.driven + share * (c.driven - last.driven)
             if i % SAMPLED == 0:
                 control(y, asked, driven, c, SAMPLED * h, p)
+            if c.drive == TORQUE:
+                y.servo_torque = driven
             actuate(y, c, h, p)
             if c.drive == WHEELS:
                 slip = driven

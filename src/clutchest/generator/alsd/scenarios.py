@@ -179,11 +179,16 @@ def _ball_ramp(rng: Random, time: Floats, c: NDArray) -> None:
 
 
 def _stiffness(rng: Random, time: Floats, c: NDArray) -> None:
-    """I7: current ramps with the pack; in the second half the ball-ramp output is held fixed."""
+    """I7: current ramps with the pack; in the second half the ball-ramp output is held fixed.
+
+    Of 15 A/s: at a quarter of it, the motor turns so slowly that it sticks and slips.
+    """
     half = time > time[-1] / 2
     c["bench"] = np.where(half, OUTPUT_FIXED, COMPLETE)
-    phase = (time % (time[-1] / 2)) - 1.0
-    c["asked"] = np.maximum(np.minimum(4.0 * phase, 4.0 * (9.0 - phase)), 0.0)
+    phase = (time % (time[-1] / 2) - 1.0) % 3.3
+    ramps = np.maximum(15.0 * np.minimum(phase, 2.4 - phase), 0.0)
+    since = time % (time[-1] / 2) - 1.0
+    c["asked"] = np.where((since > 0.0) & (since < 9.9), ramps, 0.0)
 
 
 def _torsion(rng: Random, time: Floats, c: NDArray) -> None:
