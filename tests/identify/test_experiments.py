@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from typer.testing import CliRunner
 
 import clutchest
@@ -59,14 +60,42 @@ def holds(fit: Fit, *keys: str) -> None:
         ("I1", 60.0, ("armature_resistance", "resistance_temp_coefficient")),
         ("I3", 18.0, ("back_emf_constant",)),
         ("I4", 60.0, ("torque_constant", "torque_constant_temp_coefficient")),
+        (
+            "I5",
+            None,
+            ("motor_inertia", "motor_coulomb_torque", "motor_viscous", "motor_static_torque"),
+        ),
+        ("I6", None, ("ball_ramp_friction", "spring_preload")),
+        ("I7", None, ("ball_ramp_stiffness", "pack_stiffness", "free_play", "gear_backlash")),
+        ("I8", None, ("torsional_stiffness", "differential_backlash", "driveline_friction")),
     ],
 )
-def test_experiments_of_the_motor(name, duration, keys, tmp_path):
+def test_what_an_experiment_determines_is_right(name, duration, keys, tmp_path):
     fit = run(name, log(name, duration=duration))
     holds(fit, *keys)
     assert any("bench guessed from the data" in note for note in fit.notes)
+    assert any(note.startswith(f"{name}: ") for note in fit.notes)
     fit.draw(tmp_path)
-    assert len(list(tmp_path.glob("*.png"))) == 1
+    pictures = {"I5": 2, "I7": 2}  # torque over speed and break-away; both benches
+    assert len(list(tmp_path.glob("*.png"))) == pictures.get(name, 1)
+
+
+@pytest.mark.parametrize("name", ["I1", "I3", "I4", "I5", "I6", "I7", "I8"])
+def test_equation_errors_of_the_truth_are_noise(name):
+    """The generator solves the equations otherwise; what is left is its sensors' noise."""
+    lasts = 60.0 if name in ("I1", "I4") else None
+    records = bench_records(log(name, SEED + 7, duration=lasts), RIG)
+    true = {
+        key: replace(p, value=TRUTH.get(key, p.value), spread=1e-9)
+        for key, p in RIG.parameters.items()
+    }
+    specimen = replace(RIG, parameters=true)
+    (experiment,) = (e for e in machine_of("alsd").experiments if e.name == name)
+    parts = [experiment.reduce(record) for record in records.on(experiment.benches)]
+    for part, scale in zip(parts, fit_errors(parts, specimen).scale, strict=True):
+        count = len(part.errors(TRUTH, part.own[:, 0]))
+        assert count > 10
+        assert scale < 1.1 * np.sqrt(chi2.isf(1e-4, count) / count)
 
 
 def test_an_inductance_takes_a_fast_log():

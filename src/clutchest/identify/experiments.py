@@ -108,7 +108,7 @@ def identify_experiments(
         parameters=parameters,
         notes=(*records.notes, *reduced.notes, *_figures(reduced), *exact),
         warnings=tuple(dict.fromkeys(warnings)),
-        draw=partial(_draw, reduced, posterior, vehicle, changed),
+        draw=partial(_draw, reduced, posterior, vehicle),
         validation=validation,
     )
 
@@ -190,13 +190,11 @@ def validate(holdout: Signals, reduced: Reduced, before: Vehicle, after: Vehicle
     return Validation(tuple(logs), tuple(errors), 0.5 * (old.cost - new.cost))
 
 
-def _draw(
-    reduced: Reduced, posterior: BenchPosterior, before: Vehicle, after: Vehicle, folder: Path
-) -> None:
+def _draw(reduced: Reduced, posterior: BenchPosterior, before: Vehicle, folder: Path) -> None:
     from clutchest.identify.fit_pictures import draw_curves
 
     was = {key: p.value for key, p in before.parameters.items()}
-    now = posterior.parameters(before) | {key: p.value for key, p in after.parameters.items()}
+    now = posterior.parameters(before)
     curves = [
         (curve, own)
         for part, own in zip(reduced.errors, posterior.own, strict=True)

@@ -50,7 +50,7 @@ def draw_curves(
         figure, (axes,) = _sheet(1, 4.5)
         for i, (curve, own) in enumerate(pair for pair in curves if pair[0].file == file):
             labels = ("measured", "before", "fitted") if i == 0 else (None, None, None)
-            axes.plot(*curve.points, "C0.", ms=3, label=labels[0])
+            axes.plot(*curve.points(after, own), "C0.", ms=3, label=labels[0])
             axes.plot(*curve.model(before, own), "C7--", lw=1.2, label=labels[1])
             axes.plot(*curve.model(after, own), "k", lw=1.2, label=labels[2])
             axes.set(xlabel=curve.labels[0], ylabel=curve.labels[1])

@@ -71,12 +71,12 @@ class Benches:
 
 @dataclass(frozen=True, slots=True)
 class ExperimentCurve:
-    """A picture of an experiment, a PNG named ``file``: ``points`` (x, y) as measured, ``model``
-    the curve (x, y) by parameters and own numbers; ``labels`` of both axes."""
+    """A picture of an experiment, a PNG named ``file``: ``points`` as measured and the ``model``'s
+    curve, (x, y) each, by parameters and own numbers; ``labels`` of both axes."""
 
     file: str
     labels: tuple[str, str]
-    points: tuple[Floats, Floats]
+    points: Callable[[Parameters, Floats], tuple[Floats, Floats]]
     model: Callable[[Parameters, Floats], tuple[Floats, Floats]]
 
 

@@ -37,7 +37,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         path.errors,
         path.heat.own,
         (loop(path, record.parameters),),
-        (loop_curve(path, record.parameters, "loop.png"),),
+        (loop_curve(path, "loop.png"),),
     )
 
 
@@ -53,7 +53,7 @@ def loop(path: AnglePath, p: Parameters) -> str:
     """Half width and shift of the loop as the paper reads them, in words."""
     angle, speed = path.motion[:, 0], path.motion[:, 1]
     torque = np.full(len(angle), np.nan)
-    torque[path.counts] = path.measured(p)[1]
+    torque[path.counts] = path.measured(p, path.heat.own[:, 0])[1]
     torque -= friction(p, speed)
     widths, shifts = [], []
     for low in np.arange(angle.min(), angle.max(), BIN):
@@ -75,7 +75,7 @@ def loop(path: AnglePath, p: Parameters) -> str:
     )
 
 
-def loop_curve(path: AnglePath, p: Parameters, file: str) -> ExperimentCurve:
+def loop_curve(path: AnglePath, file: str) -> ExperimentCurve:
     """T_m1 over α_m1, as Figs. 9 and 10."""
     rows = path.counts
 
@@ -83,7 +83,7 @@ def loop_curve(path: AnglePath, p: Parameters, file: str) -> ExperimentCurve:
         torque = np.where(rows, path.expected(p), np.nan)
         return path.motion[:, 0], torque
 
-    return ExperimentCurve(file, ("α_m1, rad", "T_m1, Nm"), path.measured(p), model)
+    return ExperimentCurve(file, ("α_m1, rad", "T_m1, Nm"), path.measured, model)
 
 
 I6 = BenchExperiment(

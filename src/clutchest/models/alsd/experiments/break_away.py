@@ -27,8 +27,8 @@ NEAR = 0.95  # of T_S; beyond it the curve goes on straight
 
 @dataclass(frozen=True, slots=True)
 class BreakAway:
-    """Angles and currents of one rise, each at its times; standard deviations of both, the
-    temperature and ``nominal`` parameters.
+    """Angles and currents of one rise, each at its times; standard deviations of both, and the
+    temperature.
 
     Own numbers: the angle at rest, and the current's value at the end and slope.
     """
@@ -39,7 +39,6 @@ class BreakAway:
     current: Floats
     noise: tuple[float, float]
     temp: float
-    nominal: Parameters
     own: Floats
 
     def bend(self, p: Parameters, torque: Floats, rate: float) -> Floats:
@@ -72,17 +71,16 @@ class BreakAway:
 
     @property
     def curve(self) -> ExperimentCurve:
-        """Torque over angle, measured by the straight rise of the current."""
-        slope, level = np.polyfit(self.current_time - self.current_time[-1], self.current, 1)
-        at_rest = float(self.own[0, 0])
-        per_amp = float(torque_constant(self.nominal, np.array(self.temp)))
+        """Torque over angle, measured by the even rise of the current."""
+
+        def points(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
+            return self.angle - own[0], self.torque(p, own, self.angle_time)
 
         def model(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
-            torque = np.linspace(0.0, NEAR, 100) * p["motor_static_torque"] * np.sign(level)
-            return self.bend(p, torque, per_amp * slope), torque
+            torque = self.torque(p, own, self.angle_time)
+            rate = float(torque_constant(p, np.array(self.temp))) * float(own[2])
+            return self.bend(p, torque, rate), torque
 
-        amps = level + slope * (self.angle_time - self.current_time[-1])
-        points = (self.angle - at_rest, per_amp * amps)
         return ExperimentCurve("break_away.png", ("α_m1, rad", "T_m1, Nm"), points, model)
 
 
@@ -139,6 +137,5 @@ def _rise(record: BenchRecord, since: float, sliding: float) -> BreakAway | None
         value,
         (noise("motor_angle", 1), noise("armature_current", 1)),
         temp,
-        p,
         np.array([[at_rest, 0.05], [level, spread], [slope, spread]]),
     )

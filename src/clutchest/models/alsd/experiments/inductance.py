@@ -43,7 +43,9 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     def curve(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
         return 1e3 * t, i - _left(t, i, _lag(p, temp))
 
-    picture = ExperimentCurve("current_step.png", ("time, ms", "i_a, A"), (1e3 * t, i), curve)
+    picture = ExperimentCurve(
+        "current_step.png", ("time, ms", "i_a, A"), lambda p, own: (1e3 * t, i), curve
+    )
     words = f"{len(steps)} steps, {len(t)} samples within {1e3 * LASTS * lag:.2g} ms of one"
     return EquationErrors(errors, NO_OWN, (words,), (picture,))
 

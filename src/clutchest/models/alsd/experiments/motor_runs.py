@@ -84,7 +84,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         parts += [s.errors(p, o) for s, o in zip(slips, np.split(own, cuts), strict=False)]
         return np.concatenate(parts)
 
-    curves = [*_torque_speed(found, record.parameters), *(s.curve for s in slips[:1])]
+    curves = [*_torque_speed(found), *(s.curve for s in slips[:1])]
     starting = sum(bool(np.mean(run.speed * run.acceleration) > 0) for run in found)
     words = f"{starting} starting and {len(found) - starting} other runs, {len(slips)} break-aways"
     return EquationErrors(errors, own, (words,), tuple(curves))
@@ -118,17 +118,16 @@ def runs(record: BenchRecord) -> Iterator[FrictionRun]:
             )
 
 
-def _torque_speed(found: list[FrictionRun], p: Parameters) -> Iterator[ExperimentCurve]:
-    """Torque over speed, as the runs have it with the file's inertia."""
+def _torque_speed(found: list[FrictionRun]) -> Iterator[ExperimentCurve]:
+    """Torque over speed."""
     if not found:
         return
     speed = np.concatenate([run.speed for run in found])
-    torque = np.concatenate([run.friction(p) for run in found])
     line = np.linspace(min(speed.min(), 0.0), max(speed.max(), 0.0), 400)
     yield ExperimentCurve(
         "friction.png",
         ("ω_m1, rad/s", "T_f1, Nm"),
-        (speed, torque),
+        lambda p, own: (speed, np.concatenate([run.friction(p) for run in found])),
         lambda p, own: (line, friction(p, line)),
     )
 

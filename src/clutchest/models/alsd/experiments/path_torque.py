@@ -223,9 +223,9 @@ class AnglePath:
             errors.append((self.torque[rows] - torque[rows]) / self.std[1])
         return np.concatenate(errors)
 
-    def measured(self, p: Parameters) -> tuple[Floats, Floats]:
+    def measured(self, p: Parameters, own: Floats) -> tuple[Floats, Floats]:
         """(angle, rad, T_m1 = K_t i_a, Nm) wherever the torque follows from the motion."""
-        rows, temp = self.counts, self.heat.temperature(p, self.heat.own[:, 0])
+        rows, temp = self.counts, self.heat.temperature(p, own)
         torque = torque_constant(p, temp[rows]) * self.current[rows]
         return self.motion[rows, 0], torque
 

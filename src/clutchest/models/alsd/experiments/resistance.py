@@ -55,7 +55,9 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         f"R_a = u_a/i_a at {len(u)} plateaus, {quotient.min():.4f} … {quotient.max():.4f} Ω "
         f"at {temp.min():.0f} … {temp.max():.0f} °C"
     )
-    picture = ExperimentCurve("resistance.png", ("ϑ_a, °C", "R_a, Ω"), (temp, quotient), curve)
+    picture = ExperimentCurve(
+        "resistance.png", ("ϑ_a, °C", "R_a, Ω"), lambda p, own: (temp, quotient), curve
+    )
     return EquationErrors(errors, NO_OWN, (words,), (picture,))
 
 

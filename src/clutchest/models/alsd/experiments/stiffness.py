@@ -29,7 +29,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     path = AnglePath.of(record)
     if path is None or not path.counts.any():
         return "the motor does not turn evenly"
-    most = float(np.nanmax(np.abs(path.measured(record.parameters)[1])))
+    most = float(np.nanmax(np.abs(path.measured(record.parameters, path.heat.own[:, 0])[1])))
     if most < LEAST:
         return f"the torque reaches {most:.2f} Nm, less than {LEAST:g} Nm"
     file = "compression.png" if record.bench == "rig" else "compression_fixed.png"
@@ -37,13 +37,13 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         path.errors,
         path.heat.own,
         (slopes(path, record.parameters, record.bench),),
-        (loop_curve(path, record.parameters, file),),
+        (loop_curve(path, file),),
     )
 
 
 def slopes(path: AnglePath, p: Parameters, bench: str) -> str:
     """Slopes of both branches as the paper reads them, in words."""
-    angle, torque = path.measured(p)
+    angle, torque = path.measured(p, path.heat.own[:, 0])
     speed = path.motion[path.counts, 1]
     found = []
     for way in (1, -1):

@@ -47,7 +47,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
 
     quotient = torque / i
     picture = ExperimentCurve(
-        "torque_constant.png", ("ϑ_a, °C", "K_t, Nm/A"), (temp, quotient), curve
+        "torque_constant.png", ("ϑ_a, °C", "K_t, Nm/A"), lambda p, own: (temp, quotient), curve
     )
     words = (
         f"K_t = T_m1/i_a at {len(i)} plateaus, {quotient.min():.5f} … {quotient.max():.5f} Nm/A "

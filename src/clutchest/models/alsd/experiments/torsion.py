@@ -58,15 +58,17 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         rest = t2 - p["driveline_friction"] * way - p["structure_inertia"] * dw
         return np.asarray((rest - elastic(p, own, a, side)) / std)
 
+    def points(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
+        return a, t2 - p["driveline_friction"] * way - p["structure_inertia"] * dw
+
     def curve(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
         order = np.argsort(a)
         return a[order], elastic(p, own, a, side)[order]
 
     slopes = [np.polyfit(a[side == s], t2[side == s], 1)[0] * ratio**2 for s in set(side)]
     words = "slope K_g2² dT_m2/dα_m2 " + " and ".join(f"{s:.0f}" for s in slopes) + " Nm/rad"
-    labels = ("α_m2, rad", "T_m2 − T_f2, Nm")
+    labels = ("α_m2, rad", "T_m2 − T_f2 − J_2 dω_m2/dt, Nm")
     own = np.array([[float(middle) / ratio, ANYWHERE]])
-    points = (a, t2 - p["driveline_friction"] * way)
     picture = ExperimentCurve("torsion.png", labels, points, curve)
     return EquationErrors(errors, own, (words,), (picture,))
 

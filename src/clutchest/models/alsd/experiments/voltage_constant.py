@@ -41,7 +41,10 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
 
     emf = u - resistance(p, temp) * i
     picture = ExperimentCurve(
-        "voltage_constant.png", ("ω_m1, rad/s", "u_a − R_a i_a, V"), (w, emf), curve
+        "voltage_constant.png",
+        ("ω_m1, rad/s", "u_a − R_a i_a, V"),
+        lambda p, own: (w, u - resistance(p, temp) * i),
+        curve,
     )
     words = f"K_v at {len(w)} speeds, {(emf / w).min():.5f} … {(emf / w).max():.5f} V s"
     return EquationErrors(errors, NO_OWN, (words,), (picture,))

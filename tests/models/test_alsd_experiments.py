@@ -1,0 +1,105 @@
+"""What the differential's experiments are made of: polynomials, plateaus, pre-sliding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from clutchest.models.alsd.experiments.break_away import BreakAway
+from clutchest.models.alsd.experiments.motion import (
+    Polynomial,
+    local_polynomial,
+    second_derivative_std,
+    window_means,
+)
+from clutchest.models.alsd.experiments.plateaus import centre, plateaus, speed
+from clutchest.models.experiments import BenchRecord
+from clutchest.signals import Signal
+from clutchest.vehicle import load_vehicle
+
+RNG = np.random.default_rng(5)
+RIG = {key: p.value for key, p in load_vehicle("alsd_rig").parameters.items()}
+
+
+def signal(time, value) -> Signal:
+    return Signal.of("s", "1", np.asarray(time), np.asarray(value))
+
+
+def test_local_polynomials_are_exact_on_polynomials():
+    time = np.sort(RNG.uniform(0.0, 1.0, 60))
+    found = local_polynomial(time, 2.0 - 3.0 * time + 5.0 * time**2 - time**3, 7, 3)
+    slope, bend = -3.0 + 10.0 * time - 3.0 * time**2, 10.0 - 6.0 * time
+    assert found[:, 1] == pytest.approx(slope, rel=1e-6, abs=1e-6)
+    assert found[:, 2] == pytest.approx(bend, rel=1e-4, abs=1e-3)
+    with pytest.raises(ValueError, match="fewer samples"):
+        local_polynomial(time[:5], time[:5], 7, 3)
+
+
+def test_the_noise_of_a_second_derivative_is_known():
+    time = 0.01 * np.arange(20_001)
+    found = local_polynomial(time, RNG.standard_normal(len(time)), 7, 4)[10:-10, 2]
+    assert np.std(found) == pytest.approx(second_derivative_std(0.01, 7, 4), rel=0.05)
+
+
+def test_a_polynomial_has_the_covariance_of_its_derivatives():
+    time, true = np.linspace(1.0, 2.0, 80), lambda t: 3.0 * t**4
+    nodes = np.array([1.2, 1.7])
+    tries = []
+    for _ in range(400):
+        noisy = signal(time, true(time) + RNG.standard_normal(len(time)))
+        value, covariance = Polynomial.through(noisy, 1.0, 2.01, 5).derivative(nodes, 2)
+        tries.append(value - 36.0 * nodes**2)
+    assert np.cov(np.array(tries).T) == pytest.approx(covariance, rel=0.3)
+    assert np.mean(tries, axis=0) == pytest.approx(0.0, abs=4 * np.sqrt(covariance.max() / 400))
+
+
+def test_window_means_are_moved_to_the_middle():
+    time = np.arange(0.0031, 2.0, 0.005)
+    value, count = window_means(signal(time, 7.0 * time), np.arange(0.0, 1.9, 0.02))
+    assert value == pytest.approx(7.0 * (np.arange(len(value)) + 0.5) * 0.02)
+    assert set(count) <= {3.0, 4.0, 5.0}
+    holes, _ = window_means(signal([0.0, 1.0], [1.0, 2.0]), np.array([0.0, 0.4, 0.8]))
+    assert np.isnan(holes[1])
+
+
+def test_plateaus_lie_between_jumps():
+    time = np.arange(0.0, 6.0, 0.01)
+    level = np.where(time < 2.0, 1.0, np.where(time < 4.5, 3.0, 2.0))
+    noisy = signal(time, level + 0.01 * RNG.standard_normal(len(time)))
+    record = BenchRecord("", {"u": noisy}, {"u": 0.01}, {"u": 0.0}, {})
+    spans = plateaus(record, ["u"], 0.1, 1.6)
+    assert np.array(spans) == pytest.approx(np.array([(0.1, 1.99), (2.1, 4.49)]))
+    value, count = centre(noisy, *spans[1])
+    assert value == pytest.approx(3.0, abs=0.003) and count == 239
+    assert record.std_of_mean("u", 100) == pytest.approx(0.001)
+    slope, std = speed(signal(time, 4.0 * time), 1.0, 2.0)
+    assert slope == pytest.approx(4.0) and 0.2 < std < 0.5
+
+
+def lugre(rate: float, until: float) -> tuple[np.ndarray, np.ndarray]:
+    """Torque and angle of the full friction model, (3) to (5), under a torque that rises evenly."""
+    p, step, z, x, w = RIG, 2e-6, 0.0, 0.0, 0.0
+    torque, angle = [], []
+    for k in range(int(until / step)):
+        over = p["motor_static_torque"] - p["motor_coulomb_torque"]
+        bent = (w / p["motor_stribeck_speed"]) ** 2
+        level = p["motor_coulomb_torque"] + over * np.exp(-bent)
+        dz = w - p["motor_bristle_stiffness"] * abs(w) * z / level
+        friction = p["motor_bristle_stiffness"] * z + p["motor_bristle_damping"] * dz
+        friction += p["motor_viscous"] * w
+        z, x = z + step * dz, x + step * w
+        w += step / p["motor_inertia"] * (rate * k * step - friction)
+        torque.append(rate * k * step)
+        angle.append(x)
+    return np.array(torque)[::5000], np.array(angle)[::5000]
+
+
+def test_the_pre_sliding_curve_is_that_of_the_full_model():
+    rate = 0.05
+    torque, angle = lugre(rate, 0.28)
+    empty = np.zeros(0)
+    rise = BreakAway(empty, empty, empty, empty, (1.0, 1.0), 25.0, np.zeros((3, 2)))
+    bend = rise.bend(RIG, torque, rate)
+    assert angle[-1] > 0.7 * RIG["motor_static_torque"] / RIG["motor_bristle_stiffness"]
+    late = torque > 0.2 * torque[-1]
+    assert bend[late] == pytest.approx(angle[late], rel=0.03)
