@@ -75,7 +75,11 @@ class Oracle:
     def distance(self, twin: Seen, causes: Sequence[str] = ()) -> float:
         """d′ of a twin from the nearest sizes of the effects ``causes`` acting together; from the
         model without a cause where there are none."""
-        return self._fit(twin, causes).distance
+        begin = self._fit(twin)
+        if not causes:
+            return begin.distance
+        # from the truck's own numbers, and from those that come nearest without a cause
+        return min(self._fit(twin, causes, begin=z).distance for z in (None, begin.z))
 
     def nearest(
         self, twin: Seen, beside: Sequence[str] = (), *, whole: bool = True

@@ -73,10 +73,9 @@ def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: P
     gains = [problem.index(c.gain_name) for c, _ in rivals]
     certain = [problem.index(c.gain_name) for c, _ in beside]
     free = np.concatenate([problem.nuisances, certain]).astype(int)
-    objective, active = Objective.of(problem), np.union1d(free, gains)
-    healthy = objective.linearise_at(np.zeros(len(theta)), shapes, active)
-    objective = objective.with_noise_of(healthy)
-    fit = objective.whitened(objective.linearise_at(theta, shapes, active))
+    objective = Objective.of(problem)
+    objective = objective.with_noise_of(objective.linearise_at(np.zeros(len(theta)), shapes))
+    fit = objective.linearise_at(theta, shapes, np.union1d(free, gains))
     scores: ScoreTest = score_test(
         fit,
         free,
