@@ -105,7 +105,7 @@ def test_innovations_far_outside_the_noise_are_found_and_a_transient_is_not(truc
     assert "engine_speed differs" in wrong.found.words
     transient = track(healthy, 300.0)
     events = transient.innovations
-    large = np.where((events.time > 100.0) & (events.time < 120.0), 100.0, 1.0)
+    large = np.where((events.time > 100.0) & (events.time < 120.0), 50.0, 1.0)
     once = judge(truck)
     once.take(replace(transient, innovations=replace(events, innovation=large * events.innovation)))
     assert once.found is None
@@ -210,9 +210,9 @@ def test_diagnose_names_the_signal_before_the_clutch(demo):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["I1", "I4"])
+@pytest.mark.parametrize("scenario", ["I3", "I5"])
 def test_a_log_of_another_bench_is_not_believed(scenario):
-    drive = clutchest.simulate("alsd_rig", scenario, 1, duration=60.0)
+    drive = clutchest.simulate("alsd_rig", scenario, 1, duration=40.0)
     run = replay(drive, "alsd_rig")
     assert run.summary["contradiction"] is not None
     assert not any(state["valid"] for state in run.summary["states"].values())

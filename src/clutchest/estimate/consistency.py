@@ -22,6 +22,7 @@ STRETCH_S = 10.0  # s of innovations that are judged together
 LEAST = 5  # readings of a sensor in a stretch that is judged
 MEDIAN = 0.6745  # of |z|, standard normal
 SHARE = 0.1  # of the stretches that may exceed a sensor's tolerance in a right model
+FAR, FAR_SHARE = 25.0, 1e-4  # times the tolerance, and the same share of such stretches
 LASTING_S = 10.0  # s beyond a physical bound
 STD = 3.0  # standard deviations beyond it
 ROUNDING = 1e-6  # s
@@ -39,7 +40,8 @@ class Consistency:
         self.model, self.per_1000h = model, per_1000h
         self.found: Contradiction | None = None
         self._open: dict[int, list[tuple[Floats, Floats]]] = {}  # sensor → times and |z|
-        self._judged = dict.fromkeys(range(len(model.sensors)), (0, 0))  # stretches, and beyond
+        # stretches, those beyond, and those far beyond
+        self._judged = dict.fromkeys(range(len(model.sensors)), (0, 0, 0))
         self._worst = dict.fromkeys(range(len(model.sensors)), 0.0)  # largest scale over tolerance
         self._outside: dict[str, float] = {}  # state → s
         self._last_s, self._most_J = -np.inf, 0.0
@@ -79,13 +81,14 @@ class Consistency:
     def _stretch(self, i: int, z: Floats, end: float) -> Contradiction | None:
         if len(z) < LEAST:
             return None
-        sensor, (n, beyond) = self.model.sensors[i], self._judged[i]
+        sensor, (n, beyond, far) = self.model.sensors[i], self._judged[i]
         scale = float(np.median(z)) / MEDIAN
         self._worst[i] = max(self._worst[i], scale / sensor.tolerance)
         n, beyond = n + 1, beyond + (scale > sensor.tolerance)
-        self._judged[i] = n, beyond
+        far += scale > FAR * sensor.tolerance
+        self._judged[i] = n, beyond, far
         allowed = self.per_1000h * end / 3.6e6 / len(self.model.sensors)
-        if _at_least(beyond, n, SHARE) >= allowed:
+        if min(_at_least(beyond, n, SHARE), _at_least(far, n, FAR_SHARE)) >= allowed:
             return None
         return Contradiction(
             f"{sensor.name} differs from the model's prediction by more than {sensor.tolerance:g} "
