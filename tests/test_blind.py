@@ -709,15 +709,13 @@ def test_the_table_counts_first_runs_and_says_whose(tmp_path):
 def test_what_is_found_is_located():
     from blind.score import located, refuted
 
-    curve = {"state": "refuted", "curve": {"covariate": "slip_speed"}}
-    named = {"effect": "friction_slip", "equation": "torque", "parameters": {}, "form": curve}
-    found = {"verdict": "named", "causes": [named], "where": None}
-    assert refuted(found) == ["friction_slip"] and located(found) == ("torque", ["slip_speed"])
-    plain = {"verdict": "named", "causes": [{**named, "form": "consistent"}], "where": None}
-    assert refuted(plain) == [] and located(plain) == (None, None)
-    where = {"equation": "disc_heat", "drivers": ["temp_disc", "time"]}
-    unknown = {"verdict": "unknown", "causes": [], "where": where}
-    assert located(unknown) == ("disc_heat", ["temp_disc", "time"])
+    where = {"equation": "torque", "drivers": ["slip_speed", "time"]}
+    named = {"effect": "friction_slip", "equation": "torque", "parameters": {}, "form": "refuted"}
+    found = {"verdict": "named", "causes": [named], "where": where}
+    assert refuted(found) == ["friction_slip"] and located(found) == ("torque", where["drivers"])
+    for form in ("held", None):
+        assert refuted({**found, "causes": [{**named, "form": form}]}) == []
+    assert located({"verdict": "none", "causes": [], "where": None}) == (None, None)
 
 
 def test_no_seed_of_a_test_is_one_of_the_suite_s():

@@ -146,24 +146,13 @@ def judged(answer: Record, found: Record) -> Record:
 
 def refuted(found: Record) -> list[str]:
     """Named causes whose form the data refute."""
-    return [c["effect"] for c in found.get("causes") or [] if _form(c).get("state") == "refuted"]
+    return [c["effect"] for c in found.get("causes") or [] if c.get("form") == "refuted"]
 
 
 def located(found: Record) -> tuple[str | None, list[str] | None]:
-    """The equation that is said to be wrong and what its error goes with: where the form of a named
-    cause is refuted, the cause's equation and the covariate over which it is."""
-    if found["verdict"] == "named" and (wrong := refuted(found)):
-        first = next(c for c in found["causes"] if c["effect"] == wrong[0])
-        covariate = (_form(first).get("curve") or {}).get("covariate")
-        return first["equation"], [covariate] if covariate else []
+    """The equation that is said to be wrong and what its error goes with."""
     where = found.get("where") or {}
     return where.get("equation"), where.get("drivers")
-
-
-def _form(cause: Record) -> Record:
-    """What is said of a cause's form; a version that tests none says nothing."""
-    form = cause.get("form") or {}
-    return {"state": form} if isinstance(form, str) else form
 
 
 def covered(effects: Effects, found: Record) -> dict[str, bool]:

@@ -28,7 +28,8 @@ DOUBTFUL, SURELY = 1e-3, 1e-12  # chances of noise
 
 def a_set(causes, cost: float = 0.0) -> SimpleNamespace:
     causes = tuple(causes)
-    return SimpleNamespace(causes=causes, names=frozenset(c.name for c in causes), cost=cost)
+    names = [c.name for c in causes]
+    return SimpleNamespace(causes=causes, names=frozenset(names), effects=tuple(names), cost=cost)
 
 
 class Searched:
@@ -112,6 +113,9 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     search = Reducible(best=a_set([a], 5.0), rivals=(), by_count={})
     curve = SimpleNamespace(worth=worth, p_value=1e-9)
     monkeypatch.setattr(verdict, "_residual_errors", lambda search, of: [curve])
+    held = SimpleNamespace(form=SimpleNamespace(refuted=False))
+    monkeypatch.setattr(verdict, "tested_forms", lambda search, of: {"a": held})
+    monkeypatch.setattr(verdict, "several_errors", lambda search, errors, level: [])
     said = verdict._verdict(search, {}, [curve], {"b": 50.0})
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]

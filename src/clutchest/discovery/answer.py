@@ -10,7 +10,7 @@ import numpy as np
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residual_curves import Curve
-from clutchest.discovery.result import Cause, Rival, Size, Where
+from clutchest.discovery.result import UNTESTED, Cause, Rival, Size, Where
 from clutchest.discovery.verdict import SearchVerdict
 from clutchest.inference.map_fit import covariance
 from clutchest.inference.problem import Problem
@@ -28,7 +28,8 @@ def causes_of(verdict: SearchVerdict) -> tuple[Cause, ...]:
             if name not in causes:
                 cause = next(c for c in h.causes if c.name == name)
                 statistic = verdict.search.established(cause, h)
-                causes[name] = Cause(name, cause.effect.equation, {}, *statistic)
+                form = verdict.forms[name].form if name in verdict.forms else UNTESTED
+                causes[name] = Cause(name, cause.effect.equation, {}, *statistic, form)
             if key not in causes[name].parameters:
                 parameters = {**causes[name].parameters, key: size}
                 causes[name] = replace(causes[name], parameters=parameters)
@@ -90,13 +91,32 @@ def rivals_of(problem: Problem, verdict: SearchVerdict) -> tuple[Rival, ...]:
 
 
 def where_of(
-    verdict: str, best: CauseSet, errors: Sequence[Curve], peaks: Mapping[str, str]
+    verdict: str,
+    causes: Sequence[Cause],
+    errors: Sequence[Curve],
+    others: Sequence[Sequence[Curve]],
+    peaks: Mapping[str, str],
 ) -> Where | None:
     """The equation, and covariates ranked by how likely an error is that correlates with them; a
-    state stands for its ``peaks`` as well."""
+    state stands for its ``peaks`` as well; ``others``: curves of other equations with errors.
+    Where the form of a cause is refuted, that is the error, over its driver first."""
     if verdict == "none":
         return None
-    equation = errors[0].equation if verdict == "unknown" else best.causes[0].effect.equation
+    if verdict == "unknown":
+        first, *also = (
+            replace(_where(each[0].equation, each, peaks), p_value=each[0].p_value)
+            for each in (errors, *others)
+        )
+        return replace(first, others=tuple(also))
+    wrong = next((c for c in causes if c.form.refuted and c.form.curve is not None), None)
+    if wrong is None or wrong.form.curve is None:
+        return _where(causes[0].equation, errors, peaks)
+    of = _where(wrong.equation, errors, peaks)
+    names = dict.fromkeys([wrong.form.curve.covariate, *of.covariates])
+    return Where(of.equation, tuple(names))
+
+
+def _where(equation: str, errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:
     ranked = [c.covariate for c in errors if c.equation == equation]
     names = dict.fromkeys(peaks.get(covariate, covariate) for covariate in ranked)
     return Where(equation, tuple(names), peak=bool(ranked) and ranked[0] in peaks)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +22,7 @@ from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.error_term_effects import PREFIX, error_term_effects
 from clutchest.discovery.experiment_design import propose
 from clutchest.discovery.extension import can_be_stated, corrected, extend
+from clutchest.discovery.form_correction import form_correction
 from clutchest.discovery.goodness_of_fit import goodness_of_fit
 from clutchest.discovery.held_out import names_of, with_signals_of
 from clutchest.discovery.holdout_curves import HeldOutCurves
@@ -118,13 +119,21 @@ class _Task:
 @dataclass(frozen=True, slots=True)
 class _Outcome:
     """The verdict after held-out drives were asked: its ``name``, ``errors`` as curves, the
-    ``curve`` that stands for an unnamed one, the ``gain``, and warnings."""
+    ``curve`` that stands for an unnamed one or corrects the form of a cause, the ``gain``, and
+    warnings; ``added``: effect → whether the curve of its form is added, in words."""
 
     name: str
     errors: Sequence[Curve]
     curve: Curve | None
     gain: Gain | None
     warnings: tuple[str, ...] = ()
+    added: Mapping[str, str] = field(default_factory=dict)
+
+    def with_forms(self, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+        """The causes, with what became of the curves of their forms."""
+        return tuple(
+            replace(c, form=replace(c.form, added=self.added.get(c.effect, ""))) for c in causes
+        )
 
     @property
     def named(self) -> bool:
@@ -153,18 +162,17 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     fit_extended = None
     if outcome.named:
         fit_extended = goodness_of_fit(problem, search.objective.less_scatter(after))
-    causes = causes_of(verdict) if outcome.named else ()
+    causes = outcome.with_forms(causes_of(verdict)) if outcome.named else ()
     machine = task.vehicle.machine
-    where = where_of(outcome.name, verdict.best, outcome.errors, machine.peaks)
+    where = where_of(outcome.name, causes, outcome.errors, verdict.others, machine.peaks)
     if outcome.name == "none" and fit.rejects:
         outcome, where = replace(outcome, name="unknown"), distorted(fit)
     excited = any(each.excited for each in identifiable)
-    sizes = sizes_of(causes)
     extended, curve, refused = _extended(task, verdict, outcome, causes)
     return Discovery(
         vehicle=task.vehicle,
         verdict=outcome.name,
-        sentence=sentence(outcome.name, verdict.sets, sizes, where, fit, excited),
+        sentence=sentence(outcome.name, verdict.sets, causes, where, fit, excited),
         causes=causes,
         sets=tuple(h.effects for h in verdict.sets) if outcome.named else (),
         rivals=rivals_of(problem, verdict) if outcome.named else (),
@@ -205,7 +213,10 @@ def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Out
         outcome = replace(outcome, gain=held_out_gain(verdict.search, verdict.best, other()))
     gain = outcome.gain
     if gain is None or not gain.other_logs or not rejected_by_holdout(verdict, gain):
-        return outcome
+        if not outcome.named:
+            return outcome
+        curve, added = form_correction(verdict, other)
+        return replace(outcome, curve=curve, added=added)
     what = " and ".join(sorted(verdict.best.names))
     if verdict.unnamed:
         what = f"an error in '{outcome.errors[0].equation}'"

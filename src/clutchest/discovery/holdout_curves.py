@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.covariates import covariates, hats
 from clutchest.discovery.holdout_gain import (
     HeldOutPrediction,
@@ -46,10 +47,18 @@ class HeldOutCurves:
     after: tuple[HeldOutPrediction, ...]
 
     @classmethod
-    def of(cls, search: Search, curves: Sequence[Curve], other: Problem) -> HeldOutCurves:
-        """Curves of a search on the drives of another problem."""
+    def of(
+        cls,
+        search: Search,
+        curves: Sequence[Curve],
+        other: Problem,
+        beside: CauseSet | None = None,
+    ) -> HeldOutCurves:
+        """Curves of a search on the drives of another problem, ``beside`` a set of causes as they
+        were identified (none unless given)."""
+        beside = beside or search.null
         objective, free = Objective.of(other), other.nuisances
-        fit = fitted(objective, carried(search, search.null.fit, other))
+        fit = fitted(objective, carried(search, beside.fit, other), beside.fit.shapes)
         objective, fit = with_noise_estimated(objective, fit)
         objective = objective.with_span([fit.psi])
         fit = improve(objective, objective.judged(fit), free)

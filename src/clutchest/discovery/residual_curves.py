@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,49 +58,122 @@ class Curve:
     p_value: float
 
 
-def curves(
-    objective: Objective, fit: Linearisation, free: NDArray[np.int64], seed: int
-) -> list[Curve]:
-    """Every curve over every covariate, the most likely first, beside the ``free`` unknowns at a
-    fit."""
-    problem, place = objective.problem, places(objective.problem)
+class CandidateCurve(NamedTuple):
+    """A curve to be tested: coefficients at knots ``at`` (c) of a ``covariate``, by which the
+    unknown ``theta`` (index) acts, in units of ``unit`` of it; of the curve, squared, less than a
+    share ``negligible`` is no more than noise of its inputs."""
+
+    term: str
+    equation: str
+    theta: int
+    covariate: str
+    at: Floats
+    unit: float = 1.0
+    negligible: float = NEGLIGIBLE
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisances:
+    """What is free beside curves at a linearisation ``at``: ``free`` unknowns (indices), of
+    precision ``prior`` (m)."""
+
+    at: Linearisation
+    free: NDArray[np.int64]
+    prior: Floats
+
+    def also(self, columns: Floats, std: float) -> Nuisances:
+        """With unknowns whose derivatives are ``columns`` (K, c), expected at 0 with a standard
+        deviation ``std``."""
+        count, more = len(self.prior), columns.shape[1]
+        at = replace(
+            self.at,
+            theta=np.append(self.at.theta, np.zeros(more)),
+            by_active=np.column_stack([self.at.psi, columns]),
+            active=None,
+        )
+        prior = np.append(self.prior, np.full(more, std**-2.0))
+        return Nuisances(at, np.append(self.free, np.arange(count, count + more)), prior)
+
+    def explained(self) -> Nuisances:
+        """With the innovations that are left where they explain what they can."""
+        psi = self.at.psi[:, self.free]
+        inner = psi.T @ psi + np.diag(self.prior[self.free] + 1e-9)
+        step = np.linalg.solve(
+            inner, psi.T @ self.at.r + self.prior[self.free] * self.at.theta[self.free]
+        )
+        theta = self.at.theta.copy()
+        theta[self.free] -= step
+        return replace(self, at=replace(self.at, theta=theta, r=self.at.r - psi @ step))
+
+
+def curves(objective: Objective, fit: Linearisation, beside: Nuisances, seed: int) -> list[Curve]:
+    """Every curve over every covariate at a fit, the most likely first, ``beside`` what is free."""
+    values = covariates_at(objective.problem, fit)
+    return tested(objective, fit, beside, values, tables_of(objective.problem, fit, values), seed)
+
+
+def covariates_at(problem: Problem, fit: Linearisation) -> list[dict[str, Floats]]:
+    """Every covariate of every drive at a fit."""
+    return [covariates(*each) for each in zip(problem.drives, fit.implied, strict=True)]
+
+
+def tables_of(
+    problem: Problem, fit: Linearisation, values: Sequence[Mapping[str, Floats]]
+) -> list[CandidateCurve]:
+    """Every curve over every covariate, by every error term."""
+    place = places(problem)
     # without a signal, some equations are others
     error_terms = {k: v for k, v in problem.compiled.machine.error_terms.items() if k in place}
-    values = [covariates(*each) for each in zip(problem.drives, fit.implied, strict=True)]
-    tables = [
-        (name, covariate, at)
+    return [
+        CandidateCurve(name, error_term.equation, place[name], covariate, at)
         for covariate, at in _covariates_with_knots(problem, fit, values)
         for name, error_term in error_terms.items()
         if _is_tested(error_term, covariate, at)
     ]
-    choices = Counter(error_terms[name].equation for name, _, _ in tables)
-    results, most, blocks = [], np.full(DRAWS, -np.inf), problem.blocks(_block_time(problem))
-    for derivatives, some in _derivatives(objective, fit, values, tables, place):
+
+
+def tested(
+    objective: Objective,
+    fit: Linearisation,
+    beside: Nuisances,
+    values: Sequence[Mapping[str, Floats]],
+    tables: Sequence[CandidateCurve],
+    seed: int,
+) -> list[Curve]:
+    """The curves ``tables`` over covariates of these ``values`` (each of every drive), the most
+    likely first, by their derivatives at a fit, ``beside`` what else is free."""
+    choices = Counter(table.equation for table in tables)
+    results, most = [], np.full(DRAWS, -np.inf)
+    blocks = objective.problem.blocks(block_time(objective.problem))
+    for derivatives, some in derivatives_of(objective, fit, values, tables):
         whole = [derivatives[:, columns].T @ derivatives[:, columns] for _, columns in some]
-        c = projected_out(fit, free, objective.prior, derivatives)
+        c = projected_out(beside.at, beside.free, beside.prior, derivatives)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
-        null += resampled_scores(fit.r, c.pure, DRAWS, rng)
-        for ((name, covariate, at), columns), gram in zip(some, whole, strict=True):
+        null += resampled_scores(beside.at.r, c.pure, DRAWS, rng)
+        for (table, columns), gram in zip(some, whole, strict=True):
             pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
-            score, equation = c.score[columns], error_terms[name].equation
+            score = c.score[columns]
             covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
             rank = float(np.trace(covariance @ information))
             if rank < 0.1:
                 continue
-            rare, negligible = 2.0 * np.log(choices[equation]), NEGLIGIBLE * gram
+            rare, negligible = 2.0 * np.log(choices[table.equation]), table.negligible * gram
             most = np.maximum(most, evidence(null[:, columns], information, negligible) - rare)
             best, dispersion = covariance @ score, 1.0
             if evidence(score, information, negligible) > 0.0:
-                dispersion = _dispersion(pure, fit.r + pure @ best, blocks, covariance, rank)
+                left = beside.at.r + pure @ best
+                dispersion = _dispersion(pure, left, blocks, covariance, rank)
             scaled = score / dispersion, information / dispersion, negligible / dispersion
+            coefficients, off = expected(*scaled)
             results.append(
                 Curve(
-                    name,
-                    equation,
-                    covariate,
-                    at,
-                    *expected(*scaled),
+                    table.term,
+                    table.equation,
+                    table.covariate,
+                    table.at,
+                    table.unit * coefficients,
+                    table.unit * off,
                     float(score @ best) / dispersion - 2.0 * rank,
                     float(evidence(*scaled)) - rare,
                     1.0,
@@ -115,7 +189,7 @@ def curves(
     return sorted(named, key=lambda curve: -curve.evidence)
 
 
-def _block_time(problem: Problem) -> float:
+def block_time(problem: Problem) -> float:
     """s of a block in which noise may be of one kind."""
     steps = [np.diff(np.unique(drive.readings.t)) for drive in problem.drives]
     period = np.median(np.concatenate([*steps, np.zeros(0)])) if any(map(len, steps)) else 0.0
@@ -179,9 +253,6 @@ def places(problem: Problem) -> dict[str, int]:
     }
 
 
-Table = tuple[str, str, Floats]  # error term, covariate, knots
-
-
 def _covariates_with_knots(
     problem: Problem, fit: Linearisation, values: Sequence[Mapping[str, Floats]]
 ) -> list[tuple[str, Floats]]:
@@ -207,45 +278,47 @@ def _is_tested(error_term: ErrorTerm, covariate: str, at: Floats) -> bool:
     )
 
 
-def _derivatives(
+def derivatives_of(
     objective: Objective,
     fit: Linearisation,
     values: Sequence[Mapping[str, Floats]],
-    tables: Sequence[Table],
-    place: Mapping[str, int],
-) -> Iterator[tuple[Floats, list[tuple[Table, NDArray[np.int64]]]]]:
+    tables: Sequence[CandidateCurve],
+) -> Iterator[tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]]:
     """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
-    of each curve; some covariates at a time, as many as memory holds.  ``place`` of each error term
-    in θ."""
+    of each curve; some covariates at a time, as many as memory holds."""
     readings = len(fit.r)
     for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
         begins: dict[tuple[str, int], int] = {}
         bases: list[list[Floats]] = [[] for _ in values]
-        for _, covariate, at in some:
+        for table in some:
+            covariate, at = table.covariate, table.at
             if (covariate, len(at)) not in begins:
                 begins[covariate, len(at)] = sum(basis.shape[1] for basis in bases[0])
                 for basis, v in zip(bases, values, strict=True):
                     basis.append(hats(v[covariate], at))
-        columns = np.concatenate([begins[d, len(at)] + np.arange(len(at)) for _, d, at in some])
-        thetas = np.concatenate([np.full(len(at), place[name]) for name, _, at in some])
-        ends = np.cumsum([len(at) for _, _, at in some])
+        counts = [len(table.at) for table in some]
+        columns = np.concatenate(
+            [begins[t.covariate, n] + np.arange(n) for t, n in zip(some, counts, strict=True)]
+        )
+        thetas = np.repeat([table.theta for table in some], counts)
         derivatives = objective.modulated(
             fit, thetas, [Modulation(np.column_stack(b), columns) for b in bases]
         )
+        derivatives *= np.repeat([table.unit for table in some], counts)
         yield (
             derivatives,
             [
-                (table, np.arange(end - len(table[2]), end))
-                for table, end in zip(some, ends, strict=True)
+                (table, np.arange(end - len(table.at), end))
+                for table, end in zip(some, np.cumsum(counts), strict=True)
             ],
         )
 
 
-def _portions(tables: Sequence[Table], held: int) -> Iterator[list[Table]]:
+def _portions(tables: Sequence[CandidateCurve], held: int) -> Iterator[list[CandidateCurve]]:
     """As many curves at a time as have no more than ``held`` columns, one at least."""
-    some: list[Table] = []
+    some: list[CandidateCurve] = []
     for table in tables:
-        if some and sum(len(at) for _, _, at in some) + len(table[2]) > held:
+        if some and sum(len(t.at) for t in some) + len(table.at) > held:
             yield some
             some = []
         some.append(table)

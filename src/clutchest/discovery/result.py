@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
@@ -23,15 +24,74 @@ class Size:
 
 
 @dataclass(frozen=True, slots=True)
+class FormCurve:
+    """What a cause does over its ``covariate``, at values ``at`` (n) of it: as the ``effect`` has
+    it, and as the ``data`` have it with standard deviations ``std`` (n each).
+
+    Of the error term ``of``, in its unit; or (``of_gain``) of a gain of the effect, which
+    the effect has constant.
+    """
+
+    covariate: str
+    of: str
+    unit: str
+    at: Floats
+    effect: Floats
+    data: Floats
+    std: Floats
+    of_gain: bool = False
+
+    def summary(self) -> dict[str, Any]:
+        """As ``discovery.json`` has it."""
+        return {
+            name: value.tolist() if isinstance(value, np.ndarray) else value
+            for name, value in asdict(self).items()
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """Whether the form of a cause holds, beside its presence.
+
+    ``state``: "held", "refuted" or None where it could not be tested, then with a ``reason``;
+    ``p_value`` of the ``curve`` over a driver of the cause by which the data deviate most from the
+    effect.  ``added``: in words, whether that curve stands in the extended model, and why.
+    """
+
+    state: str | None
+    reason: str = ""
+    p_value: float | None = None
+    curve: FormCurve | None = None
+    added: str = ""
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the cause acts otherwise than the effect says."""
+        return self.state == REFUTED
+
+    def summary(self) -> dict[str, Any]:
+        """As ``discovery.json`` has it."""
+        test = {"p_value": self.p_value, "reason": self.reason, "added": self.added}
+        curve = self.curve and self.curve.summary()
+        return {"form": self.state, "form_test": test, "curve": curve}
+
+
+HELD, REFUTED = "held", "refuted"
+UNTESTED = Form(None, "no test was made")
+
+
+@dataclass(frozen=True, slots=True)
 class Cause:
     """An effect that the data require: ``statistic`` by how much it improves the fit beside the
-    other causes, 2 Δ ln L, ``p_value`` family-wise, over all effects of the library."""
+    other causes, 2 Δ ln L, ``p_value`` family-wise, over all effects of the library; ``form``:
+    whether it acts as the effect says."""
 
     effect: str
     equation: str
     parameters: Mapping[str, Size]
     statistic: float
     p_value: float
+    form: Form = UNTESTED
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +126,26 @@ class Hypothesis:
 class Where:
     """The equation that is wrong, and the covariates of its error, best first; ``peak``: it
     correlates with the highest value so far of the first; ``distorted``: the residuals of
-    that sensor are not noise, and in which equation the error is they do not say."""
+    that sensor are not noise, and in which equation the error is they do not say; ``p_value`` of an
+    error without a name, family-wise.  ``others``: equations that have an error of their own beside
+    it."""
 
     equation: str
     covariates: tuple[str, ...]
     peak: bool = False
     distorted: bool = False
+    p_value: float | None = None
+    others: tuple[Where, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """As ``discovery.json`` has it."""
+        return {"equation": self.equation, "drivers": list(self.covariates)}
+
+    @property
+    def errors(self) -> list[dict[str, Any]]:
+        """Every established error without a name, as ``discovery.json`` has it."""
+        each = (self, *self.others)
+        return [{**w.summary(), "p_value": w.p_value} for w in each if w.p_value is not None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,10 +315,11 @@ class Discovery(Showing):
                 **asdict(self.fit),
                 "extended": self.fit_extended and asdict(self.fit_extended),
             },
-            "causes": [asdict(c) for c in self.causes],
+            "causes": [_of_cause(c) for c in self.causes],
             "rivals": [asdict(r) for r in self.rivals],
             "hypotheses": [asdict(h) for h in self.hypotheses],
-            "where": where and {"equation": where.equation, "drivers": list(where.covariates)},
+            "where": where and where.summary(),
+            "errors": where.errors if where else [],
             "unexcited": list(self.unexcited),
             "identifiability": {i.effect: _without_name(i) for i in self.identifiability},
             "gain": gain and {**asdict(gain), "ci95": list(gain.ci95)},
@@ -254,6 +329,10 @@ class Discovery(Showing):
             "warnings": list(self.warnings),
             "provenance": dict(self.provenance),
         }
+
+
+def _of_cause(cause: Cause) -> dict[str, Any]:
+    return {**asdict(cause), **cause.form.summary()}
 
 
 def _without_name(i: Identifiable) -> dict[str, Any]:

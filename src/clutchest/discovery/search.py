@@ -200,7 +200,7 @@ def run(search: Search, progress: Progress | None = None) -> Search:
             progress(f"trying {count + 1} cause{'s' if count else ''}", count / MOST)
         search, grown = _grown(search, [search.best, *search.rivals][:PARENTS])
         if grown and not count:
-            search, grown = _with_noise_of_best(search, grown)
+            search, grown = with_noise_of_best(search, grown)
         least = search.least_gain(search.best)
         if not grown or search.best.cost - min(h.cost for h in grown) < least:
             break
@@ -313,7 +313,7 @@ def _distant_starts(
     return begins
 
 
-def _with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Search, list[CauseSet]]:
+def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Search, list[CauseSet]]:
     """The search and the fits with the noise model of the best fit's residuals: what a cause
     explains is no noise."""
     best = min(grown, key=cost_of)

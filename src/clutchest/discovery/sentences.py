@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Sequence
 
-from clutchest.discovery.answer import Sizes, sizes_by_effect
+import numpy as np
+
+from clutchest.discovery.answer import Sizes, sizes_by_effect, sizes_of
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
-from clutchest.discovery.result import Cause, Where, either
+from clutchest.discovery.result import Cause, FormCurve, Where, either
 from clutchest.models.effects import Effect
 
 
 def sentence(
     verdict: str,
     sets: Sequence[CauseSet],
-    sizes: Sizes,
+    causes: Sequence[Cause],
     where: Where | None,
     fit: GoodnessOfFit,
     excited: bool,
 ) -> str:
-    """The answer in words, with the ``sizes``; ``fit`` of the model without a cause; ``excited``:
-    whether the data could show any cause at all."""
+    """The answer in words, with the sizes of the ``causes``; ``fit`` of the model without a cause;
+    ``excited``: whether the data could show any cause at all."""
     if verdict == "none" and not excited:
         return "These data excite no known cause: they neither confirm nor refute the model."
     if verdict == "none":
@@ -32,16 +35,47 @@ def sentence(
                 "No error of the equations is detectable, but the residuals are not noise: "
                 f"{fit.tests[0].words}."
             )
-        first = where.covariates[0] if where.covariates else ""
-        first = f"the highest {first} so far" if where.peak else first
-        correlates = f" that correlates with {first}" if first else ""
-        return (
-            f"The equation '{where.equation}' has an error{correlates}, and no known cause "
-            "explains it."
-        )
+        errors = [f"'{w.equation}' has an error{_correlation(w)}" for w in (where, *where.others)]
+        which = "these" if where.others else "it"
+        equations = " and the equation ".join(errors)
+        known = "no known cause explains"
+        return f"The equation {equations}, and {known} {which}."
+    sizes = sizes_of(causes)
     required = either([_with_sizes(h, sizes) for h in sets])
     which = "; they do not separate these" if verdict == "ambiguous" else ""
-    return f"The data require {required}{which}."
+    effects = {c.name: c.effect for h in sets for c in h.causes}
+    forms = [refuted(c, effects[c.effect]) for c in causes if c.form.refuted]
+    return " ".join([f"The data require {required}{which}.", *forms])
+
+
+def _correlation(where: Where) -> str:
+    """What an error correlates with, in words."""
+    if not where.covariates:
+        return ""
+    first = where.covariates[0]
+    return f" that correlates with {f'the highest {first} so far' if where.peak else first}"
+
+
+def refuted(cause: Cause, effect: Effect) -> str:
+    """That a cause acts otherwise than its ``effect`` has it, and how, as a sentence."""
+    curve, p_value = cause.form.curve, cause.form.p_value
+    assert curve is not None and p_value is not None
+    doc = inspect.cleandoc(type(effect).__doc__ or "").split("\n\n")[0]
+    formula = " ".join(doc.replace("``", "").split()).rstrip(".")
+    what = f"the error in '{curve.of}' {trend(curve)} with {curve.covariate}"
+    stated = f"but not as {effect.name} has it ({formula})"
+    if curve.of_gain:
+        what, stated = f"{curve.of} {trend(curve)} with {curve.covariate}", "and is not constant"
+    return f"The form of {effect.name} is refuted (p = {p_value:.1g}): {what}, {stated}."
+
+
+def trend(curve: FormCurve) -> str:
+    """Which way the data go over the driver, where they say so beyond their noise."""
+    change = float(curve.data[-1] - curve.data[0])
+    spread = float(np.ptp(curve.data))
+    if abs(change) < max(0.5 * spread, 2.0 * float(np.hypot(curve.std[0], curve.std[-1]))):
+        return "varies"
+    return "rises" if change > 0.0 else "falls"
 
 
 def still_distorted(fit: GoodnessOfFit) -> str:

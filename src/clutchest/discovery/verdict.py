@@ -4,7 +4,7 @@ remains."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import exp
 
 from clutchest.discovery.alternative_modes import (
@@ -12,10 +12,17 @@ from clutchest.discovery.alternative_modes import (
     model_in_alternative_mode,
 )
 from clutchest.discovery.cause_set import CauseSet
+from clutchest.discovery.form_test import (
+    TestedForm,
+    beside_forms,
+    fewer_causes,
+    tested_forms,
+)
 from clutchest.discovery.holdout_gain import held_out_gain
-from clutchest.discovery.residual_curves import Curve, curves
+from clutchest.discovery.residual_curves import Curve, Nuisances, curves
 from clutchest.discovery.result import Gain
-from clutchest.discovery.search import MOST, Search, run
+from clutchest.discovery.search import CLOSE, MOST, Search, run
+from clutchest.discovery.several_errors import several_errors
 from clutchest.discovery.shape_profile import Spread, refine
 from clutchest.inference.map_fit import settle
 from clutchest.inference.objective import Objective
@@ -42,7 +49,8 @@ class SearchVerdict:
     best at plausible sizes, to which that of rejected ones is compared.  ``spreads``: the
     uncertainty of shapes.  ``errors`` of the model without a cause as curves, the most likely
     first; ``unnamed``: whether they explain more than any cause.  ``dropped``: names of causes that
-    are not confirmed on held-out drives.
+    are not confirmed on held-out drives.  ``forms``: the tests of the forms of all causes, by
+    effect.  ``others``: errors without a name in other equations beside the first one's.
     """
 
     search: Search
@@ -55,6 +63,8 @@ class SearchVerdict:
     unnamed: bool
     dropped: Sequence[str]
     p_unnamed: float = 1.0
+    forms: Mapping[str, TestedForm] = field(default_factory=dict)
+    others: Sequence[Sequence[Curve]] = ()
 
     @property
     def name(self) -> str:
@@ -83,6 +93,10 @@ def judge(search: Search, other: HeldOut | None, progress: Progress | None) -> S
         errors = _residual_errors(search, search.null)
     search, dropped = backward_eliminated(search, other) if other else (search, {})
     search, spreads = refine(search)
+    for _ in range(MOST):
+        if (fewer := fewer_causes(search)) is None:
+            break
+        search, spreads = refine(search.reduced_to(fewer))
     return _verdict(search, spreads, errors, dropped)
 
 
@@ -107,16 +121,65 @@ def _verdict(
     denied = sum(dropped.values())
     unnamed = _significant(remaining) and remaining[0].worth > denied
     p = errors[0].p_value if errors else 1.0
+    forms = tested_forms(search, best)
+    unnamed = unnamed and not _by_form(search, best, forms)
     if len(best.causes) > 1:  # one curve may explain as much as several causes
         errors = _residual_errors(search, search.null)
         most = max((curve.worth for curve in errors), default=0.0)
         unnamed |= most > search.null.cost - best.cost
+    unnamed |= any(
+        not _of_right_family(search, best, effect, forms[effect], errors)
+        for effect in best.effects
+        if forms[effect].form.refuted
+    )
+    for h in tied:
+        forms |= {k: v for k, v in tested_forms(search, h).items() if k not in forms}
     if unnamed and search.problem.wanders:
         errors = _located(search) or errors
+    several = several_errors(search, errors, UNNAMED) if unnamed else []
+    if several:  # those of the leading equation first
+        leading = several[0][0].equation
+        errors = sorted(errors, key=lambda curve: curve.equation != leading)
     search = replace(search, best=best)
     return SearchVerdict(
-        search, best, tied, rejected, limit, spreads, errors, unnamed, [*dropped], p
+        search,
+        best,
+        tied,
+        rejected,
+        limit,
+        spreads,
+        errors,
+        unnamed,
+        [*dropped],
+        p,
+        forms,
+        several[1:],
     )
+
+
+def _by_form(search: Search, best: CauseSet, forms: Mapping[str, TestedForm]) -> bool:
+    """Whether errors beside the best are those of the forms of its causes: with the curves that
+    the data want there none is significant."""
+    if not any(tested.form.refuted for tested in forms.values()):
+        return False
+    return not _significant(_residual_errors(search, best, beside_forms(search, best, forms)))
+
+
+def _of_right_family(
+    search: Search, best: CauseSet, effect: str, tested: TestedForm, errors: Sequence[Curve]
+) -> bool:
+    """Whether a cause whose form is refuted is still in the right equation and over the right
+    driver: without it, no curve over anything else explains clearly more than curves over its
+    drivers do, or the effect with its form free; ``errors`` of the model without a cause."""
+    others = tuple(c for c in best.causes if c.name != effect)
+    without = search.null
+    if others:
+        without = search.fitted(others, best.fit)
+        errors = _residual_errors(search, without)
+    equation = next(c.effect.equation for c in best.causes if c.name == effect)
+    own = [e.worth for e in errors if e.equation == equation and e.covariate in tested.drivers]
+    explained = max([without.cost - best.cost + tested.worth, *own])
+    return all(e.worth <= explained + CLOSE for e in errors)
 
 
 def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[str, float]]:
@@ -171,11 +234,13 @@ def _located(search: Search) -> list[Curve]:
     still, known = Objective.of(replace(search.problem, wanders={})), search.objective
     still = replace(still, prior=known.prior, low=known.low, high=known.high)
     still, fit = settle(still, search.null.fit.theta)
-    return curves(still, replace(fit, raw=()), search.free(()), seed=3)
+    fit = replace(fit, raw=())
+    return curves(still, fit, Nuisances(fit, search.free(()), still.prior), seed=3)
 
 
-def _residual_errors(search: Search, h: CauseSet) -> list[Curve]:
-    """Errors that neither nuisances nor the causes of a set explain."""
+def _residual_errors(search: Search, h: CauseSet, beside: Nuisances | None = None) -> list[Curve]:
+    """Errors that neither nuisances nor the causes of a set explain; or those ``beside``."""
     fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
     fit = replace(fit, raw=())  # room for the curves
-    return curves(search.objective, fit, search.free(h.causes), seed=3)
+    beside = beside or Nuisances(fit, search.free(h.causes), search.objective.prior)
+    return curves(search.objective, fit, beside, seed=3)

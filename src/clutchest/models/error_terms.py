@@ -17,7 +17,8 @@ class ErrorTerm:
     ``changes``: quantity → what one unit of error does to it; or ``late``: a signal and by how many
     s one unit delays it.  ``covariates``: what the error may correlate with, anything unless given:
     a sensor's error correlates with what its reading is made from.  ``slow``: what it does adds up
-    over minutes, so that quick changes of it have no visible effect.
+    over minutes, so that quick changes of it have no visible effect.  For people, one unit of error
+    is ``size`` times a ``unit``.
     """
 
     equation: str
@@ -25,3 +26,5 @@ class ErrorTerm:
     late: tuple[str, float] | None = None
     covariates: tuple[str, ...] = ()
     slow: bool = False
+    size: float = 1.0
+    unit: str = "units of the error term"

@@ -9,6 +9,8 @@ from clutchest.discovery.result import Discovery
 from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_report import report, title
 from clutchest.record.files import finished_into, json_text
+from clutchest.record.form_picture import PICTURE as FORMS
+from clutchest.record.form_picture import draw_forms
 from clutchest.record.misfit_pictures import PICTURE, draw_misfit
 from clutchest.vehicle import dump_vehicle
 from clutchest.vehicle.trust import trust_written
@@ -17,7 +19,7 @@ NAME = "extended.toml"
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
-    """Write ``discovery.json``, ``extended.toml``, ``report.md`` with its picture and
+    """Write ``discovery.json``, ``extended.toml``, ``report.md`` with its pictures and
     ``recording.rrd``.  Python files of the user's own are copied beside ``extended.toml``, which
     is trusted: they have run already.
 
@@ -28,9 +30,13 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
         (folder / "discovery.json").write_text(json_text(discovery.summary()), encoding="utf-8")
         dump_vehicle(discovery.extended, folder / NAME, _heading(discovery), out / NAME)
         draw_misfit(discovery, folder / PICTURE)
-        (folder / "report.md").write_text(report(discovery, PICTURE), encoding="utf-8")
+        forms = FORMS if draw_forms(discovery, folder / FORMS) else None
+        text = report(discovery, PICTURE, forms)
+        (folder / "report.md").write_text(text, encoding="utf-8")
         write_discovery_recording(discovery, folder / "recording.rrd")
         names = sorted(path.name for path in folder.iterdir())
+    if forms is None:  # that of an earlier run would not belong to the report beside it
+        (out / FORMS).unlink(missing_ok=True)
     trust_written(discovery.extended, out / NAME)
     return [out / name for name in names]
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from math import exp, isfinite, log, sqrt
 
 from clutchest.discovery.goodness_of_fit import REJECTED, DistortionTest, GoodnessOfFit
-from clutchest.discovery.result import Cause, Discovery, Gain, Rival, Size, either
+from clutchest.discovery.result import Cause, Discovery, Form, Gain, Rival, Size, either
 from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
@@ -19,7 +19,7 @@ from clutchest.vehicle import Vehicle
 
 _EQUATION = {"sensor": "the readings of", "timing": "the time stamps of"}
 HYPOTHESES_HEAD = ("effect", "fitted ± 1σ", "z", "nearest rival", "verdict")
-CAUSES_HEAD = ("effect", "fitted ± 1σ", "2 Δ ln L", "p-value")
+CAUSES_HEAD = ("effect", "fitted ± 1σ", "2 Δ ln L", "p-value", "form")
 
 
 def title(discovery: Discovery) -> str:
@@ -39,14 +39,15 @@ def whereabouts(discovery: Discovery) -> str | None:
     where = discovery.where
     if where is None or where.distorted:
         return None
-    kind, colon, signal = where.equation.partition(":")
-    place = f"{_EQUATION.get(kind, kind)} {signal}" if colon else f"the equation {where.equation}"
+    place = _place(where.equation)
     words = [Quantity(name, "1").words for name in where.covariates[:3]]
     if where.peak:
         words[0] = f"the highest {words[0]} so far"
     covariates = ", then with ".join(words)
     more = f" and correlates with {covariates}." if covariates else "."
-    return f"The error is in {place}{more}"
+    others = [_place(other.equation) for other in where.others]
+    beside = f"  Beside it there is an error in {' and in '.join(others)}." if others else ""
+    return f"The error is in {place}{more}{beside}"
 
 
 def fit_words(discovery: Discovery) -> str:
@@ -68,8 +69,14 @@ def _significant(fit: GoodnessOfFit) -> list[DistortionTest]:
     return [test for test in fit.tests if test.p_value < REJECTED] or list(fit.tests[:1])
 
 
-def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
-    """Per cause its name, numbers with ±, improvement of the fit (2 Δ ln L) and p-value."""
+def _place(equation: str) -> str:
+    kind, colon, signal = equation.partition(":")
+    return f"{_EQUATION.get(kind, kind)} {signal}" if colon else f"the equation {equation}"
+
+
+def causes_rows(discovery: Discovery) -> list[tuple[str, ...]]:
+    """Per cause its name, numbers with ±, improvement of the fit (2 Δ ln L), p-value, and whether
+    its form holds."""
     known = discovery.extended.library
     return [
         (
@@ -77,9 +84,17 @@ def causes_rows(discovery: Discovery) -> list[tuple[str, str, str, str]]:
             _fitted(c, known.get(c.effect)),
             f"{c.statistic:.1f}",
             f"{c.p_value:.2g}" if c.p_value > 0.0 else "< 1e-300",
+            _form(c.form),
         )
         for c in discovery.causes
     ]
+
+
+def _form(form: Form) -> str:
+    """Whether a form holds, in a few words."""
+    if form.p_value is None:
+        return f"not tested: {form.reason}"
+    return f"{form.state} (p = {form.p_value:.2g})"
 
 
 def rivals_rows(rivals: Sequence[Rival]) -> list[tuple[str, str, str]]:
@@ -161,14 +176,15 @@ def next_commands(discovery: Discovery) -> list[str]:
     ]
 
 
-def report(discovery: Discovery, picture: str | None = None) -> str:
-    """One page of Markdown; ``picture`` is the file name of the misfit's, if it stands beside."""
+def report(discovery: Discovery, picture: str | None = None, forms: str | None = None) -> str:
+    """One page of Markdown; ``picture`` is the file name of the misfit's, ``forms`` that of the
+    causes' forms, if they stand beside."""
     parts = [f"# {discovery.vehicle.name}: {title(discovery)}", *_fit(discovery)]
     parts.append(f"**{discovery.sentence}**")
     parts += [words] if (words := whereabouts(discovery)) else []
     if picture:
         parts.append(f"![Residuals of the model, and what they correlate with]({picture})")
-    parts += _results(discovery)
+    parts += _results(discovery, forms)
     if discovery.experiment:
         parts += ["## Next manoeuvre", discovery.experiment.words]
         if commands := next_commands(discovery):
@@ -202,12 +218,15 @@ def _fit(discovery: Discovery) -> list[str]:
     return parts
 
 
-def _results(discovery: Discovery) -> list[str]:
+def _results(discovery: Discovery, forms: str | None) -> list[str]:
     """Causes, rivals, and what the extended model gains."""
     parts = []
     if discovery.causes:
         heading = "Candidates" if discovery.verdict == "ambiguous" else "Causes"
         parts += [f"## {heading}", _causes(discovery)]
+        if forms:
+            parts.append(f"![What each cause does over its driver: effect and data]({forms})")
+        parts += [f"{c.effect}: {c.form.added}." for c in discovery.causes if c.form.added]
     if discovery.rivals:
         rows = rivals_rows(discovery.rivals)
         parts += ["## Rejected alternatives", table(("effect", "fitted", "likelihood"), rows)]
@@ -227,10 +246,7 @@ def _lost(counts: Counts) -> str:
 
 def _causes(discovery: Discovery) -> str:
     known = discovery.extended.library
-    rows = [
-        (name, _meaning(known.get(name)), numbers, statistic, p_value)
-        for name, numbers, statistic, p_value in causes_rows(discovery)
-    ]
+    rows = [(name, _meaning(known.get(name)), *rest) for name, *rest in causes_rows(discovery)]
     return table((CAUSES_HEAD[0], "definition", *CAUSES_HEAD[1:]), rows)
 
 

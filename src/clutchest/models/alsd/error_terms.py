@@ -8,21 +8,38 @@ from clutchest.models.declarations import Separation
 from clutchest.models.error_terms import ErrorTerm
 
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
-    "torque": ErrorTerm("torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}),
-    "current": ErrorTerm("current", {"motor_voltage": lambda value, g: value - 0.2 * g}),  # V
-    "motor": ErrorTerm(
-        "motor", {"motor_friction_torque": lambda value, g: value + 0.005 * g}
-    ),  # Nm
-    "axial_force": ErrorTerm(
-        "axial_force", {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)}
+    "torque": ErrorTerm(
+        "torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}, size=10.0, unit="%"
     ),
-    "pack_heat": ErrorTerm("pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}),  # W
+    "current": ErrorTerm(
+        "current", {"motor_voltage": lambda value, g: value - 0.2 * g}, size=0.2, unit="V"
+    ),
+    "motor": ErrorTerm(
+        "motor",
+        {"motor_friction_torque": lambda value, g: value + 0.005 * g},
+        size=0.005,
+        unit="Nm",
+    ),
+    "axial_force": ErrorTerm(
+        "axial_force",
+        {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)},
+        size=5.0,
+        unit="%",
+    ),
+    "pack_heat": ErrorTerm(
+        "pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}, size=200.0, unit="W"
+    ),
     "sensor:motor_angle": ErrorTerm(
-        "sensor:motor_angle", {"motor_angle_reading": lambda value, g: value + 0.1 * g}
-    ),  # rad
+        "sensor:motor_angle",
+        {"motor_angle_reading": lambda value, g: value + 0.1 * g},
+        size=0.1,
+        unit="rad",
+    ),
     "sensor:armature_current": ErrorTerm(
         "sensor:armature_current",
         {"armature_current_reading": lambda value, g: value * (1 + 0.05 * g)},
+        size=5.0,
+        unit="%",
     ),
     "timing:armature_voltage": ErrorTerm(
         "timing:armature_voltage", late=("armature_voltage", 0.005)

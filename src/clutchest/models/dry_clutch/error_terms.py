@@ -23,45 +23,76 @@ _WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does
 )
 _CLOCKS = ("engine_speed", "time")  # messages are sent by the revolution, or by a clock
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
-    "torque": ErrorTerm("torque", {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)}),
+    "torque": ErrorTerm(
+        "torque",
+        {"sliding_torque": lambda value, g: value * (1 + 0.1 * g)},
+        size=10.0,
+        unit="%",
+    ),
     "torque, added": ErrorTerm(
-        "torque", {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)}
-    ),  # Nm
+        "torque",
+        {"sliding_torque": lambda value, g: value + 30.0 * g * (value > 0.0)},
+        size=30.0,
+        unit="Nm",
+    ),
     "engine_speed": ErrorTerm(
-        "engine_speed", {"true_engine_torque": lambda value, g: value - 30.0 * g}
-    ),  # Nm
+        "engine_speed",
+        {"true_engine_torque": lambda value, g: value - 30.0 * g},
+        size=30.0,
+        unit="Nm",
+    ),
     "disc_heat": ErrorTerm(
-        "disc_heat", {"disc_heat": lambda value, g: value + 500.0 * g}, slow=True
-    ),  # W
+        "disc_heat",
+        {"disc_heat": lambda value, g: value + 500.0 * g},
+        slow=True,
+        size=500.0,
+        unit="W",
+    ),
     "body_heat": ErrorTerm(
-        "body_heat", {"body_heat": lambda value, g: value + 500.0 * g}, slow=True
-    ),  # W
+        "body_heat",
+        {"body_heat": lambda value, g: value + 500.0 * g},
+        slow=True,
+        size=500.0,
+        unit="W",
+    ),
     "housing_heat": ErrorTerm(
-        "housing_heat", {"housing_heat": lambda value, g: value + 200.0 * g}, slow=True
-    ),  # W
+        "housing_heat",
+        {"housing_heat": lambda value, g: value + 200.0 * g},
+        slow=True,
+        size=200.0,
+        unit="W",
+    ),
     "zero_position": ErrorTerm(
         "zero_position",
-        {"zero_position_rate": lambda value, g: value + 1e-4 * g},  # mm/s
+        {"zero_position_rate": lambda value, g: value + 1e-4 * g},
         covariates=_WEARS,
         slow=True,
+        size=1e-4,
+        unit="mm/s",
     ),
     "sensor:engine_torque": ErrorTerm(
         "sensor:engine_torque",
         {"engine_torque": lambda value, g: value / (1 + 0.1 * g)},
         covariates=_ENGINES_MAP,
+        size=10.0,
+        unit="%",
     ),
     "sensor:engine_torque, added": ErrorTerm(
         "sensor:engine_torque",
-        {"engine_torque": lambda value, g: value - 30.0 * g},  # Nm
+        {"engine_torque": lambda value, g: value - 30.0 * g},
         covariates=_ENGINES_MAP,
+        size=30.0,
+        unit="Nm",
     ),
     "sensor:slave_position": ErrorTerm(
         "sensor:slave_position",
         {
-            "slave_position": lambda value, g: value - 0.1 * g,  # mm
+            "slave_position": lambda value, g: value - 0.1 * g,
             "zero_position_reading": lambda value, g: value + 0.1 * g,
         },
         covariates=_ACTUATOR,
+        size=0.1,
+        unit="mm",
     ),
     "timing:engine_torque": ErrorTerm(
         "timing:engine_torque", late=("engine_torque", 0.02), covariates=_CLOCKS

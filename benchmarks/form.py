@@ -1,0 +1,193 @@
+"""How often is the form of a cause refuted: of one that is right, and of one that only resembles?
+
+    python benchmarks/form.py right --out DIR [--count 80] [--skip 0]
+    python benchmarks/form.py near --out DIR [--count 16] [--skip 0]
+
+Drives of five minutes by other trucks in the blind suite's scenarios and noises.  ``right``: gains
+of the library in turn, of sizes from a tenth of the largest plausible one to all of it; where a
+cause improves the fit by 2 Δ ln L of 40 or more it is taken for named, and its form is tested.
+``near``: the suite's near misses in turn, a quarter or half as large as the class may be; they are
+searched for as ``discover`` does without a drive held out.  Finished cases are lines of JSON in DIR
+and are not run again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from blind.drives import NOISES, Drive
+from blind.near_misses import NEAR_MISSES
+from blind.plan import gains
+
+from clutchest.discovery.answer import causes_of, distorted, where_of
+from clutchest.discovery.cause_set import CauseSet, cost_of
+from clutchest.discovery.error_term_effects import error_term_effects
+from clutchest.discovery.form_test import tested_forms
+from clutchest.discovery.goodness_of_fit import goodness_of_fit
+from clutchest.discovery.search import Search, begin, with_noise_of_best
+from clutchest.discovery.segmentation import segmented
+from clutchest.discovery.shape_profile import refine
+from clutchest.discovery.verdict import judge
+from clutchest.inference.problem import Problem
+from clutchest.signals import Signals
+
+LEAST = 0.1  # of the largest plausible size
+NAMED = 40.0  # 2 Δ ln L
+RIGHT, NEAR = 310_000, 320_000  # seeds from here on
+SHARES = 0.25, 0.5  # of the largest size of a near miss
+Record = dict[str, Any]
+
+
+class Short(Drive):
+    """A drive of five minutes."""
+
+    duration = 300.0
+
+
+def problem_of(signals: Signals, drive: Drive) -> Problem:
+    """As ``discover`` makes it."""
+    vehicle = drive.vehicle
+    effects = (*vehicle.machine.effects.values(), *error_term_effects(vehicle.machine))
+    return Problem.of(segmented(signals, vehicle), vehicle, effects, wandering=True)
+
+
+def fitted(problem: Problem, gain: str) -> tuple[Search, CauseSet]:
+    """A search in which the one cause is named that has this ``effect.gain``."""
+    search = begin(problem)
+    causes = [c for c in search.candidates if c.gain_name == gain]
+    grown = [search.likeliest((c,), [search.null.fit]) for c in causes]
+    search, grown = with_noise_of_best(search, grown)
+    best, *rivals = sorted(grown, key=cost_of)
+    search = replace(search, best=best, rivals=tuple(rivals), by_count={1: tuple(grown)})
+    search, _ = refine(search)
+    return search, search.released(search.best)
+
+
+def right(name: str) -> Record:
+    """The form of an effect that is what it seems to be."""
+    _, gain, case = name.split("-")
+    seed = RIGHT + int(case)
+    random = np.random.default_rng([seed, 2])
+    drive = Short(seed, str(random.choice(list(NOISES))))
+    effect, key = gain.split(".")
+    numbers = drive.vehicle.machine.effects[effect].parameters
+    hides = {n.key: float(random.uniform(min(n.grid), max(n.grid))) for n in numbers if n.shape}
+    number = next(n for n in numbers if n.key == key)
+    size = number.upper * LEAST ** float(random.uniform())
+    hides[key] = size if number.one_sided or random.uniform() < 0.5 else max(-size, number.lower)
+    search, best = fitted(problem_of(drive.signals({effect: hides}), drive), gain)
+    explained = search.null.cost - best.cost
+    told = {"scenario": drive.scenario, "noise": drive.noise, "explained": explained}
+    if explained < NAMED:
+        return {**told, "named": False}
+    ((_, tested),) = tested_forms(search, best).items()
+    form = tested.form
+    covariate = form.curve.covariate if form.curve else None
+    return {
+        **told,
+        "named": True,
+        "form": form.state,
+        "p_value": form.p_value,
+        "covariate": covariate,
+    }
+
+
+def near(name: str) -> Record:
+    """What is said of a near miss."""
+    _, cause, case = name.split("-")
+    seed = NEAR + int(case)
+    random = np.random.default_rng([seed, 2])
+    drive, kind = Short(seed, str(random.choice(list(NOISES)))), NEAR_MISSES[cause]
+    outsider = kind(float(random.choice(SHARES)) * kind.largest, float(random.uniform()))
+    problem = problem_of(drive.signals(outsider=outsider), drive)
+    verdict = judge(begin(problem), None, None)
+    causes = causes_of(verdict) if verdict.name in ("named", "ambiguous") else ()
+    peaks = drive.vehicle.machine.peaks
+    said = verdict.name
+    where = where_of(said, causes, verdict.errors, verdict.others, peaks)
+    if said == "none":
+        null = verdict.search.objective.linearise_at(verdict.search.null.fit.theta)
+        fit = goodness_of_fit(problem, verdict.search.objective.less_scatter(null))
+        said, where = ("unknown", distorted(fit)) if fit.rejects else (said, where)
+    return {
+        "scenario": drive.scenario,
+        "noise": drive.noise,
+        "size": outsider.size / kind.largest,
+        "verdict": said,
+        "causes": [c.effect for c in causes],
+        "forms": [c.form.state for c in causes],
+        "p_values": [c.form.p_value for c in causes],
+        "equation": where and where.equation,
+        "drivers": where and where.covariates[:4],
+        "errors": where.errors if where else [],
+        "expected": [kind.equations(), kind.drivers],
+    }
+
+
+def names(which: str, count: int) -> list[str]:
+    """Every case, causes in turn."""
+    causes = gains() if which == "right" else sorted(NEAR_MISSES)
+    return [f"{which}-{causes[i % len(causes)]}-{i}" for i in range(count)]
+
+
+def tell(which: str, records: Sequence[Record]) -> None:
+    """Rates with their exact 95 % intervals."""
+    if which == "right":
+        records = [r for r in records if r["named"]]
+        rates = {
+            "form not tested": [r["form"] is None for r in records],
+            "form refuted": [r["form"] == "refuted" for r in records],
+        }
+    else:
+        rates = {
+            "unknown, or form refuted": [
+                r["verdict"] == "unknown" or "refuted" in r["forms"] for r in records
+            ],
+            "equation": [r["equation"] in r["expected"][0] for r in records],
+            "driver in the first two": [
+                bool(set(r["expected"][1]) & set((r["drivers"] or [])[:2])) for r in records
+            ],
+        }
+    for what, hits in rates.items():
+        limits = binomtest(sum(hits), len(hits)).proportion_ci(0.95, "exact")
+        print(f"{what:28}{sum(hits):4} of {len(hits)}  [{limits.low:.3f}, {limits.high:.3f}]")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="how often the form of a cause is refuted")
+    parser.add_argument("which", choices=("right", "near"))
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--count", type=int, default=80)
+    parser.add_argument("--skip", type=int, default=0)
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    path = given.out / f"{given.which}.jsonl"
+    lines = path.read_text().splitlines() if path.exists() else []
+    done = {record["name"]: record for record in map(json.loads, lines)}
+    test = right if given.which == "right" else near
+    for name in names(given.which, given.skip + given.count)[given.skip :]:
+        if name in done:
+            continue
+        began = time.process_time()
+        done[name] = {"name": name, **test(name)}
+        done[name]["seconds"] = round(time.process_time() - began, 1)
+        with path.open("a") as written:
+            written.write(json.dumps(done[name]) + "\n")
+        print(name, done[name]["seconds"], file=sys.stderr, flush=True)
+    tell(given.which, list(done.values()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""More than one error without a name: forward selection of equations, each established beside
+curves in those before, and backward elimination of those that stood in for others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest.discovery.residual_curves import (
+    CandidateCurve,
+    Curve,
+    Nuisances,
+    covariates_at,
+    curves,
+    derivatives_of,
+    places,
+)
+from clutchest.discovery.search import Search
+from clutchest.inference.objective import Linearisation
+from clutchest.signals import Floats
+
+MOST = 3  # equations
+COVARIATES = 8  # of an equation: curves over so many at once stand for its error
+WIDEST = 10.0  # standard deviation of these, in units of an error
+SEED = 5
+
+
+def several_errors(search: Search, errors: Sequence[Curve], level: float) -> list[list[Curve]]:
+    """The equations that have an error, each by its curves, the most likely first: those of the
+    model without a cause, ``errors``, and others that are significant at a family-wise ``level``
+    beside curves over all leading covariates of the rest."""
+    null = search.null.fit
+    fit = replace(search.objective.linearise_at(null.theta, null.shapes), raw=())
+    bare = Nuisances(fit, search.free(()), search.objective.prior)
+    found = [_of_equation(errors, errors[0].equation)]
+    columns = [_columns(search, fit, found[0])]
+    while len(found) < MOST:
+        beside = _beside(bare, columns)
+        known = {each[0].equation for each in found}
+        left = [c for c in curves(search.objective, fit, beside, SEED) if c.equation not in known]
+        if not left or left[0].p_value >= level:
+            break
+        found.append(_of_equation(left, left[0].equation))
+        columns.append(_columns(search, fit, found[-1]))
+    if len(found) == 1:
+        return found
+    first, *others = found
+    beside = _beside(bare, columns[1:])
+    again = _of_equation(curves(search.objective, fit, beside, SEED), first[0].equation)
+    return [first, *others] if again and again[0].p_value < level else others
+
+
+def _of_equation(errors: Sequence[Curve], equation: str) -> list[Curve]:
+    return [curve for curve in errors if curve.equation == equation]
+
+
+def _beside(bare: Nuisances, columns: Sequence[Floats]) -> Nuisances:
+    return bare.also(np.column_stack(columns), WIDEST).explained()
+
+
+def _columns(search: Search, fit: Linearisation, errors: Sequence[Curve]) -> Floats:
+    """Derivatives (K, c) by the curves of one equation, one over each of its leading covariates."""
+    place = places(search.problem)
+    leading = list({c.covariate: c for c in reversed(errors)}.values())
+    leading = sorted(leading, key=lambda c: -c.evidence)[:COVARIATES]
+    tables = [
+        CandidateCurve(c.error_term, c.equation, place[c.error_term], c.covariate, c.at)
+        for c in leading
+    ]
+    values = covariates_at(search.problem, fit)
+    parts = [part for part, _ in derivatives_of(search.objective, fit, values, tables)]
+    return np.column_stack(parts)
