@@ -92,5 +92,5 @@ def test_a_smoothed_replay(log: str, vehicle: str, calls: Counter[str]) -> None:
 @pytest.mark.slow
 def test_a_diagnosis(calls: Counter[str]) -> None:
     truck = clutchest.load_vehicle("truck")
-    clutchest.diagnose(clutchest.read_log("demo", truck), truck)
+    clutchest.diagnose(clutchest.replay(clutchest.read_log("demo", truck), truck))
     assert "filter_sensitivities" in calls
