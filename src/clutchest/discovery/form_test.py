@@ -111,14 +111,30 @@ def _tested(at: _At, beside: Nuisances, causes: Sequence[CandidateCause]) -> Tes
     held = np.setdiff1d(
         beside.free, [*(c.index for c in causes), *range(len(at.fit.theta), len(beside.prior))]
     )
-    (wanted,) = at.tested(Nuisances(at.fit, held, at.search.objective.prior), [driver.table])
+    alone = Nuisances(at.fit, held, at.search.objective.prior)
+    (wanted,) = at.tested(alone, [driver.table])
     refuted = p_value < LEVEL
     form = Form(REFUTED if refuted else HELD, "", p_value, _pictured(at, driver, wanted))
     if not refuted:
         return TestedForm(form, names)
     ((columns, _),) = derivatives_of(at.search.objective, at.fit, at.values, [driver.table])
-    worth, curve = found.statistic - 2.0 * found.freedom, wanted if driver.term else None
+    worth = found.statistic - 2.0 * found.freedom
+    late = None if driver.term else _of_delay(at, driver)
+    curve = wanted if driver.term else at.tested(alone, [late])[0] if late else None
     return TestedForm(form, names, worth, curve, columns)
+
+
+def _of_delay(at: _At, driver: _Driver) -> CandidateCurve | None:
+    """The curve over a driver that a vehicle file can state of a signal's delay, where the effect
+    is one; None where it is not."""
+    problem, table, cause = at.search.problem, driver.table, driver.cause
+    place = places(problem)
+    for name, term in problem.compiled.machine.error_terms.items():
+        if name in place and term.late and term.late[0] in cause.effect.delays:
+            seconds = abs(float(at.fit.theta[cause.index])) * problem.units[cause.index]
+            size = seconds / problem.units[place[name]]
+            return table._replace(term=name, theta=place[name], unit=size)
+    return None
 
 
 def _deviation(at: _At, beside: Nuisances, table: CandidateCurve) -> FormDeviation:

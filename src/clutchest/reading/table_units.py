@@ -153,7 +153,8 @@ def _check_pairs(
         moving = (np.abs(mine.value) > 0.0) & (both > 0.0)
         if np.count_nonzero(moving) < FEWEST:
             continue
-        ratio = float(np.median(np.abs(mine.value[moving]) / both[moving]))
+        with np.errstate(over="ignore"):  # of damaged numbers
+            ratio = float(np.median(np.abs(mine.value[moving]) / both[moving]))
         for times, unit in ((1.0 / factor, "rpm"), (factor, "rad/s")):
             if abs(ratio / times - 1.0) < _RATIO:
                 raise ClutchestError(

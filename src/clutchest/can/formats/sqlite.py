@@ -77,7 +77,7 @@ def _bounded(source: LogSource, database: sqlite3.Connection) -> None:
         found = database.execute(
             "SELECT type, sql FROM sqlite_master WHERE name = 'messages'"
         ).fetchall()
-    except sqlite3.Error:
+    except (sqlite3.Error, UnicodeDecodeError):
         return  # a damaged file, which the reader says
     for kind, text in found:
         if kind != "table" or "GENERATED" in text.upper() or "VIRTUAL" in text.upper():
