@@ -62,7 +62,11 @@ class Source:
 
 @lru_cache(maxsize=16)
 def _definitions(text: str) -> dict[str, ast.FunctionDef]:
-    return {part.name: part for part in ast.parse(text).body if isinstance(part, ast.FunctionDef)}
+    try:
+        parts = ast.parse(text).body
+    except SystemError:  # CPython's, where the garbage collector ran within (its issue 106905)
+        parts = ast.parse(text).body
+    return {part.name: part for part in parts if isinstance(part, ast.FunctionDef)}
 
 
 @lru_cache(maxsize=16)
