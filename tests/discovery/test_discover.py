@@ -14,11 +14,12 @@ from clutchest.discovery.discover import discover
 from clutchest.discovery.held_out import with_signals_of
 from clutchest.discovery.result import Discovery
 from clutchest.errors import ClutchestError
-from clutchest.inference.problem import CLOCK, TIMING, Problem
+from clutchest.inference.problem import CLOCK, Problem
 from clutchest.models import machine_of
 from clutchest.models.curve_effect import curve_effects
 from clutchest.models.effects import effects_of_file
 from clutchest.record.discovery import write_discovery
+from clutchest.vehicle import Estimation
 
 TRUCK = clutchest.load_vehicle("truck")
 HIDDEN = {"friction_speed": {"slope": -0.15}}
@@ -109,7 +110,7 @@ def test_a_delay_that_is_found_holds_the_tolerance_of_its_signal(effect, signal)
             assert cause.effect == effect
             delay = cause.parameters["delay"]
             assert abs(delay.value - late) < 3.5 * delay.std
-            assert CLOCK <= delay.std < TIMING
+            assert CLOCK <= delay.std < TRUCK.signals[signal].delay_spread
     assert best == pytest.approx([CLOCK, CLOCK * np.sqrt(19.0)])
 
 
@@ -246,6 +247,32 @@ def test_a_cause_without_a_name_is_located_and_patched(tmp_path: Path):
         extended = clutchest.load_vehicle(tmp_path / "found" / "extended.toml")
         better = clutchest.replay(signals, extended)
         assert not any("without curve" in w for w in better.summary["warnings"])
+
+
+class Squeezed:
+    """A film that must be squeezed out, Nm s/mm."""
+
+    def law(self):
+        return lambda seen: {"torque": 4.0 * seen["position_rate"]}
+
+    def readings(self, true):
+        return true
+
+
+@pytest.mark.slow
+def test_what_wanders_beside_an_error_is_not_taken_for_it():
+    walks = {"friction": 5e-4, "torque_bias": 0.5}
+    states = {s.name: s for s in TRUCK.machine.states}
+    stated = {
+        name: Estimation(s.role, s.process_noise, s.initial_std, s.useful_std, walks[name])
+        for name, s in states.items()
+        if name in walks
+    }
+    disturbances = {f"{name}_walk": density for name, density in walks.items()}
+    signals = drive(76, outsider=Squeezed(), disturbances=disturbances)
+    answer = discover(signals, replace(TRUCK, estimation=stated))
+    assert answer.verdict == "unknown" and answer.where is not None
+    assert answer.where.equation == "torque" and answer.where.covariates[0] == "position_rate"
 
 
 class Lazy:

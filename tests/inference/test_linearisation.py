@@ -16,7 +16,7 @@ import clutchest
 from clutchest.generator import Sampled
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Objective
-from clutchest.inference.problem import TIMING, NormalisedInnovations, Problem
+from clutchest.inference.problem import NormalisedInnovations, Problem
 from clutchest.inference.unknowns import (
     InitialState,
     SignalDelay,
@@ -278,11 +278,11 @@ def test_a_small_delay_is_any_signals(problem, at_truth):
     for signal, k in small.items():
         of = problem.index(f"{signal.split('_')[1]}_delay.delay")
         np.testing.assert_allclose(
-            rows.psi[:, k] / TIMING, rows.psi[:, of] / problem.units[of], atol=1e-12
+            rows.psi[:, k] / problem.units[k], rows.psi[:, of] / problem.units[of], atol=1e-12
         )
         both, alone = np.zeros((2, len(problem.thetas)))
         both[k], both[of] = 2.0, 0.1
-        alone[k] = 2.0 + 0.1 * problem.units[of] / TIMING
+        alone[k] = 2.0 + 0.1 * problem.units[of] / problem.units[k]
         np.testing.assert_allclose(
             *(problem.linearise(theta, {}, np.zeros(0, np.int64))[0].r for theta in (both, alone)),
             atol=1e-9,

@@ -6,10 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 import clutchest
 from clutchest.inference.problem import Problem
-from clutchest.inference.wander import SHARES, WanderingDrive, probable_shares, random_walk
+from clutchest.inference.wander import (
+    SHARES,
+    WanderingDrive,
+    probability,
+    probable_shares,
+    random_walk,
+)
 from clutchest.models import machine_of
 from clutchest.models.model import Model
 from clutchest.vehicle import Estimation, Vehicle
@@ -59,6 +66,21 @@ def test_the_share_that_a_walk_shows(share: float) -> None:
         found.append(probable_shares([drive])[0])
     assert SHARES.min() <= min(found) and max(found) <= SHARES.max()
     assert np.sqrt(np.mean(np.square(found))) == pytest.approx(share, abs=0.2)
+
+
+def test_how_probable_a_share_is_of_data_with_fewer_unknowns() -> None:
+    """As by the densities of the normal distribution that is stated."""
+    rng = np.random.default_rng(9)
+    columns, known = rng.normal(size=(60, 8)), rng.normal(size=(60, 3))
+    r = rng.normal(size=60) + 0.7 * columns @ rng.normal(size=8)
+    drive = WanderingDrive.of(np.column_stack([r, known]), [columns])
+    told, exact = [], []
+    for share in (0.0, 0.3, 1.0):
+        told.append(probability([drive.beside(np.array([0, 2]))], np.array([share])))
+        covariance = np.eye(60) + share**2 * columns @ columns.T
+        covariance += known[:, [0, 2]] @ known[:, [0, 2]].T
+        exact.append(multivariate_normal(np.zeros(60), covariance).logpdf(r))
+    np.testing.assert_allclose(np.diff(told), np.diff(exact), rtol=1e-6)
 
 
 def test_two_drives_are_judged_as_one_table_of_both() -> None:

@@ -93,6 +93,11 @@ WRONG = [
         r"unknown key 'modle'; did you mean .*'model'",
     ),
     (
+        ("noise = 15.0", "noise = 15.0\ndelay_spread = 0.0"),
+        "delay_spread",
+        r"signals\.engine_torque\.delay_spread = 0 must be",
+    ),
+    (
         ('model = "dry_clutch"', 'model = "dryclutch"'),
         "dryclutch",
         r"unknown model 'dryclutch'; did you mean 'dry_clutch'\?",

@@ -24,8 +24,7 @@ from clutchest.discovery.result import Gain
 from clutchest.discovery.search import CLOSE, MOST, Search, run
 from clutchest.discovery.several_errors import several_errors
 from clutchest.discovery.shape_profile import Spread, refine
-from clutchest.inference.map_fit import settle
-from clutchest.inference.objective import Objective
+from clutchest.inference.map_fit import improve
 from clutchest.inference.problem import Problem
 from clutchest.progress import Progress
 
@@ -36,6 +35,7 @@ UNNAMED = 0.0001
 # p-value from which on held-out drives may reject a result.  Below, it is established by this log,
 # whatever they say: a drive may be affected by something that does not last.
 ESTABLISHED = 1e-5
+LESS = (0.0, 1.0)  # parts of the wander that the data show without an error
 
 HeldOut = Callable[[], Problem]  # held-out drives, linearised when they are asked for
 
@@ -229,13 +229,22 @@ def _significant(errors: Sequence[Curve]) -> bool:
 
 
 def _located(search: Search) -> list[Curve]:
-    """Errors beside the model without a cause as if no state wandered: one that is there passes
-    for wander in part, and what is sudden in the rest for its driver."""
-    still, known = Objective.of(replace(search.problem, wanders={})), search.objective
-    still = replace(still, prior=known.prior, low=known.low, high=known.high)
-    still, fit = settle(still, search.null.fit.theta)
-    fit = replace(fit, raw=())
-    return curves(still, fit, Nuisances(fit, search.free(()), still.prior), seed=3)
+    """Errors beside the model without a cause, each beside as much of the wander as is likeliest
+    with it: beside all that the data show without it, an error that is there passes for wander in
+    part, and what is sudden in the rest for its driver."""
+    objective, free = replace(search.objective, span=None), search.free(())
+    at = objective.linearise_at(search.null.fit.theta)
+    share, likely = objective.wander_shown_by(at, free, LESS)
+    best: dict[tuple[str, str, int], Curve] = {}
+    for part, less in zip(LESS, likely - likely.max(), strict=True):
+        own = objective.with_wander(at, part * share)
+        fit = improve(own, own.whitened(at), free)
+        fit = replace(fit, raw=())
+        for curve in curves(own, fit, Nuisances(fit, free, own.prior), seed=3):
+            told = replace(curve, evidence=curve.evidence + less)
+            key = told.error_term, told.covariate, len(told.at)
+            best[key] = max(best.get(key, told), told, key=lambda each: each.evidence)
+    return sorted(best.values(), key=lambda curve: -curve.evidence)
 
 
 def _residual_errors(search: Search, h: CauseSet, beside: Nuisances | None = None) -> list[Curve]:

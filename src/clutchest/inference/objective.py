@@ -21,7 +21,7 @@ from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.problem import NormalisedInnovations, Problem
 from clutchest.inference.unknowns import Shapes, UnknownGain, UnknownParameter
-from clutchest.inference.wander import WanderingDrive, probable_shares
+from clutchest.inference.wander import WanderingDrive, probability, probable_shares, scattering
 from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
@@ -138,7 +138,7 @@ class Objective:
                 low[i], high[i] = t.lower, t.upper
         points = [drive.at_nominal for drive in problem.drives]
         wander = problem.wander_directions(np.zeros(len(prior)), NO_SHAPES, points)
-        scatter = _scatter(problem, wander, np.ones(len(problem.wanders)))
+        scatter = scattering(problem.drives, wander, np.ones(len(problem.wanders)))
         scattered = _scattered(stretches, white, weights, scatter)
         return cls(problem, stretches, white, weights, scatter, scattered, None, prior, low, high)
 
@@ -235,22 +235,33 @@ class Objective:
             return self
         wander = self.problem.wander_directions(lin.theta, lin.shapes, lin.implied)
         if share is None:
-            share = self._shown_by(lin, wander)
-        return self._weighted(self.noise_model, self.weights, _scatter(self.problem, wander, share))
+            share = probable_shares(self._wandering(lin, wander))
+        scatter = scattering(self.problem.drives, wander, share)
+        return self._weighted(self.noise_model, self.weights, scatter)
 
-    def _shown_by(self, lin: Linearisation, wander: Sequence[Sequence[Floats]]) -> Floats:
-        """How far each state wanders by a linearisation's innovations, over what is stated."""
+    def wander_shown_by(
+        self, lin: Linearisation, free: NDArray[np.int64], parts: Sequence[float]
+    ) -> tuple[Floats, Floats]:
+        """How far each state wanders by a linearisation's innovations, over what is stated; and of
+        so many ``parts`` of that, 2 ln of the probability of the data up to a constant, with no
+        more than the ``free`` unknowns beside."""
+        wander = self.problem.wander_directions(lin.theta, lin.shapes, lin.implied)
+        drives = self._wandering(lin, wander)
+        share = probable_shares(drives)
+        alone = [drive.beside(free) for drive in drives]
+        return share, 2.0 * np.array([probability(alone, part * share) for part in parts])
+
+    def _wandering(
+        self, lin: Linearisation, wander: Sequence[Sequence[Floats]]
+    ) -> list[WanderingDrive]:
+        """A linearisation's innovations, white but for what wander does to them."""
         known = [drive.readings.input_noise for drive in self.problem.drives]
         still = self._weighted(self.noise_model, self.weights, known)
         tables = still._whitened([innovations.table.copy() for innovations in lin.raw])
         states = zip(*wander, strict=True)
         columns = [still._whitened([own.copy() for own in each]) for each in states]
-        return probable_shares(
-            [
-                WanderingDrive.of(*each)
-                for each in zip(tables, zip(*columns, strict=True), strict=True)
-            ]
-        )
+        every = zip(tables, zip(*columns, strict=True), strict=True)
+        return [WanderingDrive.of(*each) for each in every]
 
     def _weighted(
         self, noise_model: NoiseModel, weights: Sequence[Floats], scatter: Sequence[Floats]
@@ -365,20 +376,6 @@ class Objective:
         inside = theta.copy()
         inside[free] = np.clip(theta[free], self.low[free], self.high[free])
         return inside
-
-
-def _scatter(problem: Problem, wander: Sequence[Sequence[Floats]], share: Floats) -> list[Floats]:
-    """Directions (K, c) in which each drive's innovations scatter, where every state wanders as
-    its ``share`` of what is stated."""
-    return [
-        np.column_stack(
-            [
-                drive.readings.input_noise,
-                *(s * columns for s, columns in zip(share, own, strict=True) if s > 0.0),
-            ]
-        )
-        for drive, own in zip(problem.drives, wander, strict=True)
-    ]
 
 
 def _scattered(

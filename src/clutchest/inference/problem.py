@@ -31,9 +31,9 @@ from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std, wander
+from clutchest.vehicle.vehicle import TIMING
 
 STEPS = 2  # from nominal inputs to those that numbers imply
-TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 # s, standard deviation by which the delay of a signal in white noise comes out wrong beside what
 # that noise makes of it: measured on 140 simulated drives; samples come 20 times as far apart.
 CLOCK = 0.0005
@@ -136,7 +136,7 @@ class Problem:
         thetas = (
             *shared,
             *(replace(t, drive=i) for i in range(len(drives)) for t in starts),
-            *(SignalDelay(signal, TIMING) for signal in delayed.values()),
+            *(SignalDelay(name, _delay_spread(vehicle, name)) for name in delayed.values()),
         )
         units = np.array([t.unit for t in (*shared, *starts)])
         exact = [isinstance(t, StatedGain) and t.exact for t in thetas]
@@ -329,6 +329,12 @@ def _delayed(shared: Sequence[Unknown], effects: Mapping[str, Effect]) -> dict[i
         if key == t.key
     }
     return {k: signal for signal, k in first_of.items()}
+
+
+def _delay_spread(vehicle: Vehicle, signal: str) -> float:
+    """s, standard deviation of a signal's delay around what the vehicle file states."""
+    stated = vehicle.signals.get(signal)
+    return stated.delay_spread if stated else TIMING
 
 
 def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:

@@ -10,7 +10,7 @@ stated.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,22 @@ def wander_directions(
     return columns
 
 
+def scattering(
+    drives: Sequence[PreparedDrive], wander: Sequence[Sequence[Floats]], share: Floats
+) -> list[Floats]:
+    """Directions (K, c) in which each drive's innovations scatter, by noise of the inputs and where
+    every state wanders as its ``share`` of what is stated: those of ``wander``, state by state."""
+    return [
+        np.column_stack(
+            [
+                drive.readings.input_noise,
+                *(s * columns for s, columns in zip(share, own, strict=True) if s > 0.0),
+            ]
+        )
+        for drive, own in zip(drives, wander, strict=True)
+    ]
+
+
 @dataclass(frozen=True, slots=True)
 class WanderingDrive:
     """Products of one drive's white innovations with their derivatives, (1 + m, 1 + m): ``known``;
@@ -82,6 +98,11 @@ class WanderingDrive:
         own = np.block([[a.T @ b for b in columns] for a in columns])
         return cls(table.T @ table, shared, own, state, len(columns))
 
+    def beside(self, free: NDArray[np.int64]) -> WanderingDrive:
+        """The same with no more than the ``free`` unknowns (indices)."""
+        kept = np.append(0, 1 + free)
+        return replace(self, known=self.known[np.ix_(kept, kept)], shared=self.shared[:, kept])
+
     def scattered(self, share: Floats) -> tuple[Floats, float]:
         """``known`` where innovations scatter by each state's ``share``, and ln of the determinant
         of their covariance."""
@@ -100,12 +121,12 @@ def probable_shares(drives: Sequence[WanderingDrive]) -> Floats:
         for i in range(len(share)):
             tried = np.tile(share, (len(SHARES), 1))
             tried[:, i] = SHARES
-            weight = softmax([_evidence(drives, each) for each in tried])
+            weight = softmax([probability(drives, each) for each in tried])
             share[i] = np.sqrt(weight @ SHARES**2)
     return share
 
 
-def _evidence(drives: Sequence[WanderingDrive], share: Floats) -> float:
+def probability(drives: Sequence[WanderingDrive], share: Floats) -> float:
     """ln(probability) of all drives with these shares, up to a constant."""
     parts = [drive.scattered(share) for drive in drives]
     known = np.sum([own for own, _ in parts], axis=0)

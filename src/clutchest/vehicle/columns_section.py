@@ -6,13 +6,24 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.models.machine import Machine
 from clutchest.vehicle.toml import TomlFile
-from clutchest.vehicle.vehicle import BusSignal, SignalMap, TableColumn, Vehicle
+from clutchest.vehicle.vehicle import TIMING, BusSignal, SignalMap, TableColumn, Vehicle
 
 TIME = "time"
 _PLACE = ("column", "unit")
-_QUALITY = ("noise", "noise_ar", "noise_source", "delay", "min", "max", "reference", "period")
+_QUALITY = (
+    "noise",
+    "noise_ar",
+    "noise_source",
+    "delay",
+    "delay_spread",
+    "min",
+    "max",
+    "reference",
+    "period",
+)
 
 
 def read_columns(
@@ -72,14 +83,15 @@ def _signal(
     source = "" if stated == "-" else stated
     if "noise" not in entry and like is not None:
         source = source or f"guess: the shipped {machine.template}'s"
-        noise, noise_ar = like.noise, like.noise_ar
+        noise, noise_ar, spread = like.noise, like.noise_ar, like.delay_spread
     else:
-        noise, noise_ar = number("noise", 1e-12), 0.0
+        noise, noise_ar, spread = number("noise", 1e-12), 0.0, TIMING
     return SignalMap(
         name,
         BusSignal("", "", ""),
         noise=noise,
-        delay=number("delay", 0.0) or 0.0,
+        delay=number("delay", 0.0, LONGEST_DELAY_S) or 0.0,
+        delay_spread=number("delay_spread", 1e-6, LONGEST_DELAY_S) or spread,
         noise_ar=number("noise_ar", -0.999, 0.999) if "noise_ar" in entry else noise_ar,
         noise_source=source,
         minimum=number("min"),

@@ -12,7 +12,7 @@ from clutchest import units
 from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.errors import ClutchestError
 from clutchest.vehicle.toml import Keys, TomlFile
-from clutchest.vehicle.vehicle import SPEED, BusSignal, SignalMap
+from clutchest.vehicle.vehicle import SPEED, TIMING, BusSignal, SignalMap
 
 LARGEST_ADDRESS, LARGEST_CHANNEL = 253, 255  # J1939 keeps the addresses above
 
@@ -22,6 +22,7 @@ _KEYS = (
     "unit",
     "noise",
     "delay",
+    "delay_spread",
     "noise_ar",
     "noise_source",
     "reference",
@@ -119,6 +120,7 @@ def _signal(entry: _Entry) -> SignalMap:
         bus,
         noise=entry.number("noise", 1e-12) or 0.0,
         delay=entry.number("delay", 0.0, LONGEST_DELAY_S) or 0.0,
+        delay_spread=entry.number("delay_spread", 1e-6, LONGEST_DELAY_S) or TIMING,
         noise_ar=_noise_ar(entry),
         noise_source=entry.string("noise_source"),
         reference=reference,

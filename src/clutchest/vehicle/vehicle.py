@@ -33,6 +33,9 @@ class BusSignal:
     unit: str
 
 
+TIMING = 0.002  # s, by which a signal may be late or early in a healthy vehicle, unless stated
+
+
 @dataclass(frozen=True, slots=True)
 class TableColumn:
     """A column of a table of decoded signals, by name; without a ``unit`` the table states it."""
@@ -47,7 +50,8 @@ class SignalMap:
 
     A signal that only tables have is on no bus: its ``bus`` has no message.
 
-    ``noise`` standard deviation in the canonical unit (SI, mm for positions), ``delay`` s,
+    ``noise`` standard deviation in the canonical unit (SI, mm for positions), ``delay`` s and
+    ``delay_spread``, its standard deviation from one healthy vehicle to the next,
     ``noise_ar`` AR(1) coefficient per sample of this signal, ``noise_source`` the source of both;
     one that begins with "guess" makes them a guess.
 
@@ -66,6 +70,7 @@ class SignalMap:
     bus: BusSignal
     noise: float
     delay: float = 0.0
+    delay_spread: float = TIMING
     noise_ar: float = 0.0
     noise_source: str = ""
     reference: float | None = None
