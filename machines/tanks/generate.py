@@ -17,11 +17,12 @@ RIM, FULL, NOISE = 9.5, 10.0, 0.015  # V
 
 
 def pump(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Voltages (count): sines of random phase below 14 mHz, with a mean of 2.8 V."""
+    """Voltages (count): sines of random phase below 14 mHz, with a mean of 3.4 V, at which the
+    upper tank spills now and then."""
     time = PERIOD * np.arange(count)
     waves = [np.sin(2 * np.pi * f * time + rng.uniform(0, 7)) for f in rng.uniform(5e-4, 0.014, 30)]
     wave = np.sum(waves, axis=0)
-    return np.clip(2.8 + wave / wave.std(), 0.4, 6.5)
+    return np.clip(3.4 + wave / wave.std(), 0.4, 6.5)
 
 
 def level(rng: np.random.Generator, voltage: np.ndarray) -> np.ndarray:
