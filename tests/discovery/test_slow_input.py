@@ -42,7 +42,7 @@ def stated(tmp_path_factory: pytest.TempPathFactory) -> Vehicle:
         text = text.replace(f'"{path.name}"', f'"{path.as_posix()}"', 1)
     text += f"\n[effects.with_ambient]\nslope = {SLOPE}\n"
     (folder / "own.toml").write_text(text, encoding="utf-8")
-    return load_vehicle(folder / "own.toml")
+    return load_vehicle(folder / "own.toml", trust=True)
 
 
 @pytest.fixture(scope="module")
