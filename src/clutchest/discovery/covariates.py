@@ -9,8 +9,8 @@ import numpy as np
 from clutchest.inference.denoising import deadband, denoised_rate
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.models.declarations import ENERGY
 from clutchest.models.effects.effect import TIME
-from clutchest.models.machine import ENERGY
 from clutchest.signals import Floats
 
 KNOTS = 5  # of a curve over a covariate

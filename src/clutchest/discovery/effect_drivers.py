@@ -18,9 +18,9 @@ from clutchest.discovery.residual_curves import places
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
+from clutchest.models.declarations import ENERGY
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains
-from clutchest.models.machine import ENERGY
 from clutchest.models.model import POWER
 from clutchest.signals import Floats
 

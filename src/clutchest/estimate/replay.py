@@ -27,6 +27,7 @@ from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
+from clutchest.estimate.tracking import responses
 from clutchest.estimate.whole_log import compile_model, delays
 from clutchest.progress import Progress
 from clutchest.reading import read_log
@@ -76,7 +77,9 @@ def replay(
         found = explained(track.contradiction, track, part.drive, vehicle, progress)
         if found is not None:
             track, state = all_invalid(track, found), contradicted(dict(state), found)
-        tracks.append(track)
+        noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
+        followed = responses(drive, track, vehicle.machine.tracking, noise)
+        tracks.append(replace(track, responses=followed))
         parts.append(part)
     if not tracks:
         raise unusable[0][1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,6 +75,49 @@ class Engagement:
 
 
 @dataclass(frozen=True, slots=True)
+class Response:
+    """The figures of one actuation; None where the data do not give one.
+
+    ``start_s`` to ``release_s`` and ``end_s`` of the actuation on the drive's clock; ``delay_s``
+    from the start to the first output; ``rise_s`` from 10 to 90 % of what is ``settled``;
+    ``peak``; ``overshoot`` over the settled output, relative; ``settling_s`` from the start until
+    it stays within 5 %; ``error`` of the settled output less what was requested; ``ripple``: its
+    root mean square without trend and without the sensor's noise; ``fall_s`` from the release
+    until there is none.  ``resolution_s`` between samples of the output, which is ``measured`` or
+    estimated.  All from ``rise_s`` to ``ripple`` need a drive that is held.
+    """
+
+    start_s: float
+    release_s: float
+    end_s: float
+    delay_s: float | None
+    peak: float
+    settled: float | None
+    rise_s: float | None
+    overshoot: float | None
+    settling_s: float | None
+    error: float | None
+    ripple: float | None
+    fall_s: float | None
+    resolution_s: float
+    measured: bool
+
+    def figures(self, unit: str) -> dict[str, Any]:
+        """As ``summary.json`` has them: quantities in the output's ``unit`` carry it in their
+        name."""
+        return {_with_unit(name, unit): value for name, value in asdict(self).items()}
+
+    @classmethod
+    def no_figures(cls, unit: str) -> dict[str, Any]:
+        """The same names, of an event without an actuation."""
+        return {_with_unit(field.name, unit): None for field in fields(cls)}
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name}_{unit}" if name in ("peak", "settled", "error", "ripple") else name
+
+
+@dataclass(frozen=True, slots=True)
 class Contradiction:
     """Signals and model that cannot both be right: ``words`` say how that shows, ``signal`` is the
     one most in question, from ``since_s`` on the drive's clock no state is believed.
@@ -96,7 +139,8 @@ class Track:
     is denser than the grid while the clutch slips.  ``smoothed``: the states from what was
     measured over the whole drive; empty unless asked for.  ``clutch_torque`` is None of a machine
     without an output of that name, ``slip_energy`` where its equations have no output ``power``.
-    ``contradiction``: why none of the states is valid, if so.
+    ``contradiction``: why none of the states is valid, if so.  ``responses``: how the output
+    followed each actuation, of a machine that declares it.
     """
 
     time: Floats
@@ -111,6 +155,7 @@ class Track:
     information: Information
     smoothed: Mapping[str, Estimate] = field(default_factory=dict)
     contradiction: Contradiction | None = None
+    responses: tuple[Response, ...] = ()
 
     @property
     def outputs(self) -> dict[str, Estimate]:

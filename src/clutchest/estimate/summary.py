@@ -20,6 +20,7 @@ from clutchest.estimate.observability import (
     strong_correlations,
 )
 from clutchest.estimate.run import Track
+from clutchest.estimate.tracking import during
 from clutchest.estimate.wear import wear_trend
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.symbols import State
@@ -67,11 +68,8 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "states": _states(vehicle, tracks, end),
         "wear": wear_trend(vehicle, end.compiled, end.final, end.history),
         "sensors": _sensors(tracks),
-        "engagements": [
-            {"drive": number, **asdict(engagement)}
-            for number, track in enumerate(tracks)
-            for engagement in track.engagements
-        ],
+        "engagements": _engagements(vehicle, tracks),
+        "tracking": _tracking(vehicle, tracks),
         "between_engagements": [
             {"drive": number, **piece}
             for number, track in enumerate(tracks)
@@ -86,6 +84,30 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "log_likelihood": float(sum(track.log_likelihood for track in tracks)),
         "warnings": warnings,
     }
+
+
+def _engagements(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]]:
+    """Slip events, each with the figures of its actuation where the machine declares some."""
+    unit = vehicle.machine.tracking.unit if vehicle.machine.tracking else ""
+    return [
+        {"drive": number, **asdict(event), **figures}
+        for number, track in enumerate(tracks)
+        for event, figures in zip(
+            track.engagements, during(track.engagements, track.responses, unit), strict=True
+        )
+    ]
+
+
+def _tracking(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]] | None:
+    """Every actuation and how the output followed; None of a machine that declares no tracking."""
+    tracking = vehicle.machine.tracking
+    if tracking is None:
+        return None
+    return [
+        {"drive": number, **response.figures(tracking.unit)}
+        for number, track in enumerate(tracks)
+        for response in track.responses
+    ]
 
 
 def _contradiction(tracks: Sequence[Track]) -> dict[str, Any] | None:

@@ -9,10 +9,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from clutchest.models.declarations import ENERGY
 from clutchest.models.effects.effect import TIME, Effect, Gains, Indices, Lateness, Number
 from clutchest.models.error_curve import DEVIATION, SIZE, ErrorCurve, effect_of_deviation
 from clutchest.models.error_terms import ErrorTerm
-from clutchest.models.machine import ENERGY, Machine
+from clutchest.models.machine import Machine
 from clutchest.models.model import Model
 from clutchest.models.symbols import State
 from clutchest.signals import Floats

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
+
 
 @dataclass(frozen=True, slots=True)
 class Wear:
@@ -60,3 +62,26 @@ class Separation:
 
     pair: tuple[str, str]
     by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Tracking:
+    """How well a machine's output follows what is asked of it.
+
+    An actuation lasts while the signal ``drive`` exceeds ``least`` in magnitude; the response is
+    the first of the signals ``measured`` that is there, else the machine's estimated output, and
+    counts from ``onset`` on.  ``request``: the signal that asks for the output, "" for none.
+    ``unit`` of the output.
+    """
+
+    drive: str
+    least: float
+    measured: tuple[str, ...]
+    onset: float
+    unit: str
+    request: str = ""
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """All signals that it names."""
+        return tuple(filter(None, (self.drive, *self.measured, self.request)))

@@ -7,37 +7,31 @@ name: it asks a :class:`Machine` for the piece, and says in one line where there
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from itertools import chain
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-import casadi as ca
 import numpy as np
 
-from clutchest import units
 from clutchest.errors import ClutchestError, nearest
-from clutchest.models.declarations import Comparison, Event, Separation, Wear
+from clutchest.models.declarations import Comparison, Event, Separation, Tracking, Wear
 from clutchest.models.delay_relations import DelayRelation
-from clutchest.models.effects.effect import RESERVED, TIME, Effect
+from clutchest.models.effects.effect import Effect
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.experiments import Benches, BenchExperiment
 from clutchest.models.fault import Demand, Follower, ModelFault
-from clutchest.models.model import POWER, Expressions, Model
+from clutchest.models.machine_defects import defects
+from clutchest.models.model import Model
 from clutchest.models.procedures import Picture, Procedure
 from clutchest.models.regimes import RegimeRules
 from clutchest.models.symbols import Column, Input, Parameter, Sensor, State
-from clutchest.models.thresholds import THRESHOLD_UNITS
 from clutchest.signals import Floats
 
-ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
 Excitation = Callable[
     [np.random.Generator, Floats, Mapping[str, float]], Mapping[str, Floats]
 ]  # random numbers, times (k,) s, parameters → inputs by name, (k,) each
 OwnEffects = Callable[[Mapping[Effect, Mapping[str, float]], Mapping[str, float]], Any]
-POINTS = 16  # at which the equations are tried
 _EMPTY: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -65,7 +59,8 @@ class Machine:
     ``regimes``: which equations hold when.
 
     ``output``: the model's output that files call ``clutch_torque``, "" for none; ``event``: what
-    stretches of the regimes' event mode report; ``wear``; ``limits``: what ``[limits]`` of a
+    stretches of the regimes' event mode report; ``tracking``: how an actuation and its response
+    are recognised; ``wear``; ``limits``: what ``[limits]`` of a
     vehicle file may state, with its unit.
 
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
@@ -110,6 +105,7 @@ class Machine:
     regimes: RegimeRules = field(default_factory=RegimeRules)
     output: str = ""
     event: Event | None = None
+    tracking: Tracking | None = None
     wear: Wear | None = None
     limits: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     error_terms: Mapping[str, ErrorTerm] = field(default_factory=lambda: _EMPTY)
@@ -139,7 +135,7 @@ class Machine:
     unsupported: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
-        for piece, wrong in _defects(self):
+        for piece, wrong in defects(self):
             raise ClutchestError(f"machine '{self.name}': {piece} {wrong}")
 
     @property
@@ -214,176 +210,6 @@ class Machine:
         general = self.sensor_for.get("", "a second sensor of what is in question")
         kinds = dict.fromkeys(self.sensor_for.get(equation, general) for equation in equations)
         return " or ".join(kinds)
-
-
-def _defects(machine: Machine) -> Iterator[tuple[str, str]]:
-    """(piece, what is wrong with it) of a machine that cannot be registered."""
-    if not re.fullmatch(r"[a-z]\w*", machine.name):
-        yield "name", "must be a word in lower case"
-    for piece in ("states", "inputs", "sensors", "columns"):
-        if not getattr(machine, piece):
-            yield piece, "is empty, expected at least one"
-    for piece, names in (
-        ("states", [s.name for s in machine.states]),
-        ("parameters", [p.key for p in machine.parameters]),
-        ("inputs", [i.name for i in machine.inputs]),
-        ("sensors", [s.name for s in machine.sensors]),
-        ("columns", [c.name for c in machine.columns]),
-    ):
-        for name in (n for n in names if names.count(n) > 1):
-            yield piece, f"names '{name}' twice"
-    yield from _wrong_units(machine)
-    yield from _unknown_names(machine)
-    yield from _unknown_quantities(machine)
-
-
-def _wrong_units(machine: Machine) -> Iterator[tuple[str, str]]:
-    """Units that cannot be read."""
-    for piece in ("states", "parameters", "inputs", "sensors", "columns"):
-        for item in getattr(machine, piece):
-            try:
-                units.parse(item.unit)
-            except ClutchestError as error:
-                yield piece, f"has {getattr(item, 'name', None) or item.key} in {error}"
-
-
-def _unknown_names(machine: Machine) -> Iterator[tuple[str, str]]:
-    """Signals, states and parameters that are named and not declared."""
-    columns, states = machine.units, [s.name for s in machine.states]
-    inputs = [i.name for i in machine.inputs]
-    of_columns = chain(
-        (("sensors", s.column or s.name) for s in machine.sensors),
-        (("regimes.signals", name) for name in machine.regimes.signals),
-        (("fault_signals", name) for name in machine.fault_signals),
-        (("followers", n) for f in machine.followers for n in (f.leader, f.follower)),
-        (("demands", n) for d in machine.demands for n in (d.subject, *d.demands, d.released)),
-        (("delay_relations", r.signal) for r in machine.delay_relations),
-    )
-    for piece, name in of_columns:
-        if name not in columns:
-            yield piece, f"has no column '{name}'" + nearest(name, columns)
-    for name in machine.regimes.thresholds:
-        if name not in THRESHOLD_UNITS:
-            yield (
-                "regimes.thresholds",
-                f"has no threshold '{name}'" + nearest(name, THRESHOLD_UNITS),
-            )
-    for name in machine.peaks.values():
-        if name not in states:
-            yield "peaks", f"has no state '{name}'" + nearest(name, states)
-    for name in machine.rates.values():
-        if name not in inputs:
-            yield "rates", f"has no input '{name}'" + nearest(name, inputs)
-    parameters, sensors = [p.key for p in machine.parameters], [s.name for s in machine.sensors]
-    for procedure in machine.procedures:
-        piece = f"procedure '{procedure.name}'"
-        for key in (key for key in procedure.parameters if key not in parameters):
-            yield piece, f"has no parameter '{key}'" + nearest(key, parameters)
-        if procedure.sensor and procedure.sensor not in sensors:
-            yield piece, f"has no sensor '{procedure.sensor}'" + nearest(procedure.sensor, sensors)
-    benches = machine.benches.names if machine.benches else ()
-    for experiment in machine.experiments:
-        yield from experiment.unknown_names(parameters, benches, columns)
-    if machine.event is not None and machine.event.hottest not in states:
-        yield "event", f"has no state '{machine.event.hottest}'"
-    if machine.event is not None and not machine.regimes.event:
-        yield "event", "needs the mode that it lasts, in regimes.event"
-    if machine.wear is not None:
-        for name in filter(None, (machine.wear.state, machine.wear.rate_state)):
-            if name not in states:
-                yield "wear", f"has no state '{name}'" + nearest(name, states)
-    for sensor in machine.sensors:
-        if sensor.mode and sensor.mode not in machine.regimes.modes:
-            yield (
-                "sensors",
-                f"read in mode '{sensor.mode}'" + nearest(sensor.mode, machine.regimes.modes),
-            )
-
-
-def _unknown_quantities(machine: Machine) -> Iterator[tuple[str, str]]:
-    """What the fullest form of the equations lacks."""
-    try:
-        model = machine.equations(machine.units)
-        written = model.expressions()
-    except AttributeError as error:
-        yield "equations", _lacking(machine, error)
-        return
-    except ClutchestError:
-        raise
-    except Exception as error:  # whatever a user's equations do wrong
-        lines = str(error).strip().splitlines()
-        yield (
-            "equations",
-            f"cannot be written out: {type(error).__name__}: {lines[-1:] and lines[-1]}",
-        )
-        return
-    quantities = set(written.quantities.names())
-    if model.name != machine.name:
-        yield "equations", f"are of model '{model.name}'"
-    if model.anchor not in machine.units:
-        yield "equations", f"have no column '{model.anchor}' as their anchor"
-    for item in model.inputs:
-        if item.default is None and item.name not in {*machine.units, *model.slopes}:
-            yield "inputs", f"have no column '{item.name}'" + nearest(item.name, machine.units)
-    for name in _no_numbers(written):
-        yield "equations", f"make '{name}' something that is no number"
-    if machine.event is not None and not (machine.output and POWER in model.outputs):
-        yield "event", f"needs an output of the machine, and the equations' output '{POWER}'"
-    if machine.output and machine.output not in model.outputs:
-        yield "output", f"'{machine.output}' is none of the equations' outputs"
-    for name in (name for name in machine.effects if name in RESERVED):
-        yield "effects", f"has '{name}', which is a reserved name"
-    for name, effect in machine.effects.items():
-        if effect.name != name or effect.model not in ("", machine.name):
-            yield "effects", f"has '{effect.name}' of model '{effect.model}' as '{name}'"
-    for name in machine.covariates:
-        if name not in quantities:
-            yield "covariates", f"has no quantity '{name}'" + nearest(name, quantities)
-    yield from _wrong_error_terms(machine, quantities)
-    for fault in machine.faults:
-        if not any(n.key == fault.key for n in fault.effect.gains):
-            yield f"fault '{fault.name}'", f"has no gain '{fault.key}'"
-    for name in machine.excitations:
-        if name in machine.scenarios():
-            yield "excitations", f"names scenario '{name}' twice"
-
-
-def _no_numbers(written: Expressions) -> list[str]:
-    """Quantities that are no number wherever they are tried."""
-    names = written.quantities.names()
-    symbols = [written.x, written.u, written.w, written.p, written.g]
-    made = ca.vertcat(*(getattr(written.quantities, name) for name in names))
-    rng = np.random.default_rng(0)
-    points = [rng.uniform(0.5, 50.0, (symbol.numel(), POINTS)) for symbol in symbols]
-    values = np.array(ca.Function("tried", symbols, [made])(*points))
-    return [name for name, row in zip(names, values, strict=True) if not np.isfinite(row).any()]
-
-
-def _lacking(machine: Machine, error: AttributeError) -> str:
-    """What the equations ask for that is not there."""
-    wanted = str(error.name or "")
-    for sensor in machine.sensors:
-        if wanted == f"{sensor.name}_reading":
-            return f"assign no '{wanted}', what the sensor '{sensor.name}' reads"
-    declared = [*(p.key for p in machine.parameters), *(i.name for i in machine.inputs)]
-    hint = nearest(wanted, [*declared, *(s.name for s in machine.states)])
-    return f"use '{wanted}', which is neither declared nor assigned before{hint}"
-
-
-def _wrong_error_terms(machine: Machine, quantities: Container[str]) -> Iterator[tuple[str, str]]:
-    known = {*machine.units, *(s.name for s in machine.states), *machine.covariates}
-    known |= {*machine.rates, *machine.peaks, TIME, ENERGY}
-    inputs = [item.name for item in machine.inputs]
-    for name, term in machine.error_terms.items():
-        piece = f"error term '{name}'"
-        for covariate in term.covariates:
-            if covariate not in known:
-                yield piece, f"has no covariate '{covariate}'" + nearest(covariate, known)
-        for quantity in term.changes:
-            if quantity not in quantities:
-                yield piece, f"changes '{quantity}', which the equations do not have"
-        if term.late is not None and term.late[0] not in machine.units:
-            yield piece, f"delays '{term.late[0]}'" + nearest(term.late[0], inputs)
 
 
 Piece = TypeVar("Piece")

@@ -14,6 +14,7 @@ from clutchest.estimate.run import Run
 from clutchest.estimate.track import SMALLEST
 from clutchest.quantity import Quantity
 from clutchest.record.quantities import states_of
+from clutchest.record.tracking import tracking_head, tracking_note, tracking_rows
 
 _HOW_TO_READ = (
     "Lines are estimates, the bands around them one standard deviation; a line is grey "
@@ -68,6 +69,8 @@ def markdown(run: Run) -> str:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
     if run.vehicle.machine.event:
         parts += [f"## {event_words(run)[1].capitalize()}", _engagements(run)]
+    if rows := tracking_rows(run):
+        parts += ["## Tracking", table(tracking_head(run), rows), tracking_note(run)]
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
     parts += ["## Residuals of the sensors", _sensors(run)]

@@ -43,6 +43,7 @@ from clutchest.record.series import (
     send_lane,
     strung,
 )
+from clutchest.record.tracking import FIGURES
 
 
 def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None:
@@ -51,8 +52,9 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
 
     Entities: ``can/<signal>``, ``state/<name>`` (value and variance, grey while not valid),
     ``state/<name>/smoothed`` where the run was smoothed,
-    ``residual/<sensor>`` (innovation, +3σ, −3σ), ``mode``, ``drive`` where there are several, and
-    ``report``.  Values are in the units that people read (rpm, km/h, °C, mm, Nm, kJ).
+    ``residual/<sensor>`` (innovation, +3σ, −3σ), ``tracking/<figure>`` of actuations, ``mode``,
+    ``drive`` where there are several, and ``report``.  Values are in the units that people read
+    (rpm, km/h, °C, mm, Nm, kJ).
     """
     starts, end = _starts(run)
     stream = rr.RecordingStream("clutchest", send_properties=False)
@@ -68,7 +70,9 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
         "report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN), static=True
     )
     speeds = [p for p in signals if p.unit == "rpm"]
+    followed = _send_tracking(stream, run, starts)
     pages = {"signals": signals, "all states": states, "residuals": residuals}
+    pages |= {"tracking": followed} if followed else {}
     stream.send_blueprint(
         blueprint(
             speeds + _informative(run, states),
@@ -288,6 +292,28 @@ def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float
                 np.array([reach]),
             )
         )
+    return panels
+
+
+def _send_tracking(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:
+    """A point per actuation for each figure of how the output followed."""
+    panels = []
+    tracking = run.vehicle.machine.tracking
+    for k, (name, heading, factor) in enumerate(FIGURES):
+        points = [
+            (start + response.start_s, factor * value)
+            for start, track in zip(starts, run.tracks, strict=True)
+            for response in track.responses
+            if (value := getattr(response, name)) is not None
+        ]
+        if not points or tracking is None:
+            continue
+        time, value = np.array(points).T
+        entity = f"tracking/{name}"
+        colour = np.uint32(COLOURS[k % len(COLOURS)])
+        stream.log(entity, rr.SeriesPoints(colors=colour, marker_sizes=4.0), static=True)
+        stream.send_columns(entity, index(time), rr.Scalars.columns(scalars=value))
+        panels.append(panel(heading.format(unit=tracking.unit), "", [entity], value, value))
     return panels
 
 

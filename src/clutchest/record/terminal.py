@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -23,8 +24,10 @@ from clutchest.record.report import (
     no_event_words,
     plus_minus,
 )
+from clutchest.record.tracking import tracking_head, tracking_note, tracking_rows
 
 _MOST_WARNINGS = 8
+_MOST_ACTUATIONS = 8
 
 
 def print_run(run: Run, console: Console) -> None:
@@ -54,11 +57,32 @@ def print_run(run: Run, console: Console) -> None:
     console.print(table)
     if run.vehicle.machine.event:
         console.print(_slip_events(run))
+    _print_tracking(run, console)
     for words in summary["wear"]["words"] if summary["wear"] else ():
         console.print(escape(words))
     for reason, count in summary["frames_rejected"].items():
         console.print(f"not used: {count} × {escape(reason)}")
     print_warnings([str(text) for text in summary["warnings"]], "summary.json", console)
+
+
+def _print_tracking(run: Run, console: Console) -> None:
+    """Print how the output followed the first actuations."""
+    rows = tracking_rows(run)
+    if not rows:
+        return
+    table = Table(
+        *tracking_head(run),
+        title="tracking",
+        box=SIMPLE,
+        title_justify="left",
+        caption=tracking_note(run),
+        caption_justify="left",
+    )
+    for row in rows[:_MOST_ACTUATIONS]:
+        table.add_row(*row)
+    console.print(table)
+    if len(rows) > _MOST_ACTUATIONS:
+        console.print(f"… and {len(rows) - _MOST_ACTUATIONS} more actuations in summary.json")
 
 
 def print_warnings(warnings: Sequence[str], rest_in: str, console: Console) -> None:

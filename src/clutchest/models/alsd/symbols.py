@@ -161,6 +161,7 @@ COLUMNS = (
     Column("drive_torque", "Nm", noisiest=100.0),
     Column("shaft_torque", "Nm", noisiest=300.0),
     Column("drive_angle", "rad", noisiest=0.05),
+    Column("torque_request", "Nm"),
     Column("wheel_speed_left", "rad/s", rests=True, noisiest=2.0),
     Column("wheel_speed_right", "rad/s", rests=True, noisiest=2.0),
 )

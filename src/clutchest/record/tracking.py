@@ -1,0 +1,55 @@
+"""How the output followed each actuation, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from clutchest.estimate.run import Response, Run
+
+FIGURES = (
+    ("delay_s", "delay [ms]", 1e3),
+    ("rise_s", "rise [ms]", 1e3),
+    ("overshoot", "overshoot [%]", 1e2),
+    ("settling_s", "settling [ms]", 1e3),
+    ("settled", "settled [{unit}]", 1.0),
+    ("error", "error [{unit}]", 1.0),
+    ("ripple", "ripple [{unit}]", 1.0),
+    ("fall_s", "release [ms]", 1e3),
+)  # field, heading, factor
+
+
+def tracking_head(run: Run) -> tuple[str, ...]:
+    """Headings of the table; empty where the machine declares no tracking."""
+    tracking = run.vehicle.machine.tracking
+    if tracking is None:
+        return ()
+    drive = ("drive",) if len(run.tracks) > 1 else ()
+    return (*drive, "start [s]", *(words.format(unit=tracking.unit) for _, words, _ in FIGURES))
+
+
+def tracking_rows(run: Run) -> list[tuple[str, ...]]:
+    """One row per actuation, a dash for what the data do not give."""
+    rows = []
+    for number, track in enumerate(run.tracks):
+        drive = (str(number),) if len(run.tracks) > 1 else ()
+        rows += [(*drive, f"{r.start_s:.2f}", *_cells(r)) for r in track.responses]
+    return rows
+
+
+def tracking_note(run: Run) -> str:
+    """What the figures are of, and what is missing for the others."""
+    tracking, found = run.vehicle.machine.tracking, [r for t in run.tracks for r in t.responses]
+    if tracking is None or not found:
+        return ""
+    every = max(response.resolution_s for response in found)
+    words = f"From the measured output, a sample every {1e3 * every:.3g} ms."
+    if not all(response.measured for response in found):
+        words = f"From the estimated output, every {1e3 * every:.3g} ms (--rate raises that)."
+    if tracking.request and all(response.error is None for response in found):
+        words += f" No error: {tracking.request} is not mapped."
+    return words
+
+
+def _cells(response: Response) -> Sequence[str]:
+    values = ((getattr(response, name), factor) for name, _, factor in FIGURES)
+    return ["–" if value is None else f"{factor * value:.0f}" for value, factor in values]
