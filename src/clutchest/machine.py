@@ -3,7 +3,7 @@
 See ``docs/machine.md``, "Your own machine".
 """
 
-from clutchest.models.declarations import Comparison, Event, Separation, Tracking, Wear
+from clutchest.models.declarations import Comparison, Event, OutputTracking, Separation, Wear
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.fault import Demand, Follower, ModelFault
@@ -28,6 +28,7 @@ __all__ = [
     "ModelFault",
     "Number",
     "Observed",
+    "OutputTracking",
     "Parameter",
     "Quantities",
     "RegimeRules",
@@ -35,6 +36,5 @@ __all__ = [
     "Sensor",
     "Separation",
     "State",
-    "Tracking",
     "Wear",
 ]

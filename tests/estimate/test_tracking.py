@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from clutchest.estimate.replay import replay
-from clutchest.estimate.run import Response, Run
+from clutchest.estimate.run import Run, TrackingFigures
 from clutchest.estimate.tracking import during, responses
 from clutchest.models import machine_of
 from clutchest.record.tracking import tracking_head, tracking_note, tracking_rows
@@ -48,7 +48,7 @@ def run() -> Run:
     )
 
 
-def figures(run: Run, signals: Signals, **noise: float) -> tuple[Response, ...]:
+def figures(run: Run, signals: Signals, **noise: float) -> tuple[TrackingFigures, ...]:
     return responses(signals, run.tracks[0], TRACKING, noise)
 
 

@@ -75,7 +75,7 @@ class Engagement:
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class TrackingFigures:
     """The figures of one actuation; None where the data do not give one.
 
     ``start_s`` to ``release_s`` and ``end_s`` of the actuation on the drive's clock; ``delay_s``
@@ -155,7 +155,7 @@ class Track:
     information: Information
     smoothed: Mapping[str, Estimate] = field(default_factory=dict)
     contradiction: Contradiction | None = None
-    responses: tuple[Response, ...] = ()
+    responses: tuple[TrackingFigures, ...] = ()
 
     @property
     def outputs(self) -> dict[str, Estimate]:

@@ -88,14 +88,14 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
 
 def _engagements(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]]:
     """Slip events, each with the figures of its actuation where the machine declares some."""
-    unit = vehicle.machine.tracking.unit if vehicle.machine.tracking else ""
-    return [
-        {"drive": number, **asdict(event), **figures}
-        for number, track in enumerate(tracks)
-        for event, figures in zip(
-            track.engagements, during(track.engagements, track.responses, unit), strict=True
-        )
-    ]
+    tracking, entries = vehicle.machine.tracking, []
+    for number, track in enumerate(tracks):
+        events = [{"drive": number, **asdict(event)} for event in track.engagements]
+        if tracking is not None:
+            figures = during(track.engagements, track.responses, tracking.unit)
+            events = [{**event, **more} for event, more in zip(events, figures, strict=True)]
+        entries += events
+    return entries
 
 
 def _tracking(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]] | None:

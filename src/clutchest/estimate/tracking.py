@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from clutchest.estimate.run import Engagement, Response, Track
-from clutchest.models.declarations import Tracking
+from clutchest.estimate.run import Engagement, Track, TrackingFigures
+from clutchest.models.declarations import OutputTracking
 from clutchest.models.regimes import runs
 from clutchest.signals import Floats, Signal, Signals
 
@@ -26,8 +26,8 @@ FEWEST = 5  # samples of a settled stretch
 
 
 def responses(
-    signals: Signals, track: Track, tracking: Tracking | None, noise: Mapping[str, float]
-) -> tuple[Response, ...]:
+    signals: Signals, track: Track, tracking: OutputTracking | None, noise: Mapping[str, float]
+) -> tuple[TrackingFigures, ...]:
     """The actuations of one drive in order of time; none where the ``tracking`` is not declared or
     what drives is not mapped.
 
@@ -54,7 +54,7 @@ def responses(
 
 
 def during(
-    events: Sequence[Engagement], found: Sequence[Response], unit: str
+    events: Sequence[Engagement], found: Sequence[TrackingFigures], unit: str
 ) -> list[dict[str, Any]]:
     """Per event the figures of the first actuation that overlaps it and no event before, None for
     each where there is none."""
@@ -62,7 +62,7 @@ def during(
     for event in events:
         end = event.start_s + event.duration_s
         own = next((r for r in left if r.start_s < end and r.end_s > event.start_s), None)
-        named = Response.no_figures(unit)
+        named = TrackingFigures.no_figures(unit)
         if own is not None:
             left.remove(own)
             named = own.figures(unit)
@@ -70,7 +70,7 @@ def during(
     return figures
 
 
-def _output(signals: Signals, track: Track, tracking: Tracking) -> tuple[Signal | None, str]:
+def _output(signals: Signals, track: Track, tracking: OutputTracking) -> tuple[Signal | None, str]:
     """The output, and the name of the signal that measures it, "" where it is estimated."""
     for name in tracking.measured:
         if name in signals.available:
@@ -100,12 +100,12 @@ class _Actuation:
     drive: Signal
     output: Signal
     request: Signal | None
-    tracking: Tracking
+    tracking: OutputTracking
     start: float
     stop: float
     following: float
 
-    def figures(self, noise: float, measured: bool) -> Response:
+    def figures(self, noise: float, measured: bool) -> TrackingFigures:
         """Its figures; ``noise``: standard deviation of the sensor of the output."""
         release, held = self._release()
         begin = self._requested()
@@ -124,7 +124,7 @@ class _Actuation:
                 settling = _settling(time, value, settled, begin)
                 error = self._error(settled, sign, float(time[last][0]), release)
                 ripple = _ripple(time[last], value[last], noise)
-        return Response(
+        return TrackingFigures(
             start_s=begin,
             release_s=release,
             end_s=self.stop,

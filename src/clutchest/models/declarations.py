@@ -65,7 +65,7 @@ class Separation:
 
 
 @dataclass(frozen=True, slots=True)
-class Tracking:
+class OutputTracking:
     """How well a machine's output follows what is asked of it.
 
     An actuation lasts while the signal ``drive`` exceeds ``least`` in magnitude; the response is

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.models.declarations import Comparison, Event, Separation, Tracking, Wear
+from clutchest.models.declarations import Comparison, Event, OutputTracking, Separation, Wear
 from clutchest.models.delay_relations import DelayRelation
 from clutchest.models.effects.effect import Effect
 from clutchest.models.error_terms import ErrorTerm
@@ -105,7 +105,7 @@ class Machine:
     regimes: RegimeRules = field(default_factory=RegimeRules)
     output: str = ""
     event: Event | None = None
-    tracking: Tracking | None = None
+    tracking: OutputTracking | None = None
     wear: Wear | None = None
     limits: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     error_terms: Mapping[str, ErrorTerm] = field(default_factory=lambda: _EMPTY)

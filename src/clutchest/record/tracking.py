@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from clutchest.estimate.run import Response, Run
+from clutchest.estimate.run import Run, TrackingFigures
 
 FIGURES = (
     ("delay_s", "delay [ms]", 1e3),
@@ -50,6 +50,6 @@ def tracking_note(run: Run) -> str:
     return words
 
 
-def _cells(response: Response) -> Sequence[str]:
+def _cells(response: TrackingFigures) -> Sequence[str]:
     values = ((getattr(response, name), factor) for name, _, factor in FIGURES)
     return ["–" if value is None else f"{factor * value:.0f}" for value, factor in values]

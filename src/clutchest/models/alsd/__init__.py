@@ -26,7 +26,7 @@ from clutchest.models.alsd.experiments import BENCHES, EXPERIMENTS
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
-from clutchest.models.declarations import Event, Tracking
+from clutchest.models.declarations import Event, OutputTracking
 from clutchest.models.effects import effects_in
 from clutchest.models.machine import Machine
 
@@ -57,7 +57,7 @@ MACHINE = Machine(
     regimes=RULES,
     output="transmitted_torque",
     event=Event("temp_pack"),
-    tracking=Tracking(
+    tracking=OutputTracking(
         drive="armature_current",
         least=0.5,  # A: friction alone holds the motor
         measured=("clutch_torque", "shaft_torque"),
