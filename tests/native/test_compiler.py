@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from clutchest.native import dispatch, engine
-from clutchest.native.types import Unsupported
+from clutchest.native import direct, dispatch, engine
+from clutchest.native.types import NOTHING, Unsupported
 
 from . import language, unknown
 
@@ -33,7 +33,8 @@ def outer(x):
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache of its own."""
+    """A cache of its own, in which only what is compiled from now on is kept."""
+    direct.directly((), (), NOTHING, 0)
     monkeypatch.setenv("CLUTCHEST_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache" / "native"
 

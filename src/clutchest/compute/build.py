@@ -27,7 +27,7 @@ _lowered: deque[tuple[Model, tuple[tuple[str, str], ...], str]] = deque(maxlen=8
 
 def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]:
     """(hash, source) of the module for this model, with signatures of ``thetas``."""
-    # numba compiles a function when it is first called: who does not draw or smooth does not wait
+    # a function is compiled when it is first called: who does not draw or smooth does not wait
     parts = [_HEADER, _text_of("choices.py"), _lowered_once(model, tuple(thetas))]
     return named([*parts, *map(_text_of, _KERNELS)])
 

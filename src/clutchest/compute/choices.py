@@ -1,4 +1,4 @@
-"""Comparisons and choices as functions: numba compiles a call far faster than a conditional
+"""Comparisons and choices as functions: a call is compiled far faster than a conditional
 expression, and both sides are known when it chooses, so that the machine code needs no jump.
 
 Truth is 1.0 and 0.0, as CasADi has it.

@@ -1,4 +1,4 @@
-"""Lowering: CasADi expressions become straight-line Python that numba compiles."""
+"""Lowering: CasADi expressions become straight-line Python, ready to be compiled."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def lower(
 
     Only structurally nonzero entries are written: the caller's arrays start as zeros.  An output
     that is a column vector becomes a one-dimensional array.  ``returned`` names a scalar output
-    that is returned instead.  Raises NotImplementedError for an operation numba has no name for.
+    that is returned instead.  Raises NotImplementedError for an operation that has no name here.
     """
     function = ca.Function(name, list(inputs.values()), list(outputs.values()), {"cse": True})
     targets = list(outputs)
@@ -125,7 +125,7 @@ def _values(
         elif op in _CALLS:
             value = (_CALLS[op], tuple(slots[i] for i in of))
         else:
-            raise NotImplementedError(f"{name}: CasADi operation {op} has no numba form here")
+            raise NotImplementedError(f"{name}: CasADi operation {op} has no form here")
         slots[into[0]] = len(values)
         values.append(value)
     return values, written

@@ -1,6 +1,6 @@
 """What the kernels take and fill: records of arrays, of which only the arrays' contents change.
 
-numba compiles a kernel for the types of a record's fields in their order, so that this text joins
+A kernel is compiled for the types of a record's fields in their order, so that this text joins
 every generated module (see ``compute.build``).
 """
 

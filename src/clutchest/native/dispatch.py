@@ -22,7 +22,7 @@ from typing import Any, overload
 import numpy as np
 
 from clutchest.cache import recalled, remember
-from clutchest.native import engine
+from clutchest.native import direct, engine
 from clutchest.native.llvm_module import LlvmModule, slots_of
 from clutchest.native.source import Source
 from clutchest.native.types import (
@@ -66,14 +66,23 @@ class CompiledFunction:
     def __init__(self, source: Source) -> None:
         update_wrapper(self, source.function)
         self.py_func, self.source = source.function, source
-        self._entries: dict[Any, _Entry] = {}
+        self._entries: dict[Any, tuple[_Entry, Callable[..., Any] | None]] = {}
+        self._direct: Callable[..., Any] = _no_call  # as it was called last
 
     def __call__(self, *arguments: Any) -> Any:
         """Raises Unsupported for types that this compiler does not know."""
+        result = self._direct(*arguments)
+        return self._sought(arguments) if result is NotImplemented else result
+
+    def _sought(self, arguments: tuple[Any, ...]) -> Any:
+        """The result of the machine code for the types of these arguments."""
         key = tuple([_key(argument) for argument in arguments])
-        entry = self._entries.get(key)
-        if entry is None:
-            entry = self._entries[key] = _Entry.of(self, tuple(map(type_of, arguments)))
+        found = self._entries.get(key)
+        if found is None:
+            entry = _Entry.of(self, tuple(map(type_of, arguments)))
+            found = self._entries[key] = entry, entry.direct(arguments)
+        entry, call = found
+        self._direct = call or self._direct
         return entry(arguments)
 
     def __reduce__(self) -> str:
@@ -81,6 +90,11 @@ class CompiledFunction:
 
     def __repr__(self) -> str:
         return f"<compiled {self.__name__}>"
+
+
+def _no_call(*arguments: Any) -> Any:
+    """What stands in where there is no direct call."""
+    return NotImplemented
 
 
 @overload
@@ -124,9 +138,11 @@ def _handed(value: Any, of: Type, into: list[Any]) -> None:
 class _Entry:
     """Machine code for one set of types."""
 
+    address: int
     function: Callable[[Any], None]
     types: tuple[Type, ...]
     returns: Type
+    allocates: bool
     packing: struct.Struct
     unpacking: struct.Struct
 
@@ -136,21 +152,32 @@ class _Entry:
         key = _digest(function, types)
         kept = recalled(f"{function.__name__}_{key}")
         if kept is None:
-            text, returns = LlvmModule().entry(function.source, types)
-            code = engine.machine_code(text)
-            remember(f"{function.__name__}_{key}", repr(encoded(returns)).encode() + b"\n" + code)
+            module = LlvmModule()
+            text, returns = module.entry(function.source, types)
+            code, allocates = engine.machine_code(text), module.allocates
+            head = repr((encoded(returns), allocates)).encode()
+            remember(f"{function.__name__}_{key}", head + b"\n" + code)
         else:
             head, code = kept.split(b"\n", 1)
-            returns = decoded(ast.literal_eval(head.decode()))
+            form, allocates = ast.literal_eval(head.decode())
+            returns = decoded(form)
         address = engine.address(code)
         given = "".join(_FORMATS[slot] for of in types for slot in slots_of(of))
         return cls(
+            address,
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address),
             types,
             returns,
+            allocates,
             struct.Struct(f"=Q{given}"),
             struct.Struct("=" + "".join(_FORMATS[leaf] for leaf in returns.leaves)),
         )
+
+    def direct(self, arguments: tuple[Any, ...]) -> Callable[..., Any] | None:
+        """The quick call for arguments like these, if there is one."""
+        if self.allocates or not direct.lies_as_believed():
+            return None
+        return direct.directly(arguments, self.types, self.returns, self.address)
 
     def __call__(self, arguments: tuple[Any, ...]) -> Any:
         handed: list[Any] = [_ALLOCATOR]

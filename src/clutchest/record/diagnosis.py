@@ -11,6 +11,7 @@ from rich.table import Table
 
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.result import Diagnosis, Isolability
+from clutchest.record.arrow import without_pandas
 from clutchest.record.diagnosis_report import details, headline
 from clutchest.record.files import finished_into, json_text
 
@@ -24,7 +25,7 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path) -> list[Path]:
     """
     from clutchest.record.rerun import write_recording  # rerun, only where it is needed
 
-    with finished_into(out) as folder:
+    with without_pandas(), finished_into(out) as folder:
         (folder / "diagnosis.json").write_text(json_text(diagnosis.summary()), encoding="utf-8")
         write_recording(diagnosis.run, folder / "recording.rrd", diagnosis)
         names = sorted(path.name for path in folder.iterdir())

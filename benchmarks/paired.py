@@ -1,0 +1,104 @@
+"""This version against another: python benchmarks/paired.py OTHER/src [--turns 5] [--only hour]
+
+Processor seconds, of processes of their own, that alternate between the two; a ratio is formed
+within each turn.  Byte code, compiled code and layouts are there from a run before the first turn,
+each version's in a folder of its own.  The kernel is timed per event of a city drive.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+from statistics import median
+from tempfile import TemporaryDirectory
+
+CLUTCHEST = "import sys; from clutchest.cli import main; sys.argv[0] = 'clutchest'; main()"
+ENGINES = """
+import runpy, sys, time
+time.perf_counter = time.process_time
+import clutchest
+truck = clutchest.load_vehicle("truck")
+drive = clutchest.read_log("minute.log", truck)
+result = runpy.run_path(sys.argv[1] + "/../benchmarks/engines.py")["compare"](drive, truck, 5)
+print(min(result["us_per_event"][sys.argv[2]]))
+"""
+NO_BYTE_CODE = "PYTHONDONTWRITEBYTECODE"
+FILTERS = ("online (filterpy)", "kernel", "kernel with signatures")
+MADE = {"hour.log": 3600, "quarter.log": 900, "minute.log": 60}  # s of driving in the city
+
+
+def commands() -> dict[str, tuple[str, list[str]]]:
+    """A program with its arguments, by what it does; one that prints a number is worth that."""
+    truck = ["--vehicle", "truck", "--out", "out"]
+    return {
+        "import": ("import clutchest", []),
+        "--help": (CLUTCHEST, ["--help"]),
+        **{f"{name}, µs an event": (ENGINES, [name]) for name in FILTERS},
+        "replay of the demo": (CLUTCHEST, ["replay", "demo", *truck]),
+        "replay of an hour": (CLUTCHEST, ["replay", "hour.log", *truck]),
+        "diagnosis of 15 minutes": (CLUTCHEST, ["diagnose", "quarter.log", *truck]),
+    }
+
+
+def spent() -> float:
+    """Processor seconds of the processes that have ended."""
+    usage = getrusage(RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def cost(program: str, arguments: list[str], source: Path, folder: Path) -> float:
+    """Processor seconds of a new process, or the number that it prints."""
+    environment = {name: value for name, value in os.environ.items() if name != NO_BYTE_CODE}
+    environment |= {"PYTHONPATH": str(source), "PYTHONPYCACHEPREFIX": str(folder / "bytes")}
+    environment |= {"CLUTCHEST_CACHE": str(folder / "cache"), "NUMBA_CACHE_DIR": str(folder)}
+    before = spent()
+    done = subprocess.run(
+        [sys.executable, "-c", program, *([str(source)] if program is ENGINES else []), *arguments],
+        env=environment,
+        cwd=folder.parent,
+        capture_output=True,
+        text=True,
+    )
+    after = spent()
+    if "Traceback" in done.stderr:
+        raise RuntimeError(done.stderr)
+    return float(done.stdout) if program is ENGINES else after - before
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("other", type=Path, help="the folder src of the other version")
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--only", default="", help="rows whose name contains this")
+    given = parser.parse_args()
+    own = Path(__file__).resolve().parent.parent / "src"
+    with TemporaryDirectory() as place:
+        sides = [(own, Path(place) / "own"), (given.other.resolve(), Path(place) / "other")]
+        for _, folder in sides:
+            folder.mkdir()
+        for log, seconds in MADE.items():
+            make = ["simulate", "--vehicle", "truck", "--scenario", "city", "--seed", "5"]
+            cost(CLUTCHEST, [*make, "--duration", str(seconds), "-o", log], *sides[0])
+        for what, (program, arguments) in commands().items():
+            if given.only not in what:
+                continue
+            for side in sides:
+                cost(program, arguments, *side)
+            pairs = [[cost(program, arguments, *s) for s in sides] for _ in range(given.turns)]
+            ratios = sorted(mine / other for mine, other in pairs)
+            mine, other = (median(times) for times in zip(*pairs, strict=True))
+            print(
+                f"{what}: {mine:.2f}, the other {other:.2f}, ratio {median(ratios):.2f} "
+                f"({ratios[0]:.2f} … {ratios[-1]:.2f})",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
