@@ -16,6 +16,8 @@ from clutchest.native import compiled
 from clutchest.shown import Showing, Shown
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from clutchest.pictures import Picture
 
 Floats = NDArray[np.float64]
@@ -280,6 +282,33 @@ class Signals(Showing, Mapping[str, Signal]):
             ("signal", "unit", "samples", "valid", "lowest", "highest"),
             rows,
         )
+
+    def to_pandas(self) -> pd.DataFrame:
+        """This drive as a table: ``time`` and a column per signal, one row per time stamp.
+
+        Invalid samples are empty cells; of two samples of a signal at one time the later one
+        counts.  ``attrs`` of the table: ``units`` by column, and ``start_ns``.
+        """
+        import pandas as pd
+
+        valid = {name: signal.only_valid() for name, signal in self.signals.items()}
+        times = [signal.time for signal in self.signals.values()]
+        time = np.unique(np.concatenate(times)) if times else np.zeros(0)
+        columns = {"time": time}
+        for name, signal in valid.items():
+            column = np.full(len(time), np.nan)
+            column[np.searchsorted(time, signal.time)] = signal.value
+            columns[name] = column
+        table = pd.DataFrame(columns)
+        units = {"time": "s", **{name: s.unit for name, s in self.signals.items() if s.unit}}
+        table.attrs.update(units=units, start_ns=[self.start_ns])
+        return table
+
+    def to_polars(self) -> Any:
+        """The same as a DataFrame of polars, which must be installed; it has no place for units."""
+        import polars
+
+        return polars.from_pandas(self.to_pandas())
 
     def plot(self, *names: str) -> Picture:
         """This drive's signals over time, one below the other; all of them unless named."""

@@ -133,7 +133,7 @@ def test_a_failed_write_leaves_what_was_there(tmp_path, monkeypatch):
     def full(*_):
         raise OSError("no space left")
 
-    monkeypatch.setattr("clutchest.record.discovery.draw_misfit", full)
+    monkeypatch.setattr("clutchest.record.misfit_pictures.draw_misfit", full)
     with pytest.raises(OSError, match="no space"):
         write_discovery(discovery("unknown"), tmp_path)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before

@@ -301,9 +301,7 @@ def test_a_drive_of_a_table_equals_that_of_its_log(truck, tmp_path):
     run = clutchest.replay(signals, truck)
     columns = {name: TableColumn(f"x_{name}", truck.machine.units[name]) for name in signals}
     vehicle = only_columns(truck, **columns)
-    from clutchest.reading.tables import to_table
-
-    table = to_table(signals).rename(columns={name: f"x_{name}" for name in signals})
+    table = signals.to_pandas().rename(columns={name: f"x_{name}" for name in signals})
     again = clutchest.replay(read_log(table, vehicle), vehicle)
     a, b = run.to_pandas(), again.to_pandas()
     np.testing.assert_allclose(b["temp_disc"], a["temp_disc"], rtol=1e-9)
@@ -315,9 +313,7 @@ def test_a_draft_from_a_table_replays_at_once(truck, tmp_path):
     from clutchest.reading.table_inspection import inspect_tables
 
     signals = clutchest.simulate(truck, "launches", 2, duration=30.0)
-    from clutchest.reading.tables import to_table
-
-    table = to_table(signals)
+    table = signals.to_pandas()
     strange = pd.DataFrame(
         {
             "t": 1e3 * table["time"],

@@ -26,6 +26,7 @@ from clutchest.cli.terminal import fail, printable, unexpected
 from clutchest.cli.trust import trust
 from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
+from clutchest.extras import EXTRAS, missing
 
 app = typer.Typer(
     add_completion=False,
@@ -60,6 +61,9 @@ def main() -> None:
         app()
     except ClutchestError as problem:
         fail(str(problem))
+    except ModuleNotFoundError as problem:
+        library = (problem.name or "").split(".")[0]
+        fail(str(missing(library)) if library in EXTRAS else unexpected(problem))
     except MemoryError as problem:
         fail(f"not enough memory: {problem or 'the log or the duration is too long'}")
     except OSError as problem:

@@ -37,7 +37,8 @@ def convert(
         typer.Option(
             metavar="V",
             show_default=False,
-            help="Decode CAN logs by this vehicle; OUT is then .csv or .parquet.",
+            help="Decode CAN logs by this vehicle; OUT is then .csv, .parquet, .xlsx, .mf4 or "
+            ".mcap.",
         ),
     ] = None,
     trust: Trust = False,

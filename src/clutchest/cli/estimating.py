@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from clutchest.cli.options import SourceOptions, WindowOptions
 from clutchest.cli.terminal import meanwhile
+from clutchest.extras import installed
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ def estimated(
     before = None if source.state is None else read_state(source.state)
     show("reading", None)
     signals = read_log(source.logs, car, window.parse(), traffic=traffic)
-    meanwhile("clutchest.record.rerun")  # not earlier: two that import only take turns
+    if installed("rerun"):
+        meanwhile("clutchest.record.rerun")  # not earlier: two that import only take turns
     try:
         return replay(
             signals,

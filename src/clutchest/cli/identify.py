@@ -17,6 +17,7 @@ from clutchest.cli.options import (
     disjoint,
 )
 from clutchest.cli.terminal import answer, loaded, progress
+from clutchest.extras import required
 from clutchest.identify import OF_EVERY_MACHINE
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ def identify(
     """
     with progress() as show:
         show("loading", None)
+        required("matplotlib")
         from clutchest.identify import identify as run
         from clutchest.identify.fit import print_fit
         from clutchest.reading import read_log

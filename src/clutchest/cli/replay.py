@@ -20,6 +20,15 @@ class Engine(StrEnum):
     filterpy = "filterpy"
 
 
+class TableFormat(StrEnum):
+    """As ``clutchest.table_formats`` has them, beside Parquet."""
+
+    csv = "csv"
+    xlsx = "xlsx"
+    mf4 = "mf4"
+    mcap = "mcap"
+
+
 @grouped
 def replay(
     source: SourceOptions,
@@ -41,6 +50,14 @@ def replay(
     innovations: Annotated[
         bool, typer.Option("--innovations", help="Also write innovations.parquet.")
     ] = False,
+    formats: Annotated[
+        list[TableFormat] | None,
+        typer.Option(
+            "--format",
+            show_default=False,
+            help="Also write the estimates as estimates.csv, …; repeat for several.",
+        ),
+    ] = None,
     window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
@@ -53,7 +70,7 @@ def replay(
     Example:
       clutchest replay monday.log tuesday.log --vehicle truck --out results
       clutchest replay wednesday.log --vehicle truck --state results/state.json
-      clutchest replay monday.log --vehicle truck --from 60 --to 300
+      clutchest replay monday.log --vehicle truck --from 60 --to 300 --format mf4
     """
     with progress() as show:
         show("loading", None)
@@ -62,6 +79,6 @@ def replay(
 
         run = estimated(source, window, show, rate=rate, smooth=smooth, engine=engine)
         show("writing", None)
-        written = write_run(run, out, innovations=innovations)
+        written = write_run(run, out, innovations, formats or ())
     names = [path.name for path in written]
     answer(run.summary, as_json, lambda console: print_run(run, console), out, names)

@@ -8,6 +8,7 @@ import typer
 
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out
 from clutchest.cli.terminal import answer, progress
+from clutchest.extras import required
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,6 +41,7 @@ def reproduce(
     """
     with progress() as show:
         show("loading", None)
+        required("matplotlib")
         from clutchest.record.files import finished_into, json_text
         from clutchest.reproduce import paper
 

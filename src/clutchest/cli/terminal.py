@@ -16,6 +16,7 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from clutchest import __version__
+from clutchest.extras import installed
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from clutchest.vehicle import Vehicle
 
 
+RECORDED = {"summary.json", "diagnosis.json", "discovery.json"}  # a recording is beside these
 _FORMS = {
     "±": "+/-",
     "−": "-",
@@ -102,6 +104,8 @@ def answer(
     print(f"Written to {out}: {', '.join(written)}")
     if "recording.rrd" in written:
         print(f"To view it: rerun {out / 'recording.rrd'}")
+    elif RECORDED & set(written) and not installed("rerun"):
+        print("Without a recording for the Rerun viewer: pip install 'clutchest[rerun]'")
 
 
 def loaded(vehicle: str, trust: bool) -> Vehicle:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from clutchest.errors import ClutchestError
 from clutchest.shown import Showing, Shown
 from clutchest.signals import Floats
 
@@ -131,11 +130,10 @@ class Diagnosis(Showing):
         """When each monitor of one drive passed (green) and failed (red)."""
         from clutchest.pictures import stacked
 
-        if not 0 <= drive < len(self.run.tracks):
-            raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.run.tracks) - 1}")
+        track = self.run.track(drive)
         names = [name for name, drives in self.lanes.items() if drives[drive]]
         figure, (axes,) = stacked(1, 0.25 * len(names) + 0.5)
-        end = float(self.run.tracks[drive].time[-1])
+        end = float(track.time[-1])
         for row, name in enumerate(names):
             lane = self.lanes[name][drive]
             until = [*(time for time, _ in lane[1:]), end]

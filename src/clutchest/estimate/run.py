@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,23 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from clutchest.pictures import Picture
+
+
+SUFFIXES = {  # of columns, and what they hold
+    "_smoothed_std": "standard deviation, over the whole drive, of ",
+    "_smoothed": "from the whole drive: ",
+    "_std": "standard deviation of ",
+    "_valid": "whether it can be used: ",
+}
+OTHER_COLUMNS = {
+    "time": "since the drive's first sample",
+    "drive": "number of the drive, from 0",
+    "log": "file names",
+    "timestamp": "absolute time, UTC",
+    "mode": "which equations hold",
+    "clutch_torque": "torque through the clutch",
+    "slip_energy": "heat made by slipping since the drive began",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,15 +219,19 @@ class Run(Showing):
             rows,
         )
 
+    def track(self, drive: int) -> Track:
+        """The estimates of a drive.  Raises ClutchestError where there is none."""
+        if not 0 <= drive < len(self.tracks):
+            raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.tracks) - 1}")
+        return self.tracks[drive]
+
     def plot(self, drive: int = 0) -> Picture:
         """Mode, states and outputs of one drive over time, each with a band of two standard
         deviations; grey where an estimate is not valid."""
         from clutchest.estimate.run_picture import Band, draw_estimates
         from clutchest.quantity import Quantity
 
-        if not 0 <= drive < len(self.tracks):
-            raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.tracks) - 1}")
-        track = self.tracks[drive]
+        track = self.track(drive)
         units = self._units
         bands = {
             Quantity(name, units.get(name, "1")): Band(each.value, each.std, each.valid)
@@ -220,20 +242,47 @@ class Run(Showing):
     def to_pandas(self) -> pd.DataFrame:
         """The columns of ``estimates.parquet``; all drives, one below the other.
 
-        ``attrs["units"]`` of the table: column → unit.
+        ``attrs`` of the table: ``units`` and ``comments`` by column, and ``start_ns``.
         """
         import pandas as pd
 
         frames = []
-        for drive, track in enumerate(self.tracks):
-            columns = columns_of(track, drive)
+        logs = list(dict.fromkeys(map(log_of, self.signals.drives)))
+        for drive, (track, signals) in enumerate(
+            zip(self.tracks, self.signals.drives, strict=True)
+        ):
+            columns = columns_of(track, drive, signals.start_ns)
+            codes = np.full(len(track.time), logs.index(log_of(signals)))
+            columns["log"] = pd.Categorical.from_codes(codes, logs)
+            columns["timestamp"] = pd.DatetimeIndex(columns["timestamp"]).tz_localize("UTC")
             columns["mode"] = pd.Categorical.from_codes(track.mode, list(track.mode_names))
             frames.append(pd.DataFrame(columns))
         table = pd.concat(frames, ignore_index=True)
-        units = {**self._units, "time": "s"}
-        stems = {name: name.removesuffix("_std").removesuffix("_smoothed") for name in table}
-        table.attrs["units"] = {name: units[stem] for name, stem in stems.items() if stem in units}
+        table.attrs.update(self.about([str(name) for name in table]))
         return table
+
+    def to_polars(self) -> Any:
+        """The same as a DataFrame of polars, which must be installed; it has no place for units."""
+        import polars
+
+        return polars.from_pandas(self.to_pandas())
+
+    def about(self, columns: Iterable[str]) -> dict[str, Any]:
+        """``units`` and ``comments`` of these columns, and ``start_ns`` of every drive's time 0:
+        the attributes of a table."""
+        units, words = {**self._units, "time": "s"}, dict(OTHER_COLUMNS)
+        words |= {state.name: state.what for state in self.vehicle.machine.states}
+        stems = {name: name.removesuffix("_std").removesuffix("_smoothed") for name in columns}
+        comments = {}
+        for name, stem in stems.items():
+            of = words.get(stem.removesuffix("_valid"), "")
+            prefix = next((what for end, what in SUFFIXES.items() if name.endswith(end)), "")
+            comments[name] = f"{prefix}{of}"
+        return {
+            "units": {name: units[stem] for name, stem in stems.items() if stem in units},
+            "comments": {name: text for name, text in comments.items() if text},
+            "start_ns": [drive.start_ns for drive in self.signals.drives],
+        }
 
     @property
     def _units(self) -> dict[str, str]:
@@ -242,11 +291,24 @@ class Run(Showing):
         return {**states, "clutch_torque": "Nm", "slip_energy": "J"}
 
 
-def columns_of(track: Track, drive: int) -> dict[str, Any]:
-    """The columns of ``estimates.parquet``, (m,) each; the mode as index into ``mode_names``."""
+def log_of(signals: Signals) -> str:
+    """The file names of a drive's logs; "" where it was read from none."""
+    return ", ".join(Path(source).name for source in signals.sources)
+
+
+def columns_of(track: Track, drive: int, start_ns: int | None) -> dict[str, Any]:
+    """The columns of ``estimates.parquet``, (m,) each, but for ``log``: zeros in its place; the
+    mode as index into ``mode_names``, ``timestamp`` in UTC, not a time where it is not known."""
+    n = len(track.time)
+    stamp = np.full(n, "NaT", "datetime64[ns]")
+    if start_ns is not None:
+        since = np.round(np.asarray(track.time) * 1e9).astype("timedelta64[ns]")
+        stamp = np.datetime64(start_ns, "ns") + since
     columns: dict[str, Any] = {
         "time": track.time,
-        "drive": np.full(len(track.time), drive, np.int32),
+        "drive": np.full(n, drive, np.int32),
+        "log": np.zeros(n, np.int8),
+        "timestamp": stamp,
         "mode": track.mode,
     }
     for name, estimate in track.states.items():

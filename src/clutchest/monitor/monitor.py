@@ -244,7 +244,7 @@ class Monitor:
         for engagement in track.engagements:
             end = engagement.start_s + engagement.duration_s
             self._put(MonitorEvent(end, "engagement", "slip", asdict(engagement)))
-        self._outputs.keep(piece, self._drive)
+        self._outputs.keep(piece, self._drive, self._start_ns)
 
     def _collect(self, frames: Frames) -> None:
         """Hold new frames and samples for the watchers."""

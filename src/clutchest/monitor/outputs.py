@@ -9,6 +9,7 @@ from typing import Any
 from clutchest.can.frames import Frames
 from clutchest.estimate.drive import Piece
 from clutchest.estimate.replay import provenance
+from clutchest.extras import installed, required
 from clutchest.monitor.store import Session
 from clutchest.vehicle import Vehicle
 
@@ -22,7 +23,9 @@ class Outputs:
         self._session = None if out is None else Session(out, self._provenance)
         self._recording = None
         self.address = ""
-        if self._session is not None:
+        if serve is not None:
+            required("rerun")
+        if self._session is not None and installed("rerun"):
             from clutchest.record.live_recording import LiveRecording
 
             self._recording = LiveRecording(self._session.recording, vehicle, serve)
@@ -38,10 +41,10 @@ class Outputs:
         if self._session is not None:
             self._session.receive(frames)
 
-    def keep(self, piece: Piece, drive: int) -> None:
-        """Keep new rows of a drive."""
+    def keep(self, piece: Piece, drive: int, start_ns: int | None) -> None:
+        """Keep new rows of a drive that begins at ``start_ns``."""
         if self._session is not None:
-            self._session.keep(piece.track, drive, piece.begins)
+            self._session.keep(piece.track, drive, start_ns, piece.begins)
 
     def event(self, line: Mapping[str, Any], offset: float) -> None:
         """Keep an event of a drive that begins at ``offset`` s."""

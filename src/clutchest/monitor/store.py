@@ -63,9 +63,10 @@ class Session:
         """Write an event."""
         self._events.write(_line(event))
 
-    def keep(self, track: Track, drive: int, restarted: bool) -> None:
-        """Write the rows of a track; where ``restarted`` they replace those of the same drive."""
-        columns = columns_of(track, drive)
+    def keep(self, track: Track, drive: int, start_ns: int | None, restarted: bool) -> None:
+        """Write the rows of a track whose time begins at ``start_ns``; where ``restarted`` they
+        replace those of the same drive."""
+        columns = columns_of(track, drive, start_ns)
         mode = np.asarray(track.mode, np.uint8)
         table = np.empty(len(track.time), _layout(columns))
         for name in columns:
@@ -158,6 +159,8 @@ def _to_parquet(out: Path, rows: np.ndarray) -> None:
         part = rows[first : first + _ROWS]
         columns = {name: np.array(part[name]) for name in part.dtype.names or ()}
         columns["mode"] = pd.Categorical.from_codes(columns["mode"], head["modes"])
+        columns["log"] = pd.Categorical.from_codes(columns["log"], [RECEIVED])
+        columns["timestamp"] = pd.DatetimeIndex(columns["timestamp"]).tz_localize("UTC")
         table = pa.Table.from_pandas(pd.DataFrame(columns), preserve_index=False)
         if writer is None:
             origin = {k.encode(): v.encode() for k, v in head["provenance"].items()}

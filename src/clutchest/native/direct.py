@@ -12,6 +12,7 @@ import ctypes
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from hashlib import sha256
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,8 @@ _ARRAY, _TUPLE, _NUMBER, _INTEGER, _TRUTH = range(5)  # what an operation does w
 _NOTHING, _ONE, _SEVERAL = range(3)  # forms of a result
 _NUMBERS = {FLOAT: 5, INT: 6, UINT: 7, BOOL: 8}  # of a result: which of _API makes the object
 _AS_THEY_LIE = (float, np.float64, np.int64, np.uint64)  # objects whose value is their first word
+_OBJECT = engine.OBJECT_HEAD  # bytes before what is an object's own
+_ITEMS, _BYTES = tuple.__basicsize__, bytes.__basicsize__ - 1  # before its content
 _FASTCALL = 0x80
 _MOST = 4096  # objects and slots of a call; more would ask for too much of the stack
 
@@ -157,46 +160,47 @@ def lies_as_believed() -> bool:
     """Whether tuples, numbers and arrays lie in memory as ``_TEXT`` reads them."""
     pair, array = (1.5, object()), np.zeros((2, 3))
     word = ctypes.c_uint64.from_address
-    head, items = engine.OBJECT_HEAD, tuple.__basicsize__
     return (
-        [word(id(pair) + items + 8 * i).value for i in range(2)] == [id(item) for item in pair]
-        and word(id(pair) + head - 8).value == id(tuple)
-        and word(id(pair) + head).value == 2
+        [word(id(pair) + _ITEMS + 8 * i).value for i in range(2)] == [id(item) for item in pair]
+        and word(id(pair) + _OBJECT - 8).value == id(tuple)
+        and word(id(pair) + _OBJECT).value == 2
         and all(
-            type(of).from_address(id(value) + head).value == value
+            type(of).from_address(id(value) + _OBJECT).value == value
             for value, of in ((1.5, ctypes.c_double()), (np.float64(2.5), ctypes.c_double()))
         )
-        and word(id(array) + head + 40).value == id(array.dtype)
-        and ctypes.c_int32.from_address(id(array) + head + 8).value == 2
-        and ctypes.c_int32.from_address(id(array) + head + 48).value & 0x101 == 0x101
-        and ctypes.string_at(id(b"program") + bytes.__basicsize__ - 1, 7) == b"program"
+        and word(id(array) + _OBJECT + 40).value == id(array.dtype)
+        and ctypes.c_int32.from_address(id(array) + _OBJECT + 8).value == 2
+        and ctypes.c_int32.from_address(id(array) + _OBJECT + 48).value & 0x101 == 0x101
+        and ctypes.string_at(id(b"program") + _BYTES, 7) == b"program"
     )
 
 
-def _text() -> str:
-    """LLVM's text of the function."""
-    lines = iter(range(10**6))
+_addresses = count()  # every address in the text has a number of its own
 
-    def load(of: str, base: str, offset: int | str, into: str) -> str:
-        at = f"%p{next(lines)}"
-        return f"{at} = getelementptr i8, ptr {base}, i64 {offset}\n{into} = load {of}, ptr {at}"
 
-    def word(name: str, of: str, into: str) -> str:
-        return load(of, "%program", 8 * _WORD[name], into)
+def _load(of: str, base: str, offset: int, into: str) -> str:
+    """Two instructions: ``into`` = what lies ``offset`` bytes behind ``base``."""
+    at = f"%p{next(_addresses)}"
+    return f"{at} = getelementptr i8, ptr {base}, i64 {offset}\n{into} = load {of}, ptr {at}"
 
-    head, items = engine.OBJECT_HEAD, tuple.__basicsize__
-    return f"""
+
+def _word(name: str, of: str, into: str) -> str:
+    """The same for a word of the program."""
+    return _load(of, "%program", 8 * _WORD[name], into)
+
+
+_TEXT = f"""
 define ptr @entry(ptr %self, ptr %args, i64 %given) nounwind {{
 start:
-%program = getelementptr i8, ptr %self, i64 {bytes.__basicsize__ - 1}
-{word("arguments", "i64", "%arguments")}
+%program = getelementptr i8, ptr %self, i64 {_BYTES}
+{_word("arguments", "i64", "%arguments")}
 %fits = icmp eq i64 %given, %arguments
 br i1 %fits, label %begin, label %other
 begin:
-{word("objects", "i64", "%many")}
-{word("slots", "i64", "%slots")}
-{word("operations", "i64", "%operations")}
-{word("results", "i64", "%results")}
+{_word("objects", "i64", "%many")}
+{_word("slots", "i64", "%slots")}
+{_word("operations", "i64", "%operations")}
+{_word("results", "i64", "%results")}
 %objects = alloca ptr, i64 %many
 %size = add i64 %slots, %results
 %table = alloca i64, i64 %size
@@ -214,16 +218,16 @@ br i1 %more, label %one, label %call
 one:
 %at = mul i64 %i, 6
 %operation = getelementptr i64, ptr %first, i64 %at
-{load("i64", "%operation", 0, "%kind")}
-{load("i64", "%operation", 8, "%which")}
-{load("i64", "%operation", 16, "%type")}
-{load("i64", "%operation", 24, "%first_word")}
-{load("i64", "%operation", 32, "%second_word")}
-{load("i64", "%operation", 40, "%slot")}
+{_load("i64", "%operation", 0, "%kind")}
+{_load("i64", "%operation", 8, "%which")}
+{_load("i64", "%operation", 16, "%type")}
+{_load("i64", "%operation", 24, "%first_word")}
+{_load("i64", "%operation", 32, "%second_word")}
+{_load("i64", "%operation", 40, "%slot")}
 %place = getelementptr ptr, ptr %objects, i64 %which
 %object = load ptr, ptr %place
 %to = getelementptr i64, ptr %table, i64 %slot
-{load("i64", "%object", head - 8, "%its")}
+{_load("i64", "%object", _OBJECT - 8, "%its")}
 %same = icmp eq i64 %its, %type
 br i1 %same, label %typed, label %other
 typed:
@@ -234,9 +238,9 @@ i64 {_NUMBER}, label %number
 i64 {_INTEGER}, label %integer
 i64 {_TRUTH}, label %truth ]
 array:
-{load("i64", "%object", head + 40, "%description")}
-{load("i32", "%object", head + 8, "%dimensions")}
-{load("i32", "%object", head + 48, "%flags")}
+{_load("i64", "%object", _OBJECT + 40, "%description")}
+{_load("i32", "%object", _OBJECT + 8, "%dimensions")}
+{_load("i32", "%object", _OBJECT + 48, "%flags")}
 %described = icmp eq i64 %description, %first_word
 %layout = and i32 %flags, 257
 %wide = zext i32 %layout to i64
@@ -249,11 +253,11 @@ array:
 store i64 %address, ptr %to
 br i1 %good, label %done, label %other
 tuple:
-{load("i64", "%object", head, "%length")}
+{_load("i64", "%object", _OBJECT, "%length")}
 %long = icmp eq i64 %length, %first_word
 br i1 %long, label %append, label %other
 append:
-%parts = getelementptr i8, ptr %object, i64 {items}
+%parts = getelementptr i8, ptr %object, i64 {_ITEMS}
 %end = load i64, ptr %seen
 %tail = getelementptr ptr, ptr %objects, i64 %end
 %room = mul i64 %length, 8
@@ -262,17 +266,17 @@ call void @llvm.memcpy.p0.p0.i64(ptr %tail, ptr %parts, i64 %room, i1 false)
 store i64 %longer, ptr %seen
 br label %done
 number:
-{load("i64", "%object", head, "%value")}
+{_load("i64", "%object", _OBJECT, "%value")}
 store i64 %value, ptr %to
 br label %done
 integer:
-{word("PyLong_AsLongLong", "ptr", "%asked")}
+{_word("PyLong_AsLongLong", "ptr", "%asked")}
 %integral = call i64 %asked(ptr %object)
 store i64 %integral, ptr %to
 %suspect = icmp eq i64 %integral, -1
 br i1 %suspect, label %ask, label %done
 ask:
-{word("PyErr_Occurred", "ptr", "%occurred")}
+{_word("PyErr_Occurred", "ptr", "%occurred")}
 %error = call ptr %occurred()
 %failed = icmp ne ptr %error, null
 br i1 %failed, label %raise, label %done
@@ -288,36 +292,36 @@ done:
 %after = add i64 %i, 1
 br label %next
 call:
-{word("PyEval_SaveThread", "ptr", "%save")}
-{word("PyEval_RestoreThread", "ptr", "%restore")}
-{word("code", "ptr", "%code")}
+{_word("PyEval_SaveThread", "ptr", "%save")}
+{_word("PyEval_RestoreThread", "ptr", "%restore")}
+{_word("code", "ptr", "%code")}
 %thread = call ptr %save()
 call void %code(ptr %table)
 call void %restore(ptr %thread)
 %answers = getelementptr i64, ptr %table, i64 %slots
-{word("form", "i64", "%form")}
+{_word("form", "i64", "%form")}
 switch i64 %form, label %single [
 i64 {_NOTHING}, label %nothing
 i64 {_SEVERAL}, label %several ]
 nothing:
-{word("none", "ptr", "%none")}
+{_word("none", "ptr", "%none")}
 br label %singleton
 other:
-%programs = getelementptr i8, ptr %self, i64 {bytes.__basicsize__ - 1}
-{load("ptr", "%programs", 8 * _WORD["other"], "%unlike")}
+%programs = getelementptr i8, ptr %self, i64 {_BYTES}
+{_load("ptr", "%programs", 8 * _WORD["other"], "%unlike")}
 br label %singleton
 singleton:
 %known = phi ptr [%none, %nothing], [%unlike, %other]
-%api = getelementptr i8, ptr %self, i64 {bytes.__basicsize__ - 1}
-{load("ptr", "%api", 8 * _WORD["Py_IncRef"], "%increase")}
+%api = getelementptr i8, ptr %self, i64 {_BYTES}
+{_load("ptr", "%api", 8 * _WORD["Py_IncRef"], "%increase")}
 call void %increase(ptr %known)
 ret ptr %known
 single:
 %only = call ptr @made(ptr %program, ptr %kinds, ptr %answers)
 ret ptr %only
 several:
-{word("PyTuple_New", "ptr", "%new")}
-{word("PyTuple_SetItem", "ptr", "%set")}
+{_word("PyTuple_New", "ptr", "%new")}
+{_word("PyTuple_SetItem", "ptr", "%set")}
 %all = call ptr %new(i64 %results)
 %lacking = icmp eq ptr %all, null
 br i1 %lacking, label %raise, label %fill
@@ -360,6 +364,3 @@ ret ptr %bit
 }}
 declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)
 """
-
-
-_TEXT = _text()

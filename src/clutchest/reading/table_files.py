@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
+from clutchest.extras import required
 from clutchest.reading.table_budget import check_cells, read_csv
 from clutchest.signals import Floats
 
@@ -162,6 +163,7 @@ def _holds_frames(path: Path) -> bool:
 
 def measured(path: Path) -> bool:
     """Whether an MDF file holds channels and no frames; one that cannot be read has neither."""
+    required("asammdf")
     try:
         with _mdf(path) as mdf:
             names = [channel.name for group in mdf.groups for channel in group.channels]
@@ -272,13 +274,7 @@ def _head(path: Path) -> str:
 def _excel(path: Path) -> pd.DataFrame:
     import pandas as pd
 
-    try:
-        import openpyxl
-    except ImportError:
-        raise ClutchestError(
-            f"{path}: Excel files need openpyxl: pip install 'clutchest[excel]'"
-        ) from None
-    del openpyxl
+    required("openpyxl")
     return pd.read_excel(path, engine="openpyxl")
 
 

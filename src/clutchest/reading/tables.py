@@ -27,6 +27,7 @@ from clutchest.reading.table_columns import (
 from clutchest.reading.table_files import Frame, SignalTable, load_table
 from clutchest.reading.table_units import check_steps, check_units
 from clutchest.signals import Counts, Floats, Signal, Signals
+from clutchest.table_formats import write_table
 from clutchest.vehicle import TableColumn, Vehicle
 
 if TYPE_CHECKING:
@@ -198,47 +199,25 @@ def _backward(table: SignalTable, time: Floats, timed: NDArray[np.bool_]) -> lis
     ]
 
 
-def to_table(signals: Signals) -> pd.DataFrame:
-    """One drive as a table: ``time`` and a column per signal, one row per time stamp.
-
-    Invalid samples are empty cells; of two samples of a signal at one time the later one counts.
-    """
-    import pandas as pd
-
-    valid = {name: signal.only_valid() for name, signal in signals.items()}
-    times = [signal.time for signal in signals.values()]
-    time = np.unique(np.concatenate(times)) if times else np.zeros(0)
-    columns = {"time": time}
-    for name, signal in valid.items():
-        column = np.full(len(time), np.nan)
-        column[np.searchsorted(time, signal.time)] = signal.value
-        columns[name] = column
-    return pd.DataFrame(columns)
-
-
 def write_signals(signals: Signals, path: str | Path, vehicle: Vehicle | None = None) -> None:
-    """Write one drive as ``.csv``, ``.csv.gz`` or ``.parquet`` with the canonical columns, or those
-    of a ``vehicle`` that maps some.
+    """Write one drive in a format of ``table_formats``, with the canonical columns, or those of a
+    ``vehicle`` that maps some.
 
     Raises ClutchestError for several drives (one file holds one) and for another suffix.
     """
     path = Path(path)
     if signals.later:
         raise ClutchestError(f"{path}: a table holds one drive, not {len(signals.drives)}")
-    table = to_table(signals)
+    table = signals.to_pandas()
     if vehicle is not None:
         table = _renamed(table, vehicle)
-    if path.suffix.lower() == ".parquet":
-        table.to_parquet(path, index=False)
-    elif path.name.lower().endswith((".csv", ".csv.gz")):
-        table.to_csv(path, index=False)
-    else:
-        raise ClutchestError(f"{path}: decoded signals are written as .csv or .parquet")
+    write_table(table, path)
 
 
 def _renamed(table: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
     """The table with names and units of the vehicle file's ``[columns]``."""
     unit_of = {TIME: "s", **vehicle.machine.units}
+    stated = dict(table.attrs["units"])
     for name, how in vehicle.columns.items():
         if name not in table.columns:
             continue
@@ -249,6 +228,9 @@ def _renamed(table: pd.DataFrame, vehicle: Vehicle) -> pd.DataFrame:
         else:
             value = units.convert_reading(value, unit_of[name], unit)
         table = table.assign(**{name: value}).rename(columns={name: how.column})
+        stated.pop(name, None)
+        stated[how.column] = unit
+    table.attrs["units"] = stated
     return table
 
 

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.result import Diagnosis, Isolability
+from clutchest.extras import installed
 from clutchest.record.arrow import without_pandas
 from clutchest.record.diagnosis_report import details, headline
 from clutchest.record.files import finished_into, json_text
@@ -23,11 +24,12 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path) -> list[Path]:
 
     Raises ClutchestError if ``out`` is no folder, OSError if the disk refuses.
     """
-    from clutchest.record.rerun import write_recording  # rerun, only where it is needed
-
     with without_pandas(), finished_into(out) as folder:
         (folder / "diagnosis.json").write_text(json_text(diagnosis.summary()), encoding="utf-8")
-        write_recording(diagnosis.run, folder / "recording.rrd", diagnosis)
+        if installed("rerun"):
+            from clutchest.record.rerun import write_recording
+
+            write_recording(diagnosis.run, folder / "recording.rrd", diagnosis)
         names = sorted(path.name for path in folder.iterdir())
     return [out / name for name in names]
 

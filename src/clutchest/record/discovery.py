@@ -6,16 +6,13 @@ from pathlib import Path
 
 from clutchest import __version__
 from clutchest.discovery.result import Discovery
-from clutchest.record.discovery_recording import write_discovery_recording
+from clutchest.extras import installed
 from clutchest.record.discovery_report import report, title
 from clutchest.record.files import finished_into, json_text
-from clutchest.record.form_picture import PICTURE as FORMS
-from clutchest.record.form_picture import draw_forms
-from clutchest.record.misfit_pictures import PICTURE, draw_misfit
 from clutchest.vehicle import dump_vehicle
 from clutchest.vehicle.trust import trust_written
 
-NAME = "extended.toml"
+NAME, PICTURE, FORMS = "extended.toml", "misfit.png", "form.png"
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
@@ -29,16 +26,28 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
     with finished_into(out) as folder:
         (folder / "discovery.json").write_text(json_text(discovery.summary()), encoding="utf-8")
         dump_vehicle(discovery.extended, folder / NAME, _heading(discovery), out / NAME)
-        draw_misfit(discovery, folder / PICTURE)
-        forms = FORMS if draw_forms(discovery, folder / FORMS) else None
-        text = report(discovery, PICTURE, forms)
-        (folder / "report.md").write_text(text, encoding="utf-8")
-        write_discovery_recording(discovery, folder / "recording.rrd")
+        misfit, forms = _draw(discovery, folder)
+        (folder / "report.md").write_text(report(discovery, misfit, forms), encoding="utf-8")
+        if installed("rerun"):
+            from clutchest.record.discovery_recording import write_discovery_recording
+
+            write_discovery_recording(discovery, folder / "recording.rrd")
         names = sorted(path.name for path in folder.iterdir())
     if forms is None:  # that of an earlier run would not belong to the report beside it
         (out / FORMS).unlink(missing_ok=True)
     trust_written(discovery.extended, out / NAME)
     return [out / name for name in names]
+
+
+def _draw(discovery: Discovery, folder: Path) -> tuple[str | None, str | None]:
+    """The names of the pictures that were drawn: of the misfit, and of the causes' forms."""
+    if not installed("matplotlib"):
+        return None, None
+    from clutchest.record.form_picture import draw_forms
+    from clutchest.record.misfit_pictures import draw_misfit
+
+    draw_misfit(discovery, folder / PICTURE)
+    return PICTURE, FORMS if draw_forms(discovery, folder / FORMS) else None
 
 
 def _heading(discovery: Discovery) -> str:

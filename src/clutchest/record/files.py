@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from clutchest import memory_mapped
 from clutchest.budgets import STATE_BYTES, within
 from clutchest.errors import ClutchestError
-from clutchest.estimate.run import Run, columns_of
+from clutchest.estimate.run import Run, columns_of, log_of
+from clutchest.extras import installed
+from clutchest.table_formats import write_table
 
 INNOVATIONS = "innovations.parquet"
 _UNFINISHED = ".unfinished-"  # and the process that writes it
@@ -29,24 +31,35 @@ def json_text(value: Any) -> str:
     return json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def write_run(run: Run, out: Path, innovations: bool = False) -> list[Path]:
-    """Write ``estimates.parquet``, ``summary.json``, ``recording.rrd`` and ``state.json``.
+def write_run(
+    run: Run, out: Path, innovations: bool = False, formats: Sequence[str] = ()
+) -> list[Path]:
+    """Write ``estimates.parquet``, ``summary.json``, ``recording.rrd`` (where rerun is installed)
+    and ``state.json``.
 
-    With ``innovations`` also ``innovations.parquet`` (time, drive, sensor, innovation, std).  All
+    With ``innovations`` also ``innovations.parquet`` (time, drive, sensor, innovation, std), with
+    ``formats`` (``csv``, ``xlsx``, ``mf4``, ``mcap``) the estimates in these files too.  All
     are finished beside their place first, so a write that fails leaves the earlier files whole.
     Gives the paths written.  Raises ClutchestError if ``out`` is no folder, OSError if the disk
     refuses.
     """
     from clutchest.record.arrow import without_pandas
-    from clutchest.record.rerun import write_recording
 
-    with without_pandas(), finished_into(out) as folder:
-        _write_tables(_estimates(run), folder / "estimates.parquet", run.provenance)
-        (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
-        (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
-        write_recording(run, folder / "recording.rrd")
-        if innovations:
-            _write_tables(_innovations(run), folder / INNOVATIONS, run.provenance)
+    with finished_into(out) as folder:
+        with without_pandas():
+            estimates = folder / "estimates.parquet"
+            units = run.about(columns_of(run.tracks[0], 0, None))["units"]
+            _write_tables(_estimates(run), estimates, run.provenance, units)
+            (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
+            (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
+            if installed("rerun"):
+                from clutchest.record.rerun import write_recording
+
+                write_recording(run, folder / "recording.rrd")
+            if innovations:
+                _write_tables(_innovations(run), folder / INNOVATIONS, run.provenance)
+        for suffix in formats:
+            write_table(run.to_pandas(), folder / f"estimates.{suffix}")
         names = sorted(path.name for path in folder.iterdir())
     if not innovations:
         # Those of an earlier run would not belong to the estimates beside them.
@@ -142,11 +155,18 @@ def plain(value: Any) -> Any:
 
 def _estimates(run: Run) -> Iterator[dict[str, Any]]:
     """The columns of every drive, a portion at a time; the mode by its name."""
-    for drive, track in enumerate(run.tracks):
-        columns = columns_of(track, drive)
+    import pyarrow as pa
+
+    logs = list(dict.fromkeys(map(log_of, run.signals.drives)))
+    for drive, (track, signals) in enumerate(zip(run.tracks, run.signals.drives, strict=True)):
+        columns = columns_of(track, drive, signals.start_ns)
+        log = logs.index(log_of(signals))
         for rows in _portions(len(track.time)):
             part = {name: column[rows] for name, column in columns.items()}
-            yield {**part, "mode": _named(part["mode"], track.mode_names)}
+            part["mode"] = _named(part["mode"], track.mode_names)
+            part["log"] = _named(np.full(len(part["log"]), log), logs)
+            part["timestamp"] = pa.array(part["timestamp"], pa.timestamp("ns", "UTC"))
+            yield part
             memory_mapped.release_memory()
 
 
@@ -173,22 +193,28 @@ def _named(codes: NDArray, names: Sequence[str]) -> Any:
     """Names as the ``codes`` (n,) of a few."""
     import pyarrow as pa
 
-    return pa.DictionaryArray.from_arrays(codes.astype(np.int8), list(names))
+    narrow = np.int8 if len(names) < 128 else np.int32
+    return pa.DictionaryArray.from_arrays(codes.astype(narrow), list(names))
 
 
 def _write_tables(
-    tables: Iterable[Mapping[str, Any]], path: Path, provenance: Mapping[str, str]
+    tables: Iterable[Mapping[str, Any]],
+    path: Path,
+    provenance: Mapping[str, str],
+    units: Mapping[str, str] | None = None,
 ) -> None:
     """Columns, portion after portion, as Parquet; ``provenance`` joins the metadata, one key
-    each."""
+    each, and every field has its unit."""
     import pyarrow as pa
     import pyarrow.parquet as pq
+
+    from clutchest.table_formats.parquet import with_units
 
     with ExitStack() as stack:
         writer = None
         for columns in tables:
             table = pa.table(dict(columns))
             if writer is None:
-                schema = table.schema.with_metadata(dict(provenance))
+                schema = with_units(table.schema, units or {}).with_metadata(dict(provenance))
                 writer = stack.enter_context(pq.ParquetWriter(path, schema))
-            writer.write_table(table)
+            writer.write_table(table.cast(schema))

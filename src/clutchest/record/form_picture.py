@@ -11,8 +11,6 @@ from clutchest.record.quantities import quantity_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PICTURE = "form.png"
-
 
 def draw_forms(discovery: Discovery, path: Path) -> bool:
     """Write the picture, one panel a cause; False where no form was tested and there is none."""

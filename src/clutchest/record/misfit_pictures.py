@@ -17,7 +17,6 @@ from clutchest.signals import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PICTURE = "misfit.png"
 GAP = 10.0  # usual steps between samples; a longer one parts two slips
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.estimate.run import Run
+from clutchest.estimate.run import OTHER_COLUMNS, Run
 from clutchest.models.machine import Machine
 from clutchest.quantity import Quantity
 
-CLUTCH_TORQUE = Quantity("clutch_torque", "Nm", "torque through the clutch")
-SLIP_ENERGY = Quantity("slip_energy", "J", "heat made by slipping since the drive began")
+CLUTCH_TORQUE = Quantity("clutch_torque", "Nm", OTHER_COLUMNS["clutch_torque"])
+SLIP_ENERGY = Quantity("slip_energy", "J", OTHER_COLUMNS["slip_energy"])
 OUTPUTS = {quantity.name: quantity for quantity in (CLUTCH_TORQUE, SLIP_ENERGY)}
 
 

@@ -20,6 +20,7 @@ from clutchest.can.log_format import LogFormat, begins_with
 from clutchest.can.log_source import LogSource, quiet
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError
+from clutchest.extras import required
 
 if TYPE_CHECKING:
     from asammdf import MDF, Signal
@@ -55,6 +56,7 @@ def read(source: LogSource) -> Iterator[Frames]:
     """
     if source.head[8:9] != b"4":
         raise ClutchestError(f"{source.path}: bus logging needs version 4 of MDF")
+    required("asammdf")
     blocks = _blocks(source)
     try:
         while (frames := _next(source, blocks)) is not None:
@@ -341,6 +343,7 @@ def _frames(
 
 def write(frames: Frames, path: Path) -> None:
     """One group each of data, remote and error frames, as far as there are any."""
+    required("asammdf")
     from asammdf import MDF
 
     start_s = int(frames.t_ns[0] // 10**9) if len(frames) and frames.absolute else 0
