@@ -7,6 +7,8 @@ import pytest
 
 from clutchest.estimate.outliers import without_spikes
 from clutchest.signals import Floats, Signal
+from clutchest.simulated import simulate
+from clutchest.vehicle import load_vehicle
 
 TIME = np.arange(0.0, 20.0, 0.01)
 NOISE = 0.1
@@ -50,8 +52,10 @@ def test_a_few_standard_deviations_beyond_the_limit_are_seen() -> None:
         4000.0 * TIME,
         300.0 * np.sin(2 * np.pi * 2.0 * TIME),
         np.where((TIME > 10.0) & (TIME < 10.025), 50.0, 0.0),
+        100.0 * np.sin(2 * np.pi * 13.0 * TIME),
+        500.0 * np.exp(-(TIME % 2.0) * 5.0) * np.cos(2 * np.pi * 8.0 * (TIME % 2.0)),
     ],
-    ids=["a step", "a ramp", "a swing", "a peak of two samples"],
+    ids=["a step", "a ramp", "a swing", "a peak of two samples", "a fast swing", "ringing"],
 )
 def test_a_transient_stays(course: Floats) -> None:
     for seed in range(10):
@@ -77,3 +81,13 @@ def test_no_stated_noise_leaves_everything() -> None:
     value[500] = 1e3
     assert without_spikes(signal(value), 0.0)[1] == 0
     assert without_spikes(Signal.of("x", "Nm", [0.0], [1.0]), 1.0)[1] == 0
+
+
+@pytest.mark.parametrize("scenario", ["rig-steps", "I8"])
+def test_real_samples_of_a_fast_machine_stay(scenario: str) -> None:
+    """The differential's rig turns round within some samples, thousands of times its noise."""
+    vehicle = load_vehicle("alsd_rig")
+    drive = simulate(vehicle, scenario, 1, duration=9.0)
+    for name, drawn in drive.items():
+        _, count = without_spikes(drawn, vehicle.signals[name].noise)
+        assert count <= 1e-3 * len(drawn), name

@@ -219,11 +219,11 @@ def _cleaned_times(
 ) -> Iterator[tuple[Floats, int]]:
     """Times at which the samples that :meth:`DriveSetup.cleaned` keeps were true, a portion at a
     time, and how many it removes."""
-    tail = signal.take(slice(0))  # the last two samples, of which the last one is not judged yet
+    tail = signal.take(slice(0))  # the last three samples, of which the last is not judged yet
     for rows in memory_mapped.portions(len(signal)):
         piece = tail.then(signal.take(rows).only_valid())
         cleaned, outliers = setup.cleaned(name, piece, timing)
-        first, tail = max(len(tail) - 1, 0), piece.take(slice(-2, None))
+        first, tail = max(len(tail) - 1, 0), piece.take(slice(-3, None))
         stop = len(cleaned) if rows.stop == len(signal) else len(cleaned) - 1
         yield cleaned.time[first:stop], outliers
         memory_mapped.release_memory()

@@ -16,16 +16,22 @@ def without_spikes(
 ) -> tuple[Signal, int]:
     """``signal`` without samples that stick out beyond both neighbours, and how many there were.
 
-    A step, a ramp and a peak that lasts two samples stay as they are.  ``noise`` is the standard
-    deviation stated for the signal; 0 leaves everything in.  ``timing`` is the signal's own unless
-    given.
+    A step, a ramp and a peak that lasts two samples stay as they are, and so do the turning
+    point of a course and a step with overshoot: there the step before, or that from one neighbour
+    to the other, is larger than what the sample sticks out by.  The first two samples stay, too.
+    ``noise`` is the standard deviation stated for the signal; 0 leaves everything in.  ``timing``
+    is the signal's own unless given.
     """
     if len(signal) < 3 or noise <= 0.0:
         return signal, 0
     timing = timing or SampleTiming.of(signal)
     step = signal.time[1:] - signal.time[:-1]
     close = step[1:] + step[:-1] < 4.0 * timing.period  # across a gap anything may happen
-    far = sticking_out(signal.value) > max(FAR * noise, ROUGH * timing.rough)
+    out = sticking_out(signal.value)
+    far = out > max(FAR * noise, ROUGH * timing.rough)
+    far &= out > np.abs(signal.value[2:] - signal.value[:-2])
+    far[1:] &= out[1:] > np.abs(np.diff(signal.value[:-2]))
+    far[0] = False
     if not (close & far).any():
         return signal, 0
     spike = np.pad(close & far, 1)
