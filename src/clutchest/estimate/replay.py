@@ -22,6 +22,7 @@ from clutchest.estimate.drive_setup import Unusable, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.explanation import explained
 from clutchest.estimate.initial_state import History, contradicted, leave
+from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.run import Run, Track
 from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
@@ -74,7 +75,9 @@ def replay(
         except Unusable as problem:
             unusable.append((drive, problem))
             continue
-        found = explained(track.contradiction, track, part.drive, vehicle, progress)
+        found = on_other_bench(drive, vehicle)
+        if found is None:
+            found = explained(track.contradiction, track, part.drive, vehicle, progress)
         if found is not None:
             track, state = all_invalid(track, found), contradicted(dict(state), found)
         noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}

@@ -8,9 +8,10 @@ from math import inf
 from pathlib import Path
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.estimate.other_bench import bench_record
 from clutchest.models.experiments import Benches, BenchRecord, BenchSection
 from clutchest.reading.bench_metadata import stated_benches
-from clutchest.signals import Signal, Signals
+from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
 Stated = Sequence[tuple[BenchSection, ...]]  # of each drive; empty where nothing is stated
@@ -43,7 +44,7 @@ def bench_records(signals: Signals, vehicle: Vehicle, stated: Stated = ()) -> Be
         raise ClutchestError(f"machine '{vehicle.machine.name}' declares no benches")
     records, notes = [], []
     for i, drive in enumerate(signals.drives):
-        whole = _whole(drive, vehicle)
+        whole = bench_record(drive, vehicle)
         sections = stated[i] if i < len(stated) else ()
         if not sections:
             sections = benches.guess(whole)
@@ -88,22 +89,6 @@ def stated_sections(
 def _stem(path: str) -> str:
     """A log's name, however its path is written; shipped ones without suffix."""
     return Path(path).name.partition(".")[0]
-
-
-def _whole(drive: Signals, vehicle: Vehicle) -> BenchRecord:
-    """A drive as one record whose bench is not known."""
-    kept: dict[str, Signal] = {}
-    for name in (name for name in drive if name in vehicle.signals):
-        valid = drive[name].only_valid()
-        if len(valid):
-            kept[name] = replace(valid, time=valid.time - vehicle.signals[name].delay)
-    return BenchRecord(
-        "",
-        kept,
-        {name: vehicle.signals[name].noise for name in kept},
-        {name: vehicle.signals[name].noise_ar for name in kept},
-        {key: p.value for key, p in vehicle.parameters.items()},
-    )
 
 
 def _guessed(drive: Signals, sections: Sequence[BenchSection], benches: Benches) -> str:

@@ -63,10 +63,12 @@ class BenchSection:
 @dataclass(frozen=True, slots=True)
 class Benches:
     """The benches of a machine: ``names`` to what each is, in words; ``guess`` makes the sections
-    of a record whose bench is not known."""
+    of a record whose bench is not known; ``out_of_place`` those in which the whole machine's equations
+    certainly do not hold."""
 
     names: Mapping[str, str]
     guess: Callable[[BenchRecord], tuple[BenchSection, ...]]
+    out_of_place: Callable[[BenchRecord], tuple[BenchSection, ...]] = lambda record: ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,9 @@ REST = 0.4  # s without current and motion that part two runs
 MOVES = 5.0  # standard deviations of the angle, or this many hundredths of a radian
 PRESSED = 0.1  # Nm of motor torque beyond friction and spring: something is compressed
 TURNS = 60.0  # rad: no ball ramp goes as far
+TRANSMITTED = 100.0  # Nm, of a measured torque: the clutch is there and pressed
+ENERGISED = 1.0  # s of current without what it should bring about
+WHOLE = ("rig", "car")
 BEHIND = -10.0  # rad: nor does a motor that hits the end of the grooves spring back as far
 
 
@@ -85,6 +88,32 @@ def _bench(record: BenchRecord, angle: Floats, current: Floats) -> str | None:
     return "rig"
 
 
+def out_of_place(record: BenchRecord) -> tuple[BenchSection, ...]:
+    """Sections that cannot be of the whole differential: no torque passes the clutch, and either
+    the motor turns as no ball ramp lets it, or a current that would turn it does not, or it meets
+    nothing far beyond where the pack should be."""
+    if record.lacks(("motor_angle", "armature_current")):
+        return ()
+    apart = (s for s in guess(record) if s.bench not in WHOLE)
+    return tuple(s for s in apart if _certain(record.between(s.start, s.end), s.bench))
+
+
+def _certain(record: BenchRecord, bench: str) -> bool:
+    sensors = [n for n in ("clutch_torque", "shaft_torque") if not record.lacks((n,))]
+    if any(np.abs(record.signals[name].value).max() > TRANSMITTED for name in sensors):
+        return False
+    p, (time, angle, current) = record.parameters, _gridded(record)
+    torque = p["torque_constant"] * np.abs(current)
+    if bench == "rotor-held":
+        energised = np.count_nonzero(torque > 2.0 * p["motor_static_torque"])
+        return bool(GRID * energised >= ENERGISED)
+    if bench == "no-pack":
+        reach = p["ball_ramp_ratio"] * p["free_play"] + p["gear_backlash"]
+        far = angle - np.min(angle) > 1.5 * p["gear_ratio"] * reach
+        return float(torque[far].max(initial=0.0)) < PRESSED
+    return len(time) * GRID >= ENERGISED
+
+
 BENCHES = Benches(
     {
         "rotor-held": "the motor's rotor is held",
@@ -95,4 +124,5 @@ BENCHES = Benches(
         "car": "the whole differential in a car",
     },
     guess,
+    out_of_place,
 )
