@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clutchest.discovery.discover import discover
     from clutchest.discovery.result import Discovery
     from clutchest.errors import ClutchestError
+    from clutchest.estimate.feedforward import Feedforward, feedforward
     from clutchest.estimate.filterpy_engine import filterpy_of
     from clutchest.estimate.replay import replay
     from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
@@ -36,6 +37,7 @@ _HOMES = {
     "Discovery": "clutchest.discovery.result",
     "Engagement": "clutchest.estimate.run",
     "Estimate": "clutchest.estimate.run",
+    "Feedforward": "clutchest.estimate.feedforward",
     "Innovations": "clutchest.estimate.run",
     "Monitor": "clutchest.monitor.monitor",
     "Run": "clutchest.estimate.run",
@@ -45,6 +47,7 @@ _HOMES = {
     "Vehicle": "clutchest.vehicle",
     "diagnose": "clutchest.diagnosis.diagnose",
     "discover": "clutchest.discovery.discover",
+    "feedforward": "clutchest.estimate.feedforward",
     "filterpy_of": "clutchest.estimate.filterpy_engine",
     "load_vehicle": "clutchest.vehicle",
     "read_log": "clutchest.reading",
@@ -59,6 +62,7 @@ __all__ = [
     "Discovery",
     "Engagement",
     "Estimate",
+    "Feedforward",
     "Innovations",
     "Monitor",
     "Run",
@@ -69,6 +73,7 @@ __all__ = [
     "__version__",
     "diagnose",
     "discover",
+    "feedforward",
     "filterpy_of",
     "load_vehicle",
     "read_log",

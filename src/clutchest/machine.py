@@ -3,7 +3,14 @@
 See ``docs/machine.md``, "Your own machine".
 """
 
-from clutchest.models.declarations import Comparison, Event, OutputTracking, Separation, Wear
+from clutchest.models.declarations import (
+    Comparison,
+    Event,
+    Inverse,
+    OutputTracking,
+    Separation,
+    Wear,
+)
 from clutchest.models.effects.effect import Effect, Gains, Lateness, Number
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.models.fault import Demand, Follower, ModelFault
@@ -22,6 +29,7 @@ __all__ = [
     "Follower",
     "Gains",
     "Input",
+    "Inverse",
     "Lateness",
     "Machine",
     "Model",

@@ -15,6 +15,7 @@ from clutchest.cli.convert import convert
 from clutchest.cli.diagnose import diagnose
 from clutchest.cli.discover import discover
 from clutchest.cli.export import export
+from clutchest.cli.feedforward import feedforward
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
 from clutchest.cli.monitor import monitor
@@ -48,6 +49,7 @@ for _verb in (
     monitor,
     play,
     export,
+    feedforward,
     trust,
 ):
     app.command(cls=WithScenarios if _verb is simulate else Verb)(_verb)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+from clutchest.models.model import Model
 
 ENERGY = "energy"  # dissipated since the drive began: a covariate of every machine
 
@@ -85,3 +88,18 @@ class OutputTracking:
     def signals(self) -> tuple[str, ...]:
         """All signals that it names."""
         return tuple(filter(None, (self.drive, *self.measured, self.request)))
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """A machine turned round: what its actuator has to do for a requested output.
+
+    ``model``: equations whose input ``request`` asks for the output and that contain the control
+    which follows it; ``columns``: quantities of them that are written, with their units; ``step``
+    s between their steps.
+    """
+
+    model: Model
+    request: str
+    columns: Mapping[str, str]
+    step: float

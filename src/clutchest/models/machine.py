@@ -15,7 +15,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from clutchest.errors import ClutchestError, nearest
-from clutchest.models.declarations import Comparison, Event, OutputTracking, Separation, Wear
+from clutchest.models.declarations import (
+    Comparison,
+    Event,
+    Inverse,
+    OutputTracking,
+    Separation,
+    Wear,
+)
 from clutchest.models.delay_relations import DelayRelation
 from clutchest.models.effects.effect import Effect
 from clutchest.models.error_terms import ErrorTerm
@@ -40,6 +47,7 @@ NEEDED: Mapping[str, tuple[tuple[Callable[[Machine], object], str], ...]] = {
         (lambda machine: machine.error_terms, "error terms"),
         (lambda machine: machine.effects, "effects"),
     ),
+    "feedforward": ((lambda machine: machine.inverse, "inverse"),),
     "simulate": (
         (lambda machine: machine.generate or machine.excitations, "generator and no excitations"),
     ),
@@ -60,8 +68,8 @@ class Machine:
 
     ``output``: the model's output that files call ``clutch_torque``, "" for none; ``event``: what
     stretches of the regimes' event mode report; ``tracking``: how an actuation and its response
-    are recognised; ``wear``; ``limits``: what ``[limits]`` of a
-    vehicle file may state, with its unit.
+    are recognised; ``inverse``: the actuator for a requested output; ``wear``; ``limits``: what
+    ``[limits]`` of a vehicle file may state, with its unit.
 
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
@@ -106,6 +114,7 @@ class Machine:
     output: str = ""
     event: Event | None = None
     tracking: OutputTracking | None = None
+    inverse: Inverse | None = None
     wear: Wear | None = None
     limits: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     error_terms: Mapping[str, ErrorTerm] = field(default_factory=lambda: _EMPTY)
@@ -186,8 +195,9 @@ class Machine:
 
     @property
     def optional_columns(self) -> frozenset[str]:
-        """Columns that the equations can do without: of inputs with a default, and demands."""
+        """Columns that the equations can do without: inputs with a default, demands, requests."""
         inputs = {item.name for item in self.inputs if item.default is not None}
+        inputs |= {self.tracking.request} - {""} if self.tracking else set()
         return frozenset(inputs.union(*({*d.demands, d.released} for d in self.demands)))
 
     @property

@@ -25,15 +25,17 @@ MODES = ("open", "slipping", "locked")
 Record = Any  # a row of a structured array, its columns as attributes
 
 # What the rig or the road does, one row per so many steps, straight in between.
-#   actuator  0 current controller, 1 voltage, 2 motor angle controller; ``asked`` A, V or rad
+#   actuator  0 current controller, 1 voltage, 2 motor angle controller; ``asked`` A, V or rad;
+#             3 current controller with the angle fed back: ``asked`` A, ``angle`` rad, ``turning``
+#             rad/s
 #   bench     0 complete, 1 pack removed, 2 ball-ramp output fixed, 3 motor alone, 4 rotor held
 #   drive     0 slip controller (``driven`` rad/s), 1 servo torque (Nm), 2 wheels (left − right)/2
 #   oil °C
 PROFILE = np.dtype(
-    [(name, np.float64) for name in ("asked", "driven", "oil", "mean_wheel")]
+    [(name, np.float64) for name in ("asked", "driven", "oil", "mean_wheel", "angle", "turning")]
     + [(name, np.int64) for name in ("actuator", "bench", "drive")]
 )
-CURRENT, VOLTAGE, ANGLE = range(3)
+CURRENT, VOLTAGE, ANGLE, GUIDED = range(4)
 COMPLETE, NO_PACK, OUTPUT_FIXED, MOTOR_ALONE, ROTOR_HELD = range(5)
 SLIP, TORQUE, WHEELS = range(3)
 
@@ -172,6 +174,9 @@ def control(y: Record, asked: float, driven: float, c: Record, h: float, p: Reco
         if c.actuator == ANGLE:
             lag = asked - y.motor_angle
             wanted = limited(_ANGLE_GAIN * lag - _ANGLE_RATE * y.motor_speed, 20.0)
+        if c.actuator == GUIDED:
+            lag, slow = c.angle - y.motor_angle, c.turning - y.motor_speed
+            wanted = limited(asked + _ANGLE_GAIN * lag + _ANGLE_RATE * slow, 30.0)
         error = wanted - y.current
         y.current_integral += h * p.current_integral * error
         free = p.current_proportional * error + y.current_integral

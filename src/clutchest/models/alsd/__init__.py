@@ -23,6 +23,7 @@ from clutchest.models.alsd.error_terms import (
 )
 from clutchest.models.alsd.estimator import ALSD, at_rest, for_signals
 from clutchest.models.alsd.experiments import BENCHES, EXPERIMENTS
+from clutchest.models.alsd.inverse import INVERSE
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
@@ -65,6 +66,7 @@ MACHINE = Machine(
         unit="Nm",
         request="torque_request",
     ),
+    inverse=INVERSE,
     limits={"wear": "m"},
     error_terms=ERROR_TERMS,
     covariates=COVARIATES,

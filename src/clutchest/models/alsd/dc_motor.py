@@ -5,13 +5,18 @@ from __future__ import annotations
 from clutchest.models.model import Quantities
 
 
-def armature(q: Quantities) -> None:
-    """(1): L_a(ϑ_a) di_a/dt + R_a(ϑ_a) i_a + K_v ω_m1 = u_a; linear in temperature."""
-    q.motor_voltage = q.armature_voltage
+def warmth(q: Quantities) -> None:
+    """R_a, L_a and K_t at ϑ_a, linear in temperature."""
     warmer = q.temp_armature - q.armature_reference_temp
     q.resistance = q.armature_resistance * (1 + q.resistance_temp_coefficient * warmer)
     q.inductance = q.armature_inductance * (1 + q.inductance_temp_coefficient * warmer)
     q.torque_factor = q.torque_constant * (1 + q.torque_constant_temp_coefficient * warmer)
+
+
+def armature(q: Quantities) -> None:
+    """(1): L_a(ϑ_a) di_a/dt + R_a(ϑ_a) i_a + K_v ω_m1 = u_a."""
+    q.motor_voltage = q.armature_voltage
+    warmth(q)
     drop = q.resistance * q.current + q.back_emf_constant * q.motor_speed
     q.current_rate = (q.motor_voltage - drop) / q.inductance
 

@@ -1,0 +1,56 @@
+"""``feedforward``: what the actuator has to do for a requested output."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, State, Trust, VehicleName
+from clutchest.cli.terminal import print_json, progress
+
+
+def feedforward(
+    request: Annotated[
+        str,
+        typer.Argument(
+            metavar="REQUEST",
+            show_default=False,
+            help="A table (.csv, .parquet) with the request over time, or a log of the vehicle "
+            "that has it.",
+        ),
+    ],
+    vehicle: VehicleName,
+    trust: Trust = False,
+    state: State = None,
+    out: Out = DEFAULT_OUT,
+    as_json: AsJson = False,
+) -> None:
+    """The actuator's course for a requested output: the model turned round.
+
+    Writes feedforward.parquet: time, the request, and what the machine's actuator does.
+
+    \b
+    Example:
+      clutchest feedforward request.csv --vehicle alsd_rig --out plan
+      clutchest feedforward request.csv --vehicle alsd_rig --state results/state.json
+    """
+    with progress() as show:
+        show("loading", None)
+        from clutchest.estimate.feedforward import feedforward as inverse
+        from clutchest.record.feedforward import NAME, write_feedforward
+        from clutchest.record.files import read_state
+        from clutchest.vehicle import load_vehicle
+
+        car = load_vehicle(vehicle, trust=trust)
+        before = None if state is None else read_state(state)
+        show("calculating", None)
+        found = inverse(car, request, state=before)
+        write_feedforward(found, out)
+    if as_json:
+        print_json(
+            {"out": str(out), "files": [NAME], "taken": dict(found.taken), "ranges": found.ranges}
+        )
+        return
+    print(found.shown().line)
+    print(f"Written to {out}: {NAME}")

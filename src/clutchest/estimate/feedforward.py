@@ -1,0 +1,164 @@
+"""What an actuator has to do for a requested output: a machine's inverse, run along the request."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clutchest.compute.forward import forward
+from clutchest.errors import ClutchestError
+from clutchest.estimate.whole_log import present_effects
+from clutchest.models.declarations import Inverse
+from clutchest.reading import read_log
+from clutchest.shown import Showing, Shown
+from clutchest.signals import Floats, Signal, Signals
+from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ROW = 1e-3  # s between rows
+LONGEST = 3600.0  # s of a request
+
+Request = Signals | str | Path | tuple[Sequence[float], Sequence[float]]
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Feedforward(Showing):
+    """``columns`` (k,) by name, ``time`` s and the request first, with their ``units``; ``taken``:
+    states that come from an estimate, others are the vehicle file's."""
+
+    vehicle: str
+    columns: Mapping[str, Floats]
+    units: Mapping[str, str]
+    taken: Mapping[str, float]
+
+    def shown(self) -> Shown:
+        """The range of every column."""
+        rows = [
+            (name, self.units[name], f"{each['lowest']:.4g}", f"{each['highest']:.4g}")
+            for name, each in self.ranges.items()
+        ]
+        taken = ", ".join(f"{name} {value:.4g}" for name, value in self.taken.items())
+        line = f"{self.vehicle}, {len(self.columns['time'])} rows"
+        line += f"; estimated: {taken}" if taken else "; by the vehicle file alone"
+        return Shown(line, ("column", "unit", "lowest", "highest"), rows)
+
+    @property
+    def ranges(self) -> dict[str, dict[str, float]]:
+        """Lowest and highest value of every column."""
+        found = {}
+        for name, column in self.columns.items():
+            found[name] = {"lowest": float(column.min()), "highest": float(column.max())}
+        return found
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The columns as a table; ``attrs["units"]``: column → unit."""
+        import pandas as pd
+
+        table = pd.DataFrame(dict(self.columns))
+        table.attrs["units"] = dict(self.units)
+        return table
+
+
+def feedforward(
+    vehicle: Vehicle | str | Path, request: Request, *, state: Mapping[str, Any] | None = None
+) -> Feedforward:
+    """The actuator's course for a requested output over time.
+
+    ``request``: times (s) and values, decoded signals, or a log or table of the vehicle that has
+    the request; inputs of the equations that it has too are used, others are at their default.
+    ``state``: what a replay left (``Run.final``): its estimates of what changes from drive to drive
+    take the place of the vehicle file's values.  Raises ClutchestError where the machine declares
+    no inverse, without a request, and for a state of another vehicle.
+    """
+    vehicle = load_vehicle(vehicle)
+    machine = vehicle.machine
+    machine.supports("feedforward")
+    assert machine.inverse is not None
+    inverse = machine.inverse
+    signals = _signals(request, vehicle, inverse)
+    time, inputs = _inputs(signals, inverse)
+    taken = _taken(vehicle, state)
+    model = inverse.model.with_effects(inverse.model.taking(present_effects(vehicle)))
+    parameters = {key: parameter.value for key, parameter in vehicle.parameters.items()}
+    start = dict.fromkeys((s.name for s in model.states), 0.0)
+    start |= machine.at_rest(parameters, {name: float(v[0]) for name, v in inputs.items()})
+    columns = forward(model, tuple(inverse.columns)).run(
+        parameters,
+        start | taken,
+        inputs,
+        ROW,
+        round(ROW / inverse.step),
+        vehicle.effect_numbers,
+    )
+    if not all(np.isfinite(column).all() for column in columns.values()):
+        raise ClutchestError(
+            f"the actuator of '{vehicle.name}' leaves the finite numbers: see the parameters"
+        )
+    asked = {"time": time, inverse.request: inputs[inverse.request]}
+    units = {"time": "s", inverse.request: _unit(inverse), **inverse.columns}
+    return Feedforward(vehicle.name, {**asked, **columns}, units, taken)
+
+
+def _unit(inverse: Inverse) -> str:
+    return next(item.unit for item in inverse.model.inputs if item.name == inverse.request)
+
+
+def _signals(request: Request, vehicle: Vehicle, inverse: Inverse) -> Signals:
+    """The request as signals.  Raises ClutchestError where there is none in it."""
+    if isinstance(request, tuple):
+        time, value = (np.asarray(column, np.float64) for column in request)
+        if time.shape != value.shape or time.ndim != 1:
+            raise ClutchestError(
+                f"request: {time.shape} times and {value.shape} values, expected as many of both"
+            )
+        request = Signals({inverse.request: Signal.of(inverse.request, "", time, value)})
+    elif not isinstance(request, Signals):
+        if inverse.request not in vehicle.signals:  # tables may have it nevertheless
+            own = SignalMap(inverse.request, BusSignal("", "", ""), noise=1.0)
+            vehicle = replace(vehicle, signals={**vehicle.signals, inverse.request: own})
+        request = read_log(request, vehicle)
+    if inverse.request not in request.available:
+        has = ", ".join(sorted(request.available)) or "nothing"
+        raise ClutchestError(f"no column '{inverse.request}' in the request, which has {has}")
+    return request
+
+
+def _inputs(signals: Signals, inverse: Inverse) -> tuple[Floats, dict[str, Floats]]:
+    """Times of the rows, s, and the inputs of the equations at them."""
+    asked = signals[inverse.request].only_valid()
+    first, last = float(asked.time[0]), float(asked.time[-1])
+    if not 0.0 < last - first <= LONGEST:
+        raise ClutchestError(
+            f"the request lasts {last - first:g} s, expected more than 0 and at most {LONGEST:g} s"
+        )
+    time = first + np.arange(round((last - first) / ROW) + 1, dtype=np.float64) * ROW
+    inputs: dict[str, Floats] = {}
+    for item in inverse.model.inputs:
+        if (of := inverse.model.slopes.get(item.name)) is not None:
+            inputs[item.name] = np.gradient(signals[of].only_valid().at(time), ROW)
+        elif item.name in signals.available:
+            inputs[item.name] = signals[item.name].only_valid().at(time)
+        else:
+            inputs[item.name] = np.full(len(time), item.default or 0.0)
+    return time, inputs
+
+
+def _taken(vehicle: Vehicle, state: Mapping[str, Any] | None) -> dict[str, float]:
+    """Estimates that outlast a drive, from a state file.  Raises ClutchestError for one of another
+    vehicle."""
+    if state is None:
+        return {}
+    if state.get("vehicle") != vehicle.name or state.get("contradiction"):
+        raise ClutchestError(
+            f"state of '{state.get('vehicle')}', expected one of '{vehicle.name}' whose signals "
+            "do not contradict the model"
+        )
+    lasting = {s.name for s in vehicle.machine.states if s.carried and s.parked_noise == 0.0}
+    pairs = zip(state.get("states", ()), state.get("x", ()), strict=True)
+    return {name: float(value) for name, value in pairs if name in lasting}

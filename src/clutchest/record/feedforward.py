@@ -1,0 +1,26 @@
+"""The file of a feedforward."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from clutchest.estimate.feedforward import Feedforward
+from clutchest.record.arrow import without_pandas
+from clutchest.record.files import finished_into
+
+NAME = "feedforward.parquet"
+
+
+def write_feedforward(found: Feedforward, out: Path) -> None:
+    """Write ``feedforward.parquet`` into the folder ``out``, units in its metadata.
+
+    Raises ClutchestError if ``out`` is no folder.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with without_pandas(), finished_into(out) as folder:
+        table = pa.table(dict(found.columns))
+        metadata = {"vehicle": found.vehicle, "units": json.dumps(dict(found.units))}
+        pq.write_table(table.replace_schema_metadata(metadata), folder / NAME)
