@@ -63,8 +63,8 @@ class BenchSection:
 @dataclass(frozen=True, slots=True)
 class Benches:
     """The benches of a machine: ``names`` to what each is, in words; ``guess`` makes the sections
-    of a record whose bench is not known; ``out_of_place`` those in which the whole machine's equations
-    certainly do not hold."""
+    of a record whose bench is not known; ``out_of_place`` those in which the equations of the whole
+    machine certainly do not hold."""
 
     names: Mapping[str, str]
     guess: Callable[[BenchRecord], tuple[BenchSection, ...]]
