@@ -13,7 +13,7 @@ from clutchest.inference.multistart import multistart
 def model_in_alternative_mode(search: Search) -> Search | None:
     """The search begun again in a mode in which the model without a cause fits better; None where
     there is none."""
-    null = search.objective.linearise_at(search.null.fit.theta)
+    null = search.objective.white_at(search.null.fit.theta)
     fit = multistart(search.objective, null, search.free(()))
     return None if fit is None else search.restarted_at(CauseSet((), fit))
 

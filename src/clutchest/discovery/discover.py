@@ -45,6 +45,7 @@ from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, rejected_by_holdout
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
+from clutchest.memory import give_back
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import TIME
 from clutchest.progress import Progress
@@ -108,7 +109,9 @@ class _Task:
     def problem(self, signals: Signals) -> Problem:
         """Some drives, and all that is unknown of them."""
         drives = segmented(signals, self.vehicle)
-        return Problem.of(drives, self.vehicle, self.effects, self.progress, wandering=True)
+        problem = Problem.of(drives, self.vehicle, self.effects, self.progress, wandering=True)
+        give_back()  # of an hour, preparing it took 200 MiB for a moment
+        return problem
 
     def show(self, text: str) -> None:
         """Report progress."""

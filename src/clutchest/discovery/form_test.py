@@ -7,7 +7,7 @@ and its shapes, which stay free, the data may want a curve over what drives it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,8 +60,7 @@ class TestedForm:
 
 def tested_forms(search: Search, h: CauseSet) -> dict[str, TestedForm]:
     """The test of every effect of a cause set, by name."""
-    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
-    fit = replace(fit, raw=())  # room for the curves
+    fit = search.objective.white_at(h.fit.theta, h.fit.shapes)
     at = _At(search, fit, covariates_at(search.problem, fit))
     beside = _beside(search, fit, h)
     own = {name: [c for c in h.causes if c.name == name] for name in h.effects}
@@ -173,8 +172,8 @@ def _pictured(at: _At, driver: _Driver, wanted: Curve) -> FormCurve:
 def beside_forms(search: Search, h: CauseSet, forms: Mapping[str, TestedForm]) -> Nuisances:
     """What is free at a cause set: nuisances, gains, shapes, and curves over the drivers of those
     effects whose forms are refuted."""
-    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
-    beside = _beside(search, replace(fit, raw=()), h)
+    fit = search.objective.white_at(h.fit.theta, h.fit.shapes)
+    beside = _beside(search, fit, h)
     for tested_form in forms.values():
         if tested_form.columns is not None:
             beside = beside.also(tested_form.columns, WIDEST)

@@ -33,7 +33,7 @@ SCALES = np.array(
 )  # standard deviations of coefficients, in units of an error
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
-ENTRIES = 3e6  # of derivatives, held at a time
+ENTRIES = 5e6  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,9 +301,9 @@ def derivatives_of(
             [begins[t.covariate, n] + np.arange(n) for t, n in zip(some, counts, strict=True)]
         )
         thetas = np.repeat([table.theta for table in some], counts)
-        derivatives = objective.modulated(
-            fit, thetas, [Modulation(np.column_stack(b), columns) for b in bases]
-        )
+        modulations = [Modulation(np.column_stack(basis), columns) for basis in bases]
+        bases.clear()  # room for the derivatives
+        derivatives = objective.modulated(fit, thetas, modulations)
         derivatives *= np.repeat([table.unit for table in some], counts)
         yield (
             derivatives,

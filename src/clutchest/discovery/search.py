@@ -102,11 +102,12 @@ class Search:
     def released(self, h: CauseSet) -> CauseSet:
         """A cause set with a fit that has innovations, and sizes that may exceed plausible ones:
         plausibility decides which causes there are, the data their sizes."""
-        fit, objective = self.objective.linearise_at(h.fit.theta, h.fit.shapes), self.objective
+        objective, free = self.objective, self.free(h.causes)
+        fit = objective.linearise_at(h.fit.theta, h.fit.shapes, free)
         gains = [c.index for c in h.causes]
         sizes = fit.theta[gains]
         if np.any((sizes <= objective.low[gains]) | (sizes >= objective.high[gains])):
-            fit = improve(objective.with_bounds(RELEASED), fit, self.free(h.causes))
+            fit = improve(objective.with_bounds(RELEASED), fit, free)
         return replace(h, fit=fit.without_derivatives)
 
     def without(self, cause: CandidateCause, of: CauseSet) -> CauseSet:
@@ -115,7 +116,7 @@ class Search:
 
     def scores(self, base: CauseSet, wanted: Sequence[CandidateCause], seed: int) -> ScoreTest:
         """Scores of ``wanted`` beside the causes in ``base``."""
-        fit = self.objective.linearise_at(base.fit.theta, base.fit.shapes)
+        fit = self.objective.white_at(base.fit.theta, base.fit.shapes)
         derivatives = columns(self.objective, fit, wanted)
         return scored(self.objective, fit, self.free(base.causes), wanted, derivatives, seed)
 
@@ -316,19 +317,26 @@ def _distant_starts(
 def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Search, list[CauseSet]]:
     """The search and the fits with the noise model of the best fit's residuals: what a cause
     explains is no noise."""
-    best = min(grown, key=cost_of)
-    at = search.objective.linearise_at(best.fit.theta, best.fit.shapes)
-    objective = search.objective.with_noise_of(at)
-    at = replace(objective.whitened(at), raw=())  # room for the derivatives
-    known = [at.psi, columns(objective, at, search.candidates)]
-    fit = replace(objective.linearise_at(search.null.fit.theta), raw=())
-    known += [fit.psi, columns(objective, fit, search.candidates)]
-    objective = objective.with_span(known, SAME)
-    fit = improve(objective, objective.judged(fit), search.free(()))
-    null = CauseSet((), fit.bare)
+    objective = _judging_by(search, min(grown, key=cost_of))
+    fit = objective.white_at(search.null.fit.theta)
+    null = CauseSet((), improve(objective, fit, search.free(())).bare)
+    del fit  # room for those of the others
     search = replace(search, objective=objective, null=null, best=null)
     refit = concurrently(search.problem, lambda h: search.likeliest(h.causes, [h.fit]), grown)
     return search, refit
+
+
+def _judging_by(search: Search, best: CauseSet) -> Objective:
+    """The objective with the noise model of the residuals of the ``best``, and the span of what
+    every unknown and candidate changes there and in the model without a cause."""
+    at = search.objective.linearise_at(best.fit.theta, best.fit.shapes)
+    objective = search.objective.with_noise_of(at)
+    at = replace(objective.whitened(at.as_measured), raw=())  # room for the derivatives
+    null = objective.white_at(search.null.fit.theta)
+    known = [
+        part for fit in (at, null) for part in (fit.psi, columns(objective, fit, search.candidates))
+    ]
+    return objective.with_span(known, SAME)
 
 
 def _unusual_starts(problem: Problem, theta: Floats) -> NDArray[np.int64]:

@@ -4,7 +4,6 @@ curves in those before, and backward elimination of those that stood in for othe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -32,7 +31,7 @@ def several_errors(search: Search, errors: Sequence[Curve], level: float) -> lis
     model without a cause, ``errors``, and others that are significant at a family-wise ``level``
     beside curves over all leading covariates of the rest."""
     null = search.null.fit
-    fit = replace(search.objective.linearise_at(null.theta, null.shapes), raw=())
+    fit = search.objective.white_at(null.theta, null.shapes)
     bare = Nuisances(fit, search.free(()), search.objective.prior)
     found = [_of_equation(errors, errors[0].equation)]
     columns = [_columns(search, fit, found[0])]

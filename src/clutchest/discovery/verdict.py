@@ -249,7 +249,6 @@ def _located(search: Search) -> list[Curve]:
 
 def _residual_errors(search: Search, h: CauseSet, beside: Nuisances | None = None) -> list[Curve]:
     """Errors that neither nuisances nor the causes of a set explain; or those ``beside``."""
-    fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
-    fit = replace(fit, raw=())  # room for the curves
+    fit = search.objective.white_at(h.fit.theta, h.fit.shapes)
     beside = beside or Nuisances(fit, search.free(h.causes), search.objective.prior)
     return curves(search.objective, fit, beside, seed=3)

@@ -9,12 +9,14 @@ drive.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from clutchest.inference.linearisation import Modulation, modulated
+from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import ModelNumbers
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.unknowns import InputNoise, of_compiled
@@ -62,7 +64,8 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
         basis *= np.sqrt(line.noise[j] / np.where(own > 0.0, own, np.inf))
         parts = Modulation(basis, np.arange(PARTS))
         columns = modulated(drive, numbers, at, np.full(PARTS, k), parts)
-        every.append(main_directions(columns / drive.readings.std[:, None]))
+        columns /= drive.readings.std[:, None]
+        every.append(main_directions(columns))
     return main_directions(np.column_stack(every))
 
 
@@ -116,3 +119,18 @@ def _taken_in(drive: PreparedDrive, vehicle: Vehicle) -> Floats:
     summed = weights @ ca.jacobian(_rates(model, e.rate), e.u)
     states = drive.at_nominal.states
     return e.along(summed.T, states, line.u, line.W[line.row], compiled.p, compiled.g)
+
+
+def white_covariances(
+    stretches: Sequence[Stretches],
+    noise_model: NoiseModel,
+    weights: Sequence[Floats],
+    scatter: Sequence[Floats],
+) -> list[InputNoiseCovariance]:
+    """How each drive's white readings scatter, as the noise model and outliers leave them."""
+    noises = []
+    for s, weight, columns in zip(stretches, weights, scatter, strict=True):
+        white = noise_model.whiten(s, columns)
+        white *= weight[:, None]
+        noises.append(InputNoiseCovariance.of(white))
+    return noises

@@ -1,10 +1,12 @@
-"""Linear equations of a step, also where they have no single answer."""
+"""Linear equations of a step, also where they have no single answer; products of long tables."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from clutchest.signals import Floats
+
+CHUNK = 16384  # rows of a long table that are multiplied at a time
 
 
 def solved(curvature: Floats, slope: Floats) -> Floats:
@@ -14,3 +16,10 @@ def solved(curvature: Floats, slope: Floats) -> Floats:
         return np.asarray(np.linalg.solve(curvature, slope), np.float64)
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.lstsq(curvature, slope, rcond=None)[0], np.float64)
+
+
+def add_product(into: Floats, table: Floats, by: Floats) -> None:
+    """``into`` (K, c) += ``table`` (K, m) · ``by`` (m, c), in place, without room for the product
+    of all rows."""
+    for begin in range(0, len(into), CHUNK):
+        into[begin : begin + CHUNK] += table[begin : begin + CHUNK] @ by

@@ -147,21 +147,23 @@ def _propagated(
     place[event] = np.arange(len(event))
     events = events_of(drive.line)._replace(u=inputs.measured, emit=place)
 
+    derivatives = np.zeros((len(event), len(active)))
+
     def part(columns: NDArray[np.int64]) -> Sensitivities:
-        """With derivatives by some of the active thetas."""
-        thetas = ActiveThetas(active[columns], modulation.basis, modulation.column[columns])
-        return _run(drive, numbers, inputs, events, thetas, gains, frozen)
+        """With derivatives by some of the active thetas, which lie side by side."""
+        first = int(columns[0]) if len(columns) else 0
+        thetas = ActiveThetas(active[columns], modulation.basis, modulation.column[columns], first)
+        return _run(drive, numbers, inputs, events, thetas, gains, frozen, derivatives)
 
     # derivatives do not depend on one another
     count = parts_of(len(active), len(event) * m) if frozen else 1
     columns = np.array_split(np.arange(len(active)), count)
     if count == 1:
-        done = [part(columns[0])]
+        done = part(columns[0])
     else:
         with ThreadPoolExecutor(count) as pool:
-            done = list(pool.map(part, columns))
-    derivatives = done[0].by_theta if count == 1 else np.hstack([each.by_theta for each in done])
-    return done[0].innovation, derivatives, done[0].x
+            done, *_ = pool.map(part, columns)
+    return done.innovation, derivatives, done.x
 
 
 def _run(
@@ -172,8 +174,9 @@ def _run(
     thetas: ActiveThetas,
     gains: FrozenGains,
     frozen: bool,
+    derivatives: Floats,
 ) -> Sensitivities:
-    """One run of the filter along the ``events``."""
+    """One run of the filter along the ``events``; ``derivatives`` (K, a) are filled."""
     functions = drive.compiled.functions
     p, g, first, _ = numbers
     n, m = len(first), len(drive.compiled.thetas)
@@ -181,9 +184,7 @@ def _run(
     functions.initial(first, p, g, started, S)
     started = np.where(drive.tracked.which, drive.start.x, started)
     readings, count = len(drive.readings.event), len(thetas.active)
-    results = Sensitivities(
-        np.zeros((len(events.t), n)), np.zeros(readings), np.zeros((readings, count))
-    )
+    results = Sensitivities(np.zeros((len(events.t), n)), np.zeros(readings), derivatives)
     functions.filter_sensitivities(
         Start(started, drive.start.P.copy(), S[:, thetas.active].copy()),
         thetas,

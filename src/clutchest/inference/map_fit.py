@@ -77,6 +77,7 @@ def with_noise_estimated(
     derivative."""
     lin = objective.relinearise(lin, lin.theta)
     objective = objective.with_noise_of(lin)
+    lin = lin.as_measured  # room for the white ones
     return objective, objective.whitened(lin)
 
 

@@ -14,8 +14,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.input_noise_covariance import InputNoiseCovariance
-from clutchest.inference.linear_solve import solved
+from clutchest.inference.input_noise_covariance import InputNoiseCovariance, white_covariances
+from clutchest.inference.linear_solve import add_product, solved
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
@@ -139,7 +139,7 @@ class Objective:
         points = [drive.at_nominal for drive in problem.drives]
         wander = problem.wander_directions(np.zeros(len(prior)), NO_SHAPES, points)
         scatter = scattering(problem.drives, wander, np.ones(len(problem.wanders)))
-        scattered = _scattered(stretches, white, weights, scatter)
+        scattered = white_covariances(stretches, white, weights, scatter)
         return cls(problem, stretches, white, weights, scatter, scattered, None, prior, low, high)
 
     def until(self, share: float) -> Objective:
@@ -191,7 +191,7 @@ class Objective:
         parts = zip(columns, np.split(turned, edges), strict=True)  # never all columns side by side
         span = np.zeros((len(columns[0]), turned.shape[1]))
         for part, by in parts:
-            span += part @ by
+            add_product(span, part, by)
         return replace(self, span=span)
 
     def with_noise_of(self, lin: Linearisation) -> Objective:
@@ -271,7 +271,7 @@ class Objective:
             noise_model=noise_model,
             weights=weights,
             scatter=scatter,
-            scattered=_scattered(self.stretches, noise_model, weights, scatter),
+            scattered=white_covariances(self.stretches, noise_model, weights, scatter),
         )
 
     def linearise_at(
@@ -286,6 +286,12 @@ class Objective:
             return self._made(self.problem.linearise(theta, shapes, active), theta, shapes)
         at = self.problem.implied(theta, shapes)
         return self._made(self.problem.linearise(theta, shapes, active, at), theta, shapes)
+
+    def white_at(self, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
+        """All drives at ``theta`` (m), derivatives by every theta, and nothing kept of what they
+        were before whitening, which takes as much room."""
+        raw = self.problem.linearise(theta, shapes, None, self.problem.implied(theta, shapes))
+        return self._used_up(raw, theta, shapes)
 
     def relinearise(
         self,
@@ -320,6 +326,12 @@ class Objective:
         with every one of them is the noise model estimated."""
         if raw[0].active is None:
             return self._white([each.table.copy() for each in raw], raw, theta, shapes)
+        return self._used_up(raw, theta, shapes)
+
+    def _used_up(
+        self, raw: Sequence[NormalisedInnovations], theta: Floats, shapes: Shapes
+    ) -> Linearisation:
+        """Of what the problem gave, of which the innovations are kept, not their derivatives."""
         alone = [each.alone for each in raw]
         white = self._white([each.table for each in raw], alone, theta, shapes)
         return replace(white, active=raw[0].active)
@@ -376,18 +388,3 @@ class Objective:
         inside = theta.copy()
         inside[free] = np.clip(theta[free], self.low[free], self.high[free])
         return inside
-
-
-def _scattered(
-    stretches: Sequence[Stretches],
-    noise_model: NoiseModel,
-    weights: Sequence[Floats],
-    scatter: Sequence[Floats],
-) -> list[InputNoiseCovariance]:
-    """How each drive's white readings scatter, as the noise model and outliers leave them."""
-    noises = []
-    for s, weight, columns in zip(stretches, weights, scatter, strict=True):
-        white = noise_model.whiten(s, columns)
-        white *= weight[:, None]
-        noises.append(InputNoiseCovariance.of(white))
-    return noises

@@ -15,12 +15,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from clutchest.inference.linear_solve import add_product
 from clutchest.inference.objective import Linearisation
 from clutchest.signals import Floats
 
 DRAWS = 2000  # of the null
 BLOCK, BLOCKS = 512, 16  # readings drawn at a time at most, and times at least
-CHUNK = 16384  # readings, of which nuisances are taken out at a time
 ABSENT = 1e-6  # information below which a cause leaves no trace (in squared standard deviations)
 # In 2 Δ ln L: a rival that fits worse than the best by less is not excluded at 95 %, one-sided.
 NOT_EXCLUDED = 1.645**2
@@ -117,8 +117,7 @@ def projected_out(
     weight = np.asarray(np.linalg.solve(inner + np.diag(known + 1e-9), shared), np.float64)
     of_all = np.zeros((psi.shape[1], columns.shape[1]))
     of_all[nuisances] = weight
-    for begin in range(0, len(columns), CHUNK):
-        columns[begin : begin + CHUNK] -= psi[begin : begin + CHUNK] @ of_all
+    add_product(columns, psi, -of_all)
     pure = columns
     # sums of squares, not differences: nuisances may take up all but a billionth of a column
     priced = known[:, None] * weight
