@@ -31,7 +31,7 @@ from scipy.stats import binomtest
 import clutchest
 from clutchest.generator.alsd.generate import draw as draw_alsd
 from clutchest.generator.generate import draw
-from clutchest.identify import identify
+from clutchest.identify import identify_vehicle
 from clutchest.identify.fit import Fitted
 from clutchest.identify.likelihood import Posterior
 from clutchest.identify.parameters import determined, posterior_of, procedure_of
@@ -121,11 +121,11 @@ def _on_benches(name: str, vehicle: Vehicle, drives: Drives, truth: Mapping[str,
     if name != "chain":
         first, *later = (drives[log] for log in logs)
         signals = replace(first, later=tuple(later))
-        fit = identify(name.partition("-")[0], signals, vehicle, lambda text, share: None)
+        fit = identify_vehicle(name.partition("-")[0], signals, vehicle, lambda text, share: None)
         return _errors(fit.parameters, truth)
     found: Found = {}
     for log in logs:
-        fit = identify(log[0], drives[log], vehicle, lambda text, share: None)
+        fit = identify_vehicle(log[0], drives[log], vehicle, lambda text, share: None)
         vehicle = fit.vehicle
         found |= _errors(fit.parameters, truth)
     return found

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 import clutchest
-from clutchest.identify import identify
+from clutchest.identify import identify_vehicle
 from clutchest.identify.sensor_noise import bus_step
 
 SCENARIOS = ("launches", 700.0), ("city", 900.0)  # s; in turn
@@ -51,7 +51,7 @@ def found(task: tuple[int, tuple[str, ...]]) -> list[Number]:
         replace(nominal, signals=sensors), scenario, seed, nominal=False, duration=duration
     )
     asked = {name: nominal.signals[name] for name in names or nominal.signals}
-    fit = identify("noise", signals, replace(nominal, signals=asked), lambda text, share: None)
+    fit = identify_vehicle("noise", signals, replace(nominal, signals=asked))
     numbers: list[Number] = []
     for name in asked:
         rounding = bus_step([signals[name].value]) / np.sqrt(12)

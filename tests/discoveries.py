@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.discovery.goodness_of_fit import DistortionTest, GoodnessOfFit
+from clutchest.discovery.residuals import Bins, Level, Misfit
 from clutchest.discovery.result import (
-    Bins,
     Cause,
     Discovery,
     Experiment,
     Gain,
     Identifiable,
-    Level,
-    Misfit,
     Rival,
     Size,
     Where,

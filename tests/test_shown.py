@@ -8,6 +8,7 @@ import pytest
 import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run
+from clutchest.record.files import json_text
 from clutchest.shown import Shown
 
 PNG = b"\x89PNG"
@@ -76,3 +77,21 @@ def test_other_parameters() -> None:
         truck.with_parameters(engine_inerta=4.0)
     with pytest.raises(ClutchestError, match="no finite number"):
         truck.with_parameters(engine_inertia=float("nan"))
+
+
+def test_logs_and_vehicles_by_name(run: Run) -> None:
+    """Wherever a log or a vehicle is meant, its name will do."""
+    by_name, known = clutchest.diagnose("demo", "truck"), clutchest.diagnose(run)
+    assert json_text(by_name.summary()) == json_text(known.summary())
+    with pytest.raises(ClutchestError, match="no vehicle"):
+        clutchest.diagnose("demo")
+    with pytest.raises(ClutchestError, match="has its vehicle"):
+        clutchest.diagnose(run, "truck")
+
+
+@pytest.mark.slow
+def test_identify_and_discover_by_name() -> None:
+    fit = clutchest.identify_vehicle("noise", "demo", "truck")
+    assert fit.vehicle.name == "truck"
+    found = clutchest.discover("demo", "truck")
+    assert found.plot()._repr_png_().startswith(PNG)

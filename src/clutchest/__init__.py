@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from clutchest.estimate.filterpy_engine import filterpy_of
     from clutchest.estimate.replay import replay
     from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
+    from clutchest.identify import identify_vehicle
+    from clutchest.identify.fit import Fit
     from clutchest.monitor.monitor import Monitor
     from clutchest.reading import read_log
     from clutchest.record.files import write_run
@@ -48,7 +50,9 @@ _HOMES = {
     "diagnose": "clutchest.diagnosis.diagnose",
     "discover": "clutchest.discovery.discover",
     "feedforward": "clutchest.estimate.feedforward",
+    "Fit": "clutchest.identify.fit",
     "filterpy_of": "clutchest.estimate.filterpy_engine",
+    "identify_vehicle": "clutchest.identify",
     "load_vehicle": "clutchest.vehicle",
     "read_log": "clutchest.reading",
     "replay": "clutchest.estimate.replay",
@@ -63,6 +67,7 @@ __all__ = [
     "Engagement",
     "Estimate",
     "Feedforward",
+    "Fit",
     "Innovations",
     "Monitor",
     "Run",
@@ -75,6 +80,7 @@ __all__ = [
     "discover",
     "feedforward",
     "filterpy_of",
+    "identify_vehicle",
     "load_vehicle",
     "read_log",
     "replay",

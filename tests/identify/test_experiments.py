@@ -15,7 +15,7 @@ import clutchest
 from clutchest.cli import app
 from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.generate import draw
-from clutchest.identify import identify, procedures
+from clutchest.identify import identify_vehicle, procedures
 from clutchest.identify.bench_records import bench_records
 from clutchest.identify.equation_errors import fit_errors
 from clutchest.identify.fit import Fit
@@ -42,7 +42,7 @@ def log(name: str, seed: int = SEED, vehicle=RIG, duration: float | None = None)
 
 
 def run(name: str, signals, vehicle=RIG, holdout=None, benches=((), ())) -> Fit:
-    return identify(name, signals, vehicle, lambda text, share: None, holdout, benches)
+    return identify_vehicle(name, signals, vehicle, lambda text, share: None, holdout, benches)
 
 
 def holds(fit: Fit, *keys: str) -> None:

@@ -13,7 +13,7 @@ import clutchest
 from clutchest.cli import app
 from clutchest.errors import ClutchestError
 from clutchest.generator.generate import draw
-from clutchest.identify import identify, procedures
+from clutchest.identify import identify_vehicle, procedures
 from clutchest.identify.fit import Fit
 from clutchest.identify.likelihood import most_probable, problem_of
 from clutchest.inference.objective import Objective
@@ -26,7 +26,7 @@ TRUTH, _ = draw(VALUES, {key: p.spread for key, p in TRUCK.parameters.items()}, 
 
 
 def run(name: str, signals, vehicle=TRUCK, holdout=None) -> Fit:
-    return identify(name, signals, vehicle, lambda text, share: None, holdout)
+    return identify_vehicle(name, signals, vehicle, lambda text, share: None, holdout)
 
 
 def drive(scenario: str, seed: int = SEED, **options):

@@ -14,13 +14,13 @@ from rerun.chunk import RrdReader
 from rerun.components import AggregationPolicy
 from rich.console import Console
 
+from clutchest.discovery.misfit_picture import most_significant, pieces, worst_stretch
 from clutchest.discovery.result import Experiment, Identifiable, Where, either
 from clutchest.models import machine_of
 from clutchest.record.discovery import write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_report import gain_words, next_commands, report, title
 from clutchest.record.discovery_terminal import print_discovery, print_identifiable
-from clutchest.record.misfit_pictures import draw_misfit, most_significant, pieces, worst_stretch
 from clutchest.vehicle import load_vehicle
 from discoveries import CURVE, FADE, GAIN, LINE, NO_GAIN, VERDICTS, discovery, misfit
 
@@ -130,10 +130,10 @@ def test_a_failed_write_leaves_what_was_there(tmp_path, monkeypatch):
     write_discovery(discovery("named"), tmp_path)
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
 
-    def full(*_):
+    def full(*_, **__):
         raise OSError("no space left")
 
-    monkeypatch.setattr("clutchest.record.misfit_pictures.draw_misfit", full)
+    monkeypatch.setattr("clutchest.discovery.misfit_picture.draw_misfit", full)
     with pytest.raises(OSError, match="no space"):
         write_discovery(discovery("unknown"), tmp_path)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
@@ -321,7 +321,7 @@ def test_a_drive_without_slip_or_bins_has_a_picture_too(tmp_path):
     found = discovery("unknown")
     nothing = tuple(np.array([]) for _ in range(4))
     found = replace(found, misfit=replace(found.misfit, torque=(nothing,), bins=()))
-    draw_misfit(found, tmp_path / "misfit.png")
+    found.plot().savefig(tmp_path / "misfit.png")
     assert (tmp_path / "misfit.png").stat().st_size > 1000
     write_discovery_recording(found, tmp_path / "recording.rrd")
     moving, _, _ = recorded(tmp_path / "recording.rrd")

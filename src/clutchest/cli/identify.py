@@ -73,7 +73,7 @@ def identify(
     with progress() as show:
         show("loading", None)
         required("matplotlib")
-        from clutchest.identify import identify as run
+        from clutchest.identify import identify_vehicle as run
         from clutchest.identify.fit import print_fit
         from clutchest.reading import read_log
         from clutchest.record.files import finished_into, json_text

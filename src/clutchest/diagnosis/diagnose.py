@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -22,18 +23,35 @@ from clutchest.diagnosis.isolation import (
 from clutchest.diagnosis.monitor_status import lanes, monitor_statuses
 from clutchest.diagnosis.refit import refitted
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
+from clutchest.errors import ClutchestError
+from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
 from clutchest.progress import Progress
+from clutchest.reading import Logs
+from clutchest.signals import Signals
+from clutchest.vehicle import Vehicle
 
 Drives = Sequence[DriveDiagnosis]
 
 
-def diagnose(run: Run, *, progress: Progress | None = None) -> Diagnosis:
-    """Fault tests over every drive of ``run``.
+def diagnose(
+    run: Run | Signals | Logs,
+    vehicle: Vehicle | str | Path | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Fault tests over every drive of ``run``, or of what ``replay`` takes, with its ``vehicle``.
 
     Each monitor raises false alarms at the rate that the vehicle file states.  The signals at hand
-    decide which monitors can run; the others say why not.
+    decide which monitors can run; the others say why not.  Raises ClutchestError where a vehicle is
+    given beside a run, which has its own, or none beside logs.
     """
+    if not isinstance(run, Run):
+        if vehicle is None:
+            raise ClutchestError("no vehicle: expected a run, or logs and their vehicle")
+        run = replay(run, vehicle, progress=progress)
+    elif vehicle is not None:
+        raise ClutchestError("a run has its vehicle already; expected a run alone")
     drives = [
         DriveDiagnosis.of(run, signals, track, progress)
         for signals, track in zip(run.signals.drives, run.tracks, strict=True)

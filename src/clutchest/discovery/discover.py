@@ -49,6 +49,7 @@ from clutchest.memory import give_back
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import TIME
 from clutchest.progress import Progress
+from clutchest.reading import Logs, as_signals
 from clutchest.signals import Counts, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -56,19 +57,21 @@ OnIdentifiability = Callable[[tuple[Identifiable, ...]], None]
 
 
 def discover(
-    signals: Signals,
+    signals: Signals | Logs,
     vehicle: Vehicle | str | Path,
     *,
-    holdout: Sequence[Signals] | Signals | None = None,
+    holdout: Sequence[Signals] | Signals | Logs | None = None,
     effects_files: Sequence[Path] = (),
     progress: Progress | None = None,
     on_identifiability: OnIdentifiability | None = None,
 ) -> Discovery:
     """Errors of a ``vehicle``'s model on ``signals``: causes, the extended model and its gain.
 
-    ``holdout``: drives of the same vehicle on which the gain is measured.  ``effects_files``: the
-    user's own hypotheses, tested beside the library's.  ``on_identifiability``: called with the
-    identifiability of every effect, before any is fitted.  Raises ClutchestError where the machine
+    ``signals`` as read, or what ``read_log`` takes; ``vehicle`` as loaded, or what ``load_vehicle``
+    takes.  ``holdout``: drives of the same vehicle on which the gain is measured, likewise.
+    ``effects_files``: the user's own hypotheses, tested beside the library's.
+    ``on_identifiability``: called with the identifiability of every effect, before any is fitted.
+    Raises ClutchestError where the machine
     declares no error terms, the model cannot be driven by these signals, held-out drives lack some
     of them, or an effect of the user's cannot be tested.
     """
@@ -76,13 +79,22 @@ def discover(
     machine = vehicle.machine
     machine.supports("discover")
     own = user_effects(effects_files, vehicle)
-    drives = [] if holdout is None else [holdout] if isinstance(holdout, Signals) else holdout
+    signals, drives = as_signals(signals, vehicle), _drives(holdout, vehicle)
     held_out = with_signals_of(
         signals, [each for drive in drives for each in drive.drives], machine
     )
     effects = (*machine.effects.values(), *own, *error_term_effects(machine))
     task = _Task(signals, held_out, vehicle, effects, tuple(effects_files), progress)
     return _answer(task, on_identifiability)
+
+
+def _drives(given: Sequence[Signals] | Signals | Logs | None, vehicle: Vehicle) -> list[Signals]:
+    """Held-out drives: read, one or several, or logs that hold them."""
+    if given is None:
+        return []
+    if isinstance(given, list | tuple) and all(isinstance(each, Signals) for each in given):
+        return list(given)
+    return [as_signals(given, vehicle)]
 
 
 @dataclass(frozen=True, slots=True)

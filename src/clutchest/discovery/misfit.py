@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchest.discovery.covariates import covariates
-from clutchest.discovery.result import Bins, Level, Misfit
+from clutchest.discovery.residuals import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
 from clutchest.inference.objective import Linearisation, Objective
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
+from clutchest.discovery.residuals import Misfit
 from clutchest.shown import Showing, Shown, plus_minus
 from clutchest.signals import Counts, Floats
 from clutchest.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from clutchest.pictures import Picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,54 +205,6 @@ class Experiment:
     scenario: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Bins:
-    """Mean residual of one sensor in one mode over one covariate, in standard deviations.
-
-    ``edges`` (b + 1), ``mean`` (b) with its standard error ``error`` (b), ``count`` (b).
-    """
-
-    sensor: str
-    mode: str
-    covariate: str
-    edges: Floats
-    mean: Floats
-    error: Floats
-    count: NDArray
-
-
-@dataclass(frozen=True, slots=True)
-class Level:
-    """Of one sensor in one mode: mean square of the whitened innovations (1 if the model is
-    right), their autocorrelation at lag 1, and how many."""
-
-    sensor: str
-    mode: str
-    level: float
-    lag: float
-    count: int
-
-
-@dataclass(frozen=True, slots=True)
-class Misfit:
-    """Residuals of the model.
-
-    Per drive: ``time`` (K) s, ``sensor`` (K) index into ``sensors``; ``before`` and ``after`` (K),
-    innovations over their standard deviation in the original and the extended model.  ``torque``:
-    (time s, measured, simulated, extended) clutch torque in Nm while the clutch slips, the last
-    two open loop.
-    """
-
-    sensors: tuple[str, ...]
-    time: tuple[Floats, ...]
-    sensor: tuple[NDArray, ...]
-    before: tuple[Floats, ...]
-    after: tuple[Floats, ...]
-    torque: tuple[tuple[Floats, Floats, Floats, Floats], ...]
-    bins: tuple[Bins, ...]
-    levels: tuple[Level, ...]
-
-
 @dataclass(frozen=True, slots=True, repr=False)
 class Discovery(Showing):
     """The answer.  ``sets`` are the names of causes that act together, the most likely first: one
@@ -304,6 +259,15 @@ class Discovery(Showing):
         ]
         header = ("cause", "value", "2 Δ ln L", "p-value")
         return Shown(f"{self.verdict}. {self.sentence}", header, rows)
+
+    def plot(self) -> Picture:
+        """Torque, measured and simulated, over the slip with the largest error; residuals over the
+        driver that they correlate with most."""
+        from clutchest.discovery.misfit_picture import draw_misfit
+
+        covariates = self.where.covariates if self.where else ()
+        driver = covariates[0] if covariates else None
+        return draw_misfit(self.misfit, self.vehicle.machine, driver, extended=self.named)
 
     def summary(self) -> dict[str, Any]:
         """What ``discovery.json`` holds."""

@@ -31,7 +31,7 @@ from clutchest.estimate.track import joined, states_of, track_of
 from clutchest.estimate.tracking import responses
 from clutchest.estimate.whole_log import compile_model, delays
 from clutchest.progress import Progress
-from clutchest.reading import read_log
+from clutchest.reading import Logs, as_signals
 from clutchest.signals import HEAD, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -41,7 +41,7 @@ FASTEST = 1000.0  # Hz, of the output grid
 
 
 def replay(
-    signals: Signals | str | Path | Sequence[str | Path],
+    signals: Signals | Logs,
     vehicle: Vehicle | str | Path,
     *,
     rate: float = 10.0,
@@ -62,8 +62,7 @@ def replay(
     all of them do.
     """
     vehicle = load_vehicle(vehicle)
-    if not isinstance(signals, Signals):
-        signals = read_log(signals, vehicle)
+    signals = as_signals(signals, vehicle)
     if not 0.0 < rate <= FASTEST:
         raise ClutchestError(f"rate {rate:g} Hz: expected more than 0, at most {FASTEST:g}")
     tracks, parts = [], []

@@ -158,10 +158,7 @@ def compile_model(
     if lacking:
         raise ClutchestError(f"{vehicle.path.name}: no parameter {', '.join(lacking)}")
     p = np.array([vehicle.parameters[q.key].value for q in model.parameters])
-    g, numbers, deviations = [], vehicle.effect_numbers, vehicle.effect_spreads
-    for effect in effects:
-        given: Mapping[str, float] = numbers.get(effect.name, {})
-        g += [given.get(n.key, n.default if n.shape else 0.0) for n in effect.parameters]
+    g, deviations = model.effect_numbers(vehicle.effect_numbers), vehicle.effect_spreads
     spreads = {q.key: vehicle.parameters[q.key].spread for q in model.parameters}
     # the spread of a state's nominal value is that state's prior
     priors = {state.prior for state in model.states}
@@ -186,7 +183,7 @@ def compile_model(
         generated.load(digest, text),
         digest,
         p,
-        np.array(g),
+        np.array(list(g.values())),
         tuple(thetas),
         np.array(spread),
     )

@@ -35,13 +35,8 @@ class ExportedModel:
         """Of a vehicle.  Raises ClutchestError for an effect that nothing knows."""
         model = vehicle.machine.equations(frozenset(vehicle.signals))
         model = model.with_effects(model.taking(present_effects(vehicle)))
-        stated = vehicle.effect_numbers
         parameters = {q.key: vehicle.parameters[q.key].value for q in model.parameters}
-        effects = {
-            f"{effect.name}.{n.key}": stated[effect.name].get(n.key, n.default if n.shape else 0.0)
-            for effect in model.effects
-            for n in effect.parameters
-        }
+        effects = model.effect_numbers(vehicle.effect_numbers)
         warm = {i.name: ROOM if i.unit == "°C" else 0.0 for i in model.inputs}
         inputs = {i.name: warm[i.name] if i.default is None else i.default for i in model.inputs}
         rest = vehicle.machine.at_rest(parameters, inputs)

@@ -1,5 +1,8 @@
 """Fitting a vehicle file to a user's own logs: ``noise`` and ``all`` for every machine, and the
-procedures that the vehicle's machine declares."""
+procedures that the vehicle's machine declares.
+
+The function is :func:`identify_vehicle`: a package and a function cannot both be
+``clutchest.identify``, whichever is imported last would hide the other."""
 
 from __future__ import annotations
 
@@ -9,9 +12,12 @@ from clutchest.errors import ClutchestError, nearest
 from clutchest.progress import Progress
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from clutchest.identify.bench_records import Stated
     from clutchest.identify.fit import Fit
     from clutchest.models.machine import Machine
+    from clutchest.reading import Logs
     from clutchest.signals import Signals
     from clutchest.vehicle import Vehicle
 
@@ -30,24 +36,31 @@ def procedures(machine: Machine) -> dict[str, str]:
     return {NOISE: OF_EVERY_MACHINE[NOISE], **declared, ALL: OF_EVERY_MACHINE[ALL]}
 
 
-def identify(
+def identify_vehicle(
     name: str,
-    signals: Signals,
-    vehicle: Vehicle,
-    progress: Progress,
-    holdout: Signals | None = None,
+    signals: Signals | Logs,
+    vehicle: Vehicle | str | Path,
+    progress: Progress = lambda text, share: None,
+    holdout: Signals | Logs | None = None,
     benches: tuple[Stated, Stated] = ((), ()),
 ) -> Fit:
     """Run the procedure of that ``name`` on all drives of ``signals``.
 
-    ``holdout``: drives that only measure what the numbers are worth; ``benches`` of each drive of
-    both, for experiments.  Raises ClutchestError where the machine has no such procedure, or the
-    drives cannot serve.
+    ``signals`` as read, or what ``read_log`` takes; ``vehicle`` as loaded, or what ``load_vehicle``
+    takes.  ``holdout``: drives that only measure what the numbers are worth; ``benches`` of each
+    drive of both, for experiments.  Raises ClutchestError where the machine has no such procedure,
+    or the drives cannot serve.
     """
+    from clutchest.reading import as_signals
+    from clutchest.vehicle import load_vehicle
+
+    vehicle = load_vehicle(vehicle)
     machine = vehicle.machine
     if name not in (known := procedures(machine)):
         declares = f"; machine '{machine.name}' declares none" if len(known) == 2 else ""
         raise ClutchestError(f"unknown procedure '{name}'{declares}{nearest(name, known)}")
+    signals = as_signals(signals, vehicle)
+    holdout = None if holdout is None else as_signals(holdout, vehicle)
     if name == NOISE:
         if holdout is not None:
             raise ClutchestError(

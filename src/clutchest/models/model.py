@@ -170,6 +170,17 @@ class Model:
         own = tuple(state for effect in effects for state in effect.states)
         return replace(self, effects=effects, states=self.states + own)
 
+    def effect_numbers(self, stated: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+        """``effect.number`` → value, in the order of the equations: as ``stated`` by effect and
+        number, else a shape's default and a gain of 0."""
+        return {
+            f"{effect.name}.{n.key}": stated.get(effect.name, {}).get(
+                n.key, n.default if n.shape else 0.0
+            )
+            for effect in self.effects
+            for n in effect.parameters
+        }
+
     def taking(self, effects: Iterable[Effect]) -> tuple[Effect, ...]:
         """The effects of which these equations have every quantity and signal that they change."""
         bare = set(replace(self, effects=()).expressions().quantities.names())

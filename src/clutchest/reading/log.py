@@ -31,6 +31,7 @@ from clutchest.vehicle import Vehicle, load_vehicle
 JOIN_S = 60.0  # pieces of one drive lie no further apart
 SPLIT_S = 3600.0  # a longer gap without any frame in a log starts a new drive
 DataFrame = Any  # of pandas, polars or Arrow
+Logs = Path | str | DataFrame | Sequence[Path | str | DataFrame]
 _PIECE = 1 << 18  # frames kept in one piece: each of its columns is a large array
 
 
@@ -46,8 +47,13 @@ class _Piece:
     warning: str = ""
 
 
+def as_signals(given: Signals | Logs, vehicle: Vehicle) -> Signals:
+    """Signals as they are, and what :func:`read_log` takes as read."""
+    return given if isinstance(given, Signals) else read_log(given, vehicle)
+
+
 def read_log(
-    paths: Path | str | DataFrame | Sequence[Path | str | DataFrame],
+    paths: Logs,
     vehicle: Vehicle | str | Path,
     window: TimeWindow = EVERYTHING,
     *,

@@ -43,11 +43,15 @@ def _draw(discovery: Discovery, folder: Path) -> tuple[str | None, str | None]:
     """The names of the pictures that were drawn: of the misfit, and of the causes' forms."""
     if not installed("matplotlib"):
         return None, None
+    from clutchest.pictures import DOTS_PER_INCH
     from clutchest.record.form_picture import draw_forms
-    from clutchest.record.misfit_pictures import draw_misfit
 
-    draw_misfit(discovery, folder / PICTURE)
-    return PICTURE, FORMS if draw_forms(discovery, folder / FORMS) else None
+    discovery.plot().savefig(folder / PICTURE, dpi=DOTS_PER_INCH)
+    forms = draw_forms(discovery)
+    if forms is None:
+        return PICTURE, None
+    forms.savefig(folder / FORMS, dpi=DOTS_PER_INCH)
+    return PICTURE, FORMS
 
 
 def _heading(discovery: Discovery) -> str:

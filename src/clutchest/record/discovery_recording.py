@@ -10,11 +10,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from clutchest.discovery.misfit_picture import pieces
 from clutchest.discovery.result import Discovery
 from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, Panel, blueprint, panel
 from clutchest.record.discovery_report import report
-from clutchest.record.misfit_pictures import pieces
 from clutchest.record.series import BETWEEN, TIMELINE, index, one_behind_another, send_lane, strung
 from clutchest.signals import Floats
 

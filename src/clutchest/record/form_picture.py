@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from clutchest.discovery.result import Cause, Discovery, FormCurve
-from clutchest.record.quantities import quantity_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from clutchest.models.quantities import quantity_of
+from clutchest.pictures import Picture
 
 
-def draw_forms(discovery: Discovery, path: Path) -> bool:
-    """Write the picture, one panel a cause; False where no form was tested and there is none."""
+def draw_forms(discovery: Discovery) -> Picture | None:
+    """One panel a cause; None where no form was tested."""
     drawn = [(c, c.form.curve) for c in discovery.causes if c.form.curve is not None]
     if not drawn:
-        return False
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.0 * len(drawn), 3.6), layout="constrained")
+        return None
+    figure = Picture(figsize=(5.0 * len(drawn), 3.6), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(drawn), squeeze=False)[0]
     for axes, (cause, curve) in zip(panels, drawn, strict=True):
         _draw(discovery, axes, cause, curve)
-    figure.savefig(path, dpi=110)
-    return True
+    return figure
 
 
 def _draw(discovery: Discovery, axes: Axes, cause: Cause, curve: FormCurve) -> None:

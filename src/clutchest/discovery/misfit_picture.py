@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from clutchest.discovery.result import Bins, Discovery, Misfit
+from clutchest.discovery.residuals import Bins, Misfit
+from clutchest.models.machine import Machine
+from clutchest.models.quantities import quantity_of
+from clutchest.pictures import Picture
 from clutchest.quantity import Quantity
-from clutchest.record.quantities import quantity_of
 from clutchest.signals import Floats
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 GAP = 10.0  # usual steps between samples; a longer one parts two slips
 
@@ -59,49 +58,45 @@ def most_significant(bins: Sequence[Bins], covariate: str | None) -> Bins | None
     return max(over, key=excess, default=None)
 
 
-def draw_misfit(discovery: Discovery, path: Path) -> None:
-    """Write the picture: torque over the worst slip, binned residuals over the first covariate."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 3.6), layout="constrained")
+def draw_misfit(misfit: Misfit, machine: Machine, driver: str | None, extended: bool) -> Picture:
+    """Torque over the worst slip, of the ``extended`` model too where there is one; binned
+    residuals over their ``driver``, over what they correlate with most if None."""
+    figure = Picture(figsize=(10, 3.6), layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
-    _draw_torque(discovery, left)
-    _draw_bins(discovery, right)
-    figure.savefig(path, dpi=110)
+    _draw_torque(misfit, machine, extended, left)
+    _draw_bins(misfit, machine, driver, right)
+    return figure
 
 
-def _draw_torque(discovery: Discovery, axes: Axes) -> None:
-    worst = worst_stretch(discovery.misfit)
-    compared = discovery.vehicle.machine.compared
+def _draw_torque(misfit: Misfit, machine: Machine, extended: bool, axes: Axes) -> None:
+    worst = worst_stretch(misfit)
+    compared = machine.compared
     if worst is None or compared is None:
         _say(axes, "no open-loop comparison")
         return
     drive, piece = worst
-    time, measured, simulated, extended = (c[piece] for c in discovery.misfit.torque[drive])
+    time, measured, simulated, mended = (c[piece] for c in misfit.torque[drive])
     if np.array_equal(measured, simulated):
         _say(axes, f"no independent measurement of the {compared.what}")
         return
     axes.plot(time, measured, ".", ms=3, color="0.55", label="measured")
     axes.plot(time, simulated, lw=1.4, color="C0", label="simulated")
-    if discovery.named:
-        axes.plot(time, extended, lw=1.4, color="C1", label="extended model")
-    drives = f"drive {drive}, " if len(discovery.misfit.torque) > 1 else ""
+    if extended:
+        axes.plot(time, mended, lw=1.4, color="C1", label="extended model")
+    drives = f"drive {drive}, " if len(misfit.torque) > 1 else ""
     axes.set_title(f"largest error of the {compared.what}", loc="left", fontsize=9)
     axes.set_xlabel(f"{drives}time [s]")
     axes.set_ylabel(compared.unit)
     axes.legend(fontsize=8)
 
 
-def _draw_bins(discovery: Discovery, axes: Axes) -> None:
-    where = discovery.where
-    first = where.covariates[0] if where and where.covariates else None
-    bins = most_significant(discovery.misfit.bins, first)
+def _draw_bins(misfit: Misfit, machine: Machine, driver: str | None, axes: Axes) -> None:
+    bins = most_significant(misfit.bins, driver)
     if bins is None:
         _say(axes, "too few readings for binned residuals")
         return
-    quantity = quantity_of(discovery.vehicle.machine, bins.covariate)
+    quantity = quantity_of(machine, bins.covariate)
     axes.axhline(0.0, color="0.6", lw=0.8)
     edges = quantity.read(bins.edges)
     shown = bins.count > 0

@@ -1,0 +1,16 @@
+"""What a machine's quantities are called on plots and in tables."""
+
+from __future__ import annotations
+
+from clutchest.models.machine import Machine
+from clutchest.quantity import Quantity
+
+
+def quantity_of(machine: Machine, name: str) -> Quantity:
+    """A state, a canonical column or what else an error may correlate with, by name."""
+    states = {s.name: s.unit for s in machine.states}
+    rates = {rate: f"{machine.units.get(of, '1')}/s" for rate, of in machine.rates.items()}
+    peaks = {peak: states[of] for peak, of in machine.peaks.items()}
+    units = {"time": "s", "energy": "J", **machine.covariates, **rates, **peaks}
+    units |= machine.units | states
+    return Quantity(name, units.get(name, "1"))
