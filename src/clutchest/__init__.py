@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from clutchest.estimate.filterpy_engine import filterpy_of
     from clutchest.estimate.replay import replay
     from clutchest.estimate.run import Engagement, Estimate, Innovations, Run, Track
+    from clutchest.fleet.fleet import Fleet, analyse_fleet
     from clutchest.identify import identify_vehicle
     from clutchest.identify.fit import Fit
     from clutchest.monitor.monitor import Monitor
@@ -47,9 +48,11 @@ _HOMES = {
     "Signals": "clutchest.signals",
     "Track": "clutchest.estimate.run",
     "Vehicle": "clutchest.vehicle",
+    "analyse_fleet": "clutchest.fleet.fleet",
     "diagnose": "clutchest.diagnosis.diagnose",
     "discover": "clutchest.discovery.discover",
     "feedforward": "clutchest.estimate.feedforward",
+    "Fleet": "clutchest.fleet.fleet",
     "Fit": "clutchest.identify.fit",
     "filterpy_of": "clutchest.estimate.filterpy_engine",
     "identify_vehicle": "clutchest.identify",
@@ -68,6 +71,7 @@ __all__ = [
     "Estimate",
     "Feedforward",
     "Fit",
+    "Fleet",
     "Innovations",
     "Monitor",
     "Run",
@@ -76,6 +80,7 @@ __all__ = [
     "Track",
     "Vehicle",
     "__version__",
+    "analyse_fleet",
     "diagnose",
     "discover",
     "feedforward",

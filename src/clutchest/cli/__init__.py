@@ -16,6 +16,7 @@ from clutchest.cli.diagnose import diagnose
 from clutchest.cli.discover import discover
 from clutchest.cli.export import export
 from clutchest.cli.feedforward import feedforward
+from clutchest.cli.fleet import fleet
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
 from clutchest.cli.monitor import monitor
@@ -49,6 +50,7 @@ for _verb in (
     monitor,
     play,
     export,
+    fleet,
     feedforward,
     trust,
 ):

@@ -1,0 +1,100 @@
+"""``fleet``: many logs of many vehicles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Trust, VehicleName
+from clutchest.cli.terminal import answer, progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from clutchest.fleet.fleet import Fleet
+
+
+def fleet(
+    places: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FOLDER",
+            show_default=False,
+            help="Folders of logs, at any depth, patterns or logs; the folder below the one that "
+            "is given names the vehicle.",
+        ),
+    ],
+    vehicle: VehicleName,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            show_default=False,
+            help="A Dask scheduler, tcp://host:8786, whose workers see the same files; without it "
+            "processes of this machine.",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, show_default=False, help="So many of these processes."),
+    ] = None,
+    rate: Annotated[
+        float,
+        typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
+    ] = 10.0,
+    trust: Trust = False,
+    out: Out = DEFAULT_OUT,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate over all logs of a fleet, and compare its vehicles.
+
+    Writes fleet.parquet (estimates by vehicle and day), summary.parquet (a row for each vehicle:
+    what it keeps, its wear per MJ with 95 % intervals, and whether it differs from the others),
+    drives.parquet and report.html.  Started again it goes on where it stopped.
+
+    \b
+    Example:
+      clutchest fleet trucks --vehicle truck --out result
+      clutchest fleet 'logs/2024-*/**/*.blf' --vehicle truck --scheduler tcp://10.0.0.5:8786
+    """
+    with progress() as show:
+        show("loading", None)
+        from clutchest.fleet.files import write_fleet
+        from clutchest.fleet.fleet import analyse_fleet
+
+        result = analyse_fleet(
+            places,
+            vehicle,
+            out,
+            scheduler=scheduler,
+            workers=workers,
+            trust=trust,
+            rate=rate,
+            progress=show,
+        )
+        show("writing", None)
+        names = [path.name for path in write_fleet(result, out)]
+    answer(
+        {"vehicles": result.rows(), "outliers": result.outliers, "rejected": result.rejected},
+        as_json,
+        lambda console: _print(result, console),
+        out,
+        names,
+    )
+
+
+def _print(result: Fleet, console: Console) -> None:
+    """Who differs in what, what was not used, and the table."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    shown = result.shown()
+    table = Table(*map(escape, shown.header), title=escape(shown.line), title_justify="left")
+    for row in shown.rows:
+        table.add_row(*map(escape, row))
+    console.print(table)
+    for words in result.differences():
+        console.print(f"[bold red]{escape(words)}[/]")
+    for log, why in result.rejected.items():
+        console.print(f"[yellow]not used:[/] {escape(log)}: {escape(why)}")

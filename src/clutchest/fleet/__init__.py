@@ -1,0 +1,1 @@
+"""Many drives of many vehicles of one kind: estimates, wear trends, and vehicles that differ."""

@@ -1,0 +1,51 @@
+"""The files of a fleet's analysis, beside the dataset that the workers write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from clutchest.fleet.fleet import Fleet
+from clutchest.fleet.one_log import DATASET
+from clutchest.record.files import finished_into
+from clutchest.table_formats import write_table
+
+
+def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
+    """Write ``summary.parquet`` (a row a vehicle) and ``drives.parquet`` (a row a drive); gives the
+    paths of these and of the dataset."""
+    import pandas as pd
+
+    summary = pd.DataFrame(fleet.rows())
+    summary.attrs["units"] = {"hours": "h", "slip_energy_MJ": "MJ", **_units(fleet, summary)}
+    with finished_into(out) as folder:
+        write_table(summary, folder / "summary.parquet")
+        write_table(pd.DataFrame(drive_rows(fleet)), folder / "drives.parquet")
+        names = sorted(path.name for path in folder.iterdir())
+    return [out / name for name in (*names, DATASET)]
+
+
+def drive_rows(fleet: Fleet) -> list[dict[str, Any]]:
+    """One row a drive: when, how much slip, and the states at its end."""
+    rows = []
+    for one in fleet.vehicles:
+        for drive in one.drives:
+            row: dict[str, Any] = {"vehicle": one.name}
+            row |= {key: value for key, value in drive.items() if key != "states"}
+            for name, state in drive["states"].items():
+                row |= {
+                    name: state["value"],
+                    f"{name}_std": state["std"],
+                    f"{name}_valid": state["valid"],
+                }
+            rows.append(row)
+    return rows
+
+
+def _units(fleet: Fleet, table: Any) -> dict[str, str]:
+    """Column → unit of what has the unit of a property."""
+    found: dict[str, str] = {}
+    for name, unit in fleet.units.items():
+        ends = ("", "_std", "_low", "_high", "_expected", "_spread")
+        found |= {f"{name}{end}": unit for end in ends if f"{name}{end}" in table}
+    return found

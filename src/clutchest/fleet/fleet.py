@@ -1,0 +1,290 @@
+"""From logs of many vehicles to a dataset, a table of vehicles, and those that differ."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clutchest import __version__
+from clutchest.errors import ClutchestError
+from clutchest.extras import required
+from clutchest.fleet.comparison import Comparison, outliers
+from clutchest.fleet.logs import FleetLog, logs_of
+from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row
+from clutchest.models.machine import Machine
+from clutchest.progress import Progress
+from clutchest.shown import Showing, Shown, plus_minus
+from clutchest.vehicle import Vehicle, load_vehicle
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+WEAR_RATE = "wear_per_MJ"
+Z = 1.96  # standard deviations of a 95 % interval
+
+
+@dataclass(frozen=True, slots=True)
+class FleetVehicle:
+    """One vehicle after its last drive: ``logs`` used and ``rejected`` (log → why), ``drives`` as
+    ``one_log.drives_of`` has them, ``properties`` name → (value, std) of what it keeps while it
+    stands, where they are valid; ``wear`` as ``summary.json`` has it, None where there is none."""
+
+    name: str
+    logs: tuple[str, ...]
+    rejected: Mapping[str, str]
+    drives: tuple[Mapping[str, Any], ...]
+    properties: Mapping[str, tuple[float, float]]
+    wear: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Fleet(Showing):
+    """All vehicles, and property → (what the others lead one to expect, which differ (v,))."""
+
+    vehicle: Vehicle
+    vehicles: tuple[FleetVehicle, ...]
+    compared: Mapping[str, tuple[Comparison, np.ndarray]]
+
+    @property
+    def outliers(self) -> dict[str, list[str]]:
+        """Vehicle → the properties in which it differs from the fleet."""
+        found: dict[str, list[str]] = {}
+        for name, (_, differ) in self.compared.items():
+            for k in np.flatnonzero(differ):
+                found.setdefault(self.vehicles[k].name, []).append(name)
+        return found
+
+    @property
+    def rejected(self) -> dict[str, str]:
+        """Logs that could not be used → why."""
+        return {log: why for one in self.vehicles for log, why in one.rejected.items()}
+
+    def differences(self) -> list[str]:
+        """In words, which vehicle differs from the fleet, in what, and by how much."""
+        words = []
+        for name, (comparison, differ) in self.compared.items():
+            for k in np.flatnonzero(differ):
+                one, unit = self.vehicles[k], self.units[name]
+                value = plus_minus(*one.properties[name], unit)
+                usual = plus_minus(comparison.expected[k], comparison.spread[k], unit)
+                words.append(
+                    f"{one.name}: {name} {value}, the other vehicles lead one to expect {usual} "
+                    f"(p = {comparison.p_value[k]:.1g})"
+                )
+        return words
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Property → unit."""
+        return units_of(self.vehicle.machine)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a vehicle, as ``summary.parquet`` holds it."""
+        rows = []
+        for k, one in enumerate(self.vehicles):
+            row: dict[str, Any] = {
+                "vehicle": one.name,
+                "logs": len(one.logs),
+                "rejected": len(one.rejected),
+                "drives": len(one.drives),
+                "hours": sum(d["duration_s"] for d in one.drives) / 3600.0,
+                "slip_events": sum(d["slip_events"] for d in one.drives),
+                "slip_energy_MJ": sum(d["slip_energy_J"] for d in one.drives) / 1e6,
+            }
+            for name, (comparison, differ) in self.compared.items():
+                value, std = one.properties.get(name, (np.nan, np.nan))
+                row |= {
+                    name: value,
+                    f"{name}_std": std,
+                    f"{name}_low": value - Z * std,
+                    f"{name}_high": value + Z * std,
+                    f"{name}_expected": comparison.expected[k],
+                    f"{name}_spread": comparison.spread[k],
+                    f"{name}_p": comparison.p_value[k],
+                    f"{name}_outlier": bool(differ[k]),
+                }
+            rows.append(row)
+        return rows
+
+    def shown(self) -> Shown:
+        """The vehicles with their properties; an exclamation mark where one differs."""
+        names = list(self.compared)
+        rows = []
+        for k, one in enumerate(self.vehicles):
+            cells = [one.name, str(len(one.drives))]
+            for name in names:
+                if name in one.properties:
+                    mark = " !" if self.compared[name][1][k] else ""
+                    cells.append(plus_minus(*one.properties[name]) + mark)
+                else:
+                    cells.append("")
+            rows.append(tuple(cells))
+        units = self.units
+        head = [
+            f"{name} [{units[name]}]" if units.get(name, "1") != "1" else name for name in names
+        ]
+        line = f"{len(self.vehicles)} vehicles, {len(self.outliers)} differ from the fleet"
+        return Shown(line, ("vehicle", "drives", *head), rows)
+
+
+def units_of(machine: Machine) -> dict[str, str]:
+    """Property → unit: states that a machine keeps while it stands, and its wear per energy."""
+    kept = {s.name: s.unit for s in machine.states if s.carried and not s.parked_noise}
+    if machine.wear is not None:
+        kept.pop(machine.wear.rate_state, None)
+        if machine.wear.rate_state:
+            kept[WEAR_RATE] = f"{machine.wear.unit}/MJ"
+    return kept
+
+
+def analyse_fleet(
+    places: str | Sequence[str],
+    vehicle: str,
+    out: str | Path,
+    *,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    trust: bool = False,
+    rate: float = 10.0,
+    progress: Progress = lambda text, share: None,
+) -> Fleet:
+    """Estimate over all logs in ``places`` (folders, patterns, files) of vehicles of one kind.
+
+    The logs of a vehicle are taken in order of time, each from the state that the one before has
+    left; vehicles are processed at once, by ``workers`` processes of this machine (one for each
+    core unless given) or by the Dask cluster whose ``scheduler`` has that address; its workers
+    must see the same files.  What is done already in ``out`` is not done again.  Raises
+    ClutchestError where there is no log, or none that can be used.
+    """
+    required("distributed")
+    car = load_vehicle(vehicle, trust=trust)
+    logs = logs_of([places] if isinstance(places, str) else places)
+    made_by = f"{__version__} {car.hash} {rate}"
+    folder = Path(out).resolve()
+    with _client(scheduler, workers) as client:
+        chains = _chains(client, logs)
+        tasks = {
+            name: _tasks(chain, made_by, LogTask(chain[0], "", _place(car), trust, folder, rate))
+            for name, chain in chains.items()
+        }
+        _run(client, tasks, progress)
+    vehicles = tuple(_vehicle_of(name, some, car) for name, some in tasks.items())
+    if not any(one.drives for one in vehicles):
+        log, why = next((log, why) for one in vehicles for log, why in one.rejected.items())
+        raise ClutchestError(f"no log could be used; the first, {log}: {why}")
+    return Fleet(car, vehicles, compared(vehicles, list(units_of(car.machine))))
+
+
+def compared(
+    vehicles: Sequence[FleetVehicle], names: Sequence[str]
+) -> dict[str, tuple[Comparison, np.ndarray]]:
+    """Every property that some vehicle has, compared between them."""
+    known = [name for name in names if any(name in one.properties for one in vehicles)]
+    missing = (np.nan, np.nan)
+    numbers = {
+        name: np.array([one.properties.get(name, missing) for one in vehicles]).T for name in known
+    }
+    tests = max(sum(int(np.isfinite(y).sum()) for y, _ in numbers.values()), 1)
+    return {name: outliers(y, std, tests) for name, (y, std) in numbers.items()}
+
+
+def _place(car: Vehicle) -> str:
+    """The vehicle file as workers find it."""
+    return str(car.path)
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+    """A client of the cluster at an address, or of one on this machine that ends with it."""
+    from distributed import Client, LocalCluster
+
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout="10s")
+        except (OSError, ValueError) as problem:
+            raise ClutchestError(
+                f"--scheduler {scheduler}: cannot be reached ({problem})"
+            ) from None
+        with client:
+            yield client
+        return
+    with (
+        LocalCluster(
+            n_workers=workers or os.cpu_count() or 1,
+            threads_per_worker=1,
+            dashboard_address=None,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _chains(client: Client, logs: Sequence[FleetLog]) -> dict[str, list[FleetLog]]:
+    """The logs of every vehicle in order of time; those without absolute times last, by name."""
+    begins = client.gather(client.map(begin_of, [log.path.resolve() for log in logs], pure=False))
+    chains: dict[str, list[FleetLog]] = {}
+    order = sorted(
+        zip(begins, logs, strict=True),
+        key=lambda pair: (pair[1].vehicle, pair[0] is None, pair[0] or 0, str(pair[1].path)),
+    )
+    for _, log in order:
+        chains.setdefault(log.vehicle, []).append(log)
+    return chains
+
+
+def _tasks(chain: Sequence[FleetLog], made_by: str, like: LogTask) -> list[LogTask]:
+    """The tasks of a vehicle's logs, each under a key that depends on those before."""
+    tasks: list[LogTask] = []
+    for log in chain:
+        key = log.key(f"{made_by} {tasks[-1].key if tasks else ''}")
+        absolute = FleetLog(log.path.resolve(), log.vehicle)
+        tasks.append(LogTask(absolute, key, like.vehicle, like.trust, like.out, like.rate))
+    return tasks
+
+
+def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Progress) -> None:
+    """Do what is not done."""
+    from distributed import as_completed
+
+    futures: list[Future] = []
+    for chain in chains.values():
+        state: Any = None
+        for task in chain:
+            if (row := read_row(task.row)) is not None:
+                state = row["state"]
+            else:
+                state = client.submit(estimate_log, task, state, pure=False)
+                futures.append(state)
+    for done, future in enumerate(as_completed(futures), 1):
+        future.result()
+        progress(f"{done} of {len(futures)} logs", done / len(futures))
+
+
+def _vehicle_of(name: str, tasks: Sequence[LogTask], car: Vehicle) -> FleetVehicle:
+    """What the rows of a vehicle's logs say together."""
+    rows = [row for row in (read_row(task.row) for task in tasks) if row is not None]
+    used = [row for row in rows if row["error"] is None]
+    drives = tuple(drive for row in used for drive in row["drives"])
+    wear = next((row["wear"] for row in reversed(used) if row["wear"]), None)
+    properties = {}
+    for key in units_of(car.machine):
+        state = drives[-1]["states"].get(key) if drives else None
+        if state is not None and state["valid"]:
+            properties[key] = (state["value"], state["std"])
+    if wear is not None:
+        rate: Mapping[str, Any] = wear["rate"]
+        properties[WEAR_RATE] = (rate["value"], rate["std"])
+    return FleetVehicle(
+        name,
+        tuple(row["log"] for row in used),
+        {row["log"]: row["error"] for row in rows if row["error"] is not None},
+        drives,
+        properties,
+        wear,
+    )

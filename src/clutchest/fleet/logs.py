@@ -1,0 +1,76 @@
+"""Which logs there are, and whose they are."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from clutchest.can.formats import log_formats
+from clutchest.errors import ClutchestError
+
+TABLES = (".parquet", ".xlsx", ".mdf")
+AGAIN = ".truth.parquet"  # beside a simulated log: not a log
+
+
+@dataclass(frozen=True, slots=True)
+class FleetLog:
+    """One log: its ``path`` and the ``vehicle`` that it is of."""
+
+    path: Path
+    vehicle: str
+
+    def key(self, made_by: str) -> str:
+        """What its results are kept under: another one where the log, its place, or ``made_by``
+        (the log before it, vehicle file and version) is another."""
+        about = self.path.stat()
+        text = f"{self.vehicle} {self.path} {about.st_size} {about.st_mtime_ns} {made_by}"
+        return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def logs_of(places: Sequence[str]) -> tuple[FleetLog, ...]:
+    """Every log in folders, at any depth, and of patterns and single files, each once.
+
+    The folder below the one that is given names the vehicle; of logs that lie directly in it, and
+    of single files, the folder they lie in does.  Raises ClutchestError for a place where there is
+    none.
+    """
+    found: dict[Path, FleetLog] = {}
+    for place in places:
+        logs = list(_logs_at(place))
+        if not logs:
+            raise ClutchestError(f"{place}: no log there; expected a folder of logs or a pattern")
+        for log in logs:
+            found.setdefault(log.path.resolve(), log)
+    return tuple(sorted(found.values(), key=lambda log: (log.vehicle, log.path)))
+
+
+def _logs_at(place: str) -> Iterator[FleetLog]:
+    path = Path(place)
+    if path.is_dir():
+        for file in _known(path.rglob("*")):
+            below = file.relative_to(path).parts
+            yield FleetLog(file, below[0] if len(below) > 1 else path.resolve().name)
+        return
+    files = [path] if path.is_file() else [Path(name) for name in _matching(place)]
+    for file in files:
+        if file.is_dir():
+            yield from _logs_at(str(file))
+        elif not file.name.endswith(AGAIN):
+            yield FleetLog(file, file.resolve().parent.name)
+
+
+def _matching(pattern: str) -> list[str]:
+    """Paths that a pattern with ``*``, ``?`` and ``**`` matches."""
+    return sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207 - absolute patterns too
+
+
+def _known(files: Iterable[Path]) -> Iterator[Path]:
+    """Those whose suffix is that of a log, in order of their names."""
+    suffixes = {entry.suffix for entry in log_formats() if entry.suffix} | set(TABLES)
+    for file in sorted(files):
+        plain = file.name.lower().removesuffix(".gz")
+        if file.is_file() and Path(plain).suffix in suffixes and not plain.endswith(AGAIN):
+            yield file

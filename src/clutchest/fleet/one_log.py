@@ -1,0 +1,167 @@
+"""One log of a fleet: its estimates into the dataset, its row into the folder of rows."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clutchest.errors import ClutchestError
+from clutchest.fleet.logs import FleetLog
+
+if TYPE_CHECKING:
+    from clutchest.estimate.run import Run
+    from clutchest.vehicle import Vehicle
+
+DATASET, ROWS = "fleet.parquet", "logs"
+UNKNOWN = "unknown"  # a day
+
+
+@dataclass(frozen=True, slots=True)
+class LogTask:
+    """A log to be estimated over, and everything that a worker needs to know: ``key`` under which
+    its results are kept, ``vehicle`` the vehicle file, ``out`` the folder of the results."""
+
+    log: FleetLog
+    key: str
+    vehicle: str
+    trust: bool
+    out: Path
+    rate: float
+
+    @property
+    def row(self) -> Path:
+        """The file that says that the log is done, and what came out."""
+        return self.out / ROWS / f"{self.key}.json"
+
+
+def estimate_log(task: LogTask, state: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Estimate over one log from the ``state`` that the vehicle's log before has left; returns the
+    state that it leaves.
+
+    Estimates first, then the row, each under its name when it is whole, so that nothing is lost
+    and nothing counts twice when a worker is killed.  A log that cannot be used has a row with
+    its ``error``, and the state is passed on.
+    """
+    from clutchest.estimate.replay import replay
+    from clutchest.reading import read_log
+    from clutchest.record.files import json_text
+
+    if (done := read_row(task.row)) is not None:
+        return done["state"]
+    row: dict[str, Any] = {"vehicle": task.log.vehicle, "log": str(task.log.path), "wear": None}
+    try:
+        car = _vehicle(task.vehicle, task.trust)
+        signals = read_log(task.log.path, car, traffic=False)
+        run = replay(signals, car, rate=task.rate, state=state)
+    except (ClutchestError, OSError) as problem:
+        row |= {"error": str(problem), "drives": [], "state": state}
+    else:
+        _write_estimates(run, task)
+        wear = run.summary["wear"]
+        row |= {"error": None, "drives": drives_of(run), "wear": wear, "state": run.final}
+    with _whole(task.row) as unfinished:
+        unfinished.write_text(json_text(row), encoding="utf-8")
+    written = read_row(task.row)
+    assert written is not None
+    return written["state"]
+
+
+def drives_of(run: Run) -> list[dict[str, Any]]:
+    """Of every drive when it was, how much slip there was, and the states at its end."""
+    rows = []
+    for signals, track in zip(run.signals.drives, run.tracks, strict=True):
+        states = {
+            name: {
+                "value": float(e.value[-1]),
+                "std": float(e.std[-1]),
+                "valid": bool(e.valid[-1]),
+            }
+            for name, e in track.states.items()
+            if len(track.time)
+        }
+        found = track.contradiction
+        rows.append(
+            {
+                "begin": _utc(signals.start_ns),
+                "day": day_of(signals.start_ns),
+                "duration_s": float(track.time[-1]) if len(track.time) else 0.0,
+                "slip_events": len(track.engagements),
+                "slip_energy_J": float(sum(event.energy_J for event in track.engagements)),
+                "contradiction": found.words if found else None,
+                "states": states,
+            }
+        )
+    return rows
+
+
+def begin_of(path: Path) -> int | None:
+    """Epoch time in ns of a log's first frame or row; None where it is not known."""
+    from clutchest.can.files import read_blocks
+    from clutchest.reading.table_files import is_table, load_table
+
+    try:
+        if is_table(path):
+            return load_table(path).start_ns
+        blocks = read_blocks(path)
+        first = next(frames for frames in blocks if len(frames))
+        return int(first.t_ns.min()) if first.absolute else None
+    except (ClutchestError, OSError, StopIteration):
+        return None
+
+
+def day_of(start_ns: int | None) -> str:
+    """The day on which a drive began, UTC."""
+    return (_utc(start_ns) or UNKNOWN)[:10]
+
+
+def _utc(start_ns: int | None) -> str | None:
+    if start_ns is None:
+        return None
+    return datetime.fromtimestamp(start_ns / 1e9, UTC).isoformat(timespec="milliseconds")
+
+
+def _write_estimates(run: Run, task: LogTask) -> None:
+    """The rows of every drive into the folder of its vehicle and day."""
+    from clutchest.table_formats import write_table
+
+    table = run.to_pandas()
+    for drive, signals in enumerate(run.signals.drives):
+        vehicle, day = f"vehicle={task.log.vehicle}", f"day={day_of(signals.start_ns)}"
+        place = task.out / DATASET / vehicle / day / f"{task.key}-{drive}.parquet"
+        with _whole(place) as unfinished:
+            write_table(table[table["drive"] == drive], unfinished)
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A path to write to, which takes its name once all is written."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".{os.getpid()}-{path.name}")
+    try:
+        yield unfinished
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+@lru_cache(maxsize=4)
+def _vehicle(name: str, trust: bool) -> Vehicle:
+    from clutchest.vehicle import load_vehicle
+
+    return load_vehicle(name, trust=trust)
+
+
+def read_row(path: Path) -> dict[str, Any] | None:
+    """A row; None where there is none, or what is there is damaged."""
+    try:
+        row = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return row if isinstance(row, dict) and {"drives", "state"} <= set(row) else None

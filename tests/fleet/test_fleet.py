@@ -1,0 +1,208 @@
+"""A fleet: which logs are whose, comparison of vehicles, and the whole on real workers."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.dataset
+import pytest
+
+import clutchest
+from clutchest.errors import ClutchestError
+from clutchest.fleet import one_log
+from clutchest.fleet.comparison import compare, fleet_level, outliers
+from clutchest.fleet.logs import FleetLog, logs_of
+from clutchest.fleet.one_log import LogTask, estimate_log, read_row
+from clutchest.simulated import write_simulation
+
+RNG = np.random.default_rng(8)
+
+
+def test_whose_a_log_is(tmp_path: Path) -> None:
+    for name in ("a/2024/one.log", "a/two.blf.gz", "b/one.log", "own.csv", "b/notes.txt"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("x")
+    (tmp_path / "b" / "one.log.truth.parquet").write_text("x")
+    found = {(log.vehicle, log.path.name) for log in logs_of([str(tmp_path)])}
+    own = (tmp_path.name, "own.csv")
+    assert found == {("a", "one.log"), ("a", "two.blf.gz"), ("b", "one.log"), own}
+    by_pattern = logs_of([f"{tmp_path}/**/*.log", f"{tmp_path}/b"])
+    assert [(log.vehicle, log.path.name) for log in by_pattern] == [
+        ("2024", "one.log"),
+        ("b", "one.log"),
+    ]
+    with pytest.raises(ClutchestError, match=r"nothing.*: no log there"):
+        logs_of([str(tmp_path / "nothing")])
+
+
+def test_the_spread_of_a_fleet_is_found() -> None:
+    std = RNG.uniform(0.05, 0.2, 2000)
+    y = 3.0 + RNG.normal(0.0, 0.3, 2000) + RNG.normal(0.0, std)
+    mean, variance, tau = fleet_level(y, std)
+    assert abs(mean - 3.0) < 4 * np.sqrt(variance)
+    assert tau == pytest.approx(0.3, rel=0.1)
+    _, _, alike = fleet_level(3.0 + RNG.normal(0.0, std), std)
+    assert alike < 0.05
+
+
+def test_a_healthy_fleet_has_outliers_as_rarely_as_stated() -> None:
+    """Of p-values of vehicles like the others, as many are small as should be."""
+    p = []
+    for _ in range(100):
+        std = RNG.uniform(0.05, 0.2, 12)
+        y = RNG.normal(0.0, 0.1, 12) + RNG.normal(0.0, std)
+        p.append(compare(y, std).p_value)
+    p_value = np.concatenate(p)
+    for level in (0.5, 0.1, 0.01):
+        assert np.mean(p_value < level) <= 2.0 * level
+    assert np.mean(p_value < 0.5) > 0.3
+
+
+def test_few_healthy_fleets_have_an_outlier() -> None:
+    """One in a hundred, as stated: 2 of 200, and more than 7 once in a thousand times."""
+    fleets = 0
+    for _ in range(200):
+        std = RNG.uniform(0.05, 0.2, 12)
+        y = RNG.normal(0.0, 0.1, 12) + RNG.normal(0.0, std)
+        fleets += bool(outliers(y, std, tests=12)[1].any())
+    assert fleets <= 7
+
+
+def test_vehicles_that_differ_are_found_beside_each_other() -> None:
+    std = np.full(10, 0.02)
+    y = 1.0 + RNG.normal(0.0, 0.03, 10)
+    y[3], y[7] = 0.5, 1.6
+    _, differ = outliers(y, std, tests=10)
+    assert np.flatnonzero(differ).tolist() == [3, 7]
+
+
+def test_too_few_vehicles_are_not_compared() -> None:
+    y = np.array([1.0, 2.0, np.nan, 4.0])
+    assert np.isnan(compare(y, np.ones(4)).p_value).all()
+
+
+def write_logs(folder: Path, vehicles: int = 4, worn: int = 2) -> None:
+    """Two short drives of each vehicle; the friction of one is lower."""
+    truck = clutchest.load_vehicle("truck")
+    for k in range(vehicles):
+        effects = {"friction_level": {"change": -0.35}} if k == worn else {}
+        for drive in range(2):
+            place = folder / f"truck-{k}"
+            place.mkdir(parents=True, exist_ok=True)
+            path = place / f"{drive}.log"
+            write_simulation(
+                path, truck, "launches", 10 * k + drive, effects, duration=60.0, truck_seed=k
+            )
+
+
+def task_of(folder: Path, out: Path) -> LogTask:
+    return LogTask(
+        FleetLog(folder / "truck-0" / "0.log", "truck-0"), "k", "truck", False, out, 10.0
+    )
+
+
+def test_one_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_logs(tmp_path / "logs", vehicles=1)
+    task = task_of(tmp_path / "logs", tmp_path / "out")
+    state = estimate_log(task, None)
+    assert state is not None and read_row(task.row)["state"] == state
+    monkeypatch.setattr(one_log, "_write_estimates", None)  # is not done again
+    assert estimate_log(task, None) == state
+    dataset = pyarrow.dataset.dataset(tmp_path / "out" / "fleet.parquet", partitioning="hive")
+    table = dataset.to_table().to_pandas()
+    assert set(table["vehicle"]) == {"truck-0"} and len(table) > 500
+    task.row.write_text("{")
+    assert read_row(task.row) is None
+
+
+def test_a_log_that_cannot_be_used_passes_the_state_on(tmp_path: Path) -> None:
+    (tmp_path / "truck-0").mkdir()
+    (tmp_path / "truck-0" / "0.log").write_text("nothing")
+    task = task_of(tmp_path, tmp_path / "out")
+    assert estimate_log(task, {"x": 1}) == {"x": 1}
+    row = read_row(task.row)
+    assert row is not None and "0.log" in row["error"]
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers, processes of their own."""
+    pytest.importorskip("distributed")
+    about = tmp_path / "scheduler.json"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    command = [*dask, "--scheduler-file", str(about), "--port", "0", "--no-dashboard"]
+    processes = [subprocess.Popen(command, stderr=subprocess.DEVNULL)]
+    try:
+        until = time.monotonic() + 60.0
+        while not about.exists():
+            assert time.monotonic() < until, "the scheduler does not start"
+            time.sleep(0.1)
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1"]
+        options = ["--scheduler-file", str(about), "--no-dashboard", "--memory-limit", "1GiB"]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        processes += [
+            subprocess.Popen(
+                [*worker, *options, "--local-directory", str(tmp_path / f"worker{k}")],
+                env=environment,
+                stderr=subprocess.DEVNULL,
+            )
+            for k in range(2)
+        ]
+        yield json.loads(about.read_text())["address"], processes
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            process.wait()
+
+
+@pytest.mark.slow
+def test_two_workers_of_which_one_is_killed(
+    tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[bytes]]]
+) -> None:
+    address, (_, first, _) = cluster
+    write_logs(tmp_path / "logs", vehicles=5)
+    (tmp_path / "logs" / "truck-1" / "broken.log").write_text("nothing")
+    seen: list[float] = []
+
+    def after_the_first(text: str, share: float | None) -> None:
+        if not seen:
+            first.kill()
+        seen.append(share or 0.0)
+
+    out = tmp_path / "out"
+    fleet = clutchest.analyse_fleet(
+        str(tmp_path / "logs"), "truck", out, scheduler=address, progress=after_the_first
+    )
+    assert len(seen) == 11 and seen[-1] == 1.0
+    assert [one.name for one in fleet.vehicles] == [f"truck-{k}" for k in range(5)]
+    assert all(len(one.drives) == 2 for one in fleet.vehicles)
+    assert list(fleet.rejected) == [str(tmp_path / "logs" / "truck-1" / "broken.log")]
+    assert fleet.outliers == {"truck-2": ["friction"]}
+    dataset = pyarrow.dataset.dataset(out / "fleet.parquet", partitioning="hive").to_table()
+    counted = dataset.to_pandas().groupby("vehicle").size()
+    assert counted.gt(1000).all() and len(counted) == 5
+
+    again: list[float] = []  # nothing is done twice; another log of one vehicle is done alone
+    truck = clutchest.load_vehicle("truck")
+    later = tmp_path / "logs" / "truck-4" / "2.log"
+    write_simulation(later, truck, "launches", 99, {}, duration=60.0, truck_seed=4)
+    more = clutchest.analyse_fleet(
+        str(tmp_path / "logs"),
+        "truck",
+        out,
+        scheduler=address,
+        progress=lambda text, share: again.append(share or 0.0),
+    )
+    assert len(again) <= 3 and len(more.vehicles[4].drives) == 3
+    rows = pd.DataFrame(more.rows()).set_index("vehicle")
+    assert rows["friction_outlier"].tolist() == [False, False, True, False, False]
+    assert (rows["zero_position_low"] < rows["zero_position_high"]).all()
