@@ -49,6 +49,24 @@ def test_finds_what_the_truck_maps(found, truck):
     assert found.companions["engine_torque"]["fraction"].signal == torque.fraction.signal
 
 
+@pytest.mark.parametrize(("vehicle", "scenario"), [("alsd_rig", "rig-steps"), ("alsd_car", "car")])
+def test_finds_what_the_differential_maps(vehicle, scenario, tmp_path):
+    """Its vehicle file, drafted from a log, has every signal, in its unit, and drives the
+    estimator as it is."""
+    shipped, log = load_vehicle(vehicle), tmp_path / "drive.log"
+    write_simulation(log, shipped, scenario, 4, duration=8.0)
+    found = inspect_logs([log])
+    assert found.machine.name == shipped.machine.name
+    assert set(found.candidates) == set(shipped.signals)
+    for name, signal in shipped.signals.items():
+        best = found.candidates[name][0]
+        assert (best.message, best.signal) == (signal.bus.message, signal.bus.signal)
+    found.write_vehicle(tmp_path / "vehicle.toml", tmp_path / "vehicle.toml")
+    run = clutchest.replay(log, tmp_path / "vehicle.toml")
+    assert run.summary["contradiction"] is None
+    assert run.tracks[0].engagements
+
+
 def test_draft_loads_once_the_missing_is_filled_in(found, log, truck, tmp_path):
     assert [text.split(":")[0] for text in found.missing] == ["signals.engine_torque"]
     target = tmp_path / "vehicle.toml"

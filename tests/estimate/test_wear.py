@@ -214,3 +214,60 @@ def test_the_trend_of_many_drives_holds_what_it_says():
     )
     assert amount >= 0.9
     assert speed >= 0.9
+
+
+STEP = 1e-5  # m of free play, from drive to drive
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Three drives of a differential, each from the state that the one before left."""
+    left, runs = None, []
+    for k in range(3):
+        effects = {"free_play_growth": {"growth": (k + 1) * STEP}}
+        short = {"duration": 6.0, "nominal": True}
+        drive = clutchest.simulate("alsd_rig", "rig-steps", 5, effects, **short)
+        runs.append(clutchest.replay(after_days(drive, k), "alsd_rig", state=left))
+        left = json.loads(json.dumps(runs[-1].final))
+    return runs
+
+
+class TestFromDriveToDrive:
+    """Free play of the differential, whose model has no state for the rate of wear."""
+
+    def test_one_drive_has_no_trend(self, runs):
+        wear = runs[0].summary["wear"]
+        assert wear["rate"]["value"] is None and wear["remaining"]["MJ"]["value"] is None
+        assert "--state" in wear["words"][1]
+
+    def test_trend_and_remaining_life(self, runs):
+        energy = [run.final["history"]["slip_energy_J"] / 1e6 for run in runs]
+        for k in (1, 2):
+            wear, true = runs[k].summary["wear"], k * STEP / (energy[k] - energy[0])
+            assert abs(wear["rate"]["value"] - true) < 3 * wear["rate"]["std"]
+            assert wear["rate"]["std"] < 0.1 * true
+            left = wear["remaining"]["m"]["value"] / wear["rate"]["value"]
+            assert wear["remaining"]["MJ"]["value"] == pytest.approx(left)
+            low, high = wear["remaining"]["MJ"]["ci95"]
+            assert low < left < high
+
+    def test_words_are_in_millimetres(self, runs):
+        assert " mm of 0.3 mm, at " in runs[2].summary["wear"]["words"][0]
+
+    def test_an_older_state_file_begins_the_trend(self, runs):
+        left = {**runs[0].final, "history": {"driven_s": 10.0}}
+        run = clutchest.replay(runs[1].signals, "alsd_rig", state=left)
+        assert run.summary["wear"]["rate"]["value"] is None
+        assert run.final["history"]["wear_std"] > 0.0
+
+    @pytest.mark.slow
+    def test_diagnose_knows_the_limit(self, runs):
+        """With a limit below what is worn, the monitor fails; at the shipped one it passes."""
+        vehicle = clutchest.load_vehicle("alsd_rig")
+        limit = replace(vehicle.limits["wear"], value=5e-6)
+        tight = replace(runs[2], vehicle=replace(vehicle, limits={"wear": limit}))
+        for run, status in ((runs[2], "passed"), (tight, "failed")):
+            diagnosis = clutchest.diagnose(run)
+            (monitor,) = [m for m in diagnosis.monitors if m.name == "wear"]
+            assert monitor.status == status, monitor.why
+        assert diagnosis.faults[0].fault == "wear"

@@ -17,6 +17,8 @@ from clutchest.estimate.run import Run, Track
 from clutchest.models.effects import Effect
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
+from clutchest.quantity import Quantity
+from clutchest.shown import plus_minus
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
@@ -143,7 +145,9 @@ def _wear(run: Run, track: Track, per_1000h: float, length: float) -> WearTest:
     worn = wear.sign * (state.value - nominal)
     exceeded = state.valid & (worn - limit.value > reach * state.std)
     last = int(np.flatnonzero(state.valid)[-1])
-    words = f"{worn[last]:.2f} ± {state.std[last]:.2f} {wear.unit} of {limit.value:g} {wear.unit}"
+    shown = Quantity(wear.state, wear.unit)
+    value, std, most = shown.read(np.array([worn[last], state.std[last], limit.value]))
+    words = f"{plus_minus(value, std)} {shown.shown} of {most:g} {shown.shown}"
     if not exceeded.any():
         return WearTest(None, "passed", words)
     k = int(np.argmax(exceeded))

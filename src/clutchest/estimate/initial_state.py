@@ -30,11 +30,16 @@ class History:
     """Sums over the drives so far: how hard the machine is used.
 
     ``slip_energy_J`` is of the same drives as the rest; the state file's own may be of more.
+    ``wear_state`` ± ``wear_std``: the state that wears as it was known first, after ``wear_J`` of
+    slip energy, where no state of the model is the rate of its wear.
     """
 
     driven_s: float = 0.0
     engagements: int = 0
     slip_energy_J: float = 0.0
+    wear_J: float = 0.0
+    wear_state: float = 0.0
+    wear_std: float = 0.0
 
     @classmethod
     def of(cls, state: Mapping[str, Any] | None) -> History:
@@ -51,10 +56,11 @@ class History:
 
     def after(self, driven_s: float, engagements: int, slip_energy_J: float) -> History:
         """The history with one more drive."""
-        return History(
-            self.driven_s + driven_s,
-            self.engagements + engagements,
-            self.slip_energy_J + slip_energy_J,
+        return replace(
+            self,
+            driven_s=self.driven_s + driven_s,
+            engagements=self.engagements + engagements,
+            slip_energy_J=self.slip_energy_J + slip_energy_J,
         )
 
 
@@ -156,8 +162,22 @@ def leave(
         "slip_energy": belief.E.tolist(),
         "slip_energy_covariance": belief.cE.tolist(),
         "slip_energy_signature": belief.sE.tolist(),
-        "history": asdict(history),
+        "history": asdict(_with_wear(vehicle, compiled, belief, history)),
     }
+
+
+def _with_wear(vehicle: Vehicle, compiled: Compiled, belief: Belief, history: History) -> History:
+    """The history, with the state that wears once it is known for the first time."""
+    model, wear = compiled.model, compiled.machine.wear
+    if wear is None or wear.rate_state or history.wear_std > 0.0:
+        return history
+    state = model.states[model.state(wear.state)]
+    std = float(np.sqrt(belief.P[model.state(wear.state), model.state(wear.state)]))
+    useful = vehicle.estimation.get(state.name, state).useful_std
+    if state.name in model.unobservable or not 0.0 < std <= useful:
+        return history
+    value = max(float(belief.x[model.state(wear.state)]), 0.0)
+    return replace(history, wear_J=history.slip_energy_J, wear_state=value, wear_std=std)
 
 
 def contradicted(left: dict[str, Any], found: Contradiction | None) -> dict[str, Any]:

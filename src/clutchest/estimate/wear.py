@@ -12,6 +12,7 @@ from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import covariance
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.declarations import Wear
+from clutchest.quantity import Quantity
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import process_noise
@@ -31,8 +32,39 @@ def wear_trend(
     """
     model, wear = compiled.model, compiled.machine.wear
     names = {state.name for state in model.states} - set(model.unobservable)
-    if wear is None or not wear.rate_state or not {wear.state, wear.rate_state} <= names:
+    if wear is None or not {wear.state, wear.rate_state} - {""} <= names:
         return None
+    known = _estimated(vehicle, compiled, belief) if wear.rate_state else None
+    if known is None:
+        known = _over_drives(vehicle, compiled, belief, history)
+    amount, speed, P = known
+    energy = float(belief.E[0]) / MJ
+    energy_std = sqrt(float(belief.E[1] + np.sum((belief.sE * compiled.spread) ** 2))) / MJ
+    limit = vehicle.limits.get("wear")
+    trend: dict[str, Any] = {
+        "amount": _estimate(amount, sqrt(P[0, 0]), wear.unit),
+        "rate": _estimate(speed, float(np.sqrt(P[1, 1])), f"{wear.unit}/MJ"),
+        "slip_energy": _estimate(energy, energy_std, "MJ"),
+        "limit": None,
+        "remaining": None,
+    }
+    if limit is not None:
+        trend["limit"] = {"value": limit.value, "unit": limit.unit}
+        position = model.state(wear.state)
+        wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
+        left = limit.value - amount
+        trend["remaining"] = _remaining(left, wear.unit, speed, P, wandering, history)
+    trend["words"] = _words(trend, wear)
+    return trend
+
+
+Wearing = tuple[float, float | None, Floats]  # amount, rate, covariance of what is left and rate
+
+
+def _estimated(vehicle: Vehicle, compiled: Compiled, belief: Belief) -> Wearing:
+    """Amount and rate as states of the model."""
+    model, wear = compiled.model, compiled.machine.wear
+    assert wear is not None
     position, rate = model.state(wear.state), model.state(wear.rate_state)
     P = covariance(compiled, belief)[np.ix_([position, rate], [position, rate])]
     amount = wear.sign * (float(belief.x[position]) - vehicle.parameters[wear.nominal].value)
@@ -43,24 +75,24 @@ def wear_trend(
         across = belief.S[[position, rate], k] * compiled.spread[k] ** 2
         P += np.array([[0.0, across[0]], [across[0], 2.0 * across[1] + compiled.spread[k] ** 2]])
     P *= np.outer([-wear.sign, 1.0], [-wear.sign, 1.0])  # of what is left, and of the rate
-    speed = float(belief.x[rate]) + of_file
-    energy = float(belief.E[0]) / MJ
-    energy_std = sqrt(float(belief.E[1] + np.sum((belief.sE * compiled.spread) ** 2))) / MJ
-    limit = vehicle.limits.get("wear")
-    trend: dict[str, Any] = {
-        "amount": _estimate(amount, sqrt(P[0, 0]), wear.unit),
-        "rate": _estimate(speed, sqrt(P[1, 1]), f"{wear.unit}/MJ"),
-        "slip_energy": _estimate(energy, energy_std, "MJ"),
-        "limit": None,
-        "remaining": None,
-    }
-    if limit is not None:
-        trend["limit"] = {"value": limit.value, "unit": limit.unit}
-        wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
-        left = limit.value - amount
-        trend["remaining"] = _remaining(left, wear.unit, speed, P, wandering, history)
-    trend["words"] = _words(trend, wear)
-    return trend
+    return amount, float(belief.x[rate]) + of_file, P
+
+
+def _over_drives(vehicle: Vehicle, compiled: Compiled, belief: Belief, history: History) -> Wearing:
+    """Amount by the present drive; rate by its difference from the first one that knew it, in which
+    errors of parameters cancel: None without an earlier drive."""
+    model, wear = compiled.model, compiled.machine.wear
+    assert wear is not None
+    position = model.state(wear.state)
+    value, own = float(belief.x[position]), float(belief.P[position, position])
+    variance = float(covariance(compiled, belief)[position, position])
+    amount = wear.sign * (value - vehicle.parameters[wear.nominal].value)
+    slipped = (history.slip_energy_J - history.wear_J) / MJ
+    if history.wear_std <= 0.0 or slipped <= 0.0:
+        return amount, None, np.diag([variance, np.inf])
+    rate = wear.sign * (value - history.wear_state) / slipped
+    of_rate = (own + history.wear_std**2) / slipped**2
+    return amount, rate, np.array([[variance, -own / slipped], [-own / slipped, of_rate]])
 
 
 def remaining_energy(left: float, rate: float, P: Floats, wandering: float) -> Interval:
@@ -83,17 +115,21 @@ def remaining_energy(left: float, rate: float, P: Floats, wandering: float) -> I
     return low, (b + root) / a if a > 0.0 and rate > 0.0 else None
 
 
-def _estimate(value: float, std: float, unit: str) -> dict[str, Any]:
+def _estimate(value: float | None, std: float, unit: str) -> dict[str, Any]:
+    if value is None:
+        return {"value": None, "std": None, "ci95": [None, None], "unit": unit}
     return {"value": value, "std": std, "ci95": [value - Z * std, value + Z * std], "unit": unit}
 
 
 def _remaining(
-    left: float, unit: str, rate: float, P: Floats, wandering: float, history: History
+    left: float, unit: str, rate: float | None, P: Floats, wandering: float, history: History
 ) -> dict[str, Any]:
     """What is left, in the ``unit`` of wear, MJ, hours of driving and slip events as seen so
     far."""
-    energy = max(left, 0.0) / rate if rate > 0.0 else (0.0 if left <= 0.0 else None)
-    ends = remaining_energy(left, rate, P, wandering)
+    energy = max(left, 0.0) / rate if rate and rate > 0.0 else (0.0 if left <= 0.0 else None)
+    ends: Interval = (None, None)
+    if rate is not None:
+        ends = remaining_energy(left, rate, P, wandering)
     spent = history.slip_energy_J / MJ
     per_MJ = {
         "MJ": 1.0,
@@ -113,16 +149,30 @@ def _remaining(
 
 def _words(trend: Mapping[str, Any], wear: Wear) -> list[str]:
     """Two sentences."""
-    amount, rate, energy = trend["amount"], trend["rate"], trend["slip_energy"]
-    limit, unit = trend["limit"], wear.unit
-    of = "" if limit is None else f" of {limit['value']:g} {unit}"
-    first = (
-        f"Worn {amount['value']:.2f} ± {amount['std']:.2f} {unit}{of}, at {rate['value']:.3f} ± "
-        f"{rate['std']:.3f} {unit}/MJ; {energy['value']:.3g} MJ of slip so far."
-    )
+    rate, energy, limit = trend["rate"], trend["slip_energy"], trend["limit"]
+    unit = Quantity("wear", wear.unit).shown
+    of = "" if limit is None else f" of {_read(limit['value'], wear):g} {unit}"
+    first = f"Worn {_plus_minus(trend['amount'], wear, 2)} {unit}{of}"
+    if rate["value"] is not None:
+        first += f", at {_plus_minus(rate, wear, 3)} {unit}/MJ"
+    first += f"; {energy['value']:.3g} MJ of slip so far."
     if limit is None:
         return [first, "Remaining life: unknown, the vehicle file has no limit ([limits] wear)."]
+    if rate["value"] is None and trend["remaining"][wear.unit]["value"] > 0.0:
+        return [first, "Remaining life: unknown, a trend takes a drive before this one (--state)."]
     return [first, _left(trend["remaining"], wear)]
+
+
+def _plus_minus(each: Mapping[str, Any], wear: Wear, least: int) -> str:
+    """Value and standard deviation as people read them, with so many decimals at ``least`` and
+    those that the deviation deserves."""
+    value, std = _read(each["value"], wear), _read(each["std"], wear)
+    digits = max(least, -int(np.floor(np.log10(std)))) if std > 0.0 else least
+    return f"{value:.{digits}f} ± {std:.{digits}f}"
+
+
+def _read(value: float, wear: Wear) -> float:
+    return float(Quantity("wear", wear.unit).read(np.array([value]))[0])
 
 
 def _left(left: Mapping[str, Any], wear: Wear) -> str:
@@ -130,7 +180,7 @@ def _left(left: Mapping[str, Any], wear: Wear) -> str:
     if left[wear.unit]["value"] <= 0.0:
         return "The limit is reached."
     if low is None:
-        return f"Remaining life: unknown, by these data the {wear.part} do not wear."
+        return f"Remaining life: unknown, by these data no wear of the {wear.part} shows."
     if high is None:
         words = f"Remaining life: at least {low:.3g} MJ"
         more = _as_driven(left, 0)

@@ -27,7 +27,7 @@ from clutchest.models.alsd.inverse import INVERSE
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
-from clutchest.models.declarations import Event, OutputTracking
+from clutchest.models.declarations import Event, OutputTracking, Wear
 from clutchest.models.effects import effects_in
 from clutchest.models.machine import Machine
 
@@ -67,6 +67,15 @@ MACHINE = Machine(
         request="torque_request",
     ),
     inverse=INVERSE,
+    wear=Wear(
+        state="free_play",
+        nominal="free_play",
+        unit="m",
+        part="clutch pack",
+        sign=1.0,
+        effect="free_play_growth",
+        amount="growth",
+    ),
     limits={"wear": "m"},
     error_terms=ERROR_TERMS,
     covariates=COVARIATES,

@@ -149,21 +149,37 @@ WHEELS = (
     Input("wheel_speed_right", "rad/s", "ω_r", "the other wheel of the axle"),
 )
 
+# How a bus may name them.
+_ARMATURE, _MOTOR = r"(arm(ature)?|mot(or)?|act(uator)?)", r"(mot(or)?|rotor|act(uator)?)"
+_TORQUE, _ANGLE = r"(torque|trq|tq|moment)", r"(ang|pos|phi|alpha)"
+_WHEEL = r"(wheel|whl|rad)\w*(speed|spd|_n_|_w_)\w*?"
 COLUMNS = (
-    Column("armature_voltage", "V", rests=True, noisiest=2.0),
-    Column("armature_current", "A", rests=True, noisiest=5.0),
-    Column("motor_angle", "rad", noisiest=1.0),
-    Column("slip_speed", "rad/s", rests=True, noisiest=2.0),
-    Column("oil_temp", "°C", possible=(-50.0, 180.0, 5.0), noisiest=10.0),
-    Column("armature_temp", "°C", possible=(-50.0, 250.0, 20.0), noisiest=20.0),
-    Column("clutch_torque", "Nm", noisiest=200.0),
-    Column("motor_torque", "Nm", noisiest=1.0),
-    Column("drive_torque", "Nm", noisiest=100.0),
-    Column("shaft_torque", "Nm", noisiest=300.0),
-    Column("drive_angle", "rad", noisiest=0.05),
-    Column("torque_request", "Nm"),
-    Column("wheel_speed_left", "rad/s", rests=True, noisiest=2.0),
-    Column("wheel_speed_right", "rad/s", rests=True, noisiest=2.0),
+    Column("armature_voltage", "V", rests=True, noisiest=2.0, named=_ARMATURE + r"_?(volt|u(_|$))"),
+    Column("armature_current", "A", rests=True, noisiest=5.0, named=_ARMATURE + r"_?(curr|i(_|$))"),
+    Column("motor_angle", "rad", noisiest=1.0, named=f"{_MOTOR}_?{_ANGLE}"),
+    Column("slip_speed", "rad/s", rests=True, noisiest=2.0, named=r"slip|schlupf|delta_?speed"),
+    Column(
+        "oil_temp",
+        "°C",
+        possible=(-50.0, 180.0, 5.0),
+        noisiest=10.0,
+        named=r"(oil|(ö|oe)l|fluid)\w*(temp|_t$)|^t_?oil",
+    ),
+    Column(
+        "armature_temp",
+        "°C",
+        possible=(-50.0, 250.0, 20.0),
+        noisiest=20.0,
+        named=r"(arm(ature)?|winding|coil|mot(or)?)_?\w*temp",
+    ),
+    Column("clutch_torque", "Nm", noisiest=200.0, named=r"(clutch|kupplung)_?\w*" + _TORQUE),
+    Column("motor_torque", "Nm", noisiest=1.0, named=f"{_MOTOR}_?{_TORQUE}"),
+    Column("drive_torque", "Nm", noisiest=100.0, named=r"(drive|servo)_?" + _TORQUE),
+    Column("shaft_torque", "Nm", noisiest=300.0, named=r"(shaft|axle|welle)_?\w*" + _TORQUE),
+    Column("drive_angle", "rad", noisiest=0.05, named=r"(drive|servo)_?" + _ANGLE),
+    Column("torque_request", "Nm", named=_TORQUE + r"_?(req|dem|set|cmd|soll)"),
+    Column("wheel_speed_left", "rad/s", rests=True, noisiest=2.0, named=_WHEEL + r"(l|left|li)$"),
+    Column("wheel_speed_right", "rad/s", rests=True, noisiest=2.0, named=_WHEEL + r"(r|right|re)$"),
 )
 
 SENSORS = (
