@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
 
+import clutchest
 from clutchest.estimate.run import Estimate
 from clutchest.models import machine_of
 from clutchest.record import series
@@ -174,6 +175,21 @@ def test_states_without_an_estimate_take_no_room(run, tmp_path):
     cells = blueprint_of(tmp_path / "blind.rrd").values()
     queries = str([c["ViewContents:query"] for c in cells if "ViewContents:query" in c])
     assert "'/state/zero_position'" in queries and "'/state/friction'" not in queries
+
+
+def test_the_differential_opens_with_torque_voltage_current(tmp_path):
+    """As ID08 Fig. 11 shows an engagement; how the torque followed is a page of its own."""
+    drive = clutchest.simulate("alsd_rig", "rig-steps", 1, duration=4.0)
+    run = clutchest.replay(drive, "alsd_rig")
+    write_recording(run, tmp_path / "rig.rrd")
+    moving, static = read(tmp_path / "rig.rrd")
+    (delays,) = (column(moving["/tracking/delay_s"], "Scalars:scalars"),)
+    assert delays == pytest.approx([1e3 * r.delay_s for r in run.tracks[0].responses])
+    assert "## Tracking" in str(static["/report"].iloc[0].to_dict())
+    views = [c for c in blueprint_of(tmp_path / "rig.rrd").values() if "ViewContents:query" in c]
+    alone = {str(c["ViewContents:query"][0]) for c in views}
+    for name in ("clutch_torque", "armature_voltage", "armature_current"):
+        assert f"['/can/{name}']" in alone
 
 
 def test_nothing_on_the_terminal(run, tmp_path, capfd):

@@ -67,9 +67,10 @@ class Machine:
     ``regimes``: which equations hold when.
 
     ``output``: the model's output that files call ``clutch_torque``, "" for none; ``event``: what
-    stretches of the regimes' event mode report; ``tracking``: how an actuation and its response
-    are recognised; ``inverse``: the actuator for a requested output; ``wear``; ``limits``: what
-    ``[limits]`` of a vehicle file may state, with its unit.
+    stretches of the regimes' event mode report; ``overview``: columns that the
+    opening page of a recording shows, the machine's speeds unless given; ``tracking``: how an
+    actuation and its response are recognised; ``inverse``: the actuator for a requested output;
+    ``wear``; ``limits``: what ``[limits]`` of a vehicle file may state, with its unit.
 
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
@@ -113,6 +114,7 @@ class Machine:
     regimes: RegimeRules = field(default_factory=RegimeRules)
     output: str = ""
     event: Event | None = None
+    overview: tuple[str, ...] = ()
     tracking: OutputTracking | None = None
     inverse: Inverse | None = None
     wear: Wear | None = None

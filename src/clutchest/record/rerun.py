@@ -69,13 +69,13 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
     stream.log(
         "report", rr.TextDocument(markdown(run), media_type=rr.MediaType.MARKDOWN), static=True
     )
-    speeds = [p for p in signals if p.unit == "rpm"]
+    shown = _overview(run) or [p for p in signals if p.unit == "rpm"]
     followed = _send_tracking(stream, run, starts)
     pages = {"signals": signals, "all states": states, "residuals": residuals}
     pages |= {"tracking": followed} if followed else {}
     stream.send_blueprint(
         blueprint(
-            speeds + _informative(run, states),
+            shown + _informative(run, states),
             pages,
             lanes,
             TIMELINE,
@@ -161,6 +161,18 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
             values = np.concatenate([value for _, value in shown])
             entities = [entity for entity, _ in shown]
             panels.append(panel(_heading(group), group[0].shown, entities, values, values))
+    return panels
+
+
+def _overview(run: Run) -> list[Panel]:
+    """A panel for each signal that the machine wants on the opening page."""
+    panels = []
+    for name in run.vehicle.machine.overview:
+        values = [drive[name].value for drive in run.signals.drives if name in drive]
+        if values:
+            quantity = Quantity(name, run.vehicle.machine.units[name])
+            value = quantity.read(np.concatenate(values))
+            panels.append(panel(quantity.label, quantity.shown, [f"can/{name}"], value, value))
     return panels
 
 

@@ -58,6 +58,7 @@ MACHINE = Machine(
     regimes=RULES,
     output="transmitted_torque",
     event=Event("temp_pack"),
+    overview=("clutch_torque", "shaft_torque", "armature_voltage", "armature_current"),
     tracking=OutputTracking(
         drive="armature_current",
         least=0.5,  # A: friction alone holds the motor
