@@ -52,8 +52,8 @@ class Searched:
         reduced.best = fewer
         return reduced
 
-    def keeps_best(self, more, than):
-        return more > 2.0
+    def margin(self, than):
+        return -2.0
 
 
 def backward_eliminated(monkeypatch, p_of, gains):

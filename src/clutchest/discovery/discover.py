@@ -34,6 +34,7 @@ from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable
 from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
 from clutchest.discovery.segmentation import segmented
+from clutchest.discovery.selected_gain import given_above
 from clutchest.discovery.sentences import (
     implausible,
     not_confirmed,
@@ -42,7 +43,7 @@ from clutchest.discovery.sentences import (
 )
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
-from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, rejected_by_holdout
+from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
 from clutchest.memory import give_back
@@ -227,11 +228,19 @@ def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Out
     else:
         outcome = replace(outcome, gain=held_out_gain(verdict.search, verdict.best, other()))
     gain = outcome.gain
-    if gain is None or not gain.other_logs or not rejected_by_holdout(verdict, gain):
-        if not outcome.named:
-            return outcome
-        curve, added = form_correction(verdict, other)
-        return replace(outcome, curve=curve, added=added)
+    if gain is not None and gain.other_logs:
+        least = least_confirmed(verdict)
+        if gain.total < least:
+            return _rejected(verdict, outcome)
+        outcome = replace(outcome, gain=given_above(gain, least))
+    if not outcome.named:
+        return outcome
+    curve, added = form_correction(verdict, other)
+    return replace(outcome, curve=curve, added=added)
+
+
+def _rejected(verdict: SearchVerdict, outcome: _Outcome) -> _Outcome:
+    """What held-out drives have rejected."""
     what = " and ".join(sorted(verdict.best.names))
     if verdict.unnamed:
         what = f"an error in '{outcome.errors[0].equation}'"

@@ -141,12 +141,12 @@ class Search:
         explained = self.null.cost - beside.cost if beside else 0.0
         return max(more_than_noise, INEXACT * explained)
 
-    def keeps_best(self, more: float, than: CauseSet | None = None) -> bool:
-        """Whether the best is still identified, not one ``than`` it with fewer causes (none unless
-        given), when other drives add ``more`` to its improvement of the fit, 2 Δ ln L."""
+    def margin(self, than: CauseSet | None = None) -> float:
+        """By how much the best improves the fit, 2 Δ ln L, beyond what it must to be identified and
+        not one ``than`` it with fewer causes (none unless given)."""
         than = than or self.null
-        improvement = than.cost - self.best.cost + more
-        return improvement >= (len(self.best.causes) - len(than.causes)) * self.least_gain()
+        more = len(self.best.causes) - len(than.causes)
+        return than.cost - self.best.cost - more * self.least_gain()
 
     def reduced_to(self, fewer: CauseSet) -> Search:
         """To a set of fewer causes, or to one of as many that was tried and is more likely."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import exp
+
+import numpy as np
 
 from clutchest.discovery.alternative_modes import (
     cause_in_alternative_mode,
@@ -20,7 +21,6 @@ from clutchest.discovery.form_test import (
 )
 from clutchest.discovery.holdout_gain import held_out_gain
 from clutchest.discovery.residual_curves import Curve, Nuisances, curves
-from clutchest.discovery.result import Gain
 from clutchest.discovery.search import CLOSE, MOST, Search, run
 from clutchest.discovery.several_errors import several_errors
 from clutchest.discovery.shape_profile import Spread, refine
@@ -202,7 +202,7 @@ def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[st
         if (
             worth + more > 0.0
             if p <= ESTABLISHED
-            else more > 0.0 and search.keeps_best(more, fewer)
+            else more > 0.0 and search.margin(fewer) + more >= 0.0
         ):
             confirmed.add(cause.index)
             continue
@@ -212,16 +212,16 @@ def backward_eliminated(search: Search, other: HeldOut) -> tuple[Search, dict[st
     return search, {name: w for name, w in dropped.items() if name not in search.best.names}
 
 
-def rejected_by_holdout(verdict: SearchVerdict, gain: Gain) -> bool:
-    """Whether a result might be noise and is not significant when the ``gain`` on held-out drives
-    counts as well."""
-    search, more = verdict.search, 2.0 * gain.total
+def least_confirmed(verdict: SearchVerdict) -> float:
+    """What a result must gain on held-out drives, ln(probability), not to be rejected: one that
+    might be noise so much that it is significant when that counts as well; −∞ where the log alone
+    establishes it."""
+    search = verdict.search
     if verdict.unnamed:
         p = verdict.p_unnamed
-        likelier = exp(min(-more / 2.0, 700.0))
-        return p > ESTABLISHED and p * likelier > UNNAMED
+        return float(np.log(p / UNNAMED)) if p > ESTABLISHED else -np.inf
     p = max(search.established(c, verdict.best)[1] for c in verdict.best.causes)
-    return p > ESTABLISHED and not search.keeps_best(more)
+    return -search.margin() / 2.0 if p > ESTABLISHED else -np.inf
 
 
 def _significant(errors: Sequence[Curve]) -> bool:
