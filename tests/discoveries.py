@@ -83,6 +83,8 @@ def misfit(drives: int = 1) -> Misfit:
             np.array([0, 0.1, 0.4, 0.9, np.nan]),
             np.array([0.1, 0.1, 0.1, 0.2, np.nan]),
             np.array([50, 40, 30, 9, 0]),
+            np.array([0, 0.0, 0.1, -0.1, np.nan]),
+            np.array([0.1, 0.1, 0.1, 0.2, np.nan]),
         ),
         Bins(
             "zero_position",
@@ -92,6 +94,8 @@ def misfit(drives: int = 1) -> Misfit:
             np.full(5, 0.1),
             np.full(5, 0.1),
             np.full(5, 20),
+            np.full(5, 0.05),
+            np.full(5, 0.1),
         ),
         Bins(
             "engine_speed",
@@ -101,6 +105,8 @@ def misfit(drives: int = 1) -> Misfit:
             np.full(5, 5.0),
             np.full(5, 0.1),
             np.full(5, 20),
+            np.full(5, 0.05),
+            np.full(5, 0.1),
         ),
     )
     return Misfit(

@@ -114,7 +114,8 @@ def test_json_and_nothing_else(run, search, logs, tmp_path, verdict, gain):
     told = json.loads(out)
     assert told["verdict"] == verdict and (told["gain"] is None) == (gain is None)
     assert told == json.loads((tmp_path / "out" / "discovery.json").read_text("utf-8"))
-    files = {"discovery.json", "extended.toml", "misfit.png", "recording.rrd", "report.md"}
+    files = {"discovery.json", "extended.toml", "misfit.png", "recording.rrd", "report.html"}
+    files |= {"report.md"}
     assert {p.name for p in (tmp_path / "out").iterdir()} == files
 
 

@@ -32,7 +32,14 @@ class Own(Effect):
     name, model, equation = "own", "dry_clutch", "torque"
     parameters = (Number("scale", "mm", -1.0, 1.0),)
 """
-FILES = ["discovery.json", "extended.toml", "misfit.png", "recording.rrd", "report.md"]
+FILES = [
+    "discovery.json",
+    "extended.toml",
+    "misfit.png",
+    "recording.rrd",
+    "report.html",
+    "report.md",
+]
 
 
 def no_constant(name):

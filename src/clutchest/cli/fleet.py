@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Trust, VehicleName
 from clutchest.cli.terminal import answer, progress
 
@@ -15,6 +17,29 @@ if TYPE_CHECKING:
     from clutchest.fleet.fleet import Fleet
 
 
+@dataclass(frozen=True, slots=True)
+class ClusterOptions:
+    """Where the work is done."""
+
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            show_default=False,
+            help="A Dask scheduler, tcp://host:8786, whose workers see the same files; without it "
+            "processes of this machine.",
+        ),
+    ] = None
+    workers: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=1, show_default=False, help="So many of these processes."),
+    ] = None
+
+
+HERE = ClusterOptions()
+
+
+@grouped
 def fleet(
     places: Annotated[
         list[str],
@@ -26,19 +51,7 @@ def fleet(
         ),
     ],
     vehicle: VehicleName,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            show_default=False,
-            help="A Dask scheduler, tcp://host:8786, whose workers see the same files; without it "
-            "processes of this machine.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, show_default=False, help="So many of these processes."),
-    ] = None,
+    where: ClusterOptions = HERE,
     rate: Annotated[
         float,
         typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
@@ -67,8 +80,8 @@ def fleet(
             places,
             vehicle,
             out,
-            scheduler=scheduler,
-            workers=workers,
+            scheduler=where.scheduler,
+            workers=where.workers,
             trust=trust,
             rate=rate,
             progress=show,

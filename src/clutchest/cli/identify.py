@@ -61,7 +61,8 @@ def identify(
     """Fit numbers of a vehicle file to your own logs.
 
     Writes vehicle.toml (the vehicle with the numbers that the logs determine, their spreads and
-    source), fit.json (each with its interval, or why it is not determined) and pictures.
+    source), fit.json (each with its interval, or why it is not determined), pictures and
+    report.html.
 
     \b
     Example:
@@ -77,6 +78,7 @@ def identify(
         from clutchest.identify.fit import print_fit
         from clutchest.reading import read_log
         from clutchest.record.files import finished_into, json_text
+        from clutchest.record.html_reports import fit_page
         from clutchest.vehicle.trust import trust_written
 
         car = loaded(vehicle, trust)
@@ -90,6 +92,7 @@ def identify(
             (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")
             fit.write_vehicle(folder / "vehicle.toml", out / "vehicle.toml")
             fit.draw(folder)
+            (folder / "report.html").write_text(fit_page(fit), encoding="utf-8")
             names = sorted(path.name for path in folder.iterdir())
         trust_written(fit.vehicle, out / "vehicle.toml")
     answer(fit.as_dict(), as_json, lambda console: print_fit(fit, car, console), out, names)

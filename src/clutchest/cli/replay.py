@@ -50,6 +50,9 @@ def replay(
     innovations: Annotated[
         bool, typer.Option("--innovations", help="Also write innovations.parquet.")
     ] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write report.html, a page to mail or print.")
+    ] = False,
     formats: Annotated[
         list[TableFormat] | None,
         typer.Option(
@@ -79,6 +82,6 @@ def replay(
 
         run = estimated(source, window, show, rate=rate, smooth=smooth, engine=engine)
         show("writing", None)
-        written = write_run(run, out, innovations, formats or ())
+        written = write_run(run, out, innovations, formats or (), report)
     names = [path.name for path in written]
     answer(run.summary, as_json, lambda console: print_run(run, console), out, names)

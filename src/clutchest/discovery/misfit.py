@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.discovery.covariates import covariates
 from clutchest.discovery.residuals import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
 from clutchest.inference.objective import Linearisation, Objective
+from clutchest.signals import Floats
 
 BINS = 8
 FEWEST = 40  # readings in a mode that are worth a picture
@@ -23,6 +25,7 @@ def misfit(objective: Objective, before: Linearisation, after: Linearisation) ->
     bins: list[Bins] = []
     levels: list[Level] = []
     white = objective.whitened(before).r
+    mended = white if after is before else objective.whitened(after).r
     sensor = np.concatenate([d.readings.sensor for d in problem.drives])
     mode = np.concatenate([d.readings.mode for d in problem.drives])
     for s, name in enumerate(sensors):
@@ -45,11 +48,8 @@ def misfit(objective: Objective, before: Linearisation, after: Linearisation) ->
                     continue
                 of = np.clip(np.searchsorted(edges, joined, side="right") - 1, 0, len(edges) - 2)
                 count = np.bincount(of, minlength=len(edges) - 1)
-                safe = np.maximum(count, 1)
-                mean = np.bincount(of, r, minlength=len(edges) - 1) / safe
-                square = np.bincount(of, r**2, minlength=len(edges) - 1) / safe
-                error = np.sqrt(np.maximum(square - mean**2, 0.0) / safe)
-                bins.append(Bins(name, modes[m], covariate, edges, mean, error, count))
+                means = (*_means(r, of, count), count, *_means(mended[rows], of, count))
+                bins.append(Bins(name, modes[m], covariate, edges, *means))
     extended = simulated if after is before else torques(problem, after)
     return Misfit(
         sensors,
@@ -61,3 +61,11 @@ def misfit(objective: Objective, before: Linearisation, after: Linearisation) ->
         tuple(bins),
         tuple(levels),
     )
+
+
+def _means(r: Floats, of: NDArray, count: NDArray) -> tuple[Floats, Floats]:
+    """Mean of ``r`` (n) in every bin and its standard error (b), ``of`` (n) the bin of each."""
+    safe = np.maximum(count, 1)
+    mean = np.bincount(of, r, minlength=len(count)) / safe
+    square = np.bincount(of, r**2, minlength=len(count)) / safe
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0) / safe)

@@ -65,7 +65,7 @@ def draw_misfit(misfit: Misfit, machine: Machine, driver: str | None, extended: 
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _draw_torque(misfit, machine, extended, left)
-    _draw_bins(misfit, machine, driver, right)
+    _draw_bins(misfit, machine, driver, extended, right)
     return figure
 
 
@@ -91,7 +91,9 @@ def _draw_torque(misfit: Misfit, machine: Machine, extended: bool, axes: Axes) -
     axes.legend(fontsize=8)
 
 
-def _draw_bins(misfit: Misfit, machine: Machine, driver: str | None, axes: Axes) -> None:
+def _draw_bins(
+    misfit: Misfit, machine: Machine, driver: str | None, extended: bool, axes: Axes
+) -> None:
     bins = most_significant(misfit.bins, driver)
     if bins is None:
         _say(axes, "too few readings for binned residuals")
@@ -100,16 +102,23 @@ def _draw_bins(misfit: Misfit, machine: Machine, driver: str | None, axes: Axes)
     axes.axhline(0.0, color="0.6", lw=0.8)
     edges = quantity.read(bins.edges)
     shown = bins.count > 0
-    axes.errorbar(
-        (0.5 * (edges[:-1] + edges[1:]))[shown],
-        bins.mean[shown],
-        xerr=(0.5 * np.diff(edges))[shown],
-        yerr=2 * bins.error[shown],
-        fmt="o",
-        ms=4,
-        lw=1.2,
-        color="C3",
-    )
+    series = [("original model", "C3", bins.mean, bins.error)]
+    if extended:
+        series.append(("extended model", "C1", bins.after, bins.after_error))
+    for label, colour, mean, error in series:
+        axes.errorbar(
+            (0.5 * (edges[:-1] + edges[1:]))[shown],
+            mean[shown],
+            xerr=(0.5 * np.diff(edges))[shown],
+            yerr=2 * error[shown],
+            fmt="o",
+            ms=4,
+            lw=1.2,
+            color=colour,
+            label=label,
+        )
+    if extended:
+        axes.legend(fontsize=8)
     sensor = Quantity(bins.sensor, "1").words
     axes.set_title(f"residual of {sensor}, {bins.mode}", loc="left", fontsize=9)
     axes.set_xlabel(quantity.label)

@@ -13,7 +13,8 @@ from clutchest.signals import Floats
 class Bins:
     """Mean residual of one sensor in one mode over one covariate, in standard deviations.
 
-    ``edges`` (b + 1), ``mean`` (b) with its standard error ``error`` (b), ``count`` (b).
+    ``edges`` (b + 1), ``mean`` (b) with its standard error ``error`` (b), ``count`` (b);
+    ``after`` (b) and ``after_error`` (b): the same residuals in the extended model.
     """
 
     sensor: str
@@ -23,6 +24,8 @@ class Bins:
     mean: Floats
     error: Floats
     count: NDArray
+    after: Floats
+    after_error: Floats
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ _STEPS = 200  # of τ, of which the most probable one is taken
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class FleetComparison:
     """Of v vehicles: what the others of the fleet lead one to expect (``expected`` ± ``spread``),
     and the ``p_value`` of what was estimated, (v,) each; NaN where that cannot be said."""
 
@@ -45,7 +45,7 @@ def fleet_level(y: Floats, std: Floats) -> tuple[float, float, float]:
     return float(mean[best]), float(1.0 / total[best]), float(tau[best])
 
 
-def compare(y: Floats, std: Floats, others: NDArray[np.bool_] | None = None) -> Comparison:
+def compare(y: Floats, std: Floats, others: NDArray[np.bool_] | None = None) -> FleetComparison:
     """Every vehicle against the rest; ``others`` (v,) may be counted among the rest."""
     from scipy.stats import t as student
 
@@ -60,10 +60,10 @@ def compare(y: Floats, std: Floats, others: NDArray[np.bool_] | None = None) -> 
         expected[v] = mean
         spread[v] = np.sqrt(tau**2 + std[v] ** 2 + variance)
         p_value[v] = 2.0 * student.sf(abs(y[v] - mean) / spread[v], rest.sum() - 1)
-    return Comparison(expected, spread, p_value)
+    return FleetComparison(expected, spread, p_value)
 
 
-def outliers(y: Floats, std: Floats, tests: int) -> tuple[Comparison, NDArray[np.bool_]]:
+def outliers(y: Floats, std: Floats, tests: int) -> tuple[FleetComparison, NDArray[np.bool_]]:
     """Vehicles that are none of the fleet's, where one in ``1 / LEVEL`` fleets has a false one
     among ``tests`` numbers.
 

@@ -7,13 +7,14 @@ from typing import Any
 
 from clutchest.fleet.fleet import Fleet
 from clutchest.fleet.one_log import DATASET
+from clutchest.fleet.report import fleet_page
 from clutchest.record.files import finished_into
 from clutchest.table_formats import write_table
 
 
 def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
-    """Write ``summary.parquet`` (a row a vehicle) and ``drives.parquet`` (a row a drive); gives the
-    paths of these and of the dataset."""
+    """Write ``summary.parquet`` (a row a vehicle), ``drives.parquet`` (a row a drive) and
+    ``report.html``; gives the paths of these and of the dataset."""
     import pandas as pd
 
     summary = pd.DataFrame(fleet.rows())
@@ -21,6 +22,7 @@ def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
     with finished_into(out) as folder:
         write_table(summary, folder / "summary.parquet")
         write_table(pd.DataFrame(drive_rows(fleet)), folder / "drives.parquet")
+        (folder / "report.html").write_text(fleet_page(fleet), encoding="utf-8")
         names = sorted(path.name for path in folder.iterdir())
     return [out / name for name in (*names, DATASET)]
 

@@ -14,16 +14,19 @@ import numpy as np
 from clutchest import __version__
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
-from clutchest.fleet.comparison import Comparison, outliers
+from clutchest.fleet.comparison import FleetComparison, outliers
 from clutchest.fleet.logs import FleetLog, logs_of
 from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
+from clutchest.quantity import Quantity
 from clutchest.shown import Showing, Shown, plus_minus
 from clutchest.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+    from clutchest.pictures import Picture
 
 WEAR_RATE = "wear_per_MJ"
 Z = 1.96  # standard deviations of a 95 % interval
@@ -49,7 +52,7 @@ class Fleet(Showing):
 
     vehicle: Vehicle
     vehicles: tuple[FleetVehicle, ...]
-    compared: Mapping[str, tuple[Comparison, np.ndarray]]
+    compared: Mapping[str, tuple[FleetComparison, np.ndarray]]
 
     @property
     def outliers(self) -> dict[str, list[str]]:
@@ -111,6 +114,20 @@ class Fleet(Showing):
                 }
             rows.append(row)
         return rows
+
+    def plot(self) -> Picture:
+        """Every property of every vehicle ± 2σ, what the others lead one to expect in grey; red
+        where it differs."""
+        from clutchest.fleet.picture import draw_fleet
+
+        missing = (np.nan, np.nan)
+        quantities = {name: Quantity(name, self.units[name]) for name in self.compared}
+        numbers = {
+            quantity: tuple(np.array([v.properties.get(name, missing) for v in self.vehicles]).T)
+            for name, quantity in quantities.items()
+        }
+        compared = {quantities[name]: each for name, each in self.compared.items()}
+        return draw_fleet([v.name for v in self.vehicles], numbers, compared)
 
     def shown(self) -> Shown:
         """The vehicles with their properties; an exclamation mark where one differs."""
@@ -183,7 +200,7 @@ def analyse_fleet(
 
 def compared(
     vehicles: Sequence[FleetVehicle], names: Sequence[str]
-) -> dict[str, tuple[Comparison, np.ndarray]]:
+) -> dict[str, tuple[FleetComparison, np.ndarray]]:
     """Every property that some vehicle has, compared between them."""
     known = [name for name in names if any(name in one.properties for one in vehicles)]
     missing = (np.nan, np.nan)

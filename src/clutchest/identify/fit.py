@@ -187,14 +187,14 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
         unit = "" if fitted.unit == "1" else f" {fitted.unit}"
         first, last = ("" if name == last else name), name
         if fitted.determined:
-            span = _interval(fitted)
+            span = interval(fitted)
             note = f"; {fitted.note}" if fitted.note else ""
             table.add_row(first, leaf, was, is_ + unit, escape(span + note))
         else:
             table.add_row(first, leaf, was, "–", escape(fitted.why or ""), style="dim")
     console.print(table)
     if fit.validation is not None:
-        console.print(escape(_in_words(fit.validation)))
+        console.print(escape(in_words(fit.validation)))
     for note in fit.notes:
         console.print(escape(note))
     for warning in fit.warnings:
@@ -208,12 +208,13 @@ def _digits(fitted: Fitted) -> int:
     return max(4, ceil(log10(abs(fitted.value) / fitted.std)) + 1)
 
 
-def _interval(fitted: Fitted) -> str:
+def interval(fitted: Fitted) -> str:
+    """The 95 % interval, as many digits as it deserves."""
     digits = max(3, _digits(fitted) - 1) if fitted.std else 3
     return f"{fitted.low:.{digits}g} … {fitted.high:.{digits}g}"
 
 
-def _in_words(validation: Validation) -> str:
+def in_words(validation: Validation) -> str:
     """The validation in a line."""
     words = [
         f"error of {e.what} {e.before:.3g} → {e.after:.3g} {e.unit}"

@@ -15,17 +15,20 @@ from clutchest.extras import installed
 from clutchest.record.arrow import without_pandas
 from clutchest.record.diagnosis_report import details, headline
 from clutchest.record.files import finished_into, json_text
+from clutchest.record.html_reports import NAME as REPORT
+from clutchest.record.html_reports import diagnosis_page
 
 STYLES = {"failed": "bold red", "passed": "green", "not run": "dim"}
 
 
 def write_diagnosis(diagnosis: Diagnosis, out: Path) -> list[Path]:
-    """Write ``diagnosis.json`` and ``recording.rrd``; gives the paths written.
+    """Write ``diagnosis.json``, ``report.html`` and ``recording.rrd``; gives the paths written.
 
     Raises ClutchestError if ``out`` is no folder, OSError if the disk refuses.
     """
     with without_pandas(), finished_into(out) as folder:
         (folder / "diagnosis.json").write_text(json_text(diagnosis.summary()), encoding="utf-8")
+        (folder / REPORT).write_text(diagnosis_page(diagnosis), encoding="utf-8")
         if installed("rerun"):
             from clutchest.record.rerun import write_recording
 

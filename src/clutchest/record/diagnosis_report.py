@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from clutchest.diagnosis.result import Fault
-from clutchest.record.quantities import Quantity
+from collections.abc import Sequence
+
+from clutchest.diagnosis.codes import WEAR
+from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
+from clutchest.quantity import Quantity
+from clutchest.record.report import table
 
 
 def headline(fault: Fault) -> str:
@@ -49,3 +53,32 @@ def freeze_frame(fault: Fault) -> str:
             for c in fault.causes
         ]
     return "\n".join(lines) + "\n"
+
+
+def diagnosis_markdown(diagnosis: Diagnosis, pictures: Sequence[str] = ()) -> str:
+    """One page of Markdown: faults with their freeze frames, every monitor, and what this drive
+    could have shown; ``pictures``: names of those of the monitors, one a drive."""
+    faults, run = diagnosis.faults, diagnosis.run
+    title = ", ".join(fault.fault for fault in faults) or "no fault detected"
+    names = [name for drive in run.signals.drives for name in drive.sources]
+    parts = [f"# {run.vehicle.name}: {title}", f"From {', '.join(names)}."]
+    parts += [freeze_frame(fault) for fault in faults]
+    if pictures:
+        parts.append("## Monitors over time: passed (green), failed (red)")
+        parts += [f"![Monitors of a drive over time]({name})" for name in pictures]
+    rows = [(m.name, m.status, m.why) for m in diagnosis.monitors]
+    parts += ["## Monitors", table(("monitor", "status", "why"), rows)]
+    if diagnosis.isolability is not None:
+        parts += ["## Detection limits of this drive", _limits(diagnosis.isolability)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _limits(isolability: Isolability) -> str:
+    """From which size on each fault would have been detected, and the sensors that it affects."""
+    rows = []
+    for i, fault in enumerate(isolability.faults):
+        size, unit = isolability.detectable[i], isolability.units[i]
+        never = "its limit" if fault == WEAR else "never"
+        words = never if size is None else f"{size:.2g}" + ("" if unit == "1" else f" {unit}")
+        rows.append((fault, words, "; ".join(isolability.structure.get(fault, ())) or "no sensor"))
+    return table(("fault", "detectable from (50 %)", "affects"), rows)

@@ -9,6 +9,8 @@ from clutchest.discovery.result import Discovery
 from clutchest.extras import installed
 from clutchest.record.discovery_report import report, title
 from clutchest.record.files import finished_into, json_text
+from clutchest.record.html_reports import NAME as REPORT
+from clutchest.record.html_reports import discovery_page
 from clutchest.vehicle import dump_vehicle
 from clutchest.vehicle.trust import trust_written
 
@@ -16,9 +18,9 @@ NAME, PICTURE, FORMS = "extended.toml", "misfit.png", "form.png"
 
 
 def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
-    """Write ``discovery.json``, ``extended.toml``, ``report.md`` with its pictures and
-    ``recording.rrd``.  Python files of the user's own are copied beside ``extended.toml``, which
-    is trusted: they have run already.
+    """Write ``discovery.json``, ``extended.toml``, ``report.md`` with its pictures, the same as
+    ``report.html``, and ``recording.rrd``.  Python files of the user's own are copied beside
+    ``extended.toml``, which is trusted: they have run already.
 
     All are finished beside their place first.  Gives the paths written.  Raises ClutchestError if
     ``out`` is no folder, OSError if the disk refuses.
@@ -28,6 +30,7 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
         dump_vehicle(discovery.extended, folder / NAME, _heading(discovery), out / NAME)
         misfit, forms = _draw(discovery, folder)
         (folder / "report.md").write_text(report(discovery, misfit, forms), encoding="utf-8")
+        (folder / REPORT).write_text(discovery_page(discovery), encoding="utf-8")
         if installed("rerun"):
             from clutchest.record.discovery_recording import write_discovery_recording
 

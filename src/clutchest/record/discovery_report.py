@@ -12,6 +12,7 @@ from clutchest.discovery.result import Cause, Discovery, Form, Gain, Rival, Size
 from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
+from clutchest.record.error_curve import error_curve_words
 from clutchest.record.report import rounded, table
 from clutchest.shipped import shipped
 from clutchest.signals import Counts
@@ -176,20 +177,28 @@ def next_commands(discovery: Discovery) -> list[str]:
     ]
 
 
-def report(discovery: Discovery, picture: str | None = None, forms: str | None = None) -> str:
+def report(
+    discovery: Discovery,
+    picture: str | None = None,
+    forms: str | None = None,
+    curve: str | None = None,
+) -> str:
     """One page of Markdown; ``picture`` is the file name of the misfit's, ``forms`` that of the
-    causes' forms, if they stand beside."""
+    causes' forms, ``curve`` that of an error without a name, if they stand beside."""
     parts = [f"# {discovery.vehicle.name}: {title(discovery)}", *_fit(discovery)]
     parts.append(f"**{discovery.sentence}**")
     parts += [words] if (words := whereabouts(discovery)) else []
     if picture:
         parts.append(f"![Residuals of the model, and what they correlate with]({picture})")
+    parts += [words] if (words := error_curve_words(discovery)) else []
+    parts += [f"![The error over what it correlates with]({curve})"] if curve else []
     parts += _results(discovery, forms)
     if discovery.experiment:
         parts += ["## Next manoeuvre", discovery.experiment.words]
         if commands := next_commands(discovery):
             parts.append("To try it in simulation:\n\n" + _code(commands))
     parts += ["## Not detectable in this log", unexcited_words(discovery)]
+    parts += ["## Detection limits", _limits(discovery)] if discovery.identifiability else []
     if discovery.misfit.levels:
         parts += ["## Residuals of the original model", _levels(discovery)]
     if discovery.warnings:
@@ -216,6 +225,22 @@ def _fit(discovery: Discovery) -> list[str]:
         p = discovery.fit_extended.p_value
         parts.append(f"The same test of the extended model: p = {p:.2g}.")
     return parts
+
+
+def _limits(discovery: Discovery) -> str:
+    """From which size on each effect would have been detected."""
+    rows = [
+        (
+            i.effect,
+            "no size"
+            if i.detectable_size is None
+            else f"{i.detectable_size:.3g} {_unit(i.unit)}".rstrip(),
+            f"{i.plausible_size:.3g} {_unit(i.unit)}".rstrip(),
+            "yes" if i.excited else "no",
+        )
+        for i in discovery.identifiability
+    ]
+    return table(("effect", "detectable from (50 %)", "largest plausible", "detectable"), rows)
 
 
 def _results(discovery: Discovery, forms: str | None) -> list[str]:

@@ -32,10 +32,14 @@ def json_text(value: Any) -> str:
 
 
 def write_run(
-    run: Run, out: Path, innovations: bool = False, formats: Sequence[str] = ()
+    run: Run,
+    out: Path,
+    innovations: bool = False,
+    formats: Sequence[str] = (),
+    report: bool = False,
 ) -> list[Path]:
     """Write ``estimates.parquet``, ``summary.json``, ``recording.rrd`` (where rerun is installed)
-    and ``state.json``.
+    and ``state.json``; with ``report`` also ``report.html``.
 
     With ``innovations`` also ``innovations.parquet`` (time, drive, sensor, innovation, std), with
     ``formats`` (``csv``, ``xlsx``, ``mf4``, ``mcap``) the estimates in these files too.  All
@@ -44,6 +48,8 @@ def write_run(
     refuses.
     """
     from clutchest.record.arrow import without_pandas
+    from clutchest.record.html_reports import NAME as REPORT
+    from clutchest.record.html_reports import run_page
 
     with finished_into(out) as folder:
         with without_pandas():
@@ -58,12 +64,16 @@ def write_run(
                 write_recording(run, folder / "recording.rrd")
             if innovations:
                 _write_tables(_innovations(run), folder / INNOVATIONS, run.provenance)
+        if report:
+            (folder / REPORT).write_text(run_page(run), encoding="utf-8")
         for suffix in formats:
             write_table(run.to_pandas(), folder / f"estimates.{suffix}")
         names = sorted(path.name for path in folder.iterdir())
     if not innovations:
         # Those of an earlier run would not belong to the estimates beside them.
         (out / INNOVATIONS).unlink(missing_ok=True)
+    if not report:
+        (out / REPORT).unlink(missing_ok=True)
     return [out / name for name in names]
 
 

@@ -61,9 +61,9 @@ def informed(state: Mapping[str, Any]) -> str:
     return "; ".join(parts)
 
 
-def markdown(run: Run) -> str:
+def markdown(run: Run, how_to_read: str = _HOW_TO_READ) -> str:
     """Summary, final states, engagements and warnings of ``run`` as one Markdown text."""
-    parts = [f"# {run.vehicle.name}", *map(_bold, contradiction(run)), _sources(run), _HOW_TO_READ]
+    parts = [f"# {run.vehicle.name}", *map(_bold, contradiction(run)), _sources(run), how_to_read]
     parts += ["## Estimates at the end", _states(run), BITS]
     if run.summary["wear"]:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]

@@ -1,0 +1,25 @@
+"""The report of a fleet: who differs, every vehicle with its properties, and what was not used."""
+
+from __future__ import annotations
+
+from clutchest.extras import installed
+from clutchest.fleet.fleet import Fleet
+from clutchest.record.html import page, vector
+from clutchest.record.report import table
+
+
+def fleet_page(fleet: Fleet) -> str:
+    """One page of HTML."""
+    shown = fleet.shown()
+    parts = [f"# {fleet.vehicle.name}: {shown.line}"]
+    parts.append("\n".join(f"- **{words}**" for words in fleet.differences()))
+    parts.append(table(shown.header, shown.rows))
+    parts.append("± 1σ; ! marks what the other vehicles do not lead one to expect.")
+    pictures = {}
+    if installed("matplotlib") and fleet.compared:
+        pictures["properties"] = vector(fleet.plot())
+        parts.append("![Properties of every vehicle, and what the fleet expects](properties)")
+    if fleet.rejected:
+        rows = [(log, why) for log, why in fleet.rejected.items()]
+        parts += ["## Logs that could not be used", table(("log", "why"), rows)]
+    return page(f"{fleet.vehicle.name}: fleet", "\n\n".join(parts), pictures)

@@ -1,0 +1,76 @@
+"""``report.html`` of a replay, a diagnosis, a discovery and a fit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from clutchest.extras import installed
+from clutchest.record.html import bitmap, page, vector
+
+if TYPE_CHECKING:
+    from clutchest.diagnosis.result import Diagnosis
+    from clutchest.discovery.result import Discovery
+    from clutchest.estimate.run import Run
+    from clutchest.identify.fit import Fit
+
+NAME = "report.html"
+DRAWN = 4  # drives whose estimates are drawn
+
+
+def run_page(run: Run) -> str:
+    """Estimates over time of the first drives, then the tables of the report."""
+    from clutchest.record.report import markdown
+
+    count = min(len(run.tracks), DRAWN) if installed("matplotlib") else 0
+    drawn = [drive for drive in range(count) if len(run.tracks[drive].time)]
+    pictures = {f"drive{drive}": bitmap(run.plot(drive)._repr_png_()) for drive in drawn}
+    several = len(run.tracks) > 1
+    parts = ["## Estimates over time, ± 2σ; grey where an estimate is not valid"] if drawn else []
+    for drive in drawn:
+        parts += [f"### Drive {drive}"] if several else []
+        parts.append(f"![Estimates of drive {drive} over time](drive{drive})")
+    if drawn and len(run.tracks) > len(drawn):
+        parts.append(f"Drawn are {len(drawn)} of {len(run.tracks)} drives.")
+    return page(run.vehicle.name, markdown(run, "") + "\n" + "\n\n".join(parts), pictures)
+
+
+def diagnosis_page(diagnosis: Diagnosis) -> str:
+    """Faults, then the monitors over time, and what could have been detected."""
+    from clutchest.record.diagnosis_report import diagnosis_markdown
+
+    run, pictures = diagnosis.run, {}
+    if installed("matplotlib"):
+        drives = [d for d in range(min(len(run.tracks), DRAWN)) if len(run.tracks[d].time)]
+        pictures = {f"drive{d}": vector(diagnosis.plot(d)) for d in drives}
+    words = diagnosis_markdown(diagnosis, list(pictures))
+    return page(f"{run.vehicle.name}: diagnosis", words, pictures)
+
+
+def discovery_page(discovery: Discovery) -> str:
+    """The same as ``report.md``, with the curve of an error that has no name."""
+    from clutchest.record.discovery_report import report
+
+    pictures = {}
+    if installed("matplotlib"):
+        from clutchest.record.error_curve_picture import draw_error_curve
+        from clutchest.record.form_picture import draw_forms
+
+        drawn = {
+            "misfit": discovery.plot(),
+            "forms": draw_forms(discovery),
+            "curve": draw_error_curve(discovery),
+        }
+        pictures = {name: vector(each) for name, each in drawn.items() if each is not None}
+    names = {name: name if name in pictures else None for name in ("misfit", "forms", "curve")}
+    text = report(discovery, names["misfit"], names["forms"], names["curve"])
+    return page(f"{discovery.vehicle.name}: discovery", text, pictures)
+
+
+def fit_page(fit: Fit) -> str:
+    """The numbers with their intervals, and data against fit."""
+    from clutchest.record.fit_report import fit_markdown
+
+    drawn = {picture.name: picture.png for picture in fit.plot()} if installed("matplotlib") else {}
+    pictures = {name: bitmap(png) for name, png in drawn.items()}
+    title = f"{fit.vehicle.name}: {fit.procedure}"
+    return page(title, fit_markdown(fit, list(pictures)), pictures)
