@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
@@ -29,6 +30,30 @@ class TableFormat(StrEnum):
     mcap = "mcap"
 
 
+@dataclass(frozen=True, slots=True)
+class ExtraFiles:
+    """What is written beside the usual files."""
+
+    innovations: Annotated[
+        bool, typer.Option("--innovations", help="Also write innovations.parquet.")
+    ] = False
+    report: Annotated[
+        bool, typer.Option("--report", help="Also write report.html, a page to mail or print.")
+    ] = False
+    formats: Annotated[
+        list[TableFormat] | None,
+        typer.Option(
+            "--format",
+            metavar="csv|xlsx|mf4|mcap",
+            show_default=False,
+            help="Also write the estimates as estimates.csv, …; repeat for several.",
+        ),
+    ] = None
+
+
+USUAL = ExtraFiles()
+
+
 @grouped
 def replay(
     source: SourceOptions,
@@ -47,20 +72,7 @@ def replay(
             "--engine", help="Which filter: the compiled one, or filterpy's (the same, slowly)."
         ),
     ] = Engine.kernel,
-    innovations: Annotated[
-        bool, typer.Option("--innovations", help="Also write innovations.parquet.")
-    ] = False,
-    report: Annotated[
-        bool, typer.Option("--report", help="Also write report.html, a page to mail or print.")
-    ] = False,
-    formats: Annotated[
-        list[TableFormat] | None,
-        typer.Option(
-            "--format",
-            show_default=False,
-            help="Also write the estimates as estimates.csv, …; repeat for several.",
-        ),
-    ] = None,
+    extra: ExtraFiles = USUAL,
     window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
@@ -82,6 +94,6 @@ def replay(
 
         run = estimated(source, window, show, rate=rate, smooth=smooth, engine=engine)
         show("writing", None)
-        written = write_run(run, out, innovations, formats or (), report)
+        written = write_run(run, out, extra.innovations, extra.formats or (), extra.report)
     names = [path.name for path in written]
     answer(run.summary, as_json, lambda console: print_run(run, console), out, names)
