@@ -32,6 +32,8 @@ VERBS = (
     "monitor",
     "play",
     "export",
+    "feedforward",
+    "fleet",
     "trust",
 )
 

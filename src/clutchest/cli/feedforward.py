@@ -26,7 +26,7 @@ def feedforward(
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
-    """The actuator's course for a requested output: the model turned round.
+    """What the actuator has to do for a requested output.
 
     Writes feedforward.parquet: time, the request, and what the machine's actuator does.
 

@@ -60,7 +60,7 @@ def fleet(
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate over all logs of a fleet, and compare its vehicles.
+    """Estimate over the logs of a fleet; compare its vehicles.
 
     Writes fleet.parquet (estimates by vehicle and day), summary.parquet (a row for each vehicle:
     what it keeps, its wear per MJ with 95 % intervals, and whether it differs from the others),
