@@ -76,7 +76,7 @@ def replay(
     window: WindowOptions = WHOLE,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate temperatures, wear and friction over recorded drives.
+    """Estimate temperatures, wear and friction over drives.
 
     Writes estimates.parquet, summary.json, recording.rrd (open it with `rerun`) and state.json.
     Logs whose clocks join are pieces of one drive, others drives of their own.

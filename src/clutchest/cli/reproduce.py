@@ -29,7 +29,7 @@ def reproduce(
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
-    """Draw a paper's figures again, and judge every figure it states.
+    """Draw a paper's figures again; judge what it states.
 
     Measured data of the papers are not public: the independent simulation stands in for them, with
     imperfections that the table lists.  Writes table.json and the figures; exit code 1 if a row

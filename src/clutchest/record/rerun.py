@@ -56,9 +56,16 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
     ``drive`` where there are several, and ``report``.  Values are in the units that people read
     (rpm, km/h, °C, mm, Nm, kJ).
     """
-    starts, end = _starts(run)
     stream = rr.RecordingStream("clutchest", send_properties=False)
     stream.save(path)
+    send_run(stream, run, diagnosis)
+    stream.flush()
+    stream.disconnect()
+
+
+def send_run(stream: rr.RecordingStream, run: Run, diagnosis: Diagnosis | None = None) -> None:
+    """Send to a stream what :func:`write_recording` writes."""
+    starts, end = _starts(run)
     _send_properties(stream, run, starts)
     signals = _send_signals(stream, run, starts)
     states = _send_states(stream, run, starts)
@@ -83,8 +90,6 @@ def write_recording(run: Run, path: Path, diagnosis: Diagnosis | None = None) ->
             faults=diagnosis is not None,
         )
     )
-    stream.flush()
-    stream.disconnect()
 
 
 def _starts(run: Run) -> tuple[list[float], float]:
