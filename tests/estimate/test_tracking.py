@@ -15,6 +15,7 @@ from clutchest.models import machine_of
 from clutchest.record.tracking import tracking_head, tracking_note, tracking_rows
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.simulated import simulate
+from clutchest.vehicle import load_vehicle
 
 TRACKING = machine_of("alsd").tracking
 ON, DELAY, OFF, FALL, END = 1.0, 0.1, 4.0, 0.2, 6.0  # s
@@ -160,3 +161,28 @@ def test_an_actuation_counts_for_one_event(run: Run) -> None:
     assert first["delay_s"] is not None
     assert set(second) == set(first)
     assert set(second.values()) == {None}
+
+
+def test_a_car_without_a_torque_sensor_gets_a_band() -> None:
+    """Its width is the prior of the friction; force and all else are right, so that the specimen's
+    own friction makes the true torque of it; and it is said."""
+    drive = simulate("alsd_car", "car", 6, duration=12.0)
+    truth = drive.truth
+    assert truth is not None
+    own = {name: signal for name, signal in drive.items() if name != "shaft_torque"}
+    run = replay(replace(drive, signals=own), "alsd_car", rate=50.0)
+    estimate, time = run.tracks[0].clutch_torque, run.tracks[0].time
+    assert estimate is not None
+    true = np.interp(time, truth.time, truth.columns["clutch_torque"])
+    passed = np.abs(true) > 200.0
+    band = estimate.std[passed] / np.abs(estimate.value[passed])
+    p = load_vehicle("alsd_car").parameters["friction_coefficient"]
+    assert np.median(band) == pytest.approx(p.spread / p.value, rel=0.1)
+    friction = truth.columns["friction"][-1]
+    assert friction < 0.8  # 2.5 standard deviations below the file's: far outside the usual
+    share = np.median(true[passed] / estimate.value[passed])
+    assert share == pytest.approx(friction, rel=0.05)
+    words = [w for w in run.summary["warnings"] if "clutch torque is not measured" in w]
+    assert len(words) == 1 and "prior of the friction" in words[0]
+    told = replay(drive, "alsd_car")
+    assert not any("not measured" in w for w in told.summary["warnings"])

@@ -28,7 +28,7 @@ from clutchest.estimate.smooth import smoothed
 from clutchest.estimate.summary import Part, summarise
 from clutchest.estimate.timeline import build
 from clutchest.estimate.track import joined, states_of, track_of
-from clutchest.estimate.tracking import responses
+from clutchest.estimate.tracking import responses, unmeasured_band
 from clutchest.estimate.whole_log import compile_model, delays
 from clutchest.progress import Progress
 from clutchest.reading import Logs, as_signals
@@ -82,7 +82,9 @@ def replay(
         noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
         followed = responses(drive, track, vehicle.machine.tracking, noise)
         tracks.append(replace(track, responses=followed))
-        parts.append(part)
+        uninformed = tuple(part.compiled.model.unobservable)
+        band = unmeasured_band(vehicle.machine.tracking, drive, track, uninformed)
+        parts.append(replace(part, warnings=[*part.warnings, *([band] if band else [])]))
     if not tracks:
         raise unusable[0][1]
     if unusable:

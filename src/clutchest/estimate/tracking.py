@@ -53,6 +53,30 @@ def responses(
     )
 
 
+def unmeasured_band(
+    tracking: OutputTracking | None, drive: Signals, track: Track, uninformed: Sequence[str]
+) -> str | None:
+    """That an output without a sensor is a band from priors, in words; None where it is measured
+    or every state is informed.
+
+    ``uninformed``: states that no available signal informs.
+    """
+    estimate = track.clutch_torque
+    if tracking is None or estimate is None or not uninformed:
+        return None
+    if any(name in drive.available for name in tracking.measured):
+        return None
+    passed = estimate.valid & (np.abs(estimate.value) > tracking.onset)
+    if not passed.any():
+        return None
+    band = float(np.median(estimate.std[passed] / np.abs(estimate.value[passed])))
+    prior = " and ".join(name.replace("_", " ") for name in uninformed)
+    return (
+        f"the clutch torque is not measured: it is a band, ±{100 * band:.0f} % (one standard "
+        f"deviation) in the median, most of it the prior of the {prior}"
+    )
+
+
 def during(
     events: Sequence[Engagement], found: Sequence[TrackingFigures], unit: str
 ) -> list[dict[str, Any]]:
