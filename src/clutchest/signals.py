@@ -238,6 +238,7 @@ class Signals(Showing, Mapping[str, Signal]):
     Behaves as a mapping of canonical name → :class:`Signal`.  ``start_ns`` is the epoch time of
     t = 0 in ns, None where the log only has relative times.  ``end`` is the log's last time, s.
     ``activity``: channel → times, s, at which frames of whatever id were received, thinned.
+    ``gear``: the engaged gear by which a wheel speed became a shaft speed, first gear 1.
     """
 
     signals: Mapping[str, Signal]
@@ -249,6 +250,7 @@ class Signals(Showing, Mapping[str, Signal]):
     truth: Truth | None = None
     traffic: Mapping[str, Traffic] = field(default_factory=dict)  # by message; empty for tables
     activity: Mapping[int, Floats] = field(default_factory=dict)
+    gear: Signal | None = None
     later: tuple[Signals, ...] = ()
 
     @property

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import clutchest
+from clutchest.can.files import read_frames, write_frames
+from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading.inspection import inspect_logs
 from clutchest.simulated import write_simulation
@@ -26,6 +28,27 @@ def log(truck, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("logs") / "my drive.log"
     write_simulation(path, truck, "launches", 4, duration=20.0)
     return path
+
+
+@pytest.fixture
+def send_long():
+    """Engine configuration in packets, as broadcast, with this reference torque in Nm."""
+
+    def send(torque: int) -> Frames:
+        payload = bytearray(b"\xff" * 42)
+        payload[19:21] = torque.to_bytes(2, "little")
+        frames = Frames.empty(7)
+        frames.t_ns[:] = 1_700_000_000 * 10**9 + np.arange(7) * 10_000_000
+        frames.id[:], frames.length[:] = 0x1CEBFF00, 8
+        frames.id[0] = 0x1CECFF00
+        frames.flags[:] = Flag.EXTENDED
+        announced = bytes([32, 39, 0, 6, 255, 0xE3, 0xFE, 0])
+        frames.data[0, :8] = np.frombuffer(announced, np.uint8)
+        for k in range(6):
+            frames.data[k + 1, :8] = [k + 1, *payload[7 * k : 7 * k + 7]]
+        return frames
+
+    return send
 
 
 @pytest.fixture(scope="module")
@@ -67,25 +90,42 @@ def test_finds_what_the_differential_maps(vehicle, scenario, tmp_path):
     assert run.tracks[0].engagements
 
 
-def test_draft_loads_once_the_missing_is_filled_in(found, log, truck, tmp_path):
-    assert [text.split(":")[0] for text in found.missing] == ["signals.engine_torque"]
+def test_draft_replays_at_once_and_names_its_guess(found, log, truck, tmp_path):
+    assert found.missing == ()
+    (guess,) = found.draft.guesses()
+    assert guess.startswith("signals.engine_torque: reference = 3500 Nm") and "SPN 544" in guess
     target = tmp_path / "vehicle.toml"
     found.write_vehicle(target, target)
-    draft = target.read_text()
-    assert "# MISSING signals.engine_torque: reference" in draft
-    with pytest.raises(ClutchestError, match=r"vehicle\.toml:\d+: .*requires 'reference'"):
-        load_vehicle(target)
-    filled = draft.replace(
-        'signal = "ActualEnginePercentTorque"',
-        'signal = "ActualEnginePercentTorque"\nreference = { value = 3500.0, unit = "Nm" }',
-    )
-    target.write_text(filled)
+    assert "# GUESS signals.engine_torque: reference" in target.read_text()
     vehicle = load_vehicle(target)
     assert set(vehicle.guessed) == set(vehicle.parameters) == set(truck.parameters)
     mine, theirs = clutchest.read_log(log, vehicle), clutchest.read_log(log, truck)
     for name in truck.signals:
         np.testing.assert_array_equal(mine[name].value, theirs[name].value)
         assert vehicle.signals[name].noise >= truck.signals[name].noise
+    runs = [clutchest.replay(*each).summary for each in ((mine, vehicle), (theirs, truck))]
+    slipping = [run["modes_s"]["slipping"] for run in runs]
+    assert runs[0]["contradiction"] is None and slipping[0] == pytest.approx(slipping[1], abs=0.5)
+
+
+def test_the_reference_torque_is_read_from_the_bus(send_long, log, truck, tmp_path):
+    """Engine configuration, 39 bytes in six packets, states what 100 % stands for."""
+    frames = Frames.concatenate([read_frames(log), send_long(2386)]).sorted()
+    write_frames(frames, tmp_path / "a.log")
+    found = inspect_logs([tmp_path / "a.log"])
+    assert found.draft.guesses() == ()
+    draft = found.draft.vehicle("a", "dry_clutch", tmp_path / "v.toml", ())
+    assert draft.signals["engine_torque"].reference == 2386.0
+    assert draft.parameters["engine_torque_max"].value == 2386.0
+
+
+def test_a_dbc_of_another_bus_is_an_error(log, tmp_path):
+    (tmp_path / "other.dbc").write_text(
+        'VERSION ""\nNS_ :\nBS_:\nBU_: X\nBO_ 291 A: 8 X\n SG_ S : 0|8@1+ (1,0) [0|0] "" X\n'
+    )
+    words = r"0 of \d+ ids of my drive\.log are in other\.dbc: .*123; one has 11 bits only"
+    with pytest.raises(ClutchestError, match=words):
+        inspect_logs([log], [tmp_path / "other.dbc"])
 
 
 def test_rates_add_up_over_relative_clocks(tmp_path):
@@ -126,8 +166,10 @@ def test_gt350_maps_by_name():
     assert best["engine_speed"] == "EngAout_N_Actl"
     assert best["engine_torque"] == "TrnAin_Tq_Actl"
     assert best["coolant_temp"] == "EngClnt_Te_Actl"
-    (shaft,) = [text for text in found.missing if "input_shaft_speed" in text]
-    assert "gears" in shaft and "WhlRl_W_Meas" in shaft
+    line = found.draft.driveline
+    assert (line.wheel.layout.name, line.other.layout.name) == ("WhlRl_W_Meas", "WhlRr_W_Meas")
+    measured = np.array([12.12, 8.28, 5.97, 4.61, 3.72, 2.38])  # by hand, with the pedal up
+    assert [gear.ratio for gear in line.gears] == pytest.approx(measured, rel=0.02)
 
 
 def test_css_idles():

@@ -14,8 +14,10 @@ T = np.arange(0.0, 10.0, 0.01)
 NONE_BLIND = np.zeros(len(T), bool)
 
 
-def modes(slip, position, motor=None, blind=NONE_BLIND, **thresholds) -> Regimes:
-    return classify(T, slip, position, motor, blind, KISS, Thresholds(**thresholds))
+def modes(slip, position, motor=None, blind=NONE_BLIND, shaft=None, **thresholds) -> Regimes:
+    shaft = np.full(len(T), 100.0) if shaft is None else shaft
+    beyond = None if position is None else position - KISS
+    return classify(T, slip, shaft, beyond, motor, blind, Thresholds(**thresholds))
 
 
 def launch():
@@ -92,6 +94,35 @@ def test_blind_times_carry_no_torque_information():
     assert not regimes.free_running[blind].any()
 
 
+def standing():
+    """Standing to 4 s, a launch to 6 s, rolling with the engine slower than the shaft from 8 s."""
+    shaft = np.interp(T, [0, 4, 6, 10], [0, 0, 150, 180])
+    engine = np.where(T < 6, 150.0, np.where(T < 8, shaft, 100.0))
+    return engine - shaft, shaft
+
+
+def test_standing_and_rolling_disengaged_are_no_slipping():
+    slip, shaft = standing()
+    always = modes(slip, None, shaft=shaft)
+    assert (always.mode[T < 5.9] == Mode.slipping).all(), "unless the vehicle file says more"
+    regimes = modes(slip, None, shaft=shaft, longest_engagement=2.5)
+    assert (regimes.mode[T < 1.4] == Mode.open).all(), "in neutral, or the pedal pressed"
+    assert (regimes.mode[(T > 1.6) & (T < 5.9)] == Mode.slipping).all(), "2.5 s before it turns"
+    assert (regimes.mode[(T > 6.1) & (T < 7.9)] == Mode.locked).all()
+    assert (regimes.mode[T > 8.1] == Mode.open).all()
+    assert not regimes.engaged[(T < 1.4) | (T > 8.1)].any(), "and no heat"
+
+
+def test_a_regime_depends_on_nothing_later_than_its_thresholds_say():
+    slip, shaft = standing()
+    for end in (300, 350, 420, 480):
+        thresholds = Thresholds(longest_engagement=1.0)
+        sure = int((T[end] - thresholds.ahead) / 0.01)
+        short = classify(T[:end], slip[:end], shaft[:end], None, None, NONE_BLIND[:end], thresholds)
+        whole = classify(T, slip, shaft, None, None, NONE_BLIND, thresholds)
+        assert (short.mode[:sure] == whole.mode[:sure]).all()
+
+
 def test_without_slip_nothing_is_known():
     regimes = modes(None, None)
     assert (regimes.mode == Mode.unknown).all()
@@ -101,7 +132,9 @@ def test_without_slip_nothing_is_known():
 def test_through_a_long_hole_nothing_is_known():
     lost = (T > 2.5) & (T < 4.0)
     slip, position, motor = launch()
-    regimes = classify(T, slip, position, motor, lost, KISS, Thresholds(), lost)
+    regimes = classify(
+        T, slip, np.full(len(T), 100.0), position - KISS, motor, lost, Thresholds(), lost
+    )
     assert np.all(regimes.mode[lost] == Mode.unknown)
     assert not (regimes.sliding | regimes.engaged | regimes.free_running)[lost].any()
     assert regimes.mode[450] == Mode.slipping

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -74,7 +74,11 @@ def run_of(vehicle, signals: Signals) -> Run:
         "sensors": sensors,
         "log_likelihood": float("nan"),
         "wear": {"words": ["Worn 0.14 ± 0.05 mm of 3 mm.", "Left: 140 MJ [95 %: 36 to 200]."]},
-        "engagements": [],
+        "engagements": [
+            {"drive": number, **asdict(event)}
+            for number, track in enumerate(tracks)
+            for event in track.engagements
+        ],
         "warnings": ["parameter 'kiss_point' is a guess"],
     }
     provenance = {"clutchest": "0.1.0", "vehicle_hash": vehicle.hash, "parameters_hash": "beef"}

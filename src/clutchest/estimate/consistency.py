@@ -64,6 +64,8 @@ class Consistency:
         now = int(latest // STRETCH_S)
         first: Contradiction | None = None
         for i, sensor in enumerate(self.model.sensors):
+            if sensor.name not in self.model.predicted:
+                continue
             time, innovation, std = events.of(sensor.name)
             parts = self._open.setdefault(i, [])
             parts.append((time, np.abs(innovation / np.maximum(std, 1e-300))))

@@ -73,7 +73,8 @@ def explained(
     One that was not ``found`` is, where innovations are larger than a right model's and a single
     sign, swap or unit makes them fit.
     """
-    if found is None and rms_of(track) < SUSPICIOUS:
+    predicted = vehicle.machine.equations(signals.available).predicted
+    if found is None and rms_of(track, predicted) < SUSPICIOUS:
         return None
     best, dead = _best(signals, vehicle, progress), _dead(signals, vehicle)
     if best is not None:
@@ -94,10 +95,11 @@ def explained(
     return replace(found, explanation=words)
 
 
-def rms_of(track: Track) -> float:
-    """The largest of the sensors' innovations over their standard deviation, root mean square."""
+def rms_of(track: Track, names: frozenset[str] | None = None) -> float:
+    """The largest of the sensors' innovations over their standard deviation, root mean square; of
+    all sensors, or of those with these ``names``."""
     events, largest = track.innovations, 0.0
-    for name in events.names:
+    for name in events.names if names is None else names & set(events.names):
         _, innovation, std = events.of(name)
         if len(std):
             z = np.minimum(np.abs(innovation / np.maximum(std, 1e-300)), CLIPPED)

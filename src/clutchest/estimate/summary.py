@@ -19,7 +19,7 @@ from clutchest.estimate.observability import (
     not_observable_now,
     strong_correlations,
 )
-from clutchest.estimate.run import Track
+from clutchest.estimate.run import Engagement, Track
 from clutchest.estimate.tracking import during
 from clutchest.estimate.wear import wear_trend
 from clutchest.estimate.whole_log import Belief, Compiled
@@ -68,7 +68,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "states": _states(vehicle, tracks, end),
         "wear": wear_trend(vehicle, end.compiled, end.final, end.history),
         "sensors": _sensors(tracks),
-        "engagements": _engagements(vehicle, tracks),
+        "engagements": _engagements(vehicle, tracks, parts),
         "tracking": _tracking(vehicle, tracks),
         "between_engagements": [
             {"drive": number, **piece}
@@ -86,16 +86,30 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
     }
 
 
-def _engagements(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]]:
-    """Slip events, each with the figures of its actuation where the machine declares some."""
+def _engagements(
+    vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]
+) -> list[dict[str, Any]]:
+    """Slip events, each with its gear, and the figures of its actuation where the machine declares
+    some."""
     tracking, entries = vehicle.machine.tracking, []
     for number, track in enumerate(tracks):
-        events = [{"drive": number, **asdict(event)} for event in track.engagements]
+        drive = parts[number].drive
+        events = [
+            {"drive": number, **asdict(event), **_gear(drive, event)} for event in track.engagements
+        ]
         if tracking is not None:
             figures = during(track.engagements, track.responses, tracking.unit)
             events = [{**event, **more} for event, more in zip(events, figures, strict=True)]
         entries += events
     return entries
+
+
+def _gear(drive: Signals, event: Engagement) -> dict[str, int | None]:
+    """The gear in which an event ends, where the drive has gears."""
+    if drive.gear is None:
+        return {}
+    gear = drive.gear.only_valid().at(np.array([event.start_s + event.duration_s]))[0]
+    return {"gear": round(float(gear)) if isfinite(gear) else None}
 
 
 def _tracking(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]] | None:

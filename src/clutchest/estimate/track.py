@@ -49,8 +49,12 @@ class Rows:
         torque, hottest = np.zeros((len(rows), 2)), np.zeros(len(rows))
         if machine.output:
             torque = filtered.outputs[:, model.outputs.index(machine.output)]
+            if machine.output in model.unobservable:
+                torque = np.full((len(rows), 2), np.nan)
         if machine.event is not None:
             hottest = filtered.x[:, model.state(machine.event.hottest)]
+            if machine.event.hottest in model.unobservable:
+                hottest = np.full(len(rows), np.nan)
         return cls(timeline.t[rows], mode, torque, filtered.energy, filtered.gained, hottest)
 
     def then(self, later: Rows) -> Rows:
@@ -183,8 +187,10 @@ def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:
 
 
 def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
-    """Slip events: runs of rows in which the clutch slips and passes torque."""
+    """Slip events: runs of rows in which the clutch slips and passes torque; of a torque that no
+    signal informs, all in which it slips."""
     rules = compiled.machine.regimes
+    known = compiled.machine.output not in compiled.model.unobservable
     if not rules.event:
         return ()
     time, slips = rows.time, rows.mode == rules.modes.index(rules.event)
@@ -198,7 +204,8 @@ def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
         duration = time[last] - time[first]
         # the parameters' share of the variance from the difference of the energy's responses
         variance = max(gained[2], 0.0) + float(np.sum((gained[3:] * compiled.spread) ** 2))
-        if duration < SHORTEST or gained[0] < max(SMALLEST, np.sqrt(variance)):
+        small = known and gained[0] < max(SMALLEST, np.sqrt(variance))
+        if duration < SHORTEST or small:
             continue
         passed = rows.torque[int(a) : int(b), 0]
         events.append(

@@ -96,7 +96,8 @@ class Machine:
     for a user's own effects; where
     there is none, ``excitations`` drive the machine's own equations: scenario → function (random
     numbers, times (k,) s, parameters by key) that gives the inputs by name, (k,) each, as the bus
-    reports them.  ``template``: the shipped vehicle whose numbers a drafted one takes as guesses.
+    reports them.  ``template``: the shipped vehicle whose numbers a drafted one takes as guesses,
+    ``car_template`` that for a log of a bus that is not J1939, if another.
     ``unsupported``: verb → why it cannot be applied to this machine.
     """
 
@@ -143,6 +144,7 @@ class Machine:
     own_effects: OwnEffects | None = None
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
     template: str = ""
+    car_template: str = ""
     unsupported: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:

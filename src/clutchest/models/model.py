@@ -161,6 +161,10 @@ class Model:
         )
         return replace(self, states=changed)
 
+    def with_states(self, *states: State) -> Model:
+        """The same model with further states."""
+        return replace(self, states=(*self.states, *states))
+
     def unobserved(self, why: Mapping[str, str]) -> Model:
         """The same model, with states that no available signal informs: state → why."""
         return replace(self, unobservable=dict(why))
@@ -236,6 +240,23 @@ class Model:
             ),
             quantities=q,
         )
+
+    @cached_property
+    def predicted(self) -> frozenset[str]:
+        """The sensors whose readings the equations predict, rather than follow by the slope of
+        the same signal."""
+        e = self.expressions()
+        own = [j for j, item in enumerate(self.inputs) if item.name in self.slopes]
+        rest = [j for j in range(len(self.inputs)) if j not in own]
+        predicted = set()
+        for i, sensor in enumerate(self.sensors):
+            states = np.flatnonzero(ca.which_depends(e.readings[i], e.x, 1, False))
+            rate = e.rate[states.tolist()]
+            by = ca.vertcat(e.x, e.u[rest], e.p)
+            follows = len(own) > 0 and ca.depends_on(rate, e.u[own])
+            if not follows or ca.depends_on(rate, by):
+                predicted.add(sensor.name)
+        return frozenset(predicted)
 
     def _gains(self, g: ca.SX) -> dict[Effect, Gains]:
         """The entries of ``g`` by effect."""

@@ -17,6 +17,9 @@ class Thresholds:
     ``open_margin`` mm beyond the nominal kiss point: open at any temperature;
     ``guard`` s around each transition without information from torque; ``gap`` s without a
     sample that the model needs: likewise.
+    ``longest_engagement`` s: without a position, a clutch whose shaft rests, or turns faster than
+    the engine, is open unless it locks up, or its shaft begins to turn, within this time; 0: it
+    counts as slipping.
     """
 
     lock_slip: float = 2.0
@@ -27,11 +30,12 @@ class Thresholds:
     settle: float = 0.2
     guard: float = 0.1
     gap: float = 0.5
+    longest_engagement: float = 0.0
 
     @property
     def ahead(self) -> float:
         """Signals this much later, s, have no influence on a regime."""
-        return self.lock_average / 2 + self.lock_time + self.guard
+        return self.lock_average / 2 + self.lock_time + self.guard + self.longest_engagement
 
     @property
     def back(self) -> float:
@@ -54,5 +58,6 @@ THRESHOLD_UNITS = {
     "settle": "s",
     "guard": "s",
     "gap": "s",
+    "longest_engagement": "s",
 }
 EVERYWHERE = ("gap",)  # thresholds that every machine has

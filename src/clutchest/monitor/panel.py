@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.markup import escape
@@ -113,10 +115,9 @@ def words(event: MonitorEvent) -> str:
     """An event in a few words."""
     data = event.data
     if event.kind == "engagement":
-        return (
-            f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ, peak "
-            f"temperature {data['peak_temp_disc']:.0f} °C"
-        )
+        slipped = f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ"
+        peak = data["peak_temp_disc"]
+        return f"{slipped}, peak temperature {peak:.0f} °C" if isfinite(peak) else slipped
     if event.kind == "gap" and "over" in data:
         if not data["over"]:
             return f"{event.name}: silent since {data['since_s']:.1f} s"

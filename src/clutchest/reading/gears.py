@@ -15,8 +15,8 @@ WINDOW = 0.3  # s; averages out the driveline's shuffle, ±8 % at several Hz
 HOLD = 0.5  # s; an engine that passes through a gear's speed is quicker
 AHEAD = 3.0  # s, by which a gear counts before it is locked: a launch slips in the gear it ends in
 SETTLED = AHEAD + HOLD + WINDOW / 2  # s; later samples do not change a gear
-_ENGINE_RUNS = 30.0  # rad/s
-_WHEEL_TURNS = 1.0  # rad/s
+ENGINE_RUNS = 30.0  # rad/s
+WHEEL_TURNS = 1.0  # rad/s
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def engaged_gear(
 
     count = np.maximum(summed(np.ones(n)), 1.0)
     wheel, engine = summed(wheel) / count, summed(engine) / count
-    turning = (wheel > _WHEEL_TURNS) & (engine > _ENGINE_RUNS)
+    turning = (wheel > WHEEL_TURNS) & (engine > ENGINE_RUNS)
     quotient = np.divide(engine, wheel, out=np.full(n, np.inf), where=turning)
     deviation = np.abs(quotient[:, None] / ratio - 1)
     closest = np.argmin(deviation, axis=1)
@@ -69,7 +69,7 @@ def engaged_gear(
 
     rows = np.arange(n)
     last = np.maximum.accumulate(np.where(locked >= 0, rows, -1))
-    stood = np.maximum.accumulate(np.where(wheel <= _WHEEL_TURNS, rows, -1))
+    stood = np.maximum.accumulate(np.where(wheel <= WHEEL_TURNS, rows, -1))
     held = np.where(last >= 0, locked[last], before)
     held = np.where(stood > last, 0, held)
     next_start = np.append(starts[lasting], n)[np.searchsorted(starts[lasting], rows)]
@@ -90,14 +90,21 @@ def through_sent_gear(
 
 def through_gear(
     wheel: Signal, engine: Signal | None, gears: Sequence[float]
-) -> tuple[Signal, bool]:
-    """Wheel speed times the ratio of the engaged gear, and whether any gear was ever locked.
-
-    Without an engine speed it is the first one.
+) -> tuple[Signal, Signal | None]:
+    """Wheel speed times the ratio of the engaged gear, and that gear, first gear 1; None where no
+    gear was ever locked, which makes it the first one.
     """
     known = None if engine is None else engine.only_valid()
     if known is None or not len(known):
-        return replace(wheel, value=wheel.value * gears[0]), False
+        return replace(wheel, value=wheel.value * gears[0]), None
     engaged = engaged_gear(wheel.time, wheel.value, known.at(wheel.time), gears)
     speed = wheel.value * np.array(gears)[engaged.gear]
-    return replace(wheel, value=speed), engaged.ever_locked
+    shaft = replace(wheel, value=speed)
+    if not engaged.ever_locked:
+        return shaft, None
+    return shaft, gear_signal(wheel.time, engaged.gear.astype(np.float64) + 1.0)
+
+
+def gear_signal(time: Floats, gear: Floats) -> Signal:
+    """The engaged gear (n) at ``time`` (n) s."""
+    return Signal.of("gear", "1", time, gear)

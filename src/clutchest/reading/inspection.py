@@ -2,81 +2,35 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import sqrt
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from clutchest import units
 from clutchest.can import files
-from clutchest.can.database import Database, Message, SignalLayout, load
-from clutchest.can.decode import decode, rows_of
+from clutchest.can.database import Database, load
 from clutchest.can.frames import Frames
 from clutchest.can.survey import IdStatistics, survey
+from clutchest.can.transport import reassembled
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
-from clutchest.models.symbols import Column
+from clutchest.reading.candidates import SignalCandidate, search, sources_of
+from clutchest.reading.drafting import Draft, drafted_name
+from clutchest.reading.driveline import driveline_of
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate, shipped
-from clutchest.signals import Why
-from clutchest.vehicle import (
-    BusSignal,
-    ParameterValue,
-    SignalMap,
-    Vehicle,
-    dump_vehicle,
-    load_vehicle,
-)
-
-_WHEEL = re.compile(r"wh(ee)?l\w*(speed|spd|_w_)", re.IGNORECASE)
-
-
-@dataclass(frozen=True, slots=True)
-class SignalCandidate:
-    """A bus signal that may be ``canonical``, and its values in this log.
-
-    ``by``: whether its SPN or its name matches; ``low`` and ``high`` in the bus unit over the valid
-    samples, None without any; ``valid`` their share; ``step`` of the raw value, bus unit;
-    ``sender`` (J1939 source address) and ``channel`` where the message has several.
-    """
-
-    canonical: str
-    message: str
-    signal: str
-    unit: str
-    by: Literal["SPN", "name"]
-    valid: float
-    low: float | None
-    high: float | None
-    step: float
-    sender: int | None = None
-    channel: int | None = None
-
-    @property
-    def where(self) -> str:
-        """Message and signal, with the sender where there are several."""
-        sender = "" if self.sender is None else f" from address 0x{self.sender:02X}"
-        return f"{self.message}.{self.signal}{sender}"
-
-    @property
-    def rank(self) -> tuple[bool, bool, float]:
-        """The larger, the more likely: a signal that varies, with the SPN, rarely invalid."""
-        varies = self.low is not None and self.high is not None and self.high > self.low
-        return varies, self.by == "SPN", self.valid
+from clutchest.vehicle import BusSignal, dump_vehicle, load_vehicle
 
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
     """Contents of logs and the signals of a machine among them.
 
-    ``rows``: statistics of each id; ``candidates`` by canonical name, the most likely first;
-    ``wheels``: wheel speeds, as message.signal; ``companions``: canonical name → key of the vehicle
-    file → J1939 signal.
+    ``rows``: statistics of each id; ``draft``: what was found, and what a vehicle file would be
+    made of.
     """
 
     logs: tuple[Path, ...]
@@ -84,13 +38,33 @@ class Inspection:
     duration_s: float
     rejected: Mapping[str, int]
     rows: tuple[IdStatistics, ...]
-    candidates: Mapping[str, tuple[SignalCandidate, ...]]
-    wheels: tuple[str, ...]
-    companions: Mapping[str, Mapping[str, BusSignal]]
+    draft: Draft
     dbc: tuple[Path, ...]
     warnings: tuple[str, ...]
-    machine: Machine
     model_file: Path | None = None
+
+    @property
+    def machine(self) -> Machine:
+        """Whose signals were searched."""
+        return self.draft.machine
+
+    @property
+    def candidates(self) -> Mapping[str, tuple[SignalCandidate, ...]]:
+        """Canonical name → bus signals that may be it, the most likely first."""
+        return self.draft.found.candidates
+
+    @property
+    def companions(self) -> Mapping[str, Mapping[str, BusSignal]]:
+        """Canonical name → key of the vehicle file → J1939 signal."""
+        return self.draft.found.companions
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Wheel speeds, as message.signal (unit)."""
+        return tuple(
+            w.where + (f" ({w.layout.unit})" if w.layout.unit else "")
+            for w in self.draft.found.wheels
+        )
 
     @property
     def model(self) -> str:
@@ -100,33 +74,7 @@ class Inspection:
     @property
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
-        optional = self.machine.optional_columns
-        missing = []
-        for column in self.machine.columns:
-            if column.name not in self.candidates and column.name not in optional:
-                missing.append(self._missing_signal(column))
-            if column.name not in optional and self._needs_reference(column):
-                missing.append(
-                    f'signals.{column.name}: reference = {{ value = …, unit = "{column.unit}" }}, '
-                    f"the {column.unit} that 100 % stands for (J1939: SPN {column.reference_spn})"
-                )
-        if not self.machine.template:
-            missing += [f"parameters.{p.key} ({p.unit}): {p.what}" for p in self.machine.parameters]
-        return tuple(missing)
-
-    def _needs_reference(self, column: Column) -> bool:
-        """Whether the likeliest candidate is in percent of a torque that no signal states."""
-        found = self.candidates.get(column.name)
-        return bool(column.reference_spn and found and found[0].unit == "%")
-
-    def _missing_signal(self, column: Column) -> str:
-        words = f"signals.{column.name} ({column.unit}): no signal has a matching SPN or name"
-        if column.geared_by and self.wheels:
-            words += (
-                "; a wheel speed with gears = [ratios engine/wheel], and with radius = tyre radius "
-                "where it is in km/h or m/s, can stand in for it: " + ", ".join(self.wheels[:4])
-            )
-        return words
+        return self.draft.missing()
 
     def as_dict(self) -> dict[str, Any]:
         """What ``inspect.json`` holds."""
@@ -136,40 +84,26 @@ class Inspection:
             "duration_s": self.duration_s,
             "frames_rejected": dict(self.rejected),
             "dbc": [str(path) for path in self.dbc],
-            "ids": [asdict(row) for row in self.rows],
+            "ids": [{**asdict(row), "parameters": list(row.parameters)} for row in self.rows],
             "signals": {
                 name: [asdict(candidate) for candidate in candidates]
                 for name, candidates in self.candidates.items()
             },
+            "driveline": self.draft.driveline.as_dict(),
+            "modes": self.draft.driveline.thresholds(self.machine, False),
             "missing": list(self.missing),
+            "guesses": list(self.draft.guesses()),
             "warnings": list(self.warnings),
         }
 
     def write_vehicle(self, path: Path, target: Path) -> None:
         """A vehicle file at ``path`` that will lie at ``target``: the most likely signals, and the
-        parameters of the machine's template as guesses.  It loads once what its heading lists as
-        missing is filled in."""
-        template = load_vehicle(self.machine.template) if self.machine.template else None
-        like = template.signals if template else {}
-        signals = {
-            name: self._map(candidates[0], like.get(name))
-            for name, candidates in self.candidates.items()
-            if not self._left_out(name)
-        }
-        parameters = guessed_parameters(self.machine)
-        name = re.sub(r"\W+", "_", self.logs[0].name.split(".")[0])
-        used = {candidate.message for each in self.candidates.values() for candidate in each[:1]}
-        dbc = tuple(path.resolve() for path in self.dbc if used & set(load([path]).messages))
-        vehicle = Vehicle(
-            name, self.model, target, "", dbc, signals, parameters, model_file=self.model_file
-        )
+        parameters of the machine's template as guesses."""
+        used = self.draft.messages()
+        dbc = tuple(p.resolve() for p in self.dbc if used & set(load([p]).messages))
+        vehicle = self.draft.vehicle(drafted_name(self.logs[0]), self.model, target, dbc)
+        vehicle = replace(vehicle, model_file=self.model_file)
         dump_vehicle(vehicle, path, self._heading(), target)
-
-    def _left_out(self, name: str) -> bool:
-        """Whether a signal that is not needed cannot be used as it is."""
-        column = self.machine.column(name)
-        optional = name in self.machine.optional_columns
-        return optional and column is not None and self._needs_reference(column)
 
     def _heading(self) -> str:
         lines = [
@@ -177,36 +111,15 @@ class Inspection:
             "Every parameter is a guess; see the `source` of each.",
         ]
         lines += [f"MISSING {what}" for what in self.missing]
+        lines += [f"GUESS {what}" for what in self.draft.guesses()]
+        lines += self.draft.driveline.words()
         lines += [
             f"{name}: also possible: {c.where}"
             for name, candidates in self.candidates.items()
             for c in candidates[1:4]
             if c.low is not None
         ]
-        return "\n".join(lines)
-
-    def _map(self, candidate: SignalCandidate, like: SignalMap | None) -> SignalMap:
-        column_unit = self.machine.units[candidate.canonical]
-        noise = like.noise if like else 0.0
-        if units.compatible(candidate.unit or column_unit, column_unit):
-            scale = (
-                units.parse(candidate.unit or column_unit).scale / units.parse(column_unit).scale
-            )
-            rounding = candidate.step * scale / sqrt(12)  # of a signal on a bus of such steps
-            noise = noise if noise > rounding else _short(rounding)
-        parts = self.companions.get(candidate.canonical, {})
-        whose = f"the shipped {self.machine.template}'s, or " if self.machine.template else ""
-        return SignalMap(
-            candidate.canonical,
-            BusSignal(candidate.message, candidate.signal, candidate.unit or column_unit),
-            noise,
-            noise_ar=like.noise_ar if like else 0.0,
-            noise_source=f"guess: {whose}the bus's own steps",
-            source_address=candidate.sender,
-            channel=candidate.channel,
-            fraction=parts.get("fraction"),
-            friction=parts.get("friction"),
-        )
+        return "\n".join([*lines, *self.draft.block()])
 
 
 def inspect_logs(
@@ -215,12 +128,12 @@ def inspect_logs(
     window: TimeWindow = EVERYTHING,
     model: str = "",
 ) -> Inspection:
-    """Survey ``paths``, logs of frames, and search for the canonical signals of a machine, by SPN
-    and by name.
+    """Survey ``paths``, logs of frames, and search for the canonical signals of a machine, by SPN,
+    name, unit, range and behaviour.
 
     ``dbc`` names the messages; without any the shipped DBCs do.  ``model``: a machine by name or by
     its file (``.py``); without it, the shipped one with most signals in the logs.  Raises
-    ClutchestError for a file that cannot be read.
+    ClutchestError for a file that cannot be read, and where no id of the logs is in ``dbc``.
     """
     model_file = Path(model).resolve() if model.endswith(".py") else None
     asked = machine_in_file(model_file) if model_file else machine_of(model) if model else None
@@ -235,24 +148,95 @@ def inspect_logs(
     sources = tuple(dbc) or tuple(shipped("dbc").values())
     databases = [load([path]) for path in sources]
     rows = tuple(survey(frames, databases))
+    if dbc and not any(row.message for row in rows):
+        raise ClutchestError(_nothing_known(logs, dbc, rows, databases))
+    signals = sources_of(frames, rows, databases)
     machines = [asked] if asked else shipped_machines()
-    searched = [(_search(frames, rows, databases, machine), machine) for machine in machines]
-    search, machine = max(searched, key=lambda each: len(each[0].candidates))
-    duration = sum(float(np.ptp(part.t_ns)) for part in parts) * 1e-9
+    searched = [(search(signals, machine), machine) for machine in machines]
+    found, machine = max(searched, key=lambda each: len(each[0].candidates))
+    references, stated = _references(frames, databases, machine)
+    on_j1939 = any(source.message.is_j1939 for source in found.sources.values())
+    draft = Draft(
+        machine,
+        found,
+        driveline_of(found, machine),
+        references,
+        stated,
+        machine.template if on_j1939 or not machine.car_template else machine.car_template,
+    )
     return Inspection(
         logs,
         len(frames),
-        duration,
+        sum(float(np.ptp(part.t_ns)) for part in parts) * 1e-9,
         dict(frames.rejected),
         rows,
-        search.candidates,
-        search.wheels,
-        search.companions,
+        draft,
         sources,
         (*frames.notes, *(warning for database in databases for warning in database.warnings)),
-        machine,
         model_file,
     )
+
+
+def _nothing_known(
+    logs: Sequence[Path],
+    dbc: Sequence[Path],
+    rows: Sequence[IdStatistics],
+    databases: Sequence[Database],
+) -> str:
+    """That a DBC is of another bus, in words."""
+    theirs = [m for database in databases for m in database.messages.values()]
+    names = ", ".join(path.name for path in dbc)
+    log = ", ".join(path.name for path in logs)
+    extended = sum(row.extended for row in rows)
+    of_them = sum(message.extended for message in theirs)
+    words = (
+        f"0 of {len(rows)} ids of {log} are in {names}: the log has "
+        f"{_ids([(row.id, row.extended) for row in rows])}, the database "
+        f"{_ids([(m.id, m.extended) for m in theirs])}"
+    )
+    if bool(extended) != bool(of_them):
+        words += "; one has 11 bits only, the other 29"
+    return words + "; is it the DBC of another bus?  Without --dbc the shipped ones are tried"
+
+
+def _ids(ids: Sequence[tuple[int, bool]]) -> str:
+    shown = [f"{i:08X}" if extended else f"{i:03X}" for i, extended in sorted(ids)[:4]]
+    return ", ".join(shown) + (" …" if len(ids) > 4 else "") if shown else "none"
+
+
+def _references(
+    frames: Frames, databases: Sequence[Database], machine: Machine
+) -> tuple[dict[str, float], frozenset[str]]:
+    """Canonical name → torque that 100 % stands for, Nm, as a message states it or, without one, as
+    a guess; and the names of those that are stated."""
+    wanted = {c.name: c.reference_spn for c in machine.columns if c.reference_spn}
+    if not wanted:
+        return {}, frozenset()
+    known = [*databases, *(load([path]) for path in shipped("dbc").values())]
+    messages = {m.name: m for database in known for m in database.messages.values()}
+    carrying = [
+        m for m in messages.values() if any(s.spn in wanted.values() for s in m.signals.values())
+    ]
+    whole = reassembled(frames, carrying)
+    read: dict[int, float] = {}
+    for source in sources_of(whole, survey(whole, known), known):
+        spn = source.layout.spn
+        if spn is not None and spn in wanted.values() and spn not in read:
+            value = source.values().value
+            if len(value) and float(np.median(value)) > 0.0:
+                read[spn] = float(np.median(value))
+    guess = _largest_torque(machine)
+    references = {name: read.get(spn, guess) for name, spn in wanted.items()}
+    references = {name: value for name, value in references.items() if value}
+    return references, frozenset(name for name, spn in wanted.items() if spn in read)
+
+
+def _largest_torque(machine: Machine) -> float:
+    """The template's largest torque, Nm, to which the magnitudes of its torques are relative."""
+    of = {c.magnitude.of for c in machine.columns if c.magnitude and c.magnitude.of}
+    if not machine.template or not of:
+        return 0.0
+    return load_vehicle(machine.template).parameters[of.pop()].value
 
 
 def _in_sequence(parts: Sequence[Frames]) -> list[Frames]:
@@ -264,119 +248,3 @@ def _in_sequence(parts: Sequence[Frames]) -> list[Frames]:
         placed.append(replace(part, t_ns=part.t_ns - part.t_ns.min() + end))
         end = int(placed[-1].t_ns.max()) + 1
     return placed
-
-
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """Candidates by canonical name, wheel speeds, and by canonical name the J1939 signals that
-    belong to it."""
-
-    candidates: Mapping[str, tuple[SignalCandidate, ...]]
-    wheels: tuple[str, ...]
-    companions: Mapping[str, Mapping[str, BusSignal]]
-
-
-def _search(
-    frames: Frames,
-    rows: Sequence[IdStatistics],
-    databases: Sequence[Database],
-    machine: Machine,
-) -> _Search:
-    candidates: dict[str, list[SignalCandidate]] = {}
-    wheels: list[str] = []
-    companions: dict[str, dict[str, BusSignal]] = {}
-    optional = machine.optional_columns
-    for row in rows:
-        known = [database.find(row.id, row.extended) for database in databases]
-        message = next((m for m in known if m), None)
-        if message is None:
-            continue
-        twins = [other for other in rows if other.message == message.name]
-        for layout in message.signals.values():
-            for column in machine.columns:
-                if by := _matched_by(layout, column):
-                    candidates.setdefault(column.name, []).append(
-                        _candidate(frames, row, twins, message, layout, column.name, by)
-                    )
-                for part, spn in column.companions.items():
-                    if layout.spn == spn:
-                        companion = BusSignal(message.name, layout.name, layout.unit or "%")
-                        companions.setdefault(column.name, {})[part] = companion
-            if _WHEEL.search(layout.name) and (_fits(layout, "rad/s") or _fits(layout, "m/s")):
-                unit = f" ({layout.unit})" if layout.unit else ""
-                wheels.append(f"{message.name}.{layout.name}{unit}")
-    ranked = {
-        name: tuple(sorted(candidates[name], key=lambda c: c.rank, reverse=True))
-        for name in machine.units
-        if name in candidates
-        and not (name in optional and all(c.low is None for c in candidates[name]))
-    }
-    return _Search(ranked, tuple(dict.fromkeys(wheels)), companions)
-
-
-def _matched_by(layout: SignalLayout, column: Column) -> Literal["SPN", "name"] | None:
-    """Whether the SPN or the name of ``layout`` matches the canonical signal; None if neither."""
-    if column.spn and layout.spn:
-        return "SPN" if layout.spn == column.spn else None
-    named = column.named or rf"^{re.escape(column.name)}$"
-    by_name = re.search(named, layout.name, re.IGNORECASE) and _fits(layout, column.unit)
-    return "name" if by_name else None
-
-
-def _fits(layout: SignalLayout, unit: str) -> bool:
-    try:
-        return not layout.unit or units.compatible(layout.unit, unit)
-    except ClutchestError:  # a unit that only this DBC knows
-        return False
-
-
-def _candidate(
-    frames: Frames,
-    row: IdStatistics,
-    twins: Sequence[IdStatistics],
-    message: Message,
-    layout: SignalLayout,
-    canonical: str,
-    by: Literal["SPN", "name"],
-) -> SignalCandidate:
-    several_channels = len({twin.channel for twin in twins}) > 1
-    several_senders = message.is_j1939 and len({twin.id for twin in twins}) > 1
-    here = rows_of(frames, message, row.channel)
-    here = here[frames.id[here] == row.id]
-    column = decode(frames, here, message, [layout.name])[layout.name]
-    value = column.value[column.why == Why.VALID]
-    return SignalCandidate(
-        canonical,
-        message.name,
-        layout.name,
-        layout.unit,
-        by,
-        valid=len(value) / max(len(column.value), 1),
-        low=float(value.min()) if len(value) else None,
-        high=float(value.max()) if len(value) else None,
-        step=abs(float(layout.scale)),
-        sender=row.id & 0xFF if several_senders else None,
-        channel=row.channel if several_channels else None,
-    )
-
-
-def guessed_parameters(machine: Machine) -> dict[str, ParameterValue]:
-    """Those of the machine's template, as guesses of another vehicle's; none without one."""
-    if not machine.template:
-        return {}
-    source = f"guess: the shipped {machine.template}'s value"
-    return {
-        key: replace(p, spread=_widened(p.value, p.unit, p.spread), source=source)
-        for key, p in load_vehicle(machine.template).parameters.items()
-    }
-
-
-def _widened(value: float, unit: str, spread: float) -> float:
-    """The spread of a value that is of another vehicle: a third of it, of a position 1 mm."""
-    if spread == 0:
-        return 0.0
-    return max(spread, 1.0 if unit == "mm" else _short(0.3 * abs(value)))
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.3g}")

@@ -18,7 +18,7 @@ from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
 from clutchest.errors import ClutchestError
 from clutchest.reading.account import Account, contents_of, words
-from clutchest.reading.gears import through_gear, through_sent_gear
+from clutchest.reading.gears import gear_signal, through_gear, through_sent_gear
 from clutchest.reading.message_columns import column_of, without_corrupted
 from clutchest.reading.percent_torque import torque_of
 from clutchest.reading.plausible import clipped, excluded
@@ -90,6 +90,7 @@ class Decoding:
     samples: dict[tuple[str, BusSignal], Samples] = field(default_factory=dict)
     times: list[tuple[NDArray[np.intp], Floats]] = field(default_factory=list)  # of rows, s
     wanted: Mapping[str, Mapping[str, SignalLayout]] = field(default_factory=dict)
+    gear: Signal | None = None
 
     def __post_init__(self) -> None:
         self.wanted = self.wanted or mapped_messages(self.vehicle, self.database)
@@ -123,6 +124,7 @@ class Decoding:
             counts=Counts(len(frames) + passed_over.total(), decoded, rejected, account.messages),
             warnings=(*self.database.warnings, *frames.notes, *self.warnings),
             sources=self.sources,
+            gear=self.gear,
         )
 
     def _warn_of_missing(self, account: Account) -> None:
@@ -334,6 +336,7 @@ class Decoding:
         if signal.gear and self._gear_is_sent(signal):
             gear = self._samples(signal, signal.gear).at(samples.rows)
             value, why = through_sent_gear(value, why, gear, signal.gears)
+            self.gear = gear_signal(time, gear).mapped_to_disk()
         return Signal.of(signal.name, unit, time, value, why).mapped_to_disk()
 
     def _time(self, rows: NDArray[np.intp]) -> Floats:
@@ -362,10 +365,12 @@ class Decoding:
 
     def _geared(self, wheel: Signal, engine: Signal | None) -> Signal:
         """A wheel speed times the ratio of the gear inferred from it and the engine's speed."""
-        shaft, ever_locked = through_gear(wheel, engine, self.vehicle.signals[wheel.name].gears)
-        if not ever_locked:
+        shaft, gear = through_gear(wheel, engine, self.vehicle.signals[wheel.name].gears)
+        if gear is None:
             self.warnings.append(
                 f"{wheel.name}: no gear can be inferred, because engine and wheels are never "
                 "locked in one; first gear assumed"
             )
+        else:
+            self.gear = gear.mapped_to_disk()
         return shaft.mapped_to_disk()

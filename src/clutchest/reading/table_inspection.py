@@ -14,7 +14,7 @@ from clutchest import units
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
-from clutchest.reading.inspection import guessed_parameters
+from clutchest.reading.drafting import guessed_parameters
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
 from clutchest.reading.table_files import Frame, SignalTable, load_table
 from clutchest.reading.table_units import likely_unit

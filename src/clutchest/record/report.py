@@ -140,23 +140,25 @@ def hottest_words(run: Run) -> str:
 
 
 def _engagements(run: Run) -> str:
-    rows = []
-    for drive, track in enumerate(run.tracks):
-        for event in track.engagements:
-            where = (str(drive),) if len(run.tracks) > 1 else ()
-            rows.append(
-                (
-                    *where,
-                    f"{event.start_s:.1f}",
-                    f"{event.duration_s:.2f}",
-                    plus_minus(Quantity("energy", "J"), event.energy_J, event.energy_std_J),
-                    f"{event.peak_torque:.0f}",
-                    f"{event.peak_temp_disc:.0f}",
-                )
-            )
-    if not rows:
+    events = run.summary["engagements"]
+    if not events:
         return no_event_words(run)
-    head = ("drive",) if len(run.tracks) > 1 else ()
+    rows = []
+    geared = any("gear" in event for event in events)
+    for event in events:
+        where = (str(event["drive"]),) if len(run.tracks) > 1 else ()
+        rows.append(
+            (
+                *where,
+                *((str(event.get("gear") or "–"),) if geared else ()),
+                f"{event['start_s']:.1f}",
+                f"{event['duration_s']:.2f}",
+                plus_minus(Quantity("energy", "J"), event["energy_J"], event["energy_std_J"]),
+                _whole(event["peak_torque"]),
+                _whole(event["peak_temp_disc"]),
+            )
+        )
+    head = (*(("drive",) if len(run.tracks) > 1 else ()), *(("gear",) if geared else ()))
     return table(
         (
             *head,
@@ -168,6 +170,10 @@ def _engagements(run: Run) -> str:
         ),
         rows,
     )
+
+
+def _whole(value: float) -> str:
+    return f"{value:.0f}" if np.isfinite(value) else "–"
 
 
 def _sensors(run: Run) -> str:

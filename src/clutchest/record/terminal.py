@@ -100,12 +100,11 @@ def _slip_events(run: Run) -> str:
     energy = sum(event.energy_J for event in events)
     # Parameters are the same in every event: their errors add up rather than average out.
     spread = sum(event.energy_std_J for event in events)
-    hottest = np.nanmax([event.peak_temp_disc for event in events])
-    return (
-        f"{len(events)} {event_words(run)[len(events) > 1]}, "
-        f"{plus_minus(Quantity('energy', 'J'), energy, spread)} of heat, "
-        f"{hottest_words(run)} at most {hottest:.0f} °C."
-    )
+    seconds = sum(event.duration_s for event in events)
+    heat = plus_minus(Quantity("energy", "J"), energy, spread)
+    words = f"{len(events)} {event_words(run)[len(events) > 1]} in {seconds:.1f} s, {heat} of heat"
+    peaks = [event.peak_temp_disc for event in events if np.isfinite(event.peak_temp_disc)]
+    return f"{words}, {hottest_words(run)} at most {max(peaks):.0f} °C." if peaks else f"{words}."
 
 
 def print_table_inspection(inspection: TableInspection, console: Console) -> None:
@@ -148,6 +147,7 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
         "message",
         "frames",
         "Hz",
+        "jitter [ms]",
         "largest gap [s]",
         "bytes",
         title=f"{inspection.frames} frames in {inspection.duration_s:.1f} s",
@@ -158,9 +158,10 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
             str(row.channel),
             f"{row.id:08X}" if row.extended else f"{row.id:03X}",
             "" if row.pgn is None else str(row.pgn),
-            row.message or "",
+            row.message or (row.group or "").partition(":")[0],
             str(row.count),
             "" if row.rate_hz is None else f"{row.rate_hz:.3g}",
+            "" if row.jitter_s is None else f"{1e3 * row.jitter_s:.2g}",
             "" if row.gap_s is None else f"{row.gap_s:.3g}",
             "/".join(map(str, row.lengths)),
         )
@@ -187,6 +188,10 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
     console.print(signals)
     for reason, count in inspection.rejected.items():
         console.print(f"not read: {count} × {reason}")
+    for words in inspection.draft.driveline.words():
+        console.print(escape(words))
     for what in inspection.missing:
         console.print(f"missing: {escape(what)}")
+    for what in inspection.draft.guesses():
+        console.print(f"guessed: {escape(what)}")
     print_warnings(inspection.warnings, "inspect.json", console)

@@ -94,4 +94,5 @@ MACHINE = Machine(
     scenarios=_scenarios,
     own_effects=OwnEffects,
     template="truck",
+    car_template="gt350",
 )

@@ -22,7 +22,13 @@ from collections.abc import Container, Mapping
 
 import casadi as ca
 
-from clutchest.models.dry_clutch.symbols import INPUTS, PARAMETERS, SENSORS, STATES
+from clutchest.models.dry_clutch.symbols import (
+    ENGINE_LOAD,
+    INPUTS,
+    PARAMETERS,
+    SENSORS,
+    STATES,
+)
 from clutchest.models.model import Model, Quantities
 
 # Which equations act, set by the mode: the speed equation (not locked, no transition near),
@@ -85,6 +91,12 @@ def torque_from_position(q: Quantities) -> None:
 def measured_torque(q: Quantities) -> None:
     """M_c,meas = M_e,reported − J_e dω_e/dt, the reported torque less its bias."""
     q.true_engine_torque = q.engine_torque - q.torque_bias
+    q.measured_torque = q.true_engine_torque - q.engine_inertia * q.engine_acceleration
+
+
+def guessed_torque(q: Quantities) -> None:
+    """Without a reported torque: half the engine's largest, and what no signal informs."""
+    q.true_engine_torque = (0.5 + q.engine_load) * q.engine_torque_max
     q.measured_torque = q.true_engine_torque - q.engine_inertia * q.engine_acceleration
 
 
@@ -161,6 +173,11 @@ def engine_as_measured(q: Quantities) -> None:
     q.implied_engine_torque = q.engine_torque
 
 
+def engine_alone(q: Quantities) -> None:
+    """The same, where no torque is reported that could be implied."""
+    q.engine_speed_rate = q.engine_acceleration
+
+
 def readings(q: Quantities) -> None:
     """What the sensors show, x0 = x0_ref + Δx0 among them, and the torque that passes through."""
     q.engine_speed_reading = q.engine_speed
@@ -222,6 +239,22 @@ WITHOUT_SLIP = (
     )
 )
 
+# Without a reported torque the energy of a slip is known within what the engine can give.
+_NO_TORQUE = "no engine torque signal"
+_NEED_TORQUE = ("temp_body", "temp_housing", "temp_disc", "engine_load", "transmitted_torque")
+WITHOUT_TORQUE = (
+    WITHOUT_POSITION.swap(measured_torque, guessed_torque)
+    .swap(engine_as_measured, engine_alone)
+    .without_input("engine_torque")
+    .with_states(ENGINE_LOAD)
+    .unobserved(dict.fromkeys((*_UNINFORMED, *_NEED_TORQUE), _NO_TORQUE))
+)
+SPEED_ALONE = (
+    WITHOUT_TORQUE.swap(slip, no_slip)
+    .without_input("input_shaft_speed")
+    .unobserved({**WITHOUT_TORQUE.unobservable, "slip_energy": _NO_SLIP})
+)
+
 
 def at_rest(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dict[str, float]:
     """State at the start of a drive by its first inputs: (12)–(14) at rest, no slip."""
@@ -243,6 +276,8 @@ def at_rest(parameters: Mapping[str, float], inputs: Mapping[str, float]) -> dic
 
 def for_signals(names: Container[str]) -> Model:
     """The form of the equations that the available signals can drive."""
+    if "engine_torque" not in names:
+        return WITHOUT_TORQUE if "input_shaft_speed" in names else SPEED_ALONE
     if "input_shaft_speed" not in names:
         return WITHOUT_SLIP
     return DRY_CLUTCH if "slave_position" in names else WITHOUT_POSITION

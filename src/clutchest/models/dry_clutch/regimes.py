@@ -25,6 +25,7 @@ from clutchest.signals import Floats
 
 BARELY = 0.1  # of the slip that counts as locked: below, it may be noise alone
 TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
+RESTS = 1.0  # rad/s, of a shaft that does not turn
 
 
 def judge(observed: Observed) -> Regimes:
@@ -36,10 +37,10 @@ def judge(observed: Observed) -> Regimes:
     return classify(
         observed.time,
         None if shaft is None else speed - shaft,
-        None if position is None else position - p["position_origin"],
+        shaft,
+        None if position is None else position - p["position_origin"] - p["kiss_point"],
         observed.at("motor_position"),
         observed.missing,
-        p["kiss_point"],
         observed.thresholds,
         observed.lost,
     )
@@ -58,22 +59,22 @@ def refine(mode: NDArray[np.uint8], outputs: Outputs, inputs: Container[str]) ->
 def classify(
     time: Floats,
     slip: Floats | None,
-    position: Floats | None,
+    shaft: Floats | None,
+    beyond: Floats | None,
     motor: Floats | None,
     blind: NDArray[np.bool_],
-    kiss_point: float,
     thresholds: Thresholds,
     lost: NDArray[np.bool_] | None = None,
 ) -> Regimes:
     """Regimes over ``time`` (s, shape (n,)).
 
-    ``slip`` rad/s, ``position`` x and ``motor`` mm, None where there is no such signal; ``blind``
-    marks times at which a needed signal is missing, ``lost`` those at which it has been for so
-    long that the state of the clutch is unknown.
+    ``slip`` and ``shaft`` rad/s, ``beyond`` the kiss point and ``motor`` position mm, None where
+    there is no such signal; ``blind`` marks times at which a needed signal is missing, ``lost``
+    those at which it has been for so long that the state of the clutch is unknown.
     """
     if lost is None:
         lost = np.zeros(len(time), bool)
-    if slip is None:
+    if slip is None or shaft is None:
         no = np.zeros(len(time), bool)
         return Regimes(np.full(len(time), Mode.unknown, np.uint8), no, no, no)
     slip = average(time, slip, thresholds.lock_average)
@@ -86,8 +87,10 @@ def classify(
         leaving = around(time, ~retracted, thresholds.guard)
         home = (since(time, retracted) >= thresholds.settle) & ~leaving
     apart = np.zeros(len(time), bool)
-    if position is not None:
-        apart = position > kiss_point + thresholds.open_margin
+    if beyond is not None:
+        apart = beyond > thresholds.open_margin
+    elif thresholds.longest_engagement > 0.0:
+        apart = _disengaged(time, slip, np.abs(shaft) < RESTS, locked, thresholds)
     mode = np.where(
         home,
         Mode.retracted,
@@ -104,6 +107,27 @@ def classify(
         sliding=slides & ~lost,
         engaged=slides & ~apart & ~lost,
     )
+
+
+def _disengaged(
+    time: Floats,
+    slip: Floats,
+    rests: NDArray[np.bool_],
+    locked: NDArray[np.bool_],
+    thresholds: Thresholds,
+) -> NDArray[np.bool_]:
+    """Where speeds alone tell that no torque passes: standing, or rolling with the engine slower
+    than the shaft, without an engagement that ends soon."""
+    idle = ~locked & (rests | (slip < -thresholds.lock_slip))
+    longest = thresholds.longest_engagement
+    engages = (_until(time, locked) <= longest) | (rests & (_until(time, ~rests) <= longest))
+    return np.asarray(idle & ~engages)
+
+
+def _until(time: Floats, flag: NDArray[np.bool_]) -> Floats:
+    """s until ``flag`` holds next; infinite where it never does."""
+    when = np.append(time[flag], np.inf)
+    return np.asarray(when[np.searchsorted(when, time)] - time)
 
 
 @compiled
@@ -137,5 +161,6 @@ RULES = RegimeRules(
         "retracted_position",
         "settle",
         "guard",
+        "longest_engagement",
     ),
 )

@@ -110,6 +110,22 @@ STATES = (
     ),
 )
 
+# What takes the place of the reported torque where no signal has it: anything from none to the
+# largest, whose standard deviation is 1/√12.
+ENGINE_LOAD = State(
+    "engine_load",
+    "1",
+    "M_e/M_e,max − ½",
+    "engine torque over the largest, less one half",
+    0.0,
+    0.29,
+    0.1,
+    "a reported engine torque",
+    carried=False,
+    role="constant",
+    possible=(-1.0, 1.0),
+)
+
 PARAMETERS = (
     Parameter(
         "heat_capacity_body",
@@ -242,7 +258,8 @@ COLUMNS = (
         rests=True,
         spn=190,
         named=r"^(eng|mot|crank)\w*?(speed|spd|rpm|drehzahl|_n_|_n$)|^rpm$|^n_?(eng|mot|ice)"
-        r"|(speed|drehzahl)_(eng|mot)|r[eé]gime_moteur|giri_motore",
+        r"|(speed|spd|rpm|n)_?(eng|mot|ice)|drehzahl_?(mot|kurbel)|(r[eé]gim[ea]n?|vitesse|giri|velocidad"
+        r"|revoluciones|rota[cç][aã]o|obroty)_?(du_?|del_?|do_?)?(mot|silnik)|motor(varvtal|toeren)",
         magnitude=Magnitude((45.0, 1300.0), 350.0),
         noisiest=10.0,
     ),
@@ -252,7 +269,8 @@ COLUMNS = (
         rests=True,
         spn=161,
         named=r"(input|turbine|gearbox_?in|trnain|clutch_?out)\w*(speed|spd|rpm|_w_|_n_)"
-        r"|^n_?(in|turb|gbx_?in|getr)|getriebeeingang|arbre_primaire",
+        r"|^n_?(in|turb|gbx_?in|getr)|getriebeeingang|arbre_(primaire|d_?entr)|eje_(primario|entrada)"
+        r"|albero_(primario|ingresso)|ing[aå]ende_?axel|ingaande_?as|wa[lł]ek_wej",
         geared_by="engine_speed",
         magnitude=Magnitude((0.0, 1300.0)),
         noisiest=10.0,
@@ -261,7 +279,8 @@ COLUMNS = (
         "slave_position",
         "mm",
         named=r"(slave|release|bearing|clutch_?(pos|travel))\w*(pos|travel|$)"
-        r"|^[xs]_?(slave|clutch|kuppl)|nehmerzylinder|ausr[uü]cker|kupplungsweg",
+        r"|^[xs]_?(slave|clutch|kuppl)|nehmerzylinder|ausr(ue|[uü])cker|kupplungsweg"
+        r"|cylindre_r[eé]cepteur|but[eé]e_embray|cilindro_(esclavo|ricevitore)|kopplings(l[aä]ge|v[aä]g)",
         magnitude=Magnitude((0.1, 300.0)),
         noisiest=1.0,
     ),
@@ -278,7 +297,9 @@ COLUMNS = (
         "Nm",
         spn=513,
         named=r"(eng|crank|trnain|mot)\w*(torque|trq|tq|moment)\w*(act|net|meas)"
-        r"|actual\w*engine\w*torque|^(m|t|trq|tq)_?(eng|mot|ice)|motormoment|couple_moteur",
+        r"|actual\w*engine\w*torque|^(m|t|trq|tq)_?(eng|mot|ice)|(motor|kurbel)(dreh)?moment|motorvridmoment"
+        r"|couple_?(du_?)?moteur|(par|torque|coppia|koppel|moment)_?(del_?|do_?)?(mot|eng|silnik)"
+        r"|^(engine|eng|motor|mot)_?(torque|trq|tq)$",
         companions={"fraction": 4154, "friction": 514},
         reference_spn=544,
         magnitude=Magnitude((0.04, 2.0), of="engine_torque_max", moves="engine_speed"),
@@ -290,7 +311,8 @@ COLUMNS = (
         possible=(-50.0, 130.0, 3.0),
         spn=110,
         named=r"(coolant|cool|clnt|k(ue|ü)hl|water)\w*(temp|_te_|_t$)"
-        r"|(^t|temp\w*)_?(cool|kmt|water|k(ue|ü)hl|wasser)",
+        r"|(^t|temp\w*)_?(cool|kmt|water|k(ue|ü)hl|wasser|refrig|eau|acqua|kylv|koelw|ch[lł]odz)"
+        r"|liquide_?refroid",
         noisiest=10.0,
     ),
     Column(
@@ -299,7 +321,7 @@ COLUMNS = (
         possible=(-60.0, 60.0, 2.0),
         spn=171,
         named=r"(amb|outside|au(ss|ß)en|airamb|umgebung)\w*(temp|_te_|_t$)"
-        r"|(^t|temp\w*)_?(amb|out|au(ss|ß)en|umg)",
+        r"|(^t|temp\w*)_?(amb|out|au(ss|ß)en|umg|ext|est|ute|omg|buiten|zewn)",
         noisiest=10.0,
     ),
     Column(
@@ -307,7 +329,8 @@ COLUMNS = (
         "m/s",
         rests=True,
         spn=84,
-        named=r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$|^v$|^v_?(veh|fzg)|geschwindigkeit|vitesse",
+        named=r"(veh|vehicle)\w*(speed|spd|_v_)|^speed$|^v$|^v_?(veh|fzg)|geschwindigkeit|vitesse|velocidad|velocit[aà]"
+        r"|velocidade|hastighet|snelheid|pr[eę]dko[sś][cć]",
         magnitude=Magnitude((0.0, 70.0)),
         noisiest=3.0,
     ),
@@ -325,7 +348,8 @@ COLUMNS = (
         "%",
         rests=True,
         spn=91,
-        named=r"(acc(el)?(erator)?|gas)_?(pedal|ped)\w*|^app(s)?(_|$)",
+        named=r"(acc(el)?(erator)?|gas)_?(pedal|ped)\w*|^app(s)?(_|$)"
+        r"|fahrpedal|p[eé]dale_acc|acelerador|acceleratore",
     ),
 )
 
