@@ -33,6 +33,7 @@ GEAR = re.compile(
 )
 LIVELY = 0.02  # of the samples of a measured quantity that differ from the one before, at least
 RECOGNISED_S = 3.0  # of turning together, by which a speed without a known name is recognised
+ALWAYS = 0.99  # of a log, for which a speed that is with the engine's is the engine's
 MOST_VALUES = 400_000  # of a signal that are looked at
 ROAD = "m/s"
 USUAL_RADIUS = 0.32  # m, of a wheel whose size is not known
@@ -252,39 +253,49 @@ def _recognise(
     machine: Machine,
 ) -> None:
     """Add the speeds that no name gives away, by what they turn together with: an engine with
-    wheels, in several gears; a shaft with its engine."""
-    for column in machine.columns:
-        driver = column.geared_by
-        if not driver:
-            continue
+    wheels, in gears; a shaft with its engine, but not always.
+
+    Of an engine and the shaft behind its clutch, the shaft is with the wheels for longer.
+    """
+    road = [*wheels, *(s for s in sources if s.layout.unit and s.measures(ROAD))][:1]
+    for column in (c for c in machine.columns if c.geared_by):
+        driver = machine.column(column.geared_by)
+        of_wheels = {wheel.bus for wheel in wheels}
         speeds = [s for s in sources if s.layout.unit and s.measures(column.unit)]
-        if driver not in candidates:
-            road = [*wheels, *(s for s in sources if s.layout.unit and s.measures(ROAD))]
-            of = machine.column(driver)
-            known = [s for s in speeds if s.bus not in [w.bus for w in wheels]]
-            if of is not None:
-                candidates |= _best(known, road[:1], sources, of, learned)
-        if column.name not in candidates and driver in candidates:
-            engine = max(candidates[driver], key=lambda each: each[0].rank)[1]
-            others = [s for s in speeds if s.bus not in {c[1].bus for c in candidates[driver]}]
-            candidates |= _best(others, [engine], sources, column, with_engine)
+        speeds = [s for s in speeds if s.bus not in of_wheels]
+        if driver is not None and driver.name not in candidates and road:
+            together = _together(speeds, road[0], learned)
+            if together:
+                engine = min(together, key=lambda each: each[0])[1]
+                found = _candidate(engine, sources, driver, "behaviour")
+                candidates[driver.name] = [(found, engine)]
+        if driver is None or column.name in candidates or driver.name not in candidates:
+            continue
+        engine = max(candidates[driver.name], key=lambda each: each[0].rank)[1]
+        taken = {source.bus for _, source in candidates[driver.name]}
+        others = [s for s in speeds if s.bus not in taken]
+        together = _together(others, engine, with_engine)
+        if together:
+            shaft = max(together, key=lambda each: each[0])[1]
+            candidates[column.name] = [(_candidate(shaft, sources, column, "behaviour"), shaft)]
 
 
-def _best(
+def _together(
     speeds: Sequence[BusSource],
-    beside: Sequence[BusSource],
-    sources: Sequence[BusSource],
-    column: Column,
+    beside: BusSource,
     relation: Callable[[BusSource, BusSource], Learned | None],
-) -> dict[str, list[tuple[SignalCandidate, BusSource]]]:
-    """The speeds that turn together with the one ``beside`` for long, if any."""
+) -> list[tuple[float, BusSource]]:
+    """(s, speed) of those that turn together with the one ``beside`` for long; one that always
+    does is the same speed twice."""
     found = []
     for speed in speeds:
-        for other in beside:
-            known = relation(other, speed)
-            if known is not None and known.seconds >= RECOGNISED_S and len(known.gears):
-                found.append((_candidate(speed, sources, column, "behaviour"), speed))
-    return {column.name: found} if found else {}
+        known = relation(beside, speed)
+        if known is None or known.seconds < RECOGNISED_S:
+            continue
+        time = beside.values().time
+        if relation is learned or known.seconds < ALWAYS * float(time[-1] - time[0]):
+            found.append((known.seconds, speed))
+    return found
 
 
 def learned(wheel: BusSource, engine: BusSource, second: BusSource | None = None) -> Learned | None:

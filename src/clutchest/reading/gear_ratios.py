@@ -95,15 +95,15 @@ def _most_held(quotient: Floats, step: Floats) -> float | None:
     """The ratio around which most time was spent, if that is enough for a gear."""
     if not len(quotient):
         return None
-    place = np.log(quotient) / FINE
-    first = int(np.floor(place.min()))
-    spent = np.bincount((np.floor(place) - first).astype(np.intp), weights=step)
-    width = round(TOLERANCE / FINE)
+    place, width = np.log(quotient) / FINE, round(TOLERANCE / FINE)
+    first = int(np.floor(place.min())) - width
+    classes = (np.floor(place) - first).astype(np.intp)
+    spent = np.bincount(classes, weights=step, minlength=int(classes.max()) + width + 1)
     around = np.convolve(spent, np.ones(2 * width + 1), mode="same")
     best = int(np.argmax(around))
     if around[best] < LEAST_S:
         return None
-    here = np.abs(place - (first + best + 0.5)) <= width
+    here = np.abs(classes - best) <= width
     return float(np.median(quotient[here]))
 
 
