@@ -1,9 +1,13 @@
 """Logs to signals to estimates: seconds, µs per frame, and ratios formed within one turn.
 
-    python benchmarks/log_road [formats] [replay] [hour] [linear] [memory] [--json FILE]
+    python benchmarks/log_road [formats] [others] [parquet] [replay] [hour] [linear] [memory]
+        [--json FILE]
 
     formats   read and decode the mapped signals of the same file: clutchest, python-can with
               cantools (asammdf for mf4), and the least that the bytes cost
+    others    what does a part of that, where it is installed: vblf with cantools, can_decoder on
+              frames in memory, mf4-rs on raw columns of an MDF that is not compressed
+    parquet   a python-can log to Parquet, one file per message, in bounded memory
     replay    the whole replay against python-can, cantools and a filterpy filter
     hour      `clutchest replay` of one hour, five messages at 100 Hz: wall clock and memory
     linear    the whole replay from 10^4 to --most frames
@@ -32,6 +36,8 @@ import drives
 import limits
 import numpy as np
 import peers
+import pyarrow.parquet as pq
+from asammdf import MDF
 
 import clutchest
 from clutchest.can.database import Database
@@ -118,6 +124,62 @@ def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
         results[suffix] = against(in_turn(what, repeats), "clutchest", n, suffix)
         path.unlink()
     return results
+
+
+def others(folder: Path, n: int, repeats: int) -> dict[str, Any]:
+    """The peers that do a part of the road."""
+    vehicle = clutchest.load_vehicle(drives.VEHICLE)
+    database = load_database(vehicle)
+    wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
+    (dbc,) = database.paths
+    usual = cantools.database.load_file(dbc)
+    frames = drives.repeated(drives.drive(600), n)
+    blf, packed, mdf = (folder / name for name in ("a.blf", "packed.mf4", "a.mf4"))
+    write_frames(frames, blf)
+    write_frames(frames, packed)
+    with MDF(packed) as file:
+        file.save(mdf, compression=0, overwrite=True)
+    results = {}
+    if peers.installed("vblf"):
+        what: dict[str, Callable[[], object]] = {
+            "clutchest": lambda: read_and_decode(blf, vehicle, database),
+            "vblf + cantools": lambda: peers.by_vblf(blf, usual, wanted),
+        }
+        results["vblf"] = against(in_turn(what, repeats), "clutchest", n, ".blf")
+    if peers.installed("can_decoder"):
+        theirs = peers.by_can_decoder(frames, dbc)
+        what = {
+            "clutchest": lambda: frames.decode(dbc).to_arrow(),
+            "can_decoder": theirs,
+        }
+        results["can_decoder"] = against(in_turn(what, repeats), "clutchest", n, "in memory")
+    if peers.installed("mf4_rs"):
+        what = {
+            "clutchest": lambda: sum(map(len, read_blocks(mdf))),
+            "mf4-rs, plain channels": peers.plain_channels(folder / "plain.mf4", frames),
+        }
+        results["mf4_rs"] = against(in_turn(what, repeats), "clutchest", n, "raw .mf4, frames only")
+    return results
+
+
+def parquet(folder: Path, n: int) -> dict[str, float]:
+    """All signals of a candump log that python-can would read, to Parquet, a block at a time."""
+    dbc = load_database(clutchest.load_vehicle(drives.VEHICLE)).paths[0]
+    path = folder / "large.log"
+    write_frames(drives.repeated(drives.drive(600), n), path)
+    script = Path(__file__).with_name("to_parquet.py")
+    begin = perf_counter()
+    command = [sys.executable, str(script), str(path), str(dbc), str(folder / "parquet")]
+    used = json.loads(
+        subprocess.run(
+            [sys.executable, "-S", "-c", _STARTER, *command], stdout=subprocess.PIPE, check=True
+        ).stdout
+    )
+    seconds = perf_counter() - begin
+    rows = sum(pq.read_metadata(p).num_rows for p in (folder / "parquet").glob("*.parquet"))
+    print(f"\n{rows} frames of {path.stat().st_size / 1e9:.2f} GB to Parquet: {seconds:.1f} s,")
+    print(f"  {used[1] / rows * 1e6:.2f} µs of processor per frame, {used[2] / 1024:.0f} MiB")
+    return {"frames": rows, "seconds": seconds, "cpu_seconds": used[1], "MiB": used[2] / 1024}
 
 
 def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
@@ -229,7 +291,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parts = ("formats", "replay", "hour", "linear", "memory")
+    parts = ("formats", "others", "parquet", "replay", "hour", "linear", "memory")
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(parts))
     parser.add_argument("--frames", type=int, default=1_000_000)
     parser.add_argument("--repeats", type=int, default=3)
@@ -244,6 +306,8 @@ def main() -> None:
         folder = Path(name)
         calls: dict[str, Callable[[], object]] = {
             "formats": lambda: formats(folder, given.frames, given.repeats),
+            "others": lambda: others(folder, given.frames, given.repeats),
+            "parquet": lambda: parquet(folder, given.frames),
             "replay": lambda: replay(folder, given.repeats, given.seconds),
             "hour": lambda: hour(folder, given.repeats),
             "linear": lambda: linear(folder, int(given.most)),

@@ -30,7 +30,8 @@ def test_what_is_encoded_is_decoded(truck):
             values[name] = raws * layout.scale + layout.offset
         frames = encode(message, values, T, source_address=0x42, channel=2)
         assert set(frames.id) == {(message.id & ~0xFF) | 0x42}
-        assert set(frames.flags) == {Flag.EXTENDED} and set(frames.channel) == {2}
+        long = Flag.FD if message.length > 8 else 0
+        assert set(frames.flags) == {Flag.EXTENDED | long} and set(frames.channel) == {2}
         rows = rows_of(frames, message)
         columns = decode(frames, rows, message, list(message.signals))
         for name, column in columns.items():
