@@ -1,0 +1,47 @@
+"""The site of the manual is made without a warning, and the notebooks run."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+
+
+def test_there_are_four_notebooks() -> None:
+    assert [path.stem for path in NOTEBOOKS] == ["diagnose", "discover", "fleet", "replay"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From top to bottom; a cell that raises ends it."""
+    nbformat = pytest.importorskip("nbformat")
+    client = pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    book = nbformat.read(path, as_version=4)
+    assert not any(cell.get("outputs") for cell in book.cells), "is kept without what it prints"
+    where = {"metadata": {"path": str(tmp_path)}}
+    client.NotebookClient(book, timeout=900, kernel_name="python3", resources=where).execute()
+
+
+@pytest.mark.slow
+def test_the_site_has_no_warning(tmp_path: Path) -> None:
+    """A link that leads nowhere is one."""
+    pytest.importorskip("material")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-d", str(tmp_path / "site")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    names = (tmp_path / "site" / "api" / "index.html").read_text(encoding="utf-8")
+    assert "analyse_fleet" in names
+    pages = list((tmp_path / "site").rglob("*.html"))
+    assert len(pages) > 20
+    for page in pages:
+        assert "https://fonts." not in page.read_text(encoding="utf-8"), page
