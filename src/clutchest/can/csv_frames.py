@@ -33,12 +33,12 @@ from clutchest.can.text_scan import (
     Ints,
     Table,
     at_end,
+    behind_line,
     blanks,
     compiled,
     decimal,
     hexadecimal,
     line_end,
-    rejected_line,
     undated,
 )
 
@@ -148,15 +148,9 @@ def frames_of(
 def _scan(layout: Layout, text: Bytes, out: Table, counts: Ints) -> int:
     """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
     n = i = int(np.int64(0))
-    while i < len(text):
+    while n >= 0 and i < len(text):
         end = _line(layout, text, i, n, out)
-        if end >= 0:
-            n += 1
-            i = end + 1
-        elif end == WIDE:
-            return -1
-        else:
-            i = rejected_line(text, i, end, n, out, counts)
+        i, n = behind_line(text, i, end, n, out, counts)
     return n
 
 

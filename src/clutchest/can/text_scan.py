@@ -232,6 +232,20 @@ def rejected_line(text: Bytes, i: int, why: int, n: int, out: Table, counts: Int
 
 
 @compiled
+def behind_line(text: Bytes, i: int, end: int, n: int, out: Table, counts: Ints) -> tuple[int, int]:
+    """(where the next line begins, frames so far) after the line at ``i`` was read into row ``n``.
+
+    ``end`` is the position of its newline, or why it holds no frame; −1 frames where a payload is
+    wider than the table.
+    """
+    if end >= 0:
+        return end + 1, n + 1
+    if end == WIDE:
+        return i, -1
+    return rejected_line(text, i, end, n, out, counts), n
+
+
+@compiled
 def is_word(text: Bytes, i: int, small: Bytes) -> bool:
     """Whether the word ``small`` (lower case) is here, in upper or lower case."""
     for k in range(len(small)):

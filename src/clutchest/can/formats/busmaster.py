@@ -27,17 +27,16 @@ from clutchest.can.text_scan import (
     NO_FRAME,
     REMOTE,
     SENT,
-    WIDE,
     Bytes,
     Ints,
     Table,
     at_end,
+    behind_line,
     blanks,
     compiled,
     decimal,
     hexadecimal,
     line_end,
-    rejected_line,
     spaced_bytes,
     tables,
 )
@@ -96,15 +95,9 @@ def _midnight_ns(moment: datetime) -> int:
 def _scan(base: int, text: Bytes, out: Table, counts: Ints) -> int:
     """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
     n = i = int(np.int64(0))
-    while i < len(text):
+    while n >= 0 and i < len(text):
         end = _line(text, blanks(text, i), base, n, out)
-        if end >= 0:
-            n += 1
-            i = end + 1
-        elif end == WIDE:
-            return -1
-        else:
-            i = rejected_line(text, i, end, n, out, counts)
+        i, n = behind_line(text, i, end, n, out, counts)
     return n
 
 

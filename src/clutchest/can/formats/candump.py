@@ -39,12 +39,12 @@ from clutchest.can.text_scan import (
     Ints,
     Table,
     at_end,
+    behind_line,
     blanks,
     compiled,
     decimal,
     hexadecimal,
     line_end,
-    rejected_line,
     spaced_bytes,
     stamp,
     undated,
@@ -102,15 +102,9 @@ def _from_local(t_ns: Ints) -> Ints:
 def _scan(text: Bytes, clock: Ints, out: Table, counts: Ints) -> int:
     """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
     n = i = int(np.int64(0))  # a literal 0 would have all of this compiled twice
-    while i < len(text):
+    while n >= 0 and i < len(text):
         end = _line(text, blanks(text, i), n, clock, out)
-        if end >= 0:
-            n += 1
-            i = end + 1
-        elif end == WIDE:
-            return -1
-        else:
-            i = rejected_line(text, i, end, n, out, counts)
+        i, n = behind_line(text, i, end, n, out, counts)
     return n
 
 

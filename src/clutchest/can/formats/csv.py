@@ -25,10 +25,10 @@ from clutchest.can.text_scan import (
     Ints,
     Table,
     at_end,
+    behind_line,
     compiled,
     decimal,
     hexadecimal,
-    rejected_line,
     stamp,
     undated,
 )
@@ -49,15 +49,9 @@ def read(source: LogSource) -> Iterator[Frames]:
 def _scan(text: Bytes, out: Table, counts: Ints) -> int:
     """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
     n = i = int(np.int64(0))
-    while i < len(text):
+    while n >= 0 and i < len(text):
         end = _line(text, i, n, out)
-        if end >= 0:
-            n += 1
-            i = end + 1
-        elif end == WIDE:
-            return -1
-        else:
-            i = rejected_line(text, i, end, n, out, counts)
+        i, n = behind_line(text, i, end, n, out, counts)
     return n
 
 

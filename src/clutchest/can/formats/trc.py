@@ -31,18 +31,17 @@ from clutchest.can.text_scan import (
     REMOTE,
     SENT,
     STATUS,
-    WIDE,
     Bytes,
     Ints,
     Table,
     at_end,
+    behind_line,
     blanks,
     compiled,
     decimal,
     hexadecimal,
     is_word,
     line_end,
-    rejected_line,
     spaced_bytes,
     stamp,
     tables,
@@ -93,15 +92,9 @@ def _start_ns(head: bytes) -> int:
 def _scan(columns: Bytes, start_ns: int, text: Bytes, out: Table, counts: Ints) -> int:
     """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
     n = i = int(np.int64(0))
-    while i < len(text):
+    while n >= 0 and i < len(text):
         end = _line(text, blanks(text, i), columns, start_ns, n, out)
-        if end >= 0:
-            n += 1
-            i = end + 1
-        elif end == WIDE:
-            return -1
-        else:
-            i = rejected_line(text, i, end, n, out, counts)
+        i, n = behind_line(text, i, end, n, out, counts)
     return n
 
 
