@@ -129,9 +129,10 @@ def test_messages_of_one_name_or_id_are_named(tmp_path, caplog):
     assert caplog.records == []
 
 
+@pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
-def test_byte_order_marks(encoding, tmp_path):
-    mark = "\ufeff" if encoding.endswith(("le", "be")) else ""
+def test_byte_order_marks(encoding, marked, tmp_path):
+    mark = "\ufeff" if marked and encoding.endswith(("le", "be")) else ""
     (tmp_path / "a.dbc").write_bytes((mark + ONE).encode(encoding))
     database = load([tmp_path / "a.dbc"])
     assert database.message("One").signal("S").unit == "°C" and database.warnings == ()

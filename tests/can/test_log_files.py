@@ -366,9 +366,10 @@ def test_trc_without_a_start_is_relative(tmp_path):
     assert frames.t_ns.tolist() == [1_000_000, 3_000_000] and not frames.absolute
 
 
+@pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16-le", "utf-16-be"])
 @pytest.mark.parametrize("suffix", [".log", ".asc.gz", ".trc", ".csv"])
-def test_byte_order_marks(suffix, encoding, tmp_path, monkeypatch):
+def test_byte_order_marks(suffix, encoding, marked, tmp_path, monkeypatch):
     """Of text that went through an editor or a shell of Windows."""
     monkeypatch.setattr(log_source, "_PIECE", 1001)
     frames = without_channels(random_frames(3000, seed=12))
@@ -376,7 +377,7 @@ def test_byte_order_marks(suffix, encoding, tmp_path, monkeypatch):
     opener = gzip.open if suffix.endswith(".gz") else open
     with opener(tmp_path / f"a{suffix}", "rb") as file:
         text = file.read().decode()
-    mark = "" if encoding == "utf-8-sig" else "\ufeff"
+    mark = "" if encoding == "utf-8-sig" or not marked else "\ufeff"
     with opener(tmp_path / f"b{suffix}", "wb") as file:
         file.write((mark + text.replace("\n", "\r\n")).encode(encoding))
     assert_equal(read_frames(tmp_path / f"b{suffix}"), frames)

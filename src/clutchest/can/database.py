@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from clutchest.budgets import DBC_BYTES, within
 from clutchest.can import j1939
 from clutchest.can.layout_cache import recalled, remember
+from clutchest.can.log_source import utf16_of
 from clutchest.errors import ClutchestError, nearest
 
 if TYPE_CHECKING:
@@ -194,8 +194,8 @@ def _of_plain(given: Any) -> tuple[list[Message], list[str]] | None:
 
 def _text(content: bytes) -> str:
     """The text of a DBC in whatever encoding: by its byte order mark, UTF-8, else Windows'."""
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", "replace")
+    if encoding := utf16_of(content[:64]):
+        return content.decode(encoding, "replace")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

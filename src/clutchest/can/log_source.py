@@ -33,6 +33,8 @@ HOPELESS = 256  # blocks without a frame; more of the same is no log
 BAD_DATA: tuple[type[Exception], ...] = (plain_zlib.error, zlib.error)
 
 _PIECE = 64 << 10  # bytes of compressed data at a time
+SURE = 32  # bytes, by which a text is known to be in UTF-16 without a mark
+_WHITE = b"\t\r\n"
 GZIP_TRUNCATED = "gzip data end early"
 _LONG_LINE = f"line longer than {BLOCK >> 20} MiB"
 
@@ -78,12 +80,31 @@ class Gunzip:
         return b"".join(parts)
 
 
-class Transcoded:
-    """A text in UTF-16, with its byte order mark, as UTF-8; ``begin`` has been read already."""
+def utf16_of(head: bytes) -> str:
+    """Which UTF-16 a text is in, by its byte order mark or, without one, because every other byte
+    of its begin is 0 and the rest are ASCII; "" if it is in none."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    begin = head[:SURE]
+    for encoding, zeros, letters in (
+        ("utf-16-le", begin[1::2], begin[0::2]),
+        ("utf-16-be", begin[0::2], begin[1::2]),
+    ):
+        if (
+            len(begin) == SURE
+            and not any(zeros)
+            and all(32 <= c < 127 or c in _WHITE for c in letters)
+        ):
+            return encoding
+    return ""
 
-    def __init__(self, begin: bytes, file: Bytes) -> None:
+
+class Transcoded:
+    """A text in this ``encoding``, UTF-16, as UTF-8; ``begin`` has been read already."""
+
+    def __init__(self, begin: bytes, file: Bytes, encoding: str) -> None:
         self.file = file
-        self._decoder = codecs.getincrementaldecoder("utf-16")("replace")
+        self._decoder = codecs.getincrementaldecoder(encoding)("replace")
         self._text = self._decoder.decode(begin).encode()
         self._done = False
 
@@ -118,8 +139,8 @@ class LogSource:
         self._gunzip = Gunzip(file) if self.zipped else None
         self._file: Bytes = self._gunzip or file
         self.head = self._file.read(HEAD)
-        if self.head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-            self._file = Transcoded(self.head, self._file)
+        if encoding := utf16_of(self.head):
+            self._file = Transcoded(self.head, self._file, encoding)
             self.head = self._file.read(HEAD)
         self.head = self.head.removeprefix(codecs.BOM_UTF8)
         self._unread = self.head
