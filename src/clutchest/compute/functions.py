@@ -134,7 +134,7 @@ class _Functions:
         first order, as it is too small to matter within a step."""
         model, e = self.model, self.e
         taken_in = ca.SX(len(model.states), len(self.thetas))
-        kept = [i for i, state in enumerate(model.states) if state.name not in model.renewed]
+        kept = [i for i, state in enumerate(model.states) if state.name not in model.followed]
         for k, (owner, name) in enumerate(self.thetas):
             if owner == INPUT_NOISE:
                 taken_in[kept, k] = taken.dt * ca.jacobian(e.rate, e.u)[kept, model.input(name)]

@@ -162,13 +162,15 @@ class Denoised(NamedTuple):
 
 class Tracking(NamedTuple):
     """``states`` (tracked), indices, that readings correct, by the ``gain`` (K, tracked) of each;
-    ``variance`` (K) its prediction's.  Gain and variance are used where they are ``frozen``, so
+    ``variance`` (K) its prediction's; ``settling``, indices of those that an input settles at once.
+    Gain and variance are used where they are ``frozen``, so
     that innovations are a smooth function of θ; else they are filled."""
 
     states: Any
     gain: Any
     variance: Any
     frozen: bool
+    settling: Any
 
 
 class Sensitivities(NamedTuple):
@@ -233,6 +235,8 @@ class SensitivityWork(NamedTuple):
     by_theta: Any
     xn: Any
     xc: Any
+    xs: Any
+    xd: Any
     ua: Any
     ub: Any
     va: Any

@@ -40,6 +40,8 @@ def sensitivity_workspace(thetas):
         by_theta=np.zeros(thetas),
         xn=np.zeros(n),
         xc=np.zeros(n),
+        xs=np.zeros(n),
+        xd=np.zeros(n),
         ua=np.zeros(nu),
         ub=np.zeros(nu),
         va=np.zeros(nu),
@@ -69,7 +71,14 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
         for j in range(STATES):
             xc[j] = x[j]  # from where the step begins
         for b, j in enumerate(tracking.states):
-            xc[j] = denoised.states[k - 1, b]
+            if denoised.states[k - 1, b] == denoised.states[k - 1, b]:
+                xc[j] = denoised.states[k - 1, b]
+        for j in tracking.settling:
+            xc[j] = work.xs[j]
+        if len(tracking.settling) > 0:
+            follow(xc, va, vb, dt, w, p, g, moves, work.xd)
+            for j in tracking.settling:
+                work.xs[j] = work.xd[j]
         follow(x, ua, ub, dt, w, p, g, moves, xn)
         x, xn = xn, x
         if tracking.frozen and len(active) == 0:
@@ -93,7 +102,12 @@ def innovate(k, x, S, P, thetas, events, denoised, tracking, regimes, numbers, w
     sensor, w, p, g = events.sensor[k], regimes.W[events.row[k]], numbers.p, numbers.g
     active, H, Hm, by_theta, gain = thetas.active, work.H, work.Hm, work.by_theta, tracking.gain
     h = reading(sensor, x, events.u[k], w, p, g, H)
-    reading_signature(sensor, x, denoised.inputs[k], w, p, g, Hm)
+    xc = work.xc
+    for i in range(STATES):
+        xc[i] = x[i]
+    for i in tracking.settling:
+        xc[i] = work.xs[i]
+    reading_signature(sensor, xc, denoised.inputs[k], w, p, g, Hm)
     for c in range(len(active)):
         by_theta[c] = Hm[active[c]] * work.acts[c]
     for i in range(STATES):
@@ -121,6 +135,8 @@ def filter_sensitivities(
     Responses are taken at the inputs ``denoised.inputs``, not at the measured ones, and where
     tracked states stand at ``denoised.states``, not where noisy readings put them; step maps see
     inputs move by ``denoised.moves``: what has a play does not follow the noise of a reading.
+    Tracked states that an input settles at once stand, for responses, where the denoised one puts
+    them: it and the noisy state side by side would seem to be settling all the time.
     Noise that stands in an innovation and in its derivative alike would make every number that
     multiplies an input seem smaller than it is.
 
@@ -132,6 +148,7 @@ def filter_sensitivities(
     for i in range(STATES):
         for c in range(len(acts)):
             S[i, c] = start.S[i, c]
+        work.xs[i] = x[i]
     for k in range(len(t)):
         for c in range(len(acts)):
             if which[c] >= 0:
@@ -151,6 +168,8 @@ def filter_sensitivities(
                     results.by_theta[emit[k], thetas.first + c] = -work.by_theta[c]
         for i in range(STATES):
             results.x[k, i] = x[i]
+        for i in tracking.settling:
+            results.x[k, i] = work.xs[i]
 
 
 @compiled

@@ -6,7 +6,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from clutchest.inference.denoising import deadband, denoised_rate
+from clutchest.inference.denoising import adaptive_mean, deadband, denoised_rate
+from clutchest.inference.noise_model import median_std
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.models.declarations import ENERGY
@@ -29,14 +30,15 @@ def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
         for j, item in enumerate(model.inputs)
         if item.name not in model.slopes
     }
-    series |= {state.name: at.states[:, i] for i, state in enumerate(model.states)}
+    states = _without_noise(drive, at.states)
+    series |= {state.name: states[:, i] for i, state in enumerate(model.states)}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]
     power = model.power(e)
     values = e.along(
         ca.vertcat(*wanted, power),
-        at.states,
+        states,
         at.inputs,
         line.W[line.row],
         drive.compiled.p,
@@ -55,6 +57,17 @@ def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
     series[ENERGY] = np.cumsum(values[-1] * spans)
     series[TIME] = line.t
     return series
+
+
+def _without_noise(drive: PreparedDrive, states: Floats) -> Floats:
+    """States (K, n), of those that readings correct all the time their adaptive means: what the
+    filter makes of a reading's noise is in its innovation as well."""
+    model, calm = drive.compiled.model, states.copy()
+    for name in model.tracked:
+        i = model.state(name)
+        noise = median_std(np.diff(states[:, i])) / np.sqrt(2.0)
+        calm[:, i] = adaptive_mean(drive.line.t, states[:, i], noise, 0.0)
+    return calm
 
 
 def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:

@@ -22,7 +22,7 @@ def with_signals_of(
         if any(drive.has_samples_of(own) for own in signals.drives):
             raise ClutchestError(f"{name}: has the readings of the log, expected another drive")
         common = used & drive.available
-        if machine.equations(common) != machine.equations(used):
+        if machine.to_fit(common) != machine.to_fit(used):
             raise ClutchestError(
                 f"{name}: no valid sample of {', '.join(sorted(used - common))}, "
                 "expected the signals of the log in what is held out"

@@ -67,7 +67,7 @@ def untested_effects(problem: Problem, effects: Sequence[Effect]) -> list[str]:
     left = [e for e in effects if e not in taken]
     words = []
     for column in [c for c in machine.units if left and c not in usable]:
-        brought = machine.equations(usable | {column}).taking(left)
+        brought = machine.to_fit(usable | {column}).taking(left)
         if brought:
             names = ", ".join(e.name for e in brought)
             words.append(f"not tested, because there is no {column}: {names}")

@@ -30,7 +30,7 @@ def segmented(signals: Signals, vehicle: Vehicle) -> Signals:
 
 
 def _pieces(drive: Signals, vehicle: Vehicle) -> list[Signals]:
-    model = vehicle.machine.equations(drive.available)
+    model = vehicle.machine.to_fit(drive.available)
     setting = DriveSetup(vehicle, model, 1.0, delays(vehicle))
     present, _ = usable(drive, setting)
     gaps = _gaps(present, setting)

@@ -161,7 +161,7 @@ def compile_model(
     g, deviations = model.effect_numbers(vehicle.effect_numbers), vehicle.effect_spreads
     spreads = {q.key: vehicle.parameters[q.key].spread for q in model.parameters}
     # the spread of a state's nominal value is that state's prior
-    priors = {state.prior for state in model.states}
+    priors = {*(state.prior for state in model.states), *model.exact}
     uncertain = [key for key, s in spreads.items() if s > 0 and key not in priors]
     thetas = [(PARAMETER, key) for key in uncertain]
     spread = [spreads[key] for key in uncertain]

@@ -74,7 +74,7 @@ def _errors(objective: Objective, fit: Linearisation) -> dict[str, float | None]
         errors[pair.key] = _rms(np.concatenate([modelled - read for read, modelled in both]))
     model = problem.compiled.model
     known = [sensor.name for sensor in model.sensors]
-    for name in (s.name for s in machine.sensors if s.name not in model.renewed):
+    for name in (s.name for s in machine.sensors if s.name not in model.followed):
         read = [reading_errors(problem, i, name, fit.raw[i].r) for i in drives if name in known]
         errors[name] = _rms(np.concatenate([np.zeros(0), *read]))
     return errors

@@ -27,7 +27,8 @@ NEAR = 0.3  # s before and after a regime in which they carry more, all readings
 
 def decimated(line: Timeline, model: Model) -> Timeline:
     """The same drive with fewer events; means of readings at rest carry their smaller variance."""
-    free = np.full(len(line.t), not model.regime)  # some equation beyond heat flow acts
+    # some equation beyond heat flow acts
+    free = np.full(len(line.t), bool(model.tracked) or not model.regime)
     free |= line.W[line.row].any(axis=1)
     close = _gap(line.t, line.t[free]) <= NEAR
     keep, z, R = close & ~_spare(line), line.z.copy(), line.R.copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
 from clutchest.signals import Floats
@@ -12,6 +13,8 @@ from clutchest.signals import Floats
 WINDOW = 0.1  # s, over which inputs are smoothed
 BENDS = 4.0  # standard deviations of its noise, by which an input leaves its smooth value
 FIVE = 5  # samples, which show how an input bends
+CLOSE = 7  # samples, within which what a state follows bends little
+CALM = 2.0  # standard deviations of noise, by which parabolas through so many may be off by chance
 TURNS = 4.0  # standard deviations of that, from which on it is no noise
 GAP = 2.0  # sample periods; across a longer one how an input bends is not known
 
@@ -19,7 +22,8 @@ GAP = 2.0  # sample periods; across a longer one how an input bends is not known
 @dataclass(frozen=True, slots=True)
 class InterpolatedInput:
     """``value`` (k) at ``time`` (k) s, without the fastest noise, and the second derivative by
-    which it ``bends`` (k) there, where that shows.
+    which it ``bends`` (k) there, where that shows.  ``integral``: lines between values at other times
+    are to have its integral, otherwise these are its own values.
 
     A pedal let go takes 20 ms: straight lines between samples 10 ms apart, and again between
     events, lose or make a thousandth of a slip's heat there.
@@ -28,6 +32,7 @@ class InterpolatedInput:
     time: Floats
     value: Floats
     bends: Floats
+    integral: bool = True
 
     @classmethod
     def straight(cls, time: Floats, value: Floats) -> InterpolatedInput:
@@ -42,9 +47,20 @@ class InterpolatedInput:
         count = round(WINDOW / period) // 2 * 2 + 1
         if not FIVE <= count <= len(time):
             return cls.straight(time, read)
-        smooth = savgol_filter(read, count, 2)
-        value = np.where(np.abs(read - smooth) > BENDS * noise, read, smooth)
-        return cls(time, value, _second(time, read, period, noise))
+        return cls(time, _parabolas(read, count, noise), _second(time, read, period, noise))
+
+    @classmethod
+    def at_samples(cls, time: Floats, read: Floats, noise: float) -> InterpolatedInput:
+        """The same of what a state follows from sample to sample, its own values in between:
+        parabolas through ``CLOSE`` samples where those through ``WINDOW`` s are off."""
+        period = max(float(np.median(np.diff(time))), 1e-3)
+        count = round(WINDOW / period) // 2 * 2 + 1
+        if not CLOSE <= count <= len(time):
+            return cls.straight(time, read)
+        close, smooth = _parabolas(read, CLOSE, noise), savgol_filter(read, count, 2)
+        off = maximum_filter1d(np.abs(close - smooth), CLOSE) > CALM * noise
+        bends = _second(time, read, period, noise)
+        return cls(time, np.where(off, close, smooth), bends, integral=False)
 
     def at(self, t: Floats, spacing: Floats) -> Floats:
         """Values at ``t`` (K) whose straight connections have the input's integral; ``spacing`` (K)
@@ -59,7 +75,14 @@ class InterpolatedInput:
         width = self.time[after] - self.time[after - 1]
         since = np.clip(t - self.time[after - 1], 0.0, width)
         bends = np.interp(t, self.time, self.bends)
-        return bends * (since * (width - since) / 2.0 + spacing / 12.0)
+        return bends * (since * (width - since) / 2.0 + self.integral * spacing / 12.0)
+
+
+def _parabolas(read: Floats, count: int, noise: float) -> Floats:
+    """Parabolas through so many samples, and readings (k) themselves where those are off by more
+    than noise."""
+    smooth = savgol_filter(read, count, 2)
+    return np.where(np.abs(read - smooth) > BENDS * noise, read, smooth)
 
 
 def _second(time: Floats, read: Floats, period: float, noise: float) -> Floats:

@@ -39,7 +39,7 @@ def taken_in(model: Model) -> list[str]:
 
 
 def _rates(model: Model, rate: ca.SX) -> ca.SX:
-    return rate[[i for i, state in enumerate(model.states) if state.name not in model.renewed]]
+    return rate[[i for i, state in enumerate(model.states) if state.name not in model.followed]]
 
 
 def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle: Vehicle) -> Floats:
@@ -111,7 +111,7 @@ def _taken_in(drive: PreparedDrive, vehicle: Vehicle) -> Floats:
     compiled, line = drive.compiled, drive.line
     model = compiled.model
     e = model.expressions()
-    if all(state.name in model.renewed for state in model.states):
+    if all(state.name in model.followed for state in model.states):
         return np.zeros((len(model.inputs), len(line.t)))
     std = prior_std(vehicle, model)
     units = [1.0 / s if s > 0.0 else 0.0 for s in std]

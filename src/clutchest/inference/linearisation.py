@@ -190,7 +190,13 @@ def _run(
         thetas,
         events,
         Denoised(inputs.expected, inputs.slope, inputs.moves, drive.tracked.value),
-        Tracking(np.flatnonzero(drive.tracked.which), gains.gain, gains.variance, frozen),
+        Tracking(
+            np.flatnonzero(drive.tracked.which),
+            gains.gain,
+            gains.variance,
+            frozen,
+            drive.tracked.settling,
+        ),
         regimes_of(drive.line),
         Numbers(p, g),
         results,
@@ -229,10 +235,13 @@ def _implied(
     implied = inputs.copy()
     for j, by in at.corrections.items():
         implied[:, j] += by
+    measured = ~np.isnan(tracked.rate).any(axis=0)
     drive.compiled.functions.imply_inputs(
         states,
         line.row,
-        MeasuredRates(np.flatnonzero(tracked.which), tracked.rate, tracked.act),
+        MeasuredRates(
+            np.flatnonzero(tracked.which)[measured], tracked.rate[:, measured], tracked.act
+        ),
         regimes._replace(noise=quick),
         Numbers(numbers.parameters, numbers.effects),
         inputs,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,7 +49,7 @@ def prepared(
 ) -> PreparedDrive:
     """One drive; ``units`` (m) of the compiled model's thetas, without the inputs' noise."""
     model, signals = compiled.model, evenly_late(signals, vehicle)
-    which = np.array([state.name in model.renewed for state in model.states])
+    which = np.array([state.name in model.followed for state in model.states])
     whole = _timeline(signals, vehicle, model, which)
     line = decimated(whole, model)
     start = fresh(vehicle, compiled, whole)
@@ -90,7 +91,7 @@ def _timeline(
     line = build(signals, vehicle, model, 1.0, delays(vehicle))
     R = line.R.copy()
     for i, sensor in enumerate(model.sensors):
-        if sensor.name in model.renewed:  # a fast filter: what is left is whitened afterwards
+        if sensor.name in model.followed:  # a fast filter: what is left is whitened afterwards
             R[line.sensor == i] = vehicle.signals[sensor.column or sensor.name].noise ** 2
     return replace(line, Q=np.where(np.tile(tracked, 2), line.Q, 0.0), R=R)
 
@@ -110,13 +111,15 @@ def _tracked(
 ) -> TrackedStates:
     """Measured rates of the tracked states at every event of ``line``, and their values without the
     noise of their readings, all of which are on the ``whole`` one."""
-    act = np.full(len(line.t), not model.regime)
+    act = np.full(len(line.t), bool(model.tracked) or not model.regime)
     for flag, _ in model.renewed.values():
         act |= line.W[line.row, model.regime.index(flag)] > 0
-    rate = np.zeros((len(line.t), which.sum()))
+    rate = np.full((len(line.t), which.sum()), np.nan)  # where the filter puts it, unless renewed
     value = rate.copy()
     edges = line.t[1:][np.diff(act) != 0]
     for j, i in enumerate(np.flatnonzero(which)):
+        if model.states[i].name not in model.renewed:
+            continue
         read = whole.sensor == model.sensor(model.states[i].name)
         t, z = whole.t[read], whole.z[read]
         # no line is drawn across the place where another equation takes over
@@ -126,7 +129,7 @@ def _tracked(
         values = [deadband(t[k], z[k], np.ones(len(k), bool)) for k in pieces]
         rate[:, j] = np.interp(line.t, t, np.concatenate(rates))
         value[:, j] = np.interp(line.t, t, np.concatenate(values))
-    return TrackedStates(which, act, rate, value)
+    return TrackedStates(which, act, rate, value, _settling(model))
 
 
 def _inputs(
@@ -161,7 +164,8 @@ def _inputs(
 def _slow(signals: Signals, model: Model, whole: Timeline) -> NDArray[np.bool_]:
     """Inputs (nu) whose samples lie further apart than what the rate of a tracked state is measured
     over: no rate tells by how much their readings are off, one by one."""
-    reads = [whole.t[whole.sensor == model.sensor(name)] for name in model.renewed]
+    known = {sensor.name: i for i, sensor in enumerate(model.sensors)}
+    reads = [whole.t[whole.sensor == known[name]] for name in model.followed if name in known]
     periods = [_period(t) for t in reads if len(t) > 1]
     window = max([RATE_WINDOW, *(slope_count(each, RATE_WINDOW) * each for each in periods)])
     names = [item.name for item in model.inputs]
@@ -183,19 +187,35 @@ def _interpolated(
     slow: NDArray[np.bool_],
 ) -> list[InterpolatedInput]:
     """Every input, with samples as close as the signal's, so that it can be shifted in time; of
-    ``slow`` ones (nu) their mean."""
-    inputs = []
+    ``slow`` ones (nu) their mean.  Of what drives a tracked state, samples count, not integrals."""
+    inputs, followed = [], _driving_tracked(model)
     for j, item in enumerate(model.inputs):
         between = InterpolatedInput.straight(line.t, line.u[:, j])
         if item.name in signals and line.noise[j] and len(signals[item.name].time) > 4:
             own, mapped = signals[item.name].time, vehicle.signals[item.name]
             read = np.interp(own, whole.t, whole.u[:, j])
             between = InterpolatedInput.of(own, read, mapped.noise)
+            if j in followed:
+                between = InterpolatedInput.at_samples(own, read, mapped.noise)
             if slow[j]:
                 mean = mean_of_slow(own, read, mapped.noise, mapped.noise_ar)
                 between = InterpolatedInput.straight(own, mean)
         inputs.append(between)
     return inputs
+
+
+def _settling(model: Model) -> NDArray[np.int64]:
+    """Indices of the tracked states that an input settles at once."""
+    e = model.expressions()
+    states = [(i, s) for i, s in enumerate(model.states) if s.name in model.tracked and s.stiff]
+    return np.array([i for i, _ in states if ca.depends_on(e.rate[i], e.u)], np.int64)
+
+
+def _driving_tracked(model: Model) -> set[int]:
+    """Indices of the inputs in the rates of tracked states."""
+    e = model.expressions()
+    rates = ca.vertcat(*(e.rate[model.state(name)] for name in model.tracked))
+    return {j for j in range(len(model.inputs)) if ca.depends_on(rates, e.u[j])}
 
 
 def _denoising(
@@ -229,7 +249,8 @@ def _readings(
         responds |= np.abs(derivative) * unit > LEAST * std
     # near lock-up a tracked state shows the clutch's shudder, not any θ
     reads = np.array([sensor.name for sensor in model.sensors])
-    tracks = np.isin(reads, [s.name for s in model.states if s.name in model.renewed])
+    # where states are tracked throughout, everything rests on them
+    tracks = np.isin(reads, list(model.followed)) | bool(model.tracked)
     settled = drive.tracked.act & (_since_acting(drive) > SETTLING)
     settled &= ~_bent(drive, signals, vehicle)
     counts = (line.sensor >= 0) & (settled | ~tracks[line.sensor])

@@ -54,16 +54,20 @@ class PreparedInputs:
 @dataclass(frozen=True, slots=True)
 class TrackedStates:
     """States that readings renew: ``which`` (n) they are, where their equations ``act`` (K), their
-    measured ``rate`` (K, c) and their ``value`` (K, c) without the noise of their readings."""
+    measured ``rate`` (K, c) and their ``value`` (K, c) without the noise of their readings;
+    ``settling``: indices of those that an input settles at once."""
 
     which: NDArray[np.bool_]
     act: NDArray[np.bool_]
     rate: Floats
     value: Floats
+    settling: NDArray[np.int64]
 
     def first(self, count: int) -> TrackedStates:
         """Those of so many events."""
-        return TrackedStates(self.which, self.act[:count], self.rate[:count], self.value[:count])
+        return replace(
+            self, act=self.act[:count], rate=self.rate[:count], value=self.value[:count]
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,7 +114,7 @@ class Problem:
         wander as far as they may in a healthy vehicle."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
-        model = vehicle.machine.equations(usable)
+        model = vehicle.machine.to_fit(usable)
         # readings count in full: Gauss–Newton steps take care of what a first order lacks
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
         present = model.taking(present_effects(vehicle))
@@ -341,7 +341,7 @@ def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
     """State → how far its first value may lie from nominal in a healthy vehicle, where it may."""
     stds = {}
     for state, std in zip(model.states, prior_std(vehicle, model), strict=True):
-        if state.name in model.renewed or state.name in model.unobservable:
+        if state.name in model.followed or state.name in model.unobservable:
             continue
         if state.healthy_std is not None:
             std = min(std, state.healthy_std)

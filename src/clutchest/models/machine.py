@@ -63,6 +63,7 @@ class Machine:
     ``name`` as vehicle files write it, ``what`` it is in a few words.  ``states``, ``parameters``,
     ``inputs``, ``sensors`` of the fullest form of the equations, ``columns`` the canonical signals
     that a vehicle may map.  ``equations(signals)`` gives the form that these signals can drive;
+    ``fitted(signals)`` the same for fits to whole drives, where it is not the form of the filter's;
     ``at_rest(parameters, inputs)`` the states at the start of a drive, as far as they are known.
     ``regimes``: which equations hold when.
 
@@ -109,6 +110,7 @@ class Machine:
     sensors: tuple[Sensor, ...]
     columns: tuple[Column, ...]
     equations: Callable[[Container[str]], Model]
+    fitted: Callable[[Container[str]], Model] | None = None
     at_rest: Callable[[Mapping[str, float], Mapping[str, float]], Mapping[str, float]] = (
         lambda parameters, inputs: {}
     )
@@ -196,6 +198,10 @@ class Machine:
             effects=_by_name("effects", model, ((effect.name, effect) for effect in effects)),
             **pieces,
         )
+
+    def to_fit(self, signals: Container[str]) -> Model:
+        """The form of the equations whose numbers are fitted, that these signals can drive."""
+        return (self.fitted or self.equations)(signals)
 
     @property
     def optional_columns(self) -> frozenset[str]:

@@ -112,6 +112,10 @@ class Model:
     unless assigned), ``<state>_after_step`` what each step resets it to.  ``regime``: flags
     that the pieces read; ``outputs``: quantities that results hold.  ``renewed`` names states that
     are a plain random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
+    ``tracked`` names states that a fit corrects by readings all the time, as a filter does, because
+    no number that is the same throughout a drive says where they are: state → (flag, noise in state
+    unit/√s while it is 0); ``exact`` names parameters that
+    it takes as they are, whatever their spread, because no log holds anything of them.
     ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
     sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
     of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
@@ -136,6 +140,8 @@ class Model:
     longest: tuple[float, float] = (0.02, 0.5)
     doubted: tuple[str, ...] = ()
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    tracked: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    exact: tuple[str, ...] = ()
     unobservable: Mapping[str, str] = field(default_factory=dict)
     implied: Mapping[str, str] = field(default_factory=dict)
     effects: tuple[Effect, ...] = ()
@@ -196,6 +202,11 @@ class Model:
             return set(effect.terms(g)) <= known and set(effect.delays) <= inputs
 
         return tuple(effect for effect in effects if takes(effect))
+
+    @property
+    def followed(self) -> frozenset[str]:
+        """States that a fit corrects by readings: those renewed, and those tracked."""
+        return frozenset(self.renewed) | frozenset(self.tracked)
 
     @property
     def numbers(self) -> tuple[tuple[Effect, str], ...]:

@@ -39,6 +39,6 @@ def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Float
 def wander(vehicle: Vehicle, model: Model) -> dict[str, float]:
     """State → how far it may wander in a healthy vehicle, unit/√s, where it does: those that
     readings neither renew nor leave unobserved, by vehicle file or model."""
-    free = (s for s in model.states if s.name not in {*model.renewed, *model.unobservable})
+    free = (s for s in model.states if s.name not in {*model.followed, *model.unobservable})
     densities = {s.name: vehicle.estimation.get(s.name, s).wander for s in free}
     return {name: density for name, density in densities.items() if density > 0.0}

@@ -12,7 +12,7 @@ from clutchest.models.alsd.symbols import INPUTS, SENSORS, STATES, WHEELS
 from clutchest.models.model import Model
 
 # Parameters of bristles, servo and controllers: of the full model alone.
-_FULL_MODEL_ONLY = {
+FULL_MODEL_ONLY = {
     "motor_bristle_stiffness",
     "motor_bristle_damping",
     "ball_ramp_exponent",
@@ -35,7 +35,7 @@ _FULL_MODEL_ONLY = {
 ALSD = Model(
     name="alsd",
     states=STATES,
-    parameters=tuple(p for p in PARAMETERS if p.key not in _FULL_MODEL_ONLY),
+    parameters=tuple(p for p in PARAMETERS if p.key not in FULL_MODEL_ONLY),
     inputs=INPUTS,
     sensors=SENSORS,
     outputs=("friction_potential", "transmitted_torque", "power"),
@@ -51,7 +51,12 @@ _NO_TORQUE = "no torque signal: the actuator informs the force alone, not the fr
 
 def for_signals(names: Container[str]) -> Model:
     """The form of the equations that the available signals can drive."""
-    model = ALSD
+    return driven_by(ALSD, names)
+
+
+def driven_by(model: Model, names: Container[str]) -> Model:
+    """The form of a ``model``, the filter's or the fitted one, that the available signals can
+    drive."""
     if "slip_speed" not in names and "wheel_speed_left" in names:
         inputs = (INPUTS[0], *WHEELS, INPUTS[2])
         model = replace(model.swap(slip_measured, driveline.car), inputs=inputs)

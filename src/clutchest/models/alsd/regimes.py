@@ -72,7 +72,8 @@ def pressing(
         winding = _winding(time, torque * compliance, slip, guard)
     mode = np.where(winding, Mode.locked, Mode.slipping)
     mode = np.where(lost, Mode.unknown, np.where(parted, Mode.open, mode))
-    return Regimes(mode.astype(np.uint8), ~lost, ~lost, ~lost)
+    engaged = np.ones(len(time), bool) if torque is None else ~parted
+    return Regimes(mode.astype(np.uint8), ~lost, ~lost, engaged & ~lost)
 
 
 def _winding(time: Floats, twist: Floats, slip: Floats, over: float) -> NDArray[np.bool_]:

@@ -1,0 +1,89 @@
+"""The form of the differential's equations that is fitted to whole drives, on the generator's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.discovery.covariates import covariates
+from clutchest.inference.problem import NO_DERIVATIVES, Problem
+from clutchest.models.alsd import motor_friction
+from clutchest.models.alsd.fitted import FITTED, to_fit
+
+RIG = clutchest.load_vehicle("alsd_rig")
+DURATION = 12.0
+
+
+def problem_of(seed: int, machine=RIG.machine) -> tuple[Problem, np.ndarray]:
+    """A steps run of a rig with the file's own numbers, and θ of the oil that it starts from."""
+    signals = clutchest.simulate(RIG, "rig-steps", seed, duration=DURATION, nominal=True)
+    problem = Problem.of(signals, replace(RIG, machine=machine), ())
+    return problem, np.zeros(len(problem.thetas))
+
+
+def errors(problem: Problem, theta: np.ndarray) -> dict[str, np.ndarray]:
+    """Normalised innovations by sensor."""
+    drive = problem.drives[0]
+    r = problem.linearise(theta, {}, NO_DERIVATIVES)[0].r
+    names = [sensor.name for sensor in drive.compiled.model.sensors]
+    return {name: r[drive.readings.sensor == i] for i, name in enumerate(names)}
+
+
+@pytest.mark.slow
+def test_a_healthy_rig_leaves_noise():
+    problem, theta = problem_of(31)
+    of = errors(problem, theta)
+    for name in ("clutch_torque", "motor_angle"):
+        assert np.sqrt(np.mean(of[name] ** 2)) == pytest.approx(1.0, abs=0.1)
+        assert abs(np.corrcoef(of[name][1:], of[name][:-1])[0, 1]) < 0.12
+
+
+@pytest.mark.slow
+def test_a_motor_that_cannot_stick_leaves_more():
+    crept = replace(FITTED.swap(motor_friction.lugre, motor_friction.sliding), states=FITTED.states)
+    machine = replace(RIG.machine, fitted=lambda names: crept)
+    problem, theta = problem_of(31, machine)
+    assert np.std(errors(problem, theta)["motor_angle"]) > 1.2
+
+
+@pytest.mark.slow
+def test_derivatives_are_those_of_the_innovations():
+    problem, theta = problem_of(32)
+    drive = problem.linearise(theta, {})[0]
+    names = [str(unknown) for unknown in problem.thetas]
+    for name in ("armature_resistance", "motor_inertia", "ball_ramp_stiffness", "spring_preload"):
+        step = np.zeros(len(theta))
+        step[names.index(name)] = 0.5
+        ahead, back = (
+            problem.linearise(theta + sign * step, {}, NO_DERIVATIVES)[0].r for sign in (1, -1)
+        )
+        own, whole = drive.psi[:, names.index(name)], ahead - back
+        assert np.linalg.norm(own - whole) < 0.05 * np.linalg.norm(whole)
+
+
+def test_no_log_at_200_hz_is_asked_for_the_inductance():
+    problem, _ = problem_of(33)
+    assert "armature_inductance" not in map(str, problem.thetas)
+    assert RIG.parameters["armature_inductance"].spread > 0.0
+
+
+def test_covariates_of_what_is_tracked_are_without_the_noise_of_its_readings():
+    problem, _ = problem_of(33)
+    drive = problem.drives[0]
+    still = drive.line.t < 0.5
+    values = covariates(drive, drive.at_nominal)["motor_speed"][still]
+    tracked = drive.at_nominal.states[still, FITTED.states.index(_state("motor_speed"))]
+    assert np.std(values) < 0.3 * np.std(tracked)
+
+
+def test_a_car_takes_its_slip_from_the_wheels():
+    car = to_fit({"wheel_speed_left", "wheel_speed_right", "motor_angle", "shaft_torque"})
+    assert {item.name for item in car.inputs} >= {"wheel_speed_left", "wheel_speed_right"}
+    assert car.tracked == FITTED.tracked
+
+
+def _state(name):
+    return next(state for state in FITTED.states if state.name == name)
