@@ -17,10 +17,10 @@ RIG = clutchest.load_vehicle("alsd_rig")
 DURATION = 12.0
 
 
-def problem_of(seed: int, machine=RIG.machine) -> tuple[Problem, np.ndarray]:
-    """A steps run of a rig with the file's own numbers, and θ of the oil that it starts from."""
+def problem_of(seed: int) -> tuple[Problem, np.ndarray]:
+    """A steps run of a rig with the file's own numbers, and θ there."""
     signals = clutchest.simulate(RIG, "rig-steps", seed, duration=DURATION, nominal=True)
-    problem = Problem.of(signals, replace(RIG, machine=machine), ())
+    problem = Problem.of(signals, RIG, ())
     return problem, np.zeros(len(problem.thetas))
 
 
@@ -42,10 +42,11 @@ def test_a_healthy_rig_leaves_noise():
 
 
 @pytest.mark.slow
-def test_a_motor_that_cannot_stick_leaves_more():
+def test_a_motor_that_cannot_stick_leaves_more(monkeypatch):
     crept = replace(FITTED.swap(motor_friction.lugre, motor_friction.sliding), states=FITTED.states)
     machine = replace(RIG.machine, fitted=lambda names: crept)
-    problem, theta = problem_of(31, machine)
+    monkeypatch.setattr(type(RIG), "machine", machine)
+    problem, theta = problem_of(31)
     assert np.std(errors(problem, theta)["motor_angle"]) > 1.2
 
 
@@ -64,12 +65,14 @@ def test_derivatives_are_those_of_the_innovations():
         assert np.linalg.norm(own - whole) < 0.05 * np.linalg.norm(whole)
 
 
+@pytest.mark.slow
 def test_no_log_at_200_hz_is_asked_for_the_inductance():
     problem, _ = problem_of(33)
     assert "armature_inductance" not in map(str, problem.thetas)
     assert RIG.parameters["armature_inductance"].spread > 0.0
 
 
+@pytest.mark.slow
 def test_covariates_of_what_is_tracked_are_without_the_noise_of_its_readings():
     problem, _ = problem_of(33)
     drive = problem.drives[0]

@@ -22,8 +22,8 @@ GAP = 2.0  # sample periods; across a longer one how an input bends is not known
 @dataclass(frozen=True, slots=True)
 class InterpolatedInput:
     """``value`` (k) at ``time`` (k) s, without the fastest noise, and the second derivative by
-    which it ``bends`` (k) there, where that shows.  ``integral``: lines between values at other times
-    are to have its integral, otherwise these are its own values.
+    which it ``bends`` (k) there, where that shows.  ``integral``: lines between values at other
+    times are to have its integral, otherwise these are its own values.
 
     A pedal let go takes 20 ms: straight lines between samples 10 ms apart, and again between
     events, lose or make a thousandth of a slip's heat there.

@@ -65,9 +65,7 @@ class TrackedStates:
 
     def first(self, count: int) -> TrackedStates:
         """Those of so many events."""
-        return replace(
-            self, act=self.act[:count], rate=self.rate[:count], value=self.value[:count]
-        )
+        return replace(self, act=self.act[:count], rate=self.rate[:count], value=self.value[:count])
 
 
 @dataclass(frozen=True, slots=True)

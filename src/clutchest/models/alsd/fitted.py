@@ -28,8 +28,8 @@ from clutchest.models.alsd.reduced import readings, slip_measured, wear
 from clutchest.models.model import Model
 from clutchest.models.symbols import State
 
-# Process noise, state unit/√s, of what is tracked: what is between the samples of the voltage, while
-# the pack is pressed, and while the motor runs freely.
+# Process noise, state unit/√s, of what is tracked: what is between the samples of the voltage,
+# while the pack is pressed, and while the motor runs freely.
 NOISE = {
     "current": (1.0, 1.0),
     "motor_speed": (1.0, 1.4),
