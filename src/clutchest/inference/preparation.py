@@ -164,8 +164,8 @@ def _inputs(
 def _slow(signals: Signals, model: Model, whole: Timeline) -> NDArray[np.bool_]:
     """Inputs (nu) whose samples lie further apart than what the rate of a tracked state is measured
     over: no rate tells by how much their readings are off, one by one."""
-    known = {sensor.name: i for i, sensor in enumerate(model.sensors)}
-    reads = [whole.t[whole.sensor == known[name]] for name in model.followed if name in known]
+    sensors = {sensor.name: i for i, sensor in enumerate(model.sensors)}
+    reads = [whole.t[whole.sensor == sensors[name]] for name in model.followed if name in sensors]
     periods = [_period(t) for t in reads if len(t) > 1]
     window = max([RATE_WINDOW, *(slope_count(each, RATE_WINDOW) * each for each in periods)])
     names = [item.name for item in model.inputs]
