@@ -3,7 +3,7 @@ done under the same signals, made white by the noise that the readings have."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from blind.drives import NOISES, Drive
 from blind.white import SensorNoise, SpeedFilter
 from clutchest.generator.generate import SPACING
-from clutchest.generator.replay import NONE, Own, Recorded, Replayed, replay
+from clutchest.generator.replay import NONE, STEADY, Own, Recorded, Replayed, replay
 from clutchest.generator.replay import slope as slope_of
 from clutchest.models import machine_of
 from clutchest.reading import load_database
@@ -21,12 +21,13 @@ from clutchest.signals import Floats
 from clutchest.simulated import Effects
 
 READ = ("engine_speed", "engine_torque", "slave_position")
-TIMING = 0.002  # s, standard deviation of a signal's delay beyond what the vehicle file states
 LATE = ("engine_torque", "slave_position")
 NUDGE = 1e-5  # standard deviations, for derivatives
 BLOCK = 1.0  # s of readings that one mean stands for where only heat flows
 SPELL = 30.0  # s of readings of a temperature whose noise acts as one
 SHORTEST = 5  # readings of a stretch
+TERMS = 32  # of a random walk: of its variance at a drive's end, 1/150 is left out
+SMALL = 1e-3  # of such a term, for derivatives
 
 Vector = Floats  # (m,) in the order of ``Truck.nuisances``
 
@@ -34,10 +35,12 @@ Vector = Floats  # (m,) in the order of ``Truck.nuisances``
 @dataclass(frozen=True)
 class Truck:
     """A truck's ``own`` numbers, and ``nuisances``: what a vehicle file leaves open, by name, with
-    the standard deviations of its priors."""
+    the standard deviations of its priors; ``wanders``: of its states that are random walks, the
+    density in unit/√s."""
 
     own: Own
     nuisances: Mapping[str, float]
+    wanders: Mapping[str, float]
 
     @classmethod
     def of(cls, drive: Drive, own: Own) -> Truck:
@@ -49,13 +52,18 @@ class Truck:
             if state.name in own.start:
                 own_spread = spreads.pop(state.prior, None) if state.prior else state.healthy_std
                 starts[state.name] = state.initial_std if own_spread is None else own_spread
-        return cls(own, {**spreads, **starts, **dict.fromkeys(LATE, TIMING)})
+        wanders = {k: s.wander for k, s in vehicle.estimation.items() if s.wander > 0.0}
+        late = {name: vehicle.signals[name].delay_spread for name in LATE}
+        return cls(own, {**spreads, **starts, **late}, wanders)
 
-    def replay(self, recorded: Recorded, z: Vector, effects: Effects) -> Replayed:
-        """With its numbers ``z`` standard deviations higher."""
+    def replay(
+        self, recorded: Recorded, z: Vector, effects: Effects, walks: Mapping[str, Floats] = STEADY
+    ) -> Replayed:
+        """With its numbers ``z`` standard deviations higher, some of which have ``walks``."""
         names = list(self.nuisances)
         by = {n: s * u for n, s, u in zip(names, z, self.nuisances.values(), strict=True)}
-        return replay(recorded, self.own.moved(by), effects, {name: by[name] for name in LATE})
+        late = {name: by[name] for name in LATE}
+        return replay(recorded, self.own.moved(by), effects, late, walks)
 
 
 class Seen:
@@ -111,9 +119,10 @@ class Seen:
         """The truck's own numbers."""
         return np.zeros(len(self.truck.nuisances))
 
-    def misfit(self, z: Vector, effects: Effects) -> Floats:
-        """Readings less what the truck with numbers ``z`` and ``effects`` would show; not white."""
-        told, signals = self.truck.replay(self.recorded, z, effects), self.recorded.signals
+    def misfit(self, z: Vector, effects: Effects, walks: Mapping[str, Floats] = STEADY) -> Floats:
+        """Readings less what the truck with numbers ``z``, ``walks`` of these and ``effects`` would
+        show; not white."""
+        told, signals = self.truck.replay(self.recorded, z, effects, walks), self.recorded.signals
         speed = signals["engine_speed"] - told.speed
         sums = np.r_[0.0, np.cumsum(signals["slave_position"] - told.zero_position)]
         begins, ends = self._blocks.T
@@ -122,6 +131,13 @@ class Seen:
 
     def white(self, columns: Floats) -> Floats:
         """Misfits (K, m) in standard deviations, independent of each other."""
+        white = self._still(columns)
+        for around, sizes in self._wandered:
+            white -= around @ (sizes[:, None] * (around.T @ white))
+        return white
+
+    def _still(self, columns: Floats) -> Floats:
+        """The same, were nothing to wander."""
         parts, at = [], 0
         for one in self._filters:
             rows = columns[at : at + len(one.spread)]
@@ -149,8 +165,27 @@ class Seen:
     def _scattered(self) -> tuple[Floats, Floats]:
         """Directions (K, d) in which noise that has become heat scatters the zero position, and by
         what share (d,) each counts for less."""
-        u, s, _ = np.linalg.svd(self._heated() / self._std[:, None], full_matrices=False)
-        return u, 1.0 - 1.0 / np.sqrt(1.0 + s**2)
+        return _scattering(self._heated() / self._std[:, None])
+
+    @cached_property
+    def _wandered(self) -> list[tuple[Floats, Floats]]:
+        """Directions (K, d) in which wander scatters misfits, white without it, and by what share
+        (d,) each counts for less; none where nothing wanders."""
+        raw, walks = [], list(self._walks())
+        for state, walk in walks:
+            change = self.misfit(self.nought, NONE, {state: SMALL * walk}) - self._raw
+            raw.append(change / SMALL)
+        if not raw:
+            return []
+        return [_scattering(self._still(np.column_stack(raw)))]
+
+    def _walks(self) -> Iterator[tuple[str, Floats]]:
+        """The sines (n,) of random walks of states that wander: Karhunen and Loève."""
+        since = self.recorded.time - self.recorded.time[0]
+        for state, density in self.truck.wanders.items():
+            for k in range(TERMS):
+                rate = (k + 0.5) * np.pi / since[-1]
+                yield state, density * np.sqrt(2.0 / since[-1]) / rate * np.sin(rate * since)
 
     def _heated(self) -> Floats:
         """What one standard deviation of every heat error does to the blocks' means, (K, d)."""
@@ -217,6 +252,13 @@ class Seen:
         before = self.misfit(z, at)
         raw = [(self.misfit(z, effects) - before) / share for effects, share in tried]
         return self.white(np.column_stack(raw)) if raw else np.zeros((len(self.residual), 0))
+
+
+def _scattering(columns: Floats) -> tuple[Floats, Floats]:
+    """Orthonormal directions (K, d) of columns (K, c), each of which is taken a number of times
+    that is normal, of variance 1; and by what share (d,) what lies along each counts for less."""
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u, 1.0 - 1.0 / np.sqrt(1.0 + s**2)
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

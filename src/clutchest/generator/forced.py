@@ -34,17 +34,18 @@ NUDGE = 1e-4  # mm, for the slope of the torque over the position
 @compiled
 def _enter(row: Floats, y: Floats, s: Record, p: Record) -> None:
     """What is known at one row: engine, shaft and truck's speed, piston's place, coolant, ambient;
-    whether the clutch is locked."""
+    whether the clutch is locked; the friction."""
     y[ENGINE], y[SHAFT], y[SPEED] = row[0], row[1], row[2]
     s.plate = min(max(s.plate, row[3] - p.play), row[3] + p.play)
     s.coolant, s.ambient = row[4], row[5]
     s.locked = 1 if row[6] > 0.0 else 0
     s.sign = 1.0 if row[0] > row[1] else -1.0
+    s.friction = row[7]
 
 
 @compiled
 def follow(time: Floats, shown: Floats, y: Floats, s: Record, p: Record, out: Floats) -> None:
-    """Temperatures and slip energy ``y`` under the signals ``shown`` (n, 7) at ``time`` (n,) s.
+    """Temperatures and slip energy ``y`` under the signals ``shown`` (n, 8) at ``time`` (n,) s.
     ``out`` (n, 2): the clutch torque in Nm while it is not locked, and where an empty actuator lets
     the piston rest, mm; or (n, 3): the slope of the torque over the position, Nm/mm, as well."""
     heat = (BODY, HOUSING, DISC, ENERGY)

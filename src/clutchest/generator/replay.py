@@ -23,6 +23,7 @@ from clutchest.signals import Floats
 
 _EXACT = ("engine_speed", "input_shaft_speed", "vehicle_speed", "coolant_temp", "ambient_temp")
 NONE: Values = MappingProxyType({})
+STEADY: Mapping[str, Floats] = MappingProxyType({})
 ABOUT = 0.35  # s before and after a time that is not locked; longer than signals may be late by
 REST = 0.1  # s between rows amid a locked time
 TEMPERATURES = ("temp_body", "temp_housing", "temp_disc")
@@ -97,21 +98,28 @@ def _telling(locked: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def replay(
-    recorded: Recorded, own: Own, effects: Mapping[str, Values] | None = None, late: Values = NONE
+    recorded: Recorded,
+    own: Own,
+    effects: Mapping[str, Values] | None = None,
+    late: Values = NONE,
+    walks: Mapping[str, Floats] = STEADY,
 ) -> Replayed:
     """What a truck with ``own`` numbers and ``effects`` would have done under the recorded signals,
-    what its sensors get wrong taken back; ``late``: seconds that further signals are late by.
+    what its sensors get wrong taken back; ``late``: seconds that further signals are late by,
+    ``walks`` (n,): how far the ``friction`` and the ``torque_bias`` wander.
 
     Raises ClutchestError for an unknown effect.
     """
     active = complete(effects or {})
-    bias, offset = own.start["torque_bias"], active["position_offset"]["offset"]
+    bias = own.start["torque_bias"] + walks.get("torque_bias", 0.0)
+    offset = active["position_offset"]["offset"]
     behind = active["position_delay"]["delay"] + late.get("slave_position", 0.0)
     torque = _earlier(recorded, "engine_torque", active["torque_delay"]["delay"], late)
     torque = (torque - bias - active["torque_bias"]["bias"]) / (
         1.0 + active["torque_gain"]["change"]
     )
-    out, inertia = _follow(recorded, own, active, late, 2)
+    walk = walks.get("friction", np.zeros(len(recorded.time)))
+    out, inertia = _follow(recorded, own, active, late, np.empty((len(walk), 2)), walk)
     free = ~(recorded.locked[1:] | recorded.locked[:-1])
     driving = (torque - out[:, 0]) / inertia
     gained = np.where(free, 0.5 * np.diff(recorded.time) * (driving[1:] + driving[:-1]), 0.0)
@@ -121,24 +129,32 @@ def replay(
 
 def slope(recorded: Recorded, own: Own) -> Floats:
     """The slope of the clutch torque over the position under the recorded signals, (n,) Nm/mm."""
-    return _follow(recorded, own, complete({}), NONE, 3)[0][:, 2]
+    steady = np.zeros(len(recorded.time))
+    return _follow(recorded, own, complete({}), NONE, np.empty((len(steady), 3)), steady)[0][:, 2]
 
 
 def _follow(
-    recorded: Recorded, own: Own, active: Mapping[str, Values], late: Values, width: int
+    recorded: Recorded,
+    own: Own,
+    active: Mapping[str, Values],
+    late: Values,
+    out: Floats,
+    walk: Floats,
 ) -> tuple[Floats, float]:
-    """What ``plant.follow`` writes, (n, ``width``), and the engine's inertia."""
+    """``out`` as ``plant.follow`` fills it, and the engine's inertia; the friction has a ``walk``
+    (n,)."""
     from clutchest.generator import plant
 
     p = numbers(own.parameters, own.parameters, active, own.start["zero_position"], 1.0)
     place = _earlier(recorded, "slave_position", active["position_delay"]["delay"], late)
     place = place - p[0]["position_origin"] - active["position_offset"]["offset"]
     engine, shaft, speed, coolant, ambient = (recorded.signals[name] for name in _EXACT)
-    shown = np.column_stack((engine, shaft, speed, place, coolant, ambient, recorded.locked))
+    level = 1.0 + active["friction_level"]["change"]
+    friction = level * (own.start["friction"] + walk)
+    locked = recorded.locked
+    shown = np.column_stack((engine, shaft, speed, place, coolant, ambient, locked, friction))
     state, situation = np.zeros(plant.STATES), np.zeros(1, plant.SITUATION)
     state[[plant.BODY, plant.HOUSING, plant.DISC]] = [own.start[name] for name in TEMPERATURES]
-    situation[0]["friction"] = own.start["friction"] * (1.0 + active["friction_level"]["change"])
-    out = np.empty((len(shown), width))
     plant.follow(recorded.time, shown, state, situation[0], p[0], out)
     return out, float(p[0]["engine_inertia"])
 
