@@ -176,7 +176,7 @@ def test_a_cause_explains_itself_whatever_its_size(oracle):
     for name, key, size in (
         ("friction_level", "change", -0.2),
         ("torque_gain", "change", 0.1),
-        ("torque_delay", "delay", 0.02),
+        ("torque_delay", "delay", 0.06),
     ):
         twin = oracle.twin({name: {key: size}})
         assert oracle.distance(twin) > 4.0

@@ -13,7 +13,7 @@ from scipy.stats import binomtest
 
 import clutchest
 from clutchest import cli
-from clutchest.identify import delay, identify, sensor_noise
+from clutchest.identify import delay, identify_vehicle, sensor_noise
 from clutchest.identify.window_likelihood import table, toeplitz_row
 from clutchest.models import delay_relations
 from clutchest.models.delay_relations import DelayStretch, GriddedSignals
@@ -145,16 +145,16 @@ def test_too_few_stretches_are_no_delay():
 def test_unknown_procedure():
     truck, nothing = clutchest.load_vehicle("truck"), Signals({}, end=0.0)
     with pytest.raises(clutchest.ClutchestError, match="did you mean 'noise'"):
-        identify("nois", nothing, truck, lambda text, share: None)
+        identify_vehicle("nois", nothing, truck, lambda text, share: None)
     rig = clutchest.load_vehicle("alsd_rig")
     with pytest.raises(clutchest.ClutchestError, match="'torque-curve'; valid: I1, "):
-        identify("torque-curve", nothing, rig, lambda text, share: None)
+        identify_vehicle("torque-curve", nothing, rig, lambda text, share: None)
 
 
 def test_a_short_log_determines_nothing_and_keeps_the_file():
     truck = clutchest.load_vehicle("truck")
     signals = clutchest.simulate(truck, "city", 1, duration=1.0)
-    fit = identify("noise", signals, truck, lambda text, share: None)
+    fit = identify_vehicle("noise", signals, truck, lambda text, share: None)
     assert fit.vehicle == truck
     assert not any(f.determined for f in fit.parameters.values())
     assert all(f.why for f in fit.parameters.values())

@@ -44,9 +44,9 @@ def test_a_walk_covers_what_a_random_walk_does() -> None:
 
 
 def test_how_far_states_wander_is_the_files_where_it_states_it() -> None:
-    assert wander(TRUCK, equations()) == {}
-    assert wander(stating("torque_bias", 0.2), equations()) == {"torque_bias": 0.2}
-    assert wander(stating("friction", 5e-4), equations()) == {"friction": 5e-4}
+    assert wander(TRUCK, equations()) == {"friction": 5e-4, "torque_bias": 0.5}
+    assert wander(stating("torque_bias", 0.2), equations())["torque_bias"] == 0.2
+    assert wander(replace(TRUCK, estimation={}), equations()) == {}
 
 
 def test_nothing_wanders_unless_asked_for() -> None:

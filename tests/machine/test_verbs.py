@@ -116,7 +116,7 @@ def test_replay_estimates_the_states_and_nothing_else(run, short_log, tmp_path):
     assert run("replay", short_log, "--vehicle", VEHICLE, "--trust", "--out", tmp_path)[0] == 0
     estimates = pd.read_parquet(tmp_path / "estimates.parquet")
     each = [f"{state}{what}" for state in STATES for what in ("", "_std", "_valid")]
-    assert list(estimates.columns) == ["time", "drive", "mode", *each]
+    assert list(estimates.columns) == ["time", "drive", "log", "timestamp", "mode", *each]
     truth = pd.read_parquet(f"{short_log}.truth.parquet")
     for state in STATES:
         off = estimates[state] - np.interp(estimates.time, truth.time, truth[state])

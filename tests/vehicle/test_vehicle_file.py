@@ -93,7 +93,7 @@ WRONG = [
         r"unknown key 'modle'; did you mean .*'model'",
     ),
     (
-        ("noise = 15.0", "noise = 15.0\ndelay_spread = 0.0"),
+        ("delay_spread = 0.008", "delay_spread = 0.0"),
         "delay_spread",
         r"signals\.engine_torque\.delay_spread = 0 must be",
     ),
@@ -211,12 +211,12 @@ WRONG = [
         r"friction_fade\.onset is a shape and takes no spread",
     ),
     (
-        ("[limits]", '[estimation]\nfrictoin = { role = "constant" }\n\n[limits]'),
+        ("friction = { wander", "frictoin = { wander"),
         "frictoin",
         r"unknown state 'frictoin'; did you mean 'friction'\?",
     ),
     (
-        ("[limits]", '[estimation]\nfriction = { role = "adaptiv" }\n\n[limits]'),
+        ("{ wander = 5e-4 }", '{ role = "adaptiv" }'),
         "adaptiv",
         r"unknown role 'adaptiv'; did you mean 'adaptive'\?",
     ),
