@@ -36,7 +36,7 @@ def with_noise_of_likeliest(search: Search) -> Search:
     significant = scores.p_family_wise(scores.p_alone(scores.z).min()) <= LEVEL
     if significant or _loudness(search.null.fit, search.objective) < LOUD:
         return search
-    none = _settled(search, (), search.null.fit.theta)
+    none, _, _ = _settled(search, (), search.null.fit.theta)
     tasks = [(c, size) for c in search.candidates for size in _sizes(c)]
 
     def fitted(task: tuple[CandidateCause, float]) -> Settled:
@@ -45,15 +45,21 @@ def with_noise_of_likeliest(search: Search) -> Search:
         theta[cause.index] = size / cause.gain.upper
         return _settled(search, (cause,), theta)
 
-    fits = concurrently(search.problem, fitted, tasks)
+    def judged(task: tuple[CandidateCause, float]) -> tuple[float, Linearisation]:
+        """The cost and where the fit ends: all fits together would not have room."""
+        cost, _, fit = fitted(task)
+        return cost, fit.bare
+
+    fits = concurrently(search.problem, judged, tasks)
     begins: dict[CandidateCause, tuple[float, Linearisation]] = {}
-    for (cause, _), (cost, _, fit) in zip(tasks, fits, strict=True):
+    for (cause, _), (cost, fit) in zip(tasks, fits, strict=True):
         if cause not in begins or cost < begins[cause][0]:
-            begins[cause] = cost, fit.bare
-    cost, objective, fit = min(fits, key=lambda each: each[0], default=none)
-    if none[0] - cost < ENOUGH:
+            begins[cause] = cost, fit
+    best = min(range(len(fits)), key=lambda i: fits[i][0], default=None)
+    if best is None or none - fits[best][0] < ENOUGH:
         return search
-    gained = {cause: (none[0] - own, begin) for cause, (own, begin) in begins.items()}
+    gained = {cause: (none - own, begin) for cause, (own, begin) in begins.items()}
+    _, objective, fit = fitted(tasks[best])
     return replace(_judged_by(search, objective, fit), begins=gained)
 
 
