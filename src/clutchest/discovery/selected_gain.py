@@ -24,7 +24,7 @@ def given_above(gain: Gain, least: float) -> Gain:
     """A gain that is told only where it is ``least`` at least, with an interval that allows for
     that; as it is where it would have been told in any case (−∞)."""
     low, high = gain.ci95
-    std = (high - low) / (norm.ppf(LEVELS[0]) - norm.ppf(LEVELS[1]))
+    std = float((high - low) / (norm.ppf(LEVELS[0]) - norm.ppf(LEVELS[1])))
     if least == -np.inf or std <= 0.0:
         return gain
 
@@ -41,5 +41,5 @@ def given_above(gain: Gain, least: float) -> Gain:
             return lowest
         return float(brentq(excess, lowest, highest))
 
-    ends = [least + std * end(share) for share in LEVELS]
+    ends = [float(least + std * end(share)) for share in LEVELS]
     return replace(gain, ci95=(ends[0], ends[1]))
