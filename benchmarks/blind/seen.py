@@ -171,13 +171,11 @@ class Seen:
     def _wandered(self) -> list[tuple[Floats, Floats]]:
         """Directions (K, d) in which wander scatters misfits, white without it, and by what share
         (d,) each counts for less; none where nothing wanders."""
-        raw, walks = [], list(self._walks())
-        for state, walk in walks:
-            change = self.misfit(self.nought, NONE, {state: SMALL * walk}) - self._raw
-            raw.append(change / SMALL)
-        if not raw:
-            return []
-        return [_scattering(self._still(np.column_stack(raw)))]
+        raw = [
+            (self.misfit(self.nought, NONE, {state: SMALL * walk}) - self._raw) / SMALL
+            for state, walk in self._walks()
+        ]
+        return [_scattering(self._still(np.column_stack(raw)))] if raw else []
 
     def _walks(self) -> Iterator[tuple[str, Floats]]:
         """The sines (n,) of random walks of states that wander: Karhunen and Loève."""

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.discovery.candidates import CandidateCause, settings
-from clutchest.discovery.search import LEVEL, Search, columns, free_of, scored
+from clutchest.discovery.search import LEVEL, Search, columns, free_of, scored, spanned
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.noise_model import NoiseModel
-from clutchest.inference.objective import FAR, SAME, Linearisation, Objective
+from clutchest.inference.objective import FAR, Linearisation, Objective
 
 LOUD = 3.0  # rms innovation, of the stated noise, from which on some of it may be an error
 ENOUGH = 30.0  # of 2 Δ ln L, noise included, by which a cause must be more likely than none
@@ -102,14 +102,12 @@ def _settled(search: Search, causes: Sequence[CandidateCause], theta: np.ndarray
 
 def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Search:
     """A search that has found nothing yet, with another noise model, that of a ``fit``."""
-    at = objective.linearise_at(fit.theta, fit.shapes)
-    null = objective.linearise_at(search.null.fit.theta)
-    spans = [at.psi, columns(objective, at, search.candidates)]
-    derivatives = columns(objective, null, search.candidates)
-    objective = objective.with_span([*spans, null.psi, derivatives], SAME)
+    at = objective.white_at(fit.theta, fit.shapes)
+    null = objective.white_at(search.null.fit.theta)
+    objective = spanned(objective, [at, null], search.candidates)
     free = free_of(search.problem, ())
     null = improve(objective, objective.judged(null), free)
-    null = objective.linearise_at(null.theta)
+    null = objective.white_at(null.theta)
     derivatives = columns(objective, null, search.candidates)
     scores = scored(objective, null, free, search.candidates, derivatives, seed=1)
     none = replace(search.null, fit=null).bare

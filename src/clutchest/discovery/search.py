@@ -332,10 +332,14 @@ def _judging_by(search: Search, best: CauseSet) -> Objective:
     at = search.objective.linearise_at(best.fit.theta, best.fit.shapes)
     objective = search.objective.with_noise_of(at)
     at = replace(objective.whitened(at.as_measured), raw=())  # room for the derivatives
-    null = objective.white_at(search.null.fit.theta)
-    known = [
-        part for fit in (at, null) for part in (fit.psi, columns(objective, fit, search.candidates))
-    ]
+    return spanned(objective, [at, objective.white_at(search.null.fit.theta)], search.candidates)
+
+
+def spanned(
+    objective: Objective, fits: Sequence[Linearisation], candidates: Sequence[CandidateCause]
+) -> Objective:
+    """The objective that judges by what every unknown and candidate changes at any of the fits."""
+    known = [part for fit in fits for part in (fit.psi, columns(objective, fit, candidates))]
     return objective.with_span(known, SAME)
 
 
