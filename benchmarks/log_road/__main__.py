@@ -29,7 +29,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import cantools
 import drives
@@ -98,12 +98,28 @@ def read_and_decode(path: Path, vehicle: clutchest.Vehicle, database: Database) 
     return n
 
 
-def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
+class Decoding(NamedTuple):
+    """What every way of decoding is given: the ``wanted`` signals of every message by name, and the
+    DBC as a file and as it is usually loaded."""
+
+    vehicle: clutchest.Vehicle
+    database: Database
+    wanted: dict[str, set[str]]
+    dbc: Path
+    usual: Any
+
+
+def decoding() -> Decoding:
+    """The truck's."""
     vehicle = clutchest.load_vehicle(drives.VEHICLE)
     database = load_database(vehicle)
     wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
     (dbc,) = database.paths
-    usual = cantools.database.load_file(dbc)
+    return Decoding(vehicle, database, wanted, dbc, cantools.database.load_file(dbc))
+
+
+def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
+    vehicle, database, wanted, dbc, usual = decoding()
     frames = drives.repeated(drives.drive(600), n)
     results = {}
     for suffix in (".log", ".asc", ".blf", ".trc", ".csv", ".mf4"):
@@ -128,11 +144,7 @@ def formats(folder: Path, n: int, repeats: int) -> dict[str, Any]:
 
 def others(folder: Path, n: int, repeats: int) -> dict[str, Any]:
     """The peers that do a part of the road."""
-    vehicle = clutchest.load_vehicle(drives.VEHICLE)
-    database = load_database(vehicle)
-    wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
-    (dbc,) = database.paths
-    usual = cantools.database.load_file(dbc)
+    vehicle, database, wanted, dbc, usual = decoding()
     frames = drives.repeated(drives.drive(600), n)
     blf, packed, mdf = (folder / name for name in ("a.blf", "packed.mf4", "a.mf4"))
     write_frames(frames, blf)
@@ -190,10 +202,7 @@ def replay(folder: Path, repeats: int, seconds: float) -> dict[str, Any]:
     from clutchest.estimate.whole_log import compile_model, delays
     from clutchest.record.files import write_run
 
-    vehicle = clutchest.load_vehicle(drives.VEHICLE)
-    database = load_database(vehicle)
-    wanted = {name: set(layouts) for name, layouts in mapped_messages(vehicle, database).items()}
-    usual = cantools.database.load_file(database.paths[0])
+    vehicle, _, wanted, _, usual = decoding()
     frames = drives.drive(seconds)
     path = folder / "drive.log"
     write_frames(frames, path)
