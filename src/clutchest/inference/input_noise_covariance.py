@@ -26,7 +26,6 @@ from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std
 
 PARTS = 64  # of a drive, with as much noise in each
-NOTHING = 1e-20  # of a square: rounding
 SOME = 16384  # readings that are whitened at a time
 LEAST = 0.3  # standard deviations of all readings together; noise that shows less is left out
 
@@ -70,15 +69,21 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
 
 
 def main_directions(columns: Floats) -> Floats:
-    """Columns (K, c) turned into fewer, without directions that hardly show."""
+    """Columns (K, c) turned into fewer, orthogonal ones, without directions that hardly show."""
     strength, turned = np.linalg.eigh(columns.T @ columns)
     return columns @ turned[:, strength > LEAST**2]
 
 
+def shown(directions: Floats, share: float) -> Floats:
+    """A ``share`` of orthogonal columns (K, c), of those that still show."""
+    strength = share * np.linalg.norm(directions, axis=0)
+    return share * directions[:, strength > LEAST]
+
+
 @dataclass(frozen=True, slots=True)
 class InputNoiseCovariance:
-    """Of white readings (K), as columns (K, c): ``along`` orthonormal directions (K, c), how
-    ``strong`` (c) each is, and what it is made of, ``turned`` (c, c)."""
+    """Of white readings (K), as columns (K, c): ``along`` orthonormal directions (K, d) that show,
+    how ``strong`` (d) each is, and what it is made of, ``turned`` (c, d)."""
 
     along: Floats
     strong: Floats
@@ -88,7 +93,8 @@ class InputNoiseCovariance:
     def of(cls, columns: Floats) -> InputNoiseCovariance:
         """Of the columns (K, c) themselves."""
         squares, turned = np.linalg.eigh(columns.T @ columns)
-        strong = np.sqrt(np.maximum(squares, NOTHING))
+        shows = squares > LEAST**2
+        strong, turned = np.sqrt(squares[shows]), turned[:, shows]
         return cls(columns @ (turned / strong), strong, turned)
 
     def whiten_in_place(self, table: Floats) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import softmax
 
-from clutchest.inference.input_noise_covariance import main_directions
+from clutchest.inference.input_noise_covariance import main_directions, shown
 from clutchest.inference.linearisation import Modulation, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -65,14 +65,10 @@ def scattering(
     drives: Sequence[PreparedDrive], wander: Sequence[Sequence[Floats]], share: Floats
 ) -> list[Floats]:
     """Directions (K, c) in which each drive's innovations scatter, by noise of the inputs and where
-    every state wanders as its ``share`` of what is stated: those of ``wander``, state by state."""
+    every state wanders as its ``share`` of what is stated: those of ``wander``, state by state,
+    without directions that hardly show at such a share."""
     return [
-        np.column_stack(
-            [
-                drive.readings.input_noise,
-                *(s * columns for s, columns in zip(share, own, strict=True) if s > 0.0),
-            ]
-        )
+        np.column_stack([drive.readings.input_noise, *map(shown, own, share)])
         for drive, own in zip(drives, wander, strict=True)
     ]
 
