@@ -142,7 +142,7 @@ def test_shipped_vehicle_loads_and_is_in_the_readme(name):
     vehicle = clutchest.load_vehicle(name)
     assert vehicle.name == name
     assert f"| `{name}` |" in README
-    for dbc in vehicle.dbc:
+    for dbc in (file.path for file in vehicle.dbc):
         text = (ROOT / "vehicles" / f"{name}.toml").read_text(encoding="utf-8")
         assert dbc.is_file() or f"put\n# {dbc} (" in text, "told in the heading where to find it"
 

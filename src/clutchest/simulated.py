@@ -360,7 +360,7 @@ def _frames(vehicle: Vehicle, database: Database, sampled: Sampled, start: int) 
             columns,
             start + np.rint(times[name] * 1e9).astype(np.int64),
             senders[name].source_address or 0,
-            senders[name].channel or 0,
+            database.message(name).channel or senders[name].channel or 0,
         )
         for name, columns in values.items()
     ]

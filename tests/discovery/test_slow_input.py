@@ -38,7 +38,7 @@ def stated(tmp_path_factory: pytest.TempPathFactory) -> Vehicle:
     text = truck.path.read_text(encoding="utf-8").replace(
         'name = "truck"', f'name = "own"\neffects_files = ["{own.name}"]', 1
     )
-    for path in truck.dbc:
+    for path in (file.path for file in truck.dbc):
         text = text.replace(f'"{path.name}"', f'"{path.as_posix()}"', 1)
     text += f"\n[effects.with_ambient]\nslope = {SLOPE}\n"
     (folder / "own.toml").write_text(text, encoding="utf-8")

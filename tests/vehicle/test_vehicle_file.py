@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from clutchest.can.database import DatabaseFile
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_of
 from clutchest.models.thresholds import THRESHOLD_UNITS
@@ -230,6 +231,21 @@ WRONG = [
         "effects_files",
         r"no such file: no\.py \(relative to this vehicle file\)",
     ),
+    (
+        ('dbc = ["hdt_clutch.dbc"]', 'dbc = [{ file = "hdt_clutch.dbc", chanel = 1 }]'),
+        "dbc",
+        r"unknown key 'chanel'; did you mean 'channel'\?",
+    ),
+    (
+        ('dbc = ["hdt_clutch.dbc"]', 'dbc = [{ file = "hdt_clutch.dbc" }]'),
+        "dbc",
+        r"an entry of dbc has no 'channel'",
+    ),
+    (
+        ('dbc = ["hdt_clutch.dbc"]', 'dbc = { file = "hdt_clutch.dbc", channel = 1 }'),
+        "dbc",
+        r'dbc must be a list of names, or of \{ file = "a\.dbc", channel = 0 \}',
+    ),
     (("[limits]", "[limits"), "[limits", r"not TOML: "),
 ]
 
@@ -337,7 +353,7 @@ def test_strange_texts_and_numbers_survive_the_writing(truck: Vehicle, tmp_path:
 
 
 def test_a_missing_dbc_waits_for_the_log() -> None:
-    assert load_vehicle("gt350").dbc == (Path("ford_lincoln_base_pt.dbc"),)
+    assert load_vehicle("gt350").dbc == (DatabaseFile(Path("ford_lincoln_base_pt.dbc")),)
     assert re.fullmatch("[0-9a-f]{64}", load_vehicle("gt350").hash)
 
 

@@ -76,7 +76,10 @@ class SignalLayout:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message: ``id`` without flag bits, ``length`` bytes, ``cycle_time_s`` s or None."""
+    """One message: ``id`` without flag bits, ``length`` bytes, ``cycle_time_s`` s or None.
+
+    ``channel`` on which frames are this message, None for any.
+    """
 
     name: str
     id: int
@@ -85,6 +88,7 @@ class Message:
     is_j1939: bool
     cycle_time_s: float | None
     signals: Mapping[str, SignalLayout]
+    channel: int | None = None
 
     def signal(self, name: str) -> SignalLayout:
         """The layout of one signal.  Raises ClutchestError with the nearest names."""
@@ -99,6 +103,21 @@ class Message:
     def id_mask(self) -> int:
         """The id bits by which a frame is known as this message: with J1939 only its PGN."""
         return j1939.pgn_mask(self.id) if self.is_j1939 else 0x1FFFFFFF
+
+    def on(self, channel: int) -> bool:
+        """Whether frames of a channel may be this message."""
+        return self.channel is None or self.channel == channel
+
+
+@dataclass(frozen=True, slots=True)
+class DatabaseFile:
+    """A database, and the ``channel`` whose frames it describes, None for those of every one."""
+
+    path: Path
+    channel: int | None = None
+
+    def __str__(self) -> str:
+        return str(self.path) if self.channel is None else f"{self.path} (channel {self.channel})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,32 +134,52 @@ class Database:
             return self.messages[name]
         except KeyError:
             files = ", ".join(path.name for path in self.paths) or "the DBC"
+            own = [key for key in self.messages if key.rpartition("@")[0] == name]
+            if own:
+                raise ClutchestError(
+                    f"message '{name}' is in the databases of several channels; expected "
+                    + " or ".join(own)
+                ) from None
             raise ClutchestError(
                 f"no message '{name}' in {files}" + nearest(name, self.messages)
             ) from None
 
-    def find(self, can_id: int, extended: bool) -> Message | None:
-        """The message that a frame with this id carries (J1939: by PGN), None if unknown."""
+    def find(self, can_id: int, extended: bool, channel: int | None = None) -> Message | None:
+        """The message that a frame with this id carries (J1939: by PGN), on a ``channel`` if one is
+        given; None if unknown."""
         for message in self.messages.values():
-            if extended == message.extended and not (can_id ^ message.id) & message.id_mask:
+            same = extended == message.extended and not (can_id ^ message.id) & message.id_mask
+            if same and (channel is None or message.on(channel)):
                 return message
         return None
 
 
-def load(paths: Sequence[Path]) -> Database:
+def load(given: Sequence[Path | DatabaseFile]) -> Database:
     """The messages of all files; of a name that occurs twice the first holds, with a warning.
 
-    Raises ClutchestError naming file and line for a DBC that cantools refuses.
+    A name that the files of different channels have becomes one for each, such as ``EEC1@0`` and
+    ``EEC1@1``.  Raises ClutchestError naming file and line for a DBC that cantools refuses.
     """
-    messages: dict[str, Message] = {}
     warnings: list[str] = []
-    for path in paths:
-        for message in _load_one(Path(path), warnings):
-            if message.name in messages:
-                warnings.append(f"{path}: message '{message.name}' is already known, ignored here")
-            else:
-                messages[message.name] = message
-    return Database(messages, tuple(Path(p) for p in paths), tuple(warnings))
+    files = [each if isinstance(each, DatabaseFile) else DatabaseFile(Path(each)) for each in given]
+    read = [
+        (file, replace(message, channel=file.channel))
+        for file in files
+        for message in _load_one(file.path, warnings)
+    ]
+    channels: dict[str, set[int | None]] = {}
+    for file, message in read:
+        channels.setdefault(message.name, set()).add(file.channel)
+    messages: dict[str, Message] = {}
+    for file, message in read:
+        name = message.name
+        if file.channel is not None and len(channels[name]) > 1:
+            name = f"{name}@{file.channel}"
+        if name in messages:
+            warnings.append(f"{file}: message '{name}' is already known, ignored here")
+        else:
+            messages[name] = replace(message, name=name)
+    return Database(messages, tuple(file.path for file in files), tuple(warnings))
 
 
 def _load_one(path: Path, warnings: list[str]) -> list[Message]:

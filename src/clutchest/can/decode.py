@@ -39,8 +39,12 @@ def rows_of(frames: Frames, message: Message, channel: int | None = None) -> Row
     """Rows of the data frames that are ``message``, shape (n,).
 
     The id must be the same; with J1939 only its parameter group: priority, source and, where there
-    is one, destination do not matter.
+    is one, destination do not matter.  Those on its own channel, or on this one, where either is
+    stated.
     """
+    if channel is not None and not message.on(channel):
+        return np.zeros(0, np.intp)
+    channel = message.channel if channel is None else channel
     kind = Flag.EXTENDED if message.extended else 0
     return _matching(
         frames.id,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.can.database import Database, Message, load
+from clutchest.can.database import Database, DatabaseFile, Message, load
 from clutchest.can.decode import DecodedColumn, decode, rows_of
 from clutchest.can.frames import Frames
 from clutchest.can.transport import reassembled
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-Databases = Database | str | Path | Sequence[str | Path]
+Files = str | Path | Sequence[str | Path]
+Databases = Database | Files | Mapping[int, Files]
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,10 @@ class DecodedFrames(Mapping[str, "pa.Table"]):
     def of(
         cls, frames: Frames, database: Databases, messages: Sequence[str] | None = None
     ) -> DecodedFrames:
-        """Of ``messages``, all unless given.  Raises ClutchestError for an unknown one, and for a
-        database that cannot be read."""
+        """Of ``messages``, all unless given; a dictionary has the databases of each channel.
+
+        Raises ClutchestError for an unknown message, and for a database that cannot be read.
+        """
         known = _loaded(database)
         for name in messages or ():
             if name not in known.messages:
@@ -139,8 +142,14 @@ class DecodedFrames(Mapping[str, "pa.Table"]):
 def _loaded(database: Databases) -> Database:
     if isinstance(database, Database):
         return database
-    paths = [database] if isinstance(database, str | Path) else list(database)
-    return load([Path(path) for path in paths])
+    of_channels = database if isinstance(database, Mapping) else {None: database}
+    return load(
+        [
+            DatabaseFile(Path(path), channel)
+            for channel, files in of_channels.items()
+            for path in ([files] if isinstance(files, str | Path) else files)
+        ]
+    )
 
 
 def _unit(message: Message, name: str) -> dict[str, str] | None:

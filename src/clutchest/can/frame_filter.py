@@ -38,7 +38,10 @@ class FrameFilter:
         keep = np.zeros(len(frames), bool)
         for message in self.messages:
             same = (frames.id & np.uint32(message.id_mask)) == (message.id & message.id_mask)
-            keep |= same & (kind == (Flag.EXTENDED if message.extended else 0))
+            same &= kind == (Flag.EXTENDED if message.extended else 0)
+            if message.channel is not None:
+                same &= frames.channel == message.channel
+            keep |= same
         if any(transport.may_carry(message) for message in self.messages):
             keep |= transport.belongs(frames)
         if not keep.all():

@@ -100,7 +100,8 @@ class Frames:
 
     def decode(self, database: Any, messages: Sequence[str] | None = None) -> Any:
         """The signals of all ``messages`` (every one unless given) of a ``database``: a DBC or
-        another file, several, or one that is loaded.  Gives :class:`clutchest.can.DecodedFrames`.
+        another file, several, those of each channel (``{0: "a.dbc", 1: "b.dbc"}``), or one that is
+        loaded.  Gives :class:`clutchest.can.DecodedFrames`.
         """
         decoded = import_module("clutchest.can.decoded")  # which is made of frames
         return decoded.DecodedFrames.of(self, database, messages)

@@ -77,22 +77,23 @@ def survey(frames: Frames, databases: Sequence[Database] = ()) -> list[IdStatist
 def _row(frames: Frames, group: np.ndarray, databases: Sequence[Database]) -> IdStatistics:
     first = group[0]
     can_id, extended = int(frames.id[first]), bool(frames.flags[first] & Flag.EXTENDED)
-    known = (database.find(can_id, extended) for database in databases)
+    channel = int(frames.channel[first])
+    known = (database.find(can_id, extended, channel) for database in databases)
     message = next((candidate.name for candidate in known if candidate), None)
     rate = period = gap = jitter = None
     gaps, t = 0, frames.t_ns[group]
     if len(group) > 1:
-        steps = np.diff(t) * 1e-9
-        period, gap = float(np.median(steps)), float(steps.max())
+        steps = np.diff(t)  # ns: equal ones have no jitter
+        period, gap = float(np.median(steps)) * 1e-9, float(steps.max()) * 1e-9
         rate = (len(group) - 1) / (float(t[-1] - t[0]) * 1e-9) if t[-1] > t[0] else None
-        long = steps > GAP * period
-        gaps, jitter = int(np.count_nonzero(long)), float(np.std(steps[~long]))
+        long = steps > GAP * period * 1e9
+        gaps, jitter = int(np.count_nonzero(long)), float(np.std(steps[~long])) * 1e-9
     number = j1939.pgn(can_id) if extended else None
     named = None if number is None else group_of(number)
     constant, counters = _bytes(frames, group)
     lengths = tuple(int(length) for length in np.unique(frames.length[group]))
     return IdStatistics(
-        int(frames.channel[first]),
+        channel,
         can_id,
         extended,
         number,

@@ -15,6 +15,7 @@ from clutchest.cli.terminal import answer, progress
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from clutchest.can.database import DatabaseFile
     from clutchest.reading.inspection import Inspection
     from clutchest.reading.table_inspection import TableInspection
 
@@ -23,12 +24,13 @@ if TYPE_CHECKING:
 def inspect(
     logs: Logs,
     dbc: Annotated[
-        list[Path] | None,
+        list[str] | None,
         typer.Option(
             "--dbc",
-            metavar="FILE",
+            metavar="[N=]FILE",
             show_default=False,
-            help="Names the messages; repeat for several.  Without it the shipped ones do.",
+            help="Names the messages, with N= those of channel N only; repeat for several.  "
+            "Without it the shipped ones do.",
         ),
     ] = None,
     model: Annotated[
@@ -53,6 +55,7 @@ def inspect(
     \b
     Example:
       clutchest inspect drive.log --dbc vehicle.dbc --out first
+      clutchest inspect drive.asc --dbc 0=engine.dbc --dbc 1=chassis.dbc
       clutchest inspect bench.log --dbc servo.dbc --model servo.py
     """
     with progress() as show:
@@ -69,7 +72,7 @@ def inspect(
 
 
 def _inspected(
-    logs: Sequence[str], dbc: Sequence[Path], window: WindowOptions, model: str
+    logs: Sequence[str], dbc: Sequence[str], window: WindowOptions, model: str
 ) -> Inspection | TableInspection:
     """What is in logs of frames, or in tables."""
     from clutchest.reading.inspection import inspect_logs
@@ -79,7 +82,17 @@ def _inspected(
 
     if all(is_table(locate(log, "logs")) for log in logs):
         return inspect_tables(logs, model)
-    return inspect_logs(logs, dbc, window.parse(), model)
+    return inspect_logs(logs, [_database(each) for each in dbc], window.parse(), model)
+
+
+def _database(given: str) -> DatabaseFile:
+    """``FILE``, or ``N=FILE``: that of one channel."""
+    from clutchest.can.database import DatabaseFile
+
+    channel, _, path = given.partition("=")
+    if path and channel.isdecimal():
+        return DatabaseFile(Path(path), int(channel))
+    return DatabaseFile(Path(given))
 
 
 def _show(inspection: Inspection | TableInspection, console: Console) -> None:

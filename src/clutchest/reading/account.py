@@ -65,13 +65,14 @@ class Account:
 def contents_of(frames: Frames, database: Database) -> str:
     """What a log holds of the messages of a DBC, else which ids, in words."""
     extended = (frames.flags & Flag.EXTENDED) != 0
-    pairs = np.unique(np.stack((frames.id, extended.astype(np.uint32))), axis=1)
-    known = {m.name for i, e in pairs.T if (m := database.find(int(i), bool(e)))}
+    columns = (frames.id, extended.astype(np.uint32), frames.channel.astype(np.uint32))
+    each = np.unique(np.stack(columns), axis=1).T.tolist()
+    known = {m.name for i, e, channel in each if (m := database.find(i, bool(e), channel))}
     if known:
         names = sorted(known)
         return "of this DBC the log holds " + ", ".join(names[:8]) + ", …" * (len(names) > 8)
-    ids = [f"0x{i:03X}" for i, _ in pairs.T[:6]]
-    return "the log holds " + ", ".join(ids) + ", …" * (pairs.shape[1] > 6)
+    ids = list(dict.fromkeys(f"0x{i:03X}" for i, *_ in each))
+    return "the log holds " + ", ".join(ids[:6]) + ", …" * (len(ids) > 6)
 
 
 def words(why: Why) -> str:

@@ -151,7 +151,7 @@ def sources_of(
     """Every signal of every id that a database knows; the first one that does."""
     found = []
     for row in rows:
-        known = (database.find(row.id, row.extended) for database in databases)
+        known = (database.find(row.id, row.extended, row.channel) for database in databases)
         message = next((m for m in known if m), None)
         if message is not None:
             found += [BusSource(frames, row, message, s) for s in message.signals.values()]

@@ -9,6 +9,7 @@ from math import sqrt
 from pathlib import Path
 
 from clutchest import units
+from clutchest.can.database import DatabaseFile
 from clutchest.models.machine import Machine
 from clutchest.reading.candidates import (
     ROAD,
@@ -40,7 +41,9 @@ class Draft:
     stated: frozenset[str]
     template: str
 
-    def vehicle(self, name: str, model: str, target: Path, dbc: tuple[Path, ...]) -> Vehicle:
+    def vehicle(
+        self, name: str, model: str, target: Path, dbc: tuple[DatabaseFile, ...]
+    ) -> Vehicle:
         """The drafted vehicle, to lie at ``target``."""
         template = load_vehicle(self.template) if self.template else None
         like = template.signals if template else {}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from clutchest.can import files
-from clutchest.can.database import Database, load
+from clutchest.can.database import Database, DatabaseFile, load
 from clutchest.can.frames import Frames
 from clutchest.can.survey import IdStatistics, survey
 from clutchest.can.transport import reassembled
@@ -39,7 +39,7 @@ class Inspection:
     rejected: Mapping[str, int]
     rows: tuple[IdStatistics, ...]
     draft: Draft
-    dbc: tuple[Path, ...]
+    dbc: tuple[DatabaseFile, ...]
     warnings: tuple[str, ...]
     model_file: Path | None = None
 
@@ -83,7 +83,7 @@ class Inspection:
             "frames": self.frames,
             "duration_s": self.duration_s,
             "frames_rejected": dict(self.rejected),
-            "dbc": [str(path) for path in self.dbc],
+            "dbc": [str(file) for file in self.dbc],
             "ids": [{**asdict(row), "parameters": list(row.parameters)} for row in self.rows],
             "signals": {
                 name: [asdict(candidate) for candidate in candidates]
@@ -99,8 +99,12 @@ class Inspection:
     def write_vehicle(self, path: Path, target: Path) -> None:
         """A vehicle file at ``path`` that will lie at ``target``: the most likely signals, and the
         parameters of the machine's template as guesses."""
-        used = self.draft.messages()
-        dbc = tuple(p.resolve() for p in self.dbc if used & set(load([p]).messages))
+        used = {name.partition("@")[0] for name in self.draft.messages()}
+        dbc = tuple(
+            replace(file, path=file.path.resolve())
+            for file in self.dbc
+            if used & set(load([file]).messages)
+        )
         vehicle = self.draft.vehicle(drafted_name(self.logs[0]), self.model, target, dbc)
         vehicle = replace(vehicle, model_file=self.model_file)
         dump_vehicle(vehicle, path, self._heading(), target)
@@ -124,7 +128,7 @@ class Inspection:
 
 def inspect_logs(
     paths: Sequence[str | Path],
-    dbc: Sequence[Path] = (),
+    dbc: Sequence[Path | DatabaseFile] = (),
     window: TimeWindow = EVERYTHING,
     model: str = "",
 ) -> Inspection:
@@ -145,11 +149,14 @@ def inspect_logs(
     if not parts:
         raise ClutchestError(f"{' '.join(map(str, logs))}: no data in the time window")
     frames = Frames.concatenate(parts).sorted()
-    sources = tuple(dbc) or tuple(shipped("dbc").values())
-    databases = [load([path]) for path in sources]
+    sources = tuple(
+        each if isinstance(each, DatabaseFile) else DatabaseFile(each)
+        for each in dbc or shipped("dbc").values()
+    )
+    databases = _databases(sources)
     rows = tuple(survey(frames, databases))
     if dbc and not any(row.message for row in rows):
-        raise ClutchestError(_nothing_known(logs, dbc, rows, databases))
+        raise ClutchestError(_nothing_known(logs, sources, rows, databases))
     signals = sources_of(frames, rows, databases)
     machines = [asked] if asked else shipped_machines()
     searched = [(search(signals, machine), machine) for machine in machines]
@@ -177,15 +184,22 @@ def inspect_logs(
     )
 
 
+def _databases(sources: Sequence[DatabaseFile]) -> list[Database]:
+    """One for each file; those of a channel together, since they may have names in common."""
+    of_a_channel = [file for file in sources if file.channel is not None]
+    together = [load(of_a_channel)] if of_a_channel else []
+    return [*together, *(load([file]) for file in sources if file.channel is None)]
+
+
 def _nothing_known(
     logs: Sequence[Path],
-    dbc: Sequence[Path],
+    dbc: Sequence[DatabaseFile],
     rows: Sequence[IdStatistics],
     databases: Sequence[Database],
 ) -> str:
     """That a DBC is of another bus, in words."""
     theirs = [m for database in databases for m in database.messages.values()]
-    names = ", ".join(path.name for path in dbc)
+    names = ", ".join(file.path.name for file in dbc)
     log = ", ".join(path.name for path in logs)
     extended = sum(row.extended for row in rows)
     of_them = sum(message.extended for message in theirs)

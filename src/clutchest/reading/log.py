@@ -193,7 +193,8 @@ def load_database(vehicle: Vehicle, folders: Sequence[Path] = ()) -> Database:
     """
     if not vehicle.dbc:
         raise ClutchestError(f"{vehicle.path.name}: no 'dbc', so CAN logs cannot be decoded")
-    return load([_dbc(vehicle, path, [*folders, Path.cwd()]) for path in vehicle.dbc])
+    searched = [*folders, Path.cwd()]
+    return load([replace(f, path=_dbc(vehicle, f.path, searched)) for f in vehicle.dbc])
 
 
 def _database_if_available(vehicle: Vehicle, folders: Sequence[Path]) -> Database:

@@ -19,11 +19,19 @@ def mapped_messages(vehicle: Vehicle, database: Database) -> dict[str, dict[str,
     for signal in vehicle.signals.values():
         for bus in parts(signal):
             try:
-                layout = database.message(bus.message).signal(bus.signal)
+                message = database.message(bus.message)
+                layout = message.signal(bus.signal)
             except ClutchestError as problem:
                 raise _contradiction(vehicle, signal, str(problem)) from None
             if complaint := _unit_complaint(bus, layout):
                 raise _contradiction(vehicle, signal, complaint)
+            if signal.channel is not None and bus is signal.bus and not message.on(signal.channel):
+                raise _contradiction(
+                    vehicle,
+                    signal,
+                    f"channel = {signal.channel}, but 'dbc' says that {bus.message} is on channel "
+                    f"{message.channel}",
+                )
             wanted.setdefault(bus.message, {})[bus.signal] = layout
     return wanted
 

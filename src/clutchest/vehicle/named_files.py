@@ -6,12 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
+from clutchest.can.database import DatabaseFile
 from clutchest.errors import file_like
 from clutchest.models.python_file import digest_of
 from clutchest.shipped import shipped
 from clutchest.vehicle.earlier_patch import EarlierPatch, read_patch
 from clutchest.vehicle.toml import Keys, TomlFile
+
+LARGEST_CHANNEL = 255
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +29,7 @@ class NamedFiles:
     model: Path | None
     effects: tuple[Path, ...]
     patches: Mapping[Path, EarlierPatch]
-    dbc: tuple[Path, ...]
+    dbc: tuple[DatabaseFile, ...]
     digests: Mapping[Path, str]
     content: str
 
@@ -40,11 +44,11 @@ class NamedFiles:
         effects = tuple(_python(file, ("effects_files",), entry) for entry in entries)
         read = {path: read_patch(path) for path in effects}
         patches = {path: patch for path, patch in read.items() if patch}
-        dbc = tuple(_dbc(file, e) for e in file.strings(("dbc",), data.get("dbc", [])))
+        dbc = _databases(file, data.get("dbc", []))
         code = [*([own] if own else []), *effects]
         digests = {path: digest_of(path) for path in code}
         total = sha256(file.text.encode())
-        for path in dbc:
+        for path in (database.path for database in dbc):
             if path.is_file():
                 total.update(digest_of(path).encode())
         for digest in digests.values():
@@ -80,6 +84,29 @@ def _python(file: TomlFile, keys: Keys, entry: str) -> Path:
             keys, f"no such file: {entry} (relative to this vehicle file){file_like(path)}"
         )
     return path
+
+
+def _databases(file: TomlFile, given: Any) -> tuple[DatabaseFile, ...]:
+    """The entries of ``dbc``: names of files, or tables of ``file`` and ``channel``."""
+    if not isinstance(given, list):
+        raise file.error(
+            ("dbc",),
+            'dbc must be a list of names, or of { file = "a.dbc", channel = 0 } where every '
+            "channel has a database of its own",
+        )
+    found = []
+    for entry in given:
+        if isinstance(entry, str):
+            found.append(DatabaseFile(_dbc(file, entry)))
+            continue
+        table = file.table(("dbc",), entry)
+        file.known(("dbc",), table, ("file", "channel"), "key")
+        for key in ("file", "channel"):
+            if key not in table:
+                raise file.error(("dbc",), f"an entry of dbc has no '{key}'")
+        channel = file.integer(("dbc",), table["channel"], LARGEST_CHANNEL)
+        found.append(DatabaseFile(_dbc(file, file.string(("dbc",), table["file"])), channel))
+    return tuple(found)
 
 
 def _dbc(file: TomlFile, entry: str) -> Path:

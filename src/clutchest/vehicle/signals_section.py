@@ -11,10 +11,11 @@ from typing import Any
 from clutchest import units
 from clutchest.budgets import LONGEST_DELAY_S
 from clutchest.errors import ClutchestError
+from clutchest.vehicle.named_files import LARGEST_CHANNEL
 from clutchest.vehicle.toml import Keys, TomlFile
 from clutchest.vehicle.vehicle import SPEED, TIMING, BusSignal, SignalMap
 
-LARGEST_ADDRESS, LARGEST_CHANNEL = 253, 255  # J1939 keeps the addresses above
+LARGEST_ADDRESS = 253  # J1939 keeps the addresses above
 
 _KEYS = (
     "message",

@@ -10,6 +10,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from clutchest.can.database import DatabaseFile
 from clutchest.errors import ClutchestError
 from clutchest.models.error_curve import ErrorCurve
 from clutchest.shipped import shipped
@@ -71,7 +72,7 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
     lines += [
         f"name = {_toml(vehicle.name)}",
         f"model = {_toml(name(vehicle.model_file) if vehicle.model_file else vehicle.model)}",
-        f"dbc = {_toml([name(path) for path in vehicle.dbc])}",
+        f"dbc = {_toml([_database(file, name(file.path)) for file in vehicle.dbc])}",
     ]
     if vehicle.checked:
         lines.append(f"checked = {_toml(list(vehicle.checked))}")
@@ -112,6 +113,11 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
         },
     )
     return "\n".join(lines) + "\n"
+
+
+def _database(file: DatabaseFile, name: str) -> str | dict[str, Any]:
+    """One entry of ``dbc``."""
+    return name if file.channel is None else {"file": name, "channel": file.channel}
 
 
 def _entry(signal: SignalMap) -> Iterable[tuple[str, Any]]:

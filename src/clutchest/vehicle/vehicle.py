@@ -9,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchest.can.database import DatabaseFile
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models import machine_in_file, machine_of
 from clutchest.models.error_curve import ErrorCurve, Numbers, numbers_of
@@ -138,7 +139,7 @@ class Vehicle:
     model: str
     path: Path = field(compare=False)
     hash: str = field(compare=False)
-    dbc: tuple[Path, ...]
+    dbc: tuple[DatabaseFile, ...]
     signals: Mapping[str, SignalMap]
     parameters: Mapping[str, ParameterValue]
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
