@@ -12,7 +12,7 @@ import pytest
 
 from clutchest.can.files import read_frames
 from clutchest.can.frames import LENGTH_CODE, Flag, Frames
-from clutchest.reading.table_files import is_table
+from clutchest.reading.table_formats import is_table
 from samples import random_frames
 
 US = 1000

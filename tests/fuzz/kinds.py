@@ -12,6 +12,8 @@ from typing import Any
 import msgpack
 import numpy as np
 import pandas as pd
+from nptdms import ChannelObject, TdmsWriter
+from scipy.io import savemat
 
 import clutchest
 from clutchest.can.database import load
@@ -66,6 +68,11 @@ def seeds(wanted: Collection[str]) -> dict[str, bytes]:
     state: dict[str, Any] = {}
     if not wanted or ".json" in wanted:
         state = {**clutchest.replay(drive(), "truck").final, "time_ns": None}  # of no time
+    matlab, waveforms = BytesIO(), BytesIO()
+    numbers = {str(name): column.to_numpy() for name, column in table.items()}
+    savemat(matlab, {"drive": numbers, "pairs": table[["time", "engine_speed"]].to_numpy()})
+    with TdmsWriter(waveforms) as writer:
+        writer.write_segment([ChannelObject("drive", name, numbers[name]) for name in numbers])
     dbc = next(path for path in shipped("dbc").values() if "hdt" in path.name)
     return {
         "vehicle.toml": locate("truck", "vehicles").read_bytes(),
@@ -73,6 +80,8 @@ def seeds(wanted: Collection[str]) -> dict[str, bytes]:
         "state.json": json.dumps(state).encode(),
         "decoded.table.csv": table.to_csv(index=False).encode(),
         "decoded.parquet": columns.getvalue(),
+        "decoded.mat": matlab.getvalue(),
+        "decoded.tdms": waveforms.getvalue(),
         "own.py": EFFECT.encode(),
         "frame.datagram": msgpack.packb(FRAME),
     }
@@ -112,6 +121,8 @@ KINDS: Mapping[str, Callable[[Path], None]] = {
     ".json": _state,
     ".table.csv": _table,
     ".parquet": _table,
+    ".mat": _table,
+    ".tdms": _table,
     ".py": _effects,
     ".datagram": _datagram,
 }

@@ -13,8 +13,8 @@ import clutchest
 from clutchest.cli import app
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run
+from clutchest.reading.table_formats import write_table, xlsx
 from clutchest.record.files import write_run
-from clutchest.table_formats import write_table, xlsx
 from clutchest.units import convert
 
 START = 1_700_000_000_250_000_000
@@ -105,7 +105,7 @@ def test_parquet_and_csv(table: pd.DataFrame, tmp_path: Path) -> None:
 
 def test_another_suffix(table: pd.DataFrame, tmp_path: Path) -> None:
     with pytest.raises(
-        ClutchestError, match=r"x\.ods: .*\.csv, \.parquet, \.xlsx, \.mf4 or \.mcap"
+        ClutchestError, match=r"x\.ods: .*\.csv, \.mcap, \.mf4, \.parquet or \.xlsx"
     ):
         write_table(table, tmp_path / "x.ods")
 

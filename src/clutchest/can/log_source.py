@@ -218,10 +218,13 @@ def opened(path: Path) -> Iterator[LogSource]:
 @contextmanager
 def quiet(library: str) -> Iterator[None]:
     """Silences the ``library``'s log: what is broken in a file is counted, or an error, here."""
-    logger = logging.getLogger(library)
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)
+    within = [name for name in logging.root.manager.loggerDict if name.startswith(f"{library}.")]
+    loggers = [logging.getLogger(name) for name in (library, *within)]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        logger.setLevel(level)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

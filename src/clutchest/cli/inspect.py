@@ -76,7 +76,7 @@ def _inspected(
 ) -> Inspection | TableInspection:
     """What is in logs of frames, or in tables."""
     from clutchest.reading.inspection import inspect_logs
-    from clutchest.reading.table_files import is_table
+    from clutchest.reading.table_formats import is_table
     from clutchest.reading.table_inspection import inspect_tables
     from clutchest.shipped import locate
 

@@ -20,8 +20,8 @@ Logs = Annotated[
     typer.Argument(
         metavar="LOG",
         show_default=False,
-        help="CAN logs (.log .asc .blf .trc .csv .mf4 .db, also .gz), decoded .csv or .parquet, or "
-        "the name of a shipped log: alsd, demo.",
+        help="CAN logs (.log .asc .blf .trc .csv .mf4 .db, also .gz), decoded signals (.csv "
+        ".parquet .xlsx .mf4 .mat .tdms), or the name of a shipped log: alsd, demo.",
     ),
 ]
 VehicleName = Annotated[

@@ -22,7 +22,7 @@ class Engine(StrEnum):
 
 
 class TableFormat(StrEnum):
-    """As ``clutchest.table_formats`` has them, beside Parquet."""
+    """As ``clutchest.reading.table_formats`` has them, beside Parquet."""
 
     csv = "csv"
     xlsx = "xlsx"

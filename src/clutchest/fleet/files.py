@@ -8,8 +8,8 @@ from typing import Any
 from clutchest.fleet.fleet import Fleet
 from clutchest.fleet.one_log import DATASET
 from clutchest.fleet.report import fleet_page
+from clutchest.reading.table_formats import write_table
 from clutchest.record.files import finished_into
-from clutchest.table_formats import write_table
 
 
 def write_fleet(fleet: Fleet, out: Path) -> list[Path]:

@@ -104,7 +104,7 @@ def drives_of(run: Run) -> list[dict[str, Any]]:
 def begin_of(path: Path) -> int | None:
     """Epoch time in ns of a log's first frame or row; None where it is not known."""
     from clutchest.can.files import read_blocks
-    from clutchest.reading.table_files import is_table, load_table
+    from clutchest.reading.table_formats import is_table, load_table
 
     try:
         if is_table(path):
@@ -129,7 +129,7 @@ def _utc(start_ns: int | None) -> str | None:
 
 def _write_estimates(run: Run, task: LogTask) -> None:
     """The rows of every drive into the folder of its vehicle and day."""
-    from clutchest.table_formats import write_table
+    from clutchest.reading.table_formats import write_table
 
     table = run.to_pandas()
     for drive, signals in enumerate(run.signals.drives):

@@ -11,15 +11,12 @@ from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.models import shipped_machines
 from clutchest.reading.log import read_log
-from clutchest.reading.table_files import is_table
+from clutchest.reading.table_formats import is_table, only_decoded
 from clutchest.reading.tables import joined, read_table, write_signals
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate
 from clutchest.signals import Signals
-from clutchest.table_formats import suffix_of
 from clutchest.vehicle import Vehicle
-
-ONLY_DECODED = (".parquet", ".xlsx", ".mcap")  # csv and mf4 may hold frames too
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +53,7 @@ class Conversion:
                 f"{paths[tables.index(True)]}: holds decoded signals, the others hold frames; "
                 "name a vehicle to decode those"
             )
-        if suffix_of(out) in ONLY_DECODED:
+        if only_decoded(out):
             raise ClutchestError(f"{out}: holds decoded signals; name a vehicle to decode the logs")
         parts = [files.read_frames(path) for path in paths]
         if len(parts) > 1 and not all(part.absolute for part in parts):

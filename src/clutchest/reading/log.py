@@ -20,7 +20,7 @@ from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
 from clutchest.reading.table_drives import drives_of
-from clutchest.reading.table_files import is_table
+from clutchest.reading.table_formats import is_table
 from clutchest.reading.tables import joined, read_table
 from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, TimeWindow
@@ -61,11 +61,12 @@ def read_log(
 ) -> Signals:
     """The canonical signals of one or several logs; a path may name a shipped log (``demo``).
 
-    CAN logs are decoded with the vehicle's DBC. Of tables (``.csv``, ``.parquet``, ``.xlsx``, a
-    measurement in ``.mf4``, a DataFrame of pandas, polars or Arrow) with canonical columns, or
-    those of the vehicle file's ``[columns]``, the values within its min … max are valid. Logs on
-    absolute clocks that overlap or lie less than a minute apart are pieces of one drive; all others
-    are drives of their own, in ``later`` in order of time. Of each drive only what lies in
+    CAN logs are decoded with the vehicle's DBC. Of tables (``.csv``, ``.parquet``, ``.xlsx``,
+    ``.mat``, ``.tdms``, a measurement in ``.mf4``, a DataFrame of pandas, polars or Arrow) with
+    canonical columns, or those of the vehicle file's ``[columns]``, the values within its min … max
+    are valid. Logs on absolute clocks that overlap or lie less than a minute apart are pieces of
+    one drive; all others are drives of their own, in ``later`` in order of time. Of each drive only
+    what lies in
     ``window`` is kept, with times in s from its start. Delays that the vehicle file states are not
     applied. Without ``traffic`` the times and the integrity of frames, which fault tests need, are
     left out.

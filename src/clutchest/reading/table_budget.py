@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import gzip
 from collections.abc import Mapping
 from io import RawIOBase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest import budgets
+from clutchest.can import log_source
 from clutchest.errors import ClutchestError
 
 if TYPE_CHECKING:
@@ -18,21 +18,24 @@ PORTION = 100_000  # rows that are read together
 
 
 def read_csv(path: Path, options: Mapping[str, Any]) -> pd.DataFrame:
-    """The table in a csv file, ``.gz`` too, portion after portion, as far as its budget goes.
+    """The table in a csv file, also compressed or in UTF-16, a portion at a time, as far as its
+    budget goes.
 
-    ``options`` as pandas takes them.  Raises ClutchestError beyond the budget.
+    ``options`` as pandas takes them.  Raises ClutchestError beyond the budget, and for compressed
+    data that end early.
     """
     import pandas as pd
 
     parts, left = [], budgets.cells(path)
-    opener = gzip.open if path.suffix.lower() == ".gz" else open
-    with opener(path, "rb") as file:
-        bounded: Any = _Bounded(file, path)
+    with log_source.opened(path) as source:
+        bounded: Any = _Bounded(source, path)
         for part in pd.read_csv(bounded, chunksize=PORTION, **options):
             left -= part.size
             if left < 0:
                 raise too_large(path)
             parts.append(part)
+        if source.truncated:
+            raise ClutchestError(f"{path}: {log_source.GZIP_TRUNCATED}")
     return pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from clutchest import units
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
-from clutchest.reading.table_files import Cells, Frame, SignalTable
+from clutchest.reading.signal_table import Cells, Frame, SignalTable
 from clutchest.signals import Floats
 from clutchest.vehicle import TableColumn
 

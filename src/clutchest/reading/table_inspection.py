@@ -15,8 +15,9 @@ from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
 from clutchest.reading.drafting import guessed_parameters
+from clutchest.reading.signal_table import Frame, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
-from clutchest.reading.table_files import Frame, SignalTable, load_table
+from clutchest.reading.table_formats import load_table
 from clutchest.reading.table_units import likely_unit
 from clutchest.shipped import locate
 from clutchest.vehicle import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import units
+from clutchest.budgets import LARGEST
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
+from clutchest.reading.signal_table import Frame, SignalTable
 from clutchest.reading.table_columns import (
     TIME,
     Clock,
@@ -24,10 +26,9 @@ from clutchest.reading.table_columns import (
     places,
     split_header,
 )
-from clutchest.reading.table_files import Frame, SignalTable, load_table
+from clutchest.reading.table_formats import load_table, write_table
 from clutchest.reading.table_units import check_steps, check_units
 from clutchest.signals import Counts, Floats, Signal, Signals
-from clutchest.table_formats import write_table
 from clutchest.vehicle import TableColumn, Vehicle
 
 if TYPE_CHECKING:
@@ -57,7 +58,9 @@ def read_table(
     if not found:
         raise _nothing_known(table, columns, mapped)
     clock = clock_of(table, mapped) if isinstance(table, Frame) else None
-    warnings = [*missing_words(table, found, mapped), *(clock.warnings if clock else ())]
+    file = Path(table.source).name
+    warnings = [f"{file}: {words}" for words in table.notes]
+    warnings += [*missing_words(table, found, mapped), *(clock.warnings if clock else ())]
     if not mapped:
         warnings += _ignored(table, found, columns, clock)
     rows = _Rows(table, clock, warnings)
@@ -138,6 +141,13 @@ class _Rows:
         file = Path(self.table.source).name
         if isinstance(self.table, Frame):
             self.warnings += not_numbers(self.table, place.column, name, column)
+        beyond = np.abs(column.value) > LARGEST
+        if beyond.any():
+            column = replace(column, value=np.where(beyond, np.nan, column.value))
+            self.warnings.append(
+                f"{file}: column '{place.column}': {np.count_nonzero(beyond)} values beyond "
+                f"{LARGEST:g} are not used"
+            )
         if self.clock is not None:
             time, given = self.clock.time, column.given & np.isfinite(self.clock.time)
             self._useful |= given & np.isfinite(column.value)

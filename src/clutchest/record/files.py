@@ -19,7 +19,7 @@ from clutchest.budgets import STATE_BYTES, within
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of, log_of
 from clutchest.extras import installed
-from clutchest.table_formats import write_table
+from clutchest.reading.table_formats import write_table
 
 INNOVATIONS = "innovations.parquet"
 _UNFINISHED = ".unfinished-"  # and the process that writes it
@@ -218,7 +218,7 @@ def _write_tables(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from clutchest.table_formats.parquet import with_units
+    from clutchest.reading.table_formats.parquet import with_units
 
     with ExitStack() as stack:
         writer = None

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
+from clutchest.reading.signal_table import Frame
+from clutchest.reading.table_kind import TableKind
+from clutchest.reading.units_row import of_cells
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,3 +51,20 @@ def _cells(column: pd.Series) -> Iterator[Any]:
     if isinstance(column.dtype, pd.DatetimeTZDtype):
         column = column.dt.tz_localize(None)
     return iter(column.astype(object).where(column.notna(), None))
+
+
+def read(path: Path) -> Frame:
+    """The table on the first sheet."""
+    import pandas as pd
+
+    required("openpyxl")
+    return of_cells(str(path), pd.read_excel(path, engine="openpyxl"))
+
+
+FORMAT = TableKind(
+    about="Excel, the first sheet",
+    suffixes=(".xlsx",),
+    read=read,
+    write=write,
+    extra="excel",
+)

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchest.extras import required
-from clutchest.table_formats import drives_of
+from clutchest.reading.drives_in_table import drives_of
+from clutchest.reading.table_kind import TableKind
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,3 +74,11 @@ def _messages(rows: pd.DataFrame) -> list[bytes]:
         json.dumps({k: v for k, v in part.items() if v is not None}, ensure_ascii=False).encode()
         for part in parts
     ]
+
+
+FORMAT = TableKind(
+    about="MCAP of robotics: a message in JSON for every row",
+    suffixes=(".mcap",),
+    write=write,
+    extra="mcap",
+)

@@ -1,0 +1,136 @@
+"""A table of decoded signals, whatever file it was in: columns by name, each with its unit.
+
+What the columns mean is decided in :mod:`clutchest.reading.table_columns`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.errors import ClutchestError
+from clutchest.signals import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """One column: ``value`` (n,), NaN where a cell is no number, ``given`` (n,) where it is not
+    empty; ``time`` (n,) s of its own, None for the table's."""
+
+    value: Floats
+    given: NDArray[np.bool_]
+    time: Floats | None = None
+
+
+class SignalTable(Protocol):
+    """A table: ``units`` by the names of its columns, "" where none is stated."""
+
+    @property
+    def source(self) -> str:
+        """The file's path, or what it is."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit by name of a column."""
+
+    @property
+    def start_ns(self) -> int | None:
+        """Epoch time of the times' zero, where the file states it."""
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the file has lost, in words."""
+
+    def column(self, name: str) -> Cells:
+        """One of the columns."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A table of pandas'; ``first_row`` is the number of its first row in the file."""
+
+    source: str
+    frame: pd.DataFrame
+    stated: Mapping[str, str] = field(default_factory=dict)
+    first_row: int = 2
+    start_ns: int | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """See :class:`SignalTable`."""
+        return {str(name): self.stated.get(str(name), "") for name in self.frame.columns}
+
+    @property
+    def rows(self) -> int:
+        """See :class:`SignalTable`."""
+        return len(self.frame)
+
+    def column(self, name: str) -> Cells:
+        """See :class:`SignalTable`."""
+        import pandas as pd
+
+        cells = self.cells(name)
+        if pd.api.types.is_string_dtype(cells.dtype) or cells.dtype == object:
+            cells = cells.replace(r"^\s*$", None, regex=True)
+        value = pd.to_numeric(cells, errors="coerce").to_numpy(np.float64, na_value=np.nan)
+        given = cells.notna().to_numpy()
+        if not np.isfinite(value[given]).any() and given.any():
+            comma = cells.astype(str).str.replace(",", ".", regex=False)
+            value = pd.to_numeric(comma, errors="coerce").to_numpy(np.float64, na_value=np.nan)
+        return Cells(value, given)
+
+    def cells(self, name: str) -> pd.Series:
+        """The cells of a column as they are."""
+        cells = self.frame[name]
+        if getattr(cells, "ndim", 1) != 1:
+            raise ClutchestError(f"{self.source}: column '{name}' occurs twice")
+        return cells
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Columns that have times of their own, as the channels of a measurement do; ``read`` gives one
+    of them."""
+
+    source: str
+    units: Mapping[str, str]
+    start_ns: int | None
+    rows: int
+    read: Callable[[str], Cells]
+    notes: tuple[str, ...] = ()
+
+    def column(self, name: str) -> Cells:
+        """See :class:`SignalTable`."""
+        return self.read(name)
+
+
+def as_pandas(given: Any) -> pd.DataFrame:
+    """A DataFrame of whatever library as one of pandas'."""
+    return given.to_pandas() if hasattr(given, "to_pandas") else given
+
+
+def of_frame(source: str, frame: pd.DataFrame, stated: Mapping[str, str] | None = None) -> Frame:
+    """A DataFrame whose index is a column too, where it has a name or holds times."""
+    import pandas as pd
+
+    times = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+    if times or frame.index.name is not None:
+        name = frame.index.name or "time"
+        if name not in frame.columns:
+            frame = frame.rename_axis(name).reset_index()
+    of_frame = frame.attrs.get("units", {})
+    units = {str(k): str(u) for k, u in of_frame.items()} if isinstance(of_frame, dict) else {}
+    frame = frame.rename(columns=lambda name: str(name).strip())
+    return Frame(source, frame, {**units, **(stated or {})})

@@ -1,0 +1,77 @@
+"""Text with a separator: commas, semicolons or tabs; ``.csv.gz`` compressed.
+
+Written without units, for which there is no place.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clutchest.can import files, log_source
+from clutchest.errors import ClutchestError
+from clutchest.reading.signal_table import Frame
+from clutchest.reading.table_budget import read_csv
+from clutchest.reading.table_kind import TableKind
+from clutchest.reading.units_row import of_cells
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def write(table: pd.DataFrame, path: Path) -> None:
+    """Write ``table``."""
+    table.to_csv(path, index=False)
+
+
+def read(path: Path) -> Frame:
+    """The table in a text of whatever encoding, with points or commas in its numbers."""
+    head = _head(path)
+    first = head.splitlines()[0] if head.splitlines() else ""
+    separator = max(",;\t", key=first.count) if first else ","
+    options: dict[str, Any] = {
+        "sep": separator,
+        "skipinitialspace": True,
+        "low_memory": False,
+        "decimal": "," if separator == ";" and not _points(head) else ".",
+    }
+    try:
+        return of_cells(str(path), read_csv(path, {"encoding": "utf-8-sig", **options}))
+    except UnicodeDecodeError:
+        return of_cells(str(path), read_csv(path, {"encoding": "latin-1", **options}))
+
+
+def _points(head: str) -> bool:
+    """Whether numbers in the rows have a decimal point, not a comma."""
+    rows = "\n".join(head.splitlines()[1:50])
+    return len(re.findall(r"\d\.\d", rows)) > len(re.findall(r"\d,\d", rows))
+
+
+def _head(path: Path) -> str:
+    with log_source.opened(path) as source:
+        return source.head[:65536].decode("utf-8", "replace")
+
+
+def holds(path: Path) -> bool:
+    """Whether a csv is a table, not a log of frames of some format."""
+    if not path.is_file():
+        return True
+    with log_source.opened(path) as source:
+        if not source.head.strip():
+            return True
+        try:
+            files.format_of(source)
+        except ClutchestError:
+            return True
+    return False
+
+
+FORMAT = TableKind(
+    about="separated by commas, semicolons or tabs, in any encoding",
+    suffixes=(".csv",),
+    read=read,
+    write=write,
+    holds=holds,
+    zipped=True,
+)

@@ -1,0 +1,170 @@
+"""A measurement in MDF 4 (ASAM): every column a channel with its unit and comment.
+
+A drive is a group of channels with one time; a column with empty cells is a group of its own, with
+the times at which it has a value.  Names (the mode, the log) are numbers with a table of texts.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clutchest.errors import ClutchestError
+from clutchest.extras import required
+from clutchest.reading.drives_in_table import drives_of
+from clutchest.reading.signal_table import Cells, Channels
+from clutchest.reading.table_budget import check_cells
+from clutchest.reading.table_kind import TableKind
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_BUS_LOGGING = re.compile(r"^(CAN|LIN|FLX|ETH|MOST)_\w*Frame$")
+_EPOCH_S = 1e8  # an earlier start of a measurement is no date
+
+
+def write(table: pd.DataFrame, path: Path) -> None:
+    """Write ``table``; times count from the file's start, which is that of the first drive."""
+    required("asammdf")
+    from asammdf import MDF
+
+    drives = drives_of(table)
+    known = [start for _, start in drives if start is not None]
+    with MDF(version="4.10") as mdf:
+        if known:
+            mdf.start_time = datetime.fromtimestamp(min(known) / 1e9, UTC)
+        for number, (rows, start) in enumerate(drives):
+            shift = 0.0 if start is None else (start - min(known)) / 1e9
+            name = f"drive {number}" if len(drives) > 1 else "table"
+            whole, parts = _channels(rows, rows["time"].to_numpy(np.float64) + shift, table.attrs)
+            for group in (whole, *([part] for part in parts)):
+                if group:
+                    mdf.append(group, acq_name=name, common_timebase=True)
+        mdf.save(path, overwrite=True, compression=2)
+
+
+def _channels(rows: pd.DataFrame, time: Any, attrs: dict[Any, Any]) -> tuple[list[Any], list[Any]]:
+    """The channels that have a value in every row, and those with values in some."""
+    from asammdf import Signal
+
+    whole: list[Any] = []
+    parts: list[Any] = []
+    for name in rows.columns:
+        if name in ("time", "timestamp"):  # the times of the channels and the start of the file
+            continue
+        given = rows[name].notna().to_numpy()
+        if not given.any():
+            continue
+        values, texts = _numbers(rows[name][given])
+        channel = Signal(
+            samples=values,
+            timestamps=time[given],
+            name=name,
+            unit=attrs.get("units", {}).get(name, ""),
+            comment=attrs.get("comments", {}).get(name, ""),
+            conversion=texts,
+        )
+        (whole if given.all() else parts).append(channel)
+    return whole, parts
+
+
+def _numbers(column: pd.Series) -> tuple[Any, dict[str, Any] | None]:
+    """Numbers, and the texts that they stand for if any."""
+    import pandas as pd
+
+    if column.dtype == bool:
+        return column.to_numpy(np.uint8), None
+    if pd.api.types.is_numeric_dtype(column):
+        return column.to_numpy(), None
+    codes, names = pd.factorize(column.astype(str), sort=True)
+    texts: dict[str, Any] = {}
+    for code, name in enumerate(names):
+        texts |= {f"val_{code}": code, f"text_{code}": str(name).encode()}
+    return codes.astype(np.uint16), texts
+
+
+def holds(path: Path) -> bool:
+    """Whether an MDF file holds channels and no frames; one that cannot be read has neither."""
+    required("asammdf")
+    try:
+        with _mdf(path) as mdf:
+            names = [channel.name for group in mdf.groups for channel in group.channels]
+    except Exception:  # its frames may be recovered
+        return False
+    return bool(names) and not any(_BUS_LOGGING.match(name) for name in names)
+
+
+def _mdf(path: Path) -> Any:
+    from asammdf import MDF
+
+    from clutchest.can.log_source import quiet
+    from clutchest.can.recovery.mf4_links import check_links
+
+    with path.open("rb") as file:
+        check_links(path, file)
+    with quiet("asammdf"):
+        options: dict[str, Any] = {"process_bus_logging": False}
+        return MDF(path, **options)
+
+
+def read(path: Path) -> Channels:
+    """The channels of a measurement, each with the times of its group."""
+    places: dict[str, tuple[int, int]] = {}
+    stated: dict[str, str] = {}
+    rows = 0
+    with _mdf(path) as mdf:
+        masters = mdf._mdf.masters_db
+        for number, group in enumerate(mdf.groups):
+            cycles = group.channel_group.cycles_nr
+            rows = max(rows, cycles)
+            check_cells(path, cycles)
+            for index, channel in enumerate(group.channels):
+                if not cycles or masters.get(number) == index or channel.name in places:
+                    continue
+                places[channel.name] = (number, index)
+                conversion = channel.conversion
+                stated[channel.name] = channel.unit or (conversion.unit if conversion else "")
+        start_s = mdf.header.start_time.timestamp()
+    if not places:
+        raise ClutchestError(f"{path}: no channel with samples")
+    absolute = start_s > _EPOCH_S
+    start_ns = round(start_s * 1e6) * 1000 if absolute else None
+
+    return Channels(
+        str(path), stated, start_ns, rows, lambda name: _channel(path, name, places[name])
+    )
+
+
+def _channel(path: Path, name: str, place: tuple[int, int]) -> Cells:
+    """One channel, by the numbers of its group and within it."""
+    group, index = place
+    try:
+        with _mdf(path) as mdf:
+            signal = mdf.get(group=group, index=index)
+            if signal.samples.dtype.kind == "S":  # words for numbers, such as a gear
+                signal = mdf.get(group=group, index=index, raw=True)
+    except Exception as problem:  # asammdf has no errors of its own
+        words = " ".join(str(problem).split())[:200]
+        raise ClutchestError(f"{path}: channel '{name}': {words}") from None
+    if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "iufb":
+        raise ClutchestError(f"{path}: channel '{name}' holds no numbers")
+    value = signal.samples.astype(np.float64)
+    given = np.ones(len(value), bool)
+    if signal.invalidation_bits is not None:
+        given = ~np.asarray(signal.invalidation_bits, bool)
+    return Cells(value, given, np.asarray(signal.timestamps, np.float64))
+
+
+FORMAT = TableKind(
+    about="a measurement in MDF 4: channels and no frames, each with the times of its group",
+    suffixes=(".mf4", ".mdf"),
+    marks=(b"MDF     4",),
+    read=read,
+    write=write,
+    holds=holds,
+    extra="mf4",
+)
