@@ -66,10 +66,9 @@ def read_log(
     canonical columns, or those of the vehicle file's ``[columns]``, the values within its min … max
     are valid. Logs on absolute clocks that overlap or lie less than a minute apart are pieces of
     one drive; all others are drives of their own, in ``later`` in order of time. Of each drive only
-    what lies in
-    ``window`` is kept, with times in s from its start. Delays that the vehicle file states are not
-    applied. Without ``traffic`` the times and the integrity of frames, which fault tests need, are
-    left out.
+    what lies in ``window`` is kept, with times in s from its start. Delays that the vehicle file
+    states are not applied. Without ``traffic`` the times and the integrity of frames, which fault
+    tests need, are left out.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
