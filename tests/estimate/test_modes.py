@@ -113,8 +113,25 @@ def test_standing_and_rolling_disengaged_are_no_slipping():
     assert not regimes.engaged[(T < 1.4) | (T > 8.1)].any(), "and no heat"
 
 
-def test_a_regime_depends_on_nothing_later_than_its_thresholds_say():
+def test_coasting_in_neutral_is_no_slipping_and_creeping_is():
+    """The engine idles faster than the shaft: driven or not, its acceleration tells."""
+    coasting = np.interp(T, [0, 10], [70, 20])
+    regimes = modes(80.0 - coasting, None, shaft=coasting, longest_engagement=1.0)
+    assert (regimes.mode[(T > 0.5) & (T < 9.5)] == Mode.open).all()
+    assert not regimes.engaged[(T > 0.5) & (T < 9.5)].any(), "and no heat"
+    creeping = np.interp(T, [0, 10], [20, 25]) + 0.3 * np.sin(40 * T)
+    regimes = modes(80.0 - creeping, None, shaft=creeping, longest_engagement=1.0)
+    assert (regimes.mode == Mode.slipping).all()
+    braked = np.where(T < 6, coasting, 80.0)  # the clutch closes at 6 s
+    regimes = modes(80.0 - braked, None, shaft=braked, longest_engagement=1.0)
+    assert (regimes.mode[(T > 5.1) & (T < 5.9)] == Mode.slipping).all(), "up to 1 s before"
+
+
+@pytest.mark.parametrize("engine", [None, 300.0], ids=["launch", "neutral"])
+def test_a_regime_depends_on_nothing_later_than_its_thresholds_say(engine):
     slip, shaft = standing()
+    shaft = shaft if engine is None else np.interp(T, [0, 4, 8, 10], [200, 100, 150, 90])
+    slip = slip if engine is None else engine - shaft
     for end in (300, 350, 420, 480):
         thresholds = Thresholds(longest_engagement=1.0)
         sure = int((T[end] - thresholds.ahead) / 0.01)

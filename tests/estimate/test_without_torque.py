@@ -48,6 +48,18 @@ def test_energy_is_a_band_that_holds_the_truth(drive, run):
         assert event["peak_torque"] is None or np.isnan(event["peak_torque"])
 
 
+def test_the_peak_slip_is_that_of_the_drive(drive, run):
+    truth, events = drive[1].truth, run.summary["engagements"]
+    slip = np.abs(truth.columns["engine_speed"] - truth.columns["input_shaft_speed"])
+    for event in events:
+        inside = (truth.time >= event["start_s"]) & (
+            truth.time <= event["start_s"] + event["duration_s"]
+        )
+        assert event["peak_slip"] == pytest.approx(slip[inside].max(), abs=0.5)
+    alone = replace(drive[2], signals={"engine_speed": drive[2]["engine_speed"]})
+    assert not clutchest.replay(alone, drive[0]).summary["engagements"]
+
+
 def test_what_needs_torque_is_invalid_and_says_why(run):
     states = run.summary["states"]
     for name in ("temp_body", "temp_disc", "friction", "zero_position", "torque_bias"):

@@ -15,8 +15,10 @@ from clutchest.can.files import write_frames
 from clutchest.can.frames import Frames
 from clutchest.models import machine_of
 from clutchest.reading.candidates import WHEEL
+from clutchest.reading.gears import through_sent_gear
 from clutchest.reading.inspection import inspect_logs
-from clutchest.vehicle import load_vehicle
+from clutchest.signals import Why
+from clutchest.vehicle import dump_vehicle, load_vehicle
 
 NAMES = {
     "engine_speed": (
@@ -78,9 +80,11 @@ def speeds() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return engine, shaft, wheel, gear + 1
 
 
-def log(folder: Path, target: str) -> Path:
-    """A log and its DBC, in which the third speed, always 900 rpm, is called ``target``."""
+def log(folder: Path, target: str, numbers: tuple[int, ...] = (1, 2, 3)) -> Path:
+    """A log and its DBC, in which the third speed, always 900 rpm, is called ``target``; the gears
+    are sent as ``numbers``."""
     engine, shaft, wheel, gear = speeds()
+    gear = np.array(numbers)[gear - 1]
     (folder / "car.dbc").write_text(DBC.replace("EngineSpeedTarget", target))
     bus = load([folder / "car.dbc"])
     t = np.round(T * 1e9).astype(np.int64) + 1_700_000_000 * 10**9
@@ -109,8 +113,11 @@ def test_a_setpoint_comes_after_what_is_measured(tmp_path: Path) -> None:
     assert not found.candidates["engine_speed"][1].lively
 
 
-def test_a_draft_by_wheels_and_the_sent_gear_replays_as_the_truth(tmp_path: Path) -> None:
-    path = log(tmp_path, "EngineSpeedTarget")
+@pytest.mark.parametrize("numbers", [(1, 2, 3), (1, 2, 4)], ids=["1 2 3", "one is skipped"])
+def test_a_draft_by_wheels_and_the_sent_gear_replays_as_the_truth(
+    numbers: tuple[int, ...], tmp_path: Path
+) -> None:
+    path = log(tmp_path, "EngineSpeedTarget", numbers)
     text = (tmp_path / "car.dbc").read_text()
     text = text.replace("S1", "EngineRpm").replace(
         ' SG_ S2 : 16|16@1+ (0.25,0) [0|8000] "rpm" B\n', ""
@@ -119,7 +126,8 @@ def test_a_draft_by_wheels_and_the_sent_gear_replays_as_the_truth(tmp_path: Path
     found = inspect_logs([path], [tmp_path / "car.dbc"], model="dry_clutch")
     line = found.draft.driveline
     assert (line.wheel.layout.name, line.other.layout.name) == ("WheelSpeedRL", "WheelSpeedRR")
-    assert line.gear.numbers == (1, 2, 3) and line.gear.counts_from_one
+    assert line.gear.numbers == numbers
+    assert line.gear.counts_from_one == (numbers == (1, 2, 3))
     radius = 0.32  # the guess; the ratios are relative to it
     assert [g.ratio for g in line.gears] == pytest.approx(RATIOS * radius / 0.3, rel=0.01)
     found.write_vehicle(tmp_path / "v.toml", tmp_path / "v.toml")
@@ -130,4 +138,14 @@ def test_a_draft_by_wheels_and_the_sent_gear_replays_as_the_truth(tmp_path: Path
     assert signals["input_shaft_speed"].value == pytest.approx(shaft, rel=0.01, abs=1.0)
     run = clutchest.replay(signals, vehicle)
     assert run.summary["modes_s"]["slipping"] == pytest.approx(3.0, abs=0.8)
-    assert [event["gear"] for event in run.summary["engagements"]] == [1, 2, 3]
+    assert [event["gear"] for event in run.summary["engagements"]] == list(numbers)
+    dump_vehicle(vehicle, tmp_path / "again.toml")
+    assert load_vehicle(tmp_path / "again.toml").signals == vehicle.signals
+
+
+def test_a_gear_without_a_ratio_gives_no_shaft_speed() -> None:
+    gear = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 7.0, np.nan])
+    speed, why = through_sent_gear(np.full(7, 10.0), np.zeros(7, np.uint8), gear, RATIOS, (1, 2, 4))
+    known = why == Why.VALID
+    assert known.tolist() == [False, True, True, False, True, False, False]
+    assert speed[known].tolist() == [130.0, 80.0, 50.0]

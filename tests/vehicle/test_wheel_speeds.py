@@ -92,3 +92,18 @@ def test_inspect_names_it_and_drafts_a_path_that_holds(file, tmp_path, monkeypat
     (tmp_path / "first").mkdir()
     found.write_vehicle(tmp_path / "first" / "v.toml", tmp_path / "first" / "v.toml")
     assert 'dbc = ["../car.dbc"]' in (tmp_path / "first" / "v.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ("[1, 2]", "gear_numbers must be a list with a number for each of 'gears'"),
+        ("[1, 4, 2]", "gear_numbers must rise from the first gear to the last"),
+        ("[1, 2, 300]", "gear_numbers must be an integer 0 … 255, not 300"),
+    ],
+)
+def test_gear_numbers_that_cannot_be_are_refused(numbers, message, file):
+    gears = f'gears = [12.0, 8.0, 5.0]\ngear = {{ signal = "Gear" }}\ngear_numbers = {numbers}'
+    file.write_text(file.read_text().replace("gears = [12.0]", gears))
+    with pytest.raises(ClutchestError, match=rf"car\.toml:\d+: signals\.\w+\.{message}"):
+        load_vehicle(file)

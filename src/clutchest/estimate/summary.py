@@ -89,19 +89,41 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
 def _engagements(
     vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]
 ) -> list[dict[str, Any]]:
-    """Slip events, each with its gear, and the figures of its actuation where the machine declares
-    some."""
+    """Slip events, each with its peak slip and gear, and the figures of its actuation where the
+    machine declares some."""
     tracking, entries = vehicle.machine.tracking, []
     for number, track in enumerate(tracks):
         drive = parts[number].drive
+        slip = vehicle.machine.event.slip if vehicle.machine.event else ()
         events = [
-            {"drive": number, **asdict(event), **_gear(drive, event)} for event in track.engagements
+            {
+                "drive": number,
+                **asdict(event),
+                "peak_slip": _peak_slip(drive, slip, event),
+                **_gear(drive, event),
+            }
+            for event in track.engagements
         ]
         if tracking is not None:
             figures = during(track.engagements, track.responses, tracking.unit)
             events = [{**event, **more} for event, more in zip(events, figures, strict=True)]
         entries += events
     return entries
+
+
+def _peak_slip(drive: Signals, names: Sequence[str], event: Engagement) -> float | None:
+    """The largest slip in an event, rad/s, single spikes left out; None without its signals."""
+    if not names or any(name not in drive for name in names):
+        return None
+    first, *other = (drive[name].only_valid() for name in names)
+    inside = (first.time >= event.start_s) & (first.time <= event.start_s + event.duration_s)
+    if np.count_nonzero(inside) < 3 or any(len(signal) == 0 for signal in other):
+        return None
+    time, slip = first.time[inside], first.value[inside]
+    for signal in other:
+        slip = slip - signal.at(time)
+    middle = np.median(np.stack([slip[:-2], slip[1:-1], slip[2:]]), axis=0)
+    return float(np.abs(middle).max())
 
 
 def _gear(drive: Signals, event: Engagement) -> dict[str, int | None]:

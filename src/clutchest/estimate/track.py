@@ -212,7 +212,8 @@ def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
             Engagement(
                 start_s=float(time[first]),
                 duration_s=float(duration),
-                energy_J=float(gained[0]),
+                # of a torque that is a guess it may come out below zero, which heat cannot be
+                energy_J=float(gained[0] if known else max(gained[0], 0.0)),
                 energy_std_J=float(np.sqrt(variance)),
                 peak_torque=float(passed[np.argmax(np.abs(passed))]),
                 peak_temp_disc=float(rows.hottest[first : last + 1].max()),

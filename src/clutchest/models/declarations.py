@@ -38,11 +38,13 @@ class Event:
     """An interval of the regimes' event mode, as ``summary.json`` reports it.
 
     ``hottest``: state of the friction surface, whose peak is reported; ``words``: its name in
-    singular and plural.
+    singular and plural; ``slip``: columns of the two speeds that slip on each other, or of the slip
+    itself, whose peak is reported.
     """
 
     hottest: str
     words: tuple[str, str] = ("slip event", "slip events")
+    slip: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,6 +64,7 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
         (("demands", n) for d in machine.demands for n in (d.subject, *d.demands, d.released)),
         (("overview", name) for name in machine.overview),
         (("delay_relations", r.signal) for r in machine.delay_relations),
+        (("event", name) for name in (machine.event.slip if machine.event else ())),
         (("tracking", n) for n in (machine.tracking.signals if machine.tracking else ())),
     )
     for piece, name in of_columns:

@@ -17,9 +17,9 @@ class Thresholds:
     ``open_margin`` mm beyond the nominal kiss point: open at any temperature;
     ``guard`` s around each transition without information from torque; ``gap`` s without a
     sample that the model needs: likewise.
-    ``longest_engagement`` s: without a position, a clutch whose shaft rests, or turns faster than
-    the engine, is open unless it locks up, or its shaft begins to turn, within this time; 0: it
-    counts as slipping.
+    ``longest_engagement`` s: without a position, a clutch whose shaft rests, turns faster than the
+    engine, or slows down beside a faster one, is open unless it locks up, or its shaft begins to
+    turn, within this time; 0: it counts as slipping.
     """
 
     lock_slip: float = 2.0

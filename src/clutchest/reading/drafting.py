@@ -144,7 +144,7 @@ class Draft:
         step = wheel_speed(wheel.values().value[:1] * 0.0 + wheel.layout.scale, wheel.layout.unit)
         rounding = float(abs(step[0])) / sqrt(12) * gears[0] if len(step) else 0.0
         noise = max(like.noise if like else 0.0, scatter, rounding) or 1.0
-        sent = line.gear if line.gear and line.gear.counts_from_one else None
+        sent = line.gear
         unit = wheel.layout.unit or "rad/s"
         return SignalMap(
             line.column,
@@ -154,6 +154,7 @@ class Draft:
             gears=gears,
             radius=USUAL_RADIUS if line.on_the_road else None,
             gear=replace(sent.source.bus, unit="1") if sent else None,
+            gear_numbers=sent.numbers if sent and not sent.counts_from_one else (),
             other=None if line.other is None else replace(line.other.bus, unit=unit),
         )
 

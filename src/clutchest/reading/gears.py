@@ -79,12 +79,20 @@ def engaged_gear(
 
 
 def through_sent_gear(
-    wheel: Floats, why: NDArray[np.uint8], gear: Floats, ratios: Sequence[float]
+    wheel: Floats,
+    why: NDArray[np.uint8],
+    gear: Floats,
+    ratios: Sequence[float],
+    numbers: Sequence[int] = (),
 ) -> tuple[Floats, NDArray[np.uint8]]:
-    """Wheel speed (n) times the ratio of the ``gear`` (n) that the bus sends, first gear 1, and
-    ``why`` (n) not: in neutral and reverse there is none."""
-    inside = (gear >= 1) & (gear <= len(ratios))
-    index = np.where(inside, gear, 1).astype(np.intp) - 1
+    """Wheel speed (n) times the ratio of the ``gear`` (n) that the bus sends, and ``why`` (n) not:
+    in neutral, reverse and a gear without a ratio there is none.
+
+    ``numbers`` that the bus sends in the gears of ``ratios``, rising; 1, 2, … unless given.
+    """
+    sent = np.array(numbers or range(1, len(ratios) + 1), np.float64)
+    index = np.minimum(np.searchsorted(sent, gear), len(sent) - 1)
+    inside = sent[index] == gear
     return wheel * np.array(ratios)[index], np.where(inside, why, np.uint8(Why.NOT_AVAILABLE))
 
 

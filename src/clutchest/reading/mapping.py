@@ -335,7 +335,7 @@ class Decoding:
             value = units.convert_reading(value, signal.bus.unit, unit)
         if signal.gear and self._gear_is_sent(signal):
             gear = self._samples(signal, signal.gear).at(samples.rows)
-            value, why = through_sent_gear(value, why, gear, signal.gears)
+            value, why = through_sent_gear(value, why, gear, signal.gears, signal.gear_numbers)
             self.gear = gear_signal(time, gear).mapped_to_disk()
         return Signal.of(signal.name, unit, time, value, why).mapped_to_disk()
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchest import units
 from clutchest.estimate.observability import NOTHING, correlated_with
 from clutchest.estimate.run import Run
 from clutchest.estimate.track import SMALLEST
@@ -153,6 +154,7 @@ def _engagements(run: Run) -> str:
                 *((str(event.get("gear") or "–"),) if geared else ()),
                 f"{event['start_s']:.1f}",
                 f"{event['duration_s']:.2f}",
+                _rpm(event["peak_slip"]),
                 plus_minus(Quantity("energy", "J"), event["energy_J"], event["energy_std_J"]),
                 _whole(event["peak_torque"]),
                 _whole(event["peak_temp_disc"]),
@@ -164,12 +166,18 @@ def _engagements(run: Run) -> str:
             *head,
             "start [s]",
             "duration [s]",
+            "peak slip [rpm]",
             "energy",
             "peak torque [Nm]",
             f"peak {hottest_words(run)} [°C]",
         ),
         rows,
     )
+
+
+def _rpm(speed: float | None) -> str:
+    """A speed in rad/s as people read it."""
+    return "–" if speed is None else f"{units.convert(speed, 'rad/s', 'rpm'):.0f}"
 
 
 def _whole(value: float) -> str:

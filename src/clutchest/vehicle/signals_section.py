@@ -16,6 +16,7 @@ from clutchest.vehicle.toml import Keys, TomlFile
 from clutchest.vehicle.vehicle import SPEED, TIMING, BusSignal, SignalMap
 
 LARGEST_ADDRESS = 253  # J1939 keeps the addresses above
+LARGEST_GEAR = 255
 
 _KEYS = (
     "message",
@@ -32,6 +33,7 @@ _KEYS = (
     "gears",
     "radius",
     "gear",
+    "gear_numbers",
     "other",
     "min",
     "max",
@@ -45,6 +47,7 @@ _REQUIRES = {
     "fraction": "reference",
     "friction": "reference",
     "gear": "gears",
+    "gear_numbers": "gear",
     "other": "gears",
     "radius": "gears",
 }
@@ -130,6 +133,7 @@ def _signal(entry: _Entry) -> SignalMap:
         gears=_gears(entry),
         radius=radius,
         gear=_companion(entry, "gear", bus, "1", "1"),
+        gear_numbers=_gear_numbers(entry),
         other=_companion(entry, "other", bus, expected, unit),
         minimum=minimum,
         maximum=maximum,
@@ -213,3 +217,20 @@ def _gears(entry: _Entry) -> tuple[float, ...]:
     if any(lower >= higher for higher, lower in pairwise(gears)):
         raise entry.error("gears", f"{'.'.join(keys)} must fall from the first gear to the last")
     return gears
+
+
+def _gear_numbers(entry: _Entry) -> tuple[int, ...]:
+    """What the signal of the gear has in each of ``gears``."""
+    if "gear_numbers" not in entry.table:
+        return ()
+    keys, value = entry.keys("gear_numbers"), entry.table["gear_numbers"]
+    if not isinstance(value, list) or len(value) != len(_gears(entry)):
+        raise entry.error(
+            "gear_numbers", f"{'.'.join(keys)} must be a list with a number for each of 'gears'"
+        )
+    numbers = tuple(entry.file.integer(keys, number, LARGEST_GEAR) for number in value)
+    if any(lower >= higher for lower, higher in pairwise(numbers)):
+        raise entry.error(
+            "gear_numbers", f"{'.'.join(keys)} must rise from the first gear to the last"
+        )
+    return numbers

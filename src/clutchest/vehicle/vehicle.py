@@ -59,7 +59,8 @@ class SignalMap:
     A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``.
     A wheel speed becomes an input-shaft speed through ``gears`` (ratio engine/wheel, first gear
     first), in a unit of length per time through the tyres' rolling ``radius`` (m); the gear is
-    taken from ``gear`` where mapped, else inferred; with ``other``, the second wheel of the axle,
+    taken from ``gear`` where mapped, which has ``gear_numbers`` in them (1, 2, … unless given),
+    else inferred; with ``other``, the second wheel of the axle,
     the mean of both turns the differential.
 
     ``minimum``, ``maximum`` in the bus unit: samples outside are invalid.  ``source_address``
@@ -80,6 +81,7 @@ class SignalMap:
     gears: tuple[float, ...] = ()
     radius: float | None = None
     gear: BusSignal | None = None
+    gear_numbers: tuple[int, ...] = ()
     other: BusSignal | None = None
     minimum: float | None = None
     maximum: float | None = None

@@ -59,7 +59,7 @@ MACHINE = Machine(
     at_rest=at_rest,
     regimes=RULES,
     output="transmitted_torque",
-    event=Event("temp_pack"),
+    event=Event("temp_pack", slip=("slip_speed",)),
     overview=("clutch_torque", "shaft_torque", "armature_voltage", "armature_current"),
     tracking=OutputTracking(
         drive="armature_current",

@@ -55,7 +55,7 @@ MACHINE = Machine(
     at_rest=at_rest,
     regimes=RULES,
     output="transmitted_torque",
-    event=Event("temp_disc"),
+    event=Event("temp_disc", slip=("engine_speed", "input_shaft_speed")),
     wear=Wear(
         state="zero_position",
         nominal="zero_position_ref",

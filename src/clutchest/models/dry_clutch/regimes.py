@@ -26,6 +26,7 @@ from clutchest.signals import Floats
 BARELY = 0.1  # of the slip that counts as locked: below, it may be noise alone
 TORQUE_FLOOR = 5.0  # Nm; a clutch that passes less counts as open
 RESTS = 1.0  # rad/s, of a shaft that does not turn
+SLOWING, SLOWING_S = 1.0, 0.5  # rad/s², of a shaft that nothing drives, and s over which it shows
 
 
 def judge(observed: Observed) -> Regimes:
@@ -90,7 +91,7 @@ def classify(
     if beyond is not None:
         apart = beyond > thresholds.open_margin
     elif thresholds.longest_engagement > 0.0:
-        apart = _disengaged(time, slip, np.abs(shaft) < RESTS, locked, thresholds)
+        apart = _disengaged(time, slip, shaft, locked, thresholds)
     mode = np.where(
         home,
         Mode.retracted,
@@ -112,13 +113,20 @@ def classify(
 def _disengaged(
     time: Floats,
     slip: Floats,
-    rests: NDArray[np.bool_],
+    shaft: Floats,
     locked: NDArray[np.bool_],
     thresholds: Thresholds,
 ) -> NDArray[np.bool_]:
-    """Where speeds alone tell that no torque passes: standing, or rolling with the engine slower
-    than the shaft, without an engagement that ends soon."""
-    idle = ~locked & (rests | (slip < -thresholds.lock_slip))
+    """Where speeds alone tell that no torque passes, without an engagement that ends soon:
+    standing, rolling with the engine slower than the shaft, or slowing down beside a faster engine,
+    which a clutch that slips would drive."""
+    rests = np.abs(shaft) < RESTS
+    calm = average(time, shaft, SLOWING_S)
+    before, after = (
+        np.interp(time + shift, time, calm) for shift in (-SLOWING_S / 2, SLOWING_S / 2)
+    )
+    slows = after - before < -SLOWING * SLOWING_S
+    idle = ~locked & (rests | (slip < -thresholds.lock_slip) | slows)
     longest = thresholds.longest_engagement
     engages = (_until(time, locked) <= longest) | (rests & (_until(time, ~rests) <= longest))
     return np.asarray(idle & ~engages)
