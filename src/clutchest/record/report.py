@@ -154,7 +154,7 @@ def _engagements(run: Run) -> str:
                 *((str(event.get("gear") or "–"),) if geared else ()),
                 f"{event['start_s']:.1f}",
                 f"{event['duration_s']:.2f}",
-                _rpm(event["peak_slip"]),
+                _rpm(event.get("peak_slip")),
                 plus_minus(Quantity("energy", "J"), event["energy_J"], event["energy_std_J"]),
                 _whole(event["peak_torque"]),
                 _whole(event["peak_temp_disc"]),
