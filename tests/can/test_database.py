@@ -23,6 +23,15 @@ def test_the_layout_is_frozen(truck):
         speed.start = 0
 
 
+def test_a_cycle_time_that_is_a_text_is_none(tmp_path):
+    path = tmp_path / "x.dbc"
+    path.write_text(
+        ONE + 'BA_DEF_ BO_ "GenMsgCycleTime" STRING ;\nBA_DEF_DEF_ "GenMsgCycleTime" "";\n'
+        'BA_ "GenMsgCycleTime" BO_ 100 "10";\n'
+    )
+    assert load([path]).message("One").cycle_time_s is None
+
+
 def test_shipped_cycle_times(truck):
     assert {name: message.cycle_time_s for name, message in truck.messages.items()} == {
         "EEC1": 0.01,

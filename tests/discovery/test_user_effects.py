@@ -41,6 +41,27 @@ def test_what_can_be_looked_for_is_taken_once(tmp_path):
     assert own.name == "own"
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("name, model", "nmae, model", "class Own: expected a text as 'name'"),
+        ("(Number(", "[Number(", "class Own: expected a tuple of clutchest.machine.Number"),
+        ("Number(", "dict(size=1), (", "class Own: expected every parameter as Number(key"),
+        ("-0.5, 0.5", "'a', 0.5", "class Own: expected every parameter as Number(key"),
+        ("-0.5, 0.5),)", "-0.5, 0.5),); scales = {'x': 'sise'}", "'sise', expected one of size"),
+        ("    parameters", "    def __init__(self): 1 / 0\n    parameters", "class Own cannot be"),
+    ],
+)  # fmt: skip
+def test_a_class_that_declares_something_else_is_refused(tmp_path, old, new, words):
+    source = OWN.replace(old, new)
+    if new.startswith("["):
+        source = source.replace("0.5),)", "0.5)]")
+    (tmp_path / "own.py").write_text(source)
+    with pytest.raises(ClutchestError, match=re.escape(words)) as caught:
+        user_effects([tmp_path / "own.py"], TRUCK)
+    assert str(caught.value).startswith(str(tmp_path / "own.py"))
+
+
 def test_what_the_vehicle_has_already_is_left_out(tmp_path):
     path = written(tmp_path)
     has = replace(TRUCK, effects={"own": {"size": 0.1}}, effects_files=(path,))

@@ -2,7 +2,8 @@
 
 Logs, vehicle files, DBCs, states, decoded tables, effects files, datagrams; --formats names some by
 their suffix.  Each input must give what is sound, or a ClutchestError in one line, within --seconds
-and without growing the process beyond --mebibytes.  An input that does otherwise is kept in --keep
+of processor time (and ten times as long by the clock, for what waits) and without growing the
+process beyond --mebibytes.  An input that does otherwise is kept in --keep
 and ends the run.  With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every index of the
 compiled readers is checked too.
 """
@@ -90,6 +91,12 @@ def peak_MiB() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+def _within(seconds: float) -> None:
+    """So much processor time from now on, on a busy machine too; 0 ends it."""
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    signal.setitimer(signal.ITIMER_REAL, 10 * seconds)
+
+
 def _too_slow(signum: int, frame: FrameType | None) -> None:
     raise TimeoutError("took too long")
 
@@ -117,7 +124,8 @@ def fuzz(
         every |= kinds.seeds(wanted)
     seeds = {n: c for n, c in every.items() if not wanted or _suffix(n) in wanted}
     random, results = Random(seed), Counter[str]()
-    signal.signal(signal.SIGALRM, _too_slow)
+    for number in (signal.SIGPROF, signal.SIGALRM):
+        signal.signal(number, _too_slow)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "input"
         for name, content in seeds.items():  # as they are; also compiles
@@ -127,18 +135,18 @@ def fuzz(
             if perf_counter() > end:
                 break
             name, content = damaged(seeds, random)
-            signal.setitimer(signal.ITIMER_REAL, seconds)
+            _within(seconds)
             try:
                 result = _judged(path, name, content)
                 assert peak_MiB() <= allowed, "more memory than is allowed"
             except BaseException:
-                signal.setitimer(signal.ITIMER_REAL, 0)
+                _within(0)
                 keep.mkdir(parents=True, exist_ok=True)
                 kept = keep / f"{seed}-{i}-{name}"
                 kept.write_bytes(content)
                 print(f"kept: {kept}", file=sys.stderr)
                 raise
-            signal.setitimer(signal.ITIMER_REAL, 0)
+            _within(0)
             results[f"{_suffix(name)} {result}"] += 1
     return results
 

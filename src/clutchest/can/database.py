@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -268,6 +269,9 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
         messages = [_message(message, is_j1939) for message in database.messages]
     except OverflowError as error:
         raise ClutchestError(f"{path}: a number that cannot be held ({error})") from None
+    except (TypeError, ValueError, LookupError, AttributeError) as error:  # attributes of all kinds
+        words = " ".join(str(error).split())
+        raise ClutchestError(f"{path}: an attribute that cannot be read ({words})") from None
     ids: dict[tuple[int, bool], str] = {}
     for message in messages:
         first = ids.setdefault((message.id, message.extended), message.name)
@@ -326,16 +330,21 @@ def _message(message: Any, bus_is_j1939: bool) -> Message:
         layout = _signal(signal, is_j1939)
         first = signals.get(layout.name)
         signals[layout.name] = layout if first is None else first.with_branch(layout)
-    cycle = message.cycle_time
     return Message(
         message.name,
         message.frame_id,
         extended,
         message.length,
         is_j1939,
-        cycle / 1000 if cycle else None,
+        _cycle_s(message.cycle_time),
         signals,
     )
+
+
+def _cycle_s(milliseconds: Any) -> float | None:
+    """The period of a message, s; None where its attribute is no period."""
+    stated = isinstance(milliseconds, int | float) and 0 < milliseconds < inf
+    return milliseconds / 1000 if stated else None
 
 
 def _signal(signal: Any, is_j1939: bool) -> SignalLayout:
@@ -362,6 +371,6 @@ def _signal(signal: Any, is_j1939: bool) -> SignalLayout:
         maximum=signal.maximum,
         multiplexer=signal.multiplexer_signal,
         multiplexer_ids=frozenset(signal.multiplexer_ids or ()),
-        spn=signal.spn,
+        spn=signal.spn if isinstance(signal.spn, int) else None,
         coded=coded,
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 
 from clutchest.errors import ClutchestError
+from clutchest.models.effects.declared import made
 from clutchest.models.effects.effect import (
     RESERVED,
     Effect,
@@ -39,7 +40,8 @@ def effects_in(package: str) -> Mapping[str, Effect]:
     folder = importlib.import_module(package)
     modules = [info.name for info in pkgutil.iter_modules(folder.__path__)]
     loaded = [importlib.import_module(f"{package}.{name}") for name in modules]
-    effects = {effect.name: effect for module in loaded for effect in _defined_in(module)}
+    made_here = [kind() for module in loaded for kind in _defined_in(module)]
+    effects = {effect.name: effect for effect in made_here}
     return MappingProxyType(dict(sorted(effects.items())))
 
 
@@ -47,10 +49,10 @@ def effects_of_file(path: Path, digest: str = "") -> Mapping[str, Effect]:
     """Name → effect, for every effect class in a user's own Python file, with the content of that
     ``digest`` if one is given.
 
-    Raises ClutchestError where the file cannot be read or defines none.
+    Raises ClutchestError where the file cannot be read, defines none, or one that is incomplete.
     """
     module = load_module(path, f"clutchest_effects_{path.stem}", "effects", digest)
-    effects = {effect.name: effect for effect in _defined_in(module)}
+    effects = {effect.name: effect for effect in (made(c, path) for c in _defined_in(module))}
     if not effects:
         raise ClutchestError(f"{path}: expected a subclass of clutchest.machine.Effect")
     for name in (name for name in effects if name in RESERVED):
@@ -69,9 +71,9 @@ def with_files(
     return known
 
 
-def _defined_in(module: ModuleType) -> list[Effect]:
+def _defined_in(module: ModuleType) -> list[type[Effect]]:
     return [
-        value()
+        value
         for value in vars(module).values()
         if inspect.isclass(value)
         and issubclass(value, Effect)
