@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 from io import StringIO
 
@@ -169,16 +173,48 @@ def test_terminal_says_why_not_valid(run):
 
 
 def test_what_a_killed_process_left_unfinished_is_swept(run, tmp_path):
-    import os
-    import subprocess
-    import sys
-
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    dead = tmp_path / f".unfinished-{gone.pid}-abc"
-    alive = tmp_path / f".unfinished-{os.getpid()}-abc"
-    for folder in (dead, alive):
+    alive = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    left = [tmp_path / f".unfinished-{p}-abc" for p in (gone.pid, os.getpid(), alive.pid)]
+    for folder in left:
         folder.mkdir()
         (folder / "summary.json").touch()
-    write_run(run, tmp_path)
-    assert not dead.exists() and alive.exists()
+    with finished_into(tmp_path):
+        write_run(run, tmp_path)  # the other one of this process is at work, and stays
+        assert len(list(tmp_path.glob(f".unfinished-{os.getpid()}-*"))) == 1
+    alive.communicate()
+    assert [folder.exists() for folder in left] == [False, False, True]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from clutchest.record.files import finished_into
+out, moved = Path(sys.argv[1]), int(sys.argv[2])
+replace = Path.replace
+def killed(self, target):
+    global moved
+    if not moved:
+        os.kill(os.getpid(), signal.SIGKILL)
+    moved -= 1
+    return replace(self, target)
+Path.replace = killed
+with finished_into(out) as folder:
+    for name in "abc":
+        (folder / name).write_text("new")
+"""
+
+
+@pytest.mark.parametrize("moved", range(3))
+@pytest.mark.skipif(os.name != "posix", reason="locks and signals of POSIX")
+def test_files_are_moved_by_the_next_process_where_one_was_killed(tmp_path, moved):
+    for name in "abc":
+        (tmp_path / name).write_text("old")
+    process = subprocess.run([sys.executable, "-c", KILLED, tmp_path, str(moved)], check=False)
+    assert process.returncode == -signal.SIGKILL
+    assert [(tmp_path / name).read_text() for name in "abc"].count("new") == moved
+    with finished_into(tmp_path):
+        pass
+    assert sorted(path.name for path in tmp_path.iterdir()) == list("abc")
+    assert {(tmp_path / name).read_text() for name in "abc"} == {"new"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from shutil import rmtree
 from tempfile import TemporaryDirectory
@@ -23,6 +23,7 @@ from clutchest.reading.table_formats import write_table
 
 INNOVATIONS = "innovations.parquet"
 _UNFINISHED = ".unfinished-"  # and the process that writes it
+_FINISHED = ".finished-"  # likewise: every file is complete, and is moving into its place
 _PORTION = 25_000  # rows of a table that are written together
 
 
@@ -81,14 +82,17 @@ def write_run(
 def finished_into(out: Path) -> Iterator[Path]:
     """A folder to write files in; they move into ``out``, made if need be, once all are done.
 
-    Whatever fails on the way leaves ``out`` as it was.  Raises ClutchestError if ``out`` is no
-    folder.
+    Whatever fails on the way leaves ``out`` as it was; a process that is killed while they move
+    leaves the rest to the next one here.  Raises ClutchestError if ``out`` is no folder.
     """
     if out.exists() and not out.is_dir():
         raise ClutchestError(f"{out}: is a file, expected a folder for the results")
     out.mkdir(parents=True, exist_ok=True)
-    _sweep(out)
-    with TemporaryDirectory(dir=out, prefix=f"{_UNFINISHED}{os.getpid()}-") as unfinished:
+    sweep(out)
+    with (
+        TemporaryDirectory(dir=out, prefix=f"{_UNFINISHED}{os.getpid()}-") as unfinished,
+        _held(Path(unfinished)),
+    ):
         try:
             yield Path(unfinished)
         except ClutchestError as problem:  # name what was asked for, not the place of passage
@@ -99,19 +103,55 @@ def finished_into(out: Path) -> Iterator[Path]:
         for path in finished:
             if (out / path.name).is_dir():
                 raise ClutchestError(f"{out / path.name}: is a folder, expected a file")
-        for path in finished:
-            path.replace(out / path.name)
+        whole = out / Path(unfinished).name.replace(_UNFINISHED, _FINISHED)
+        Path(unfinished).rename(whole)
+        _move(whole, out)
 
 
-def _sweep(out: Path) -> None:
-    """Remove what processes left unfinished that were killed."""
-    for left in out.glob(f"{_UNFINISHED}*"):
-        number = left.name.removeprefix(_UNFINISHED).split("-")[0]
-        if number.isdigit() and not _runs(int(number)):
-            rmtree(left, ignore_errors=True)
+def _move(whole: Path, out: Path) -> None:
+    for path in sorted(whole.iterdir()):
+        path.replace(out / path.name)
+    whole.rmdir()
+
+
+def sweep(out: Path) -> None:
+    """Remove what processes left unfinished that were killed, and move what they had finished."""
+    for start in (_UNFINISHED, _FINISHED):
+        for left in out.glob(f"{start}*"):
+            number = left.name.removeprefix(start).split("-")[0]
+            if not number.isdigit() or _runs(int(number)):
+                continue
+            with suppress(FileNotFoundError), _held(left) as held:
+                if held and start == _FINISHED:
+                    _move(left, out)
+                elif held:
+                    rmtree(left, ignore_errors=True)
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[bool]:
+    """Lock a folder as long as this process works in it; whether nobody else does."""
+    try:
+        import fcntl
+    except ImportError:  # this platform has no such locks
+        yield True
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        free = True
+    except OSError:
+        free = False
+    try:
+        yield free
+    finally:
+        os.close(handle)
 
 
 def _runs(process: int) -> bool:
+    """Whether another process of that number runs; in a container all may have the same one."""
+    if process == os.getpid():
+        return False
     if os.name != "posix":  # a signal of 0 would end it there
         return True
     try:
