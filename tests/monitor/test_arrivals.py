@@ -53,10 +53,10 @@ def received_live(truck, frames, rng):
             pieces.append(live.take(used[-1], int(used[-1].t_ns[-1])))
             taken = upto
         elif used:
-            pieces.append(live.take(Frames.empty(), stamps.promised(TRANSIT_NS)))
+            pieces.append(live.take(Frames.empty(), stamps.promised(int(now * 1e9) - TRANSIT_NS)))
     pieces.append(live.finish())
     received = Frames.concatenate(used)
-    until = max(stamps.promised(TRANSIT_NS), received.t_ns[-1]) - received.t_ns[0]
+    until = max(stamps.promised(int(now * 1e9) - TRANSIT_NS), received.t_ns[-1]) - received.t_ns[0]
     return [p for p in pieces if p], received, until / 1e9
 
 

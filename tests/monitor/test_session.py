@@ -1,12 +1,9 @@
 """Whole sessions over a bus that needs no hardware: two monitors at once, one of them killed."""
 
 import json
-import os
 import signal
-import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,45 +11,9 @@ import pandas as pd
 import pytest
 
 import clutchest
+from processes import Bus, wait_for, written_by
 
 pytestmark = pytest.mark.slow
-GROUP = "239.74.163.2"
-
-
-def run(folder: Path, name: str, *arguments, **more):
-    """A clutchest of its own; what it says goes to files, so that it never waits for a reader."""
-    with (folder / f"{name}.out").open("w") as out, (folder / f"{name}.err").open("w") as err:
-        return subprocess.Popen(
-            [sys.executable, "-m", "clutchest", *map(str, arguments)],
-            stdout=out,
-            stderr=err,
-            **more,
-        )
-
-
-def bus(*arguments):
-    return (*arguments, "--interface", "udp_multicast", "--channel", GROUP)
-
-
-@pytest.fixture(scope="module")
-def port(tmp_path_factory):
-    """A free port: on one machine all groups of a port are received together."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]
-
-
-def written_by(out: Path) -> int:
-    """Bytes of estimates that a session has put on disk so far."""
-    growing = out / "estimates.growing"
-    return growing.stat().st_size if growing.exists() else 0
-
-
-def wait_for(what, seconds=60.0):
-    until = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < until, "timed out"
-        time.sleep(0.05)
 
 
 def assert_like_a_replay(out: Path, estimates: pd.DataFrame):
@@ -71,21 +32,15 @@ def assert_like_a_replay(out: Path, estimates: pd.DataFrame):
 
 
 @pytest.fixture(scope="module")
-def sessions(tmp_path_factory, port):
+def sessions(tmp_path_factory):
     """A log played four times as fast to two monitors; one is interrupted, the other one killed."""
     folder = tmp_path_factory.mktemp("sessions")
-    environment = {**os.environ, "CAN_CONFIG": json.dumps({"port": port})}
     whole, cut = folder / "whole", folder / "cut"
-
-    def start(name, *arguments):
-        return run(folder, name, *bus(*arguments), env=environment)
-
-    def said(name, what="out"):
-        return (folder / f"{name}.{what}").read_text()
-
+    bus = Bus(folder)
+    start, said = bus.start, bus.said
     first = start("first", "monitor", "--vehicle", "truck", "--out", whole, "--json")
     second = start("second", "monitor", "--vehicle", "truck", "--out", cut, "--json")
-    player = start("player", "play", "demo", "--speed", 4)
+    start("player", "play", "demo", "--speed", 4)
     try:
         wait_for(lambda: written_by(cut) > 20_000 and said("second"))
         second.kill()
@@ -95,9 +50,7 @@ def sessions(tmp_path_factory, port):
         first.send_signal(signal.SIGINT)
         first.wait(180)  # last fault tests of the equations, which may have to be compiled
     finally:
-        for process in (player, first, second):
-            process.kill()
-            process.wait()
+        bus.close()
     restarted = start("restarted", "monitor", "--vehicle", "truck", "--out", cut, "--duration", 0.5)
     restarted.wait(60)
     lines = [

@@ -10,7 +10,7 @@ import msgpack
 import pytest
 
 import can
-from clutchest.can.bus import open_bus
+from clutchest.can.bus import BusReader, open_bus
 from clutchest.can.readers import reader_of
 from clutchest.can.udp import UdpReader
 from clutchest.errors import ClutchestError
@@ -81,13 +81,11 @@ def test_a_thread_that_dies_ends_the_reception(buses):
     reports = []
     reception = Reception(buses[1], (), None, lambda *what: reports.append(what))
 
-    class Broken:
-        bus = buses[1]
-
+    class Broken(BusReader):
         def read(self, timeout):
             raise struct.error("out of the blue")
 
-    reception._listener._reader = Broken()
+    reception._listener._reader = Broken(buses[1])
     with pytest.raises(ClutchestError, match=r"thread that receives frames has ended .*out of the"):
         for _ in range(100):
             reception.take(0.1, None)

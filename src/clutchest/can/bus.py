@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 BUFFER = 8 << 20  # bytes a socket may hold: seconds of a full bus, where the default holds bursts
 MOST = 2000  # frames in one go
-SO_RXQ_OVFL, _SO_RCVBUFFORCE, SO_TIMESTAMPNS = 40, 33, 35
+SO_RXQ_OVFL, _SO_RCVBUFFORCE, SO_TIMESTAMPNS, _SO_MEMINFO = 40, 33, 35, 55
+_DROPS = 8  # the place of a socket's drops in what SO_MEMINFO gives
 _CLASSIC, _FD = 16, 72  # bytes of the kernel's struct can_frame and canfd_frame
 _TRANSPORT = ((0xEC0000, 0xFF0000), (0xEB0000, 0xFF0000))  # TP.CM and TP.DT of any sender
 
@@ -88,6 +89,15 @@ def _widen(bus: can.BusABC) -> None:
                 continue
 
 
+def drops_of(sock: socket.socket) -> int:
+    """Frames that the kernel has dropped because this socket's buffer was full, as of now; 0 where
+    it tells only with the next frame."""
+    try:
+        return struct.unpack("=9I", sock.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, 36))[_DROPS]
+    except (OSError, struct.error):
+        return 0
+
+
 @dataclass(frozen=True, slots=True)
 class Received:
     """Frames with the stamps of the interface; when they were handed over, ns on the monotonic
@@ -101,10 +111,11 @@ class Received:
 
 
 class BusReader:
-    """Reads a python-can bus, of whatever interface."""
+    """Reads a python-can bus, of whatever interface; ``dropped`` as :class:`Received` has it."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self.bus = bus
+        self.dropped: int | None = None
 
     def read(self, timeout: float) -> Received | None:
         """The frames received so far, waiting up to ``timeout`` s for the first one; None without
@@ -116,6 +127,9 @@ class BusReader:
         while len(messages) < MOST and (message := self.bus.recv(0)) is not None:
             messages.append(message)
         return Received(frames_of(messages), time.monotonic_ns(), None)
+
+    def count(self) -> None:
+        """Bring ``dropped`` up to date, where no frame says it."""
 
 
 class SocketReader(BusReader):
@@ -154,6 +168,10 @@ class SocketReader(BusReader):
         if not payloads:
             return None
         return Received(_kernel_frames(payloads, stamps, sent), time.monotonic_ns(), self.dropped)
+
+    def count(self) -> None:
+        """As :meth:`BusReader.count`."""
+        self.dropped = max(self.dropped or 0, drops_of(self.socket))
 
 
 def _kernel_frames(payloads: Sequence[bytes], stamps: list[int], sent: list[bool]) -> Frames:

@@ -21,6 +21,7 @@ from clutchest.can.bus import (
     SO_TIMESTAMPNS,
     BusReader,
     Received,
+    drops_of,
     frames_of,
     sockets_of,
 )
@@ -39,7 +40,6 @@ class UdpReader(BusReader):
         super().__init__(bus)
         self.socket = sockets_of(bus)[0]
         self.local = this_machine_only(self.socket)
-        self.dropped: int | None = None
         self.malformed: Counter[str] = Counter()
         with suppress(OSError):  # where this system counts them
             self.socket.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
@@ -83,6 +83,11 @@ class UdpReader(BusReader):
         return Received(
             frames_of(messages), time.monotonic_ns(), self.dropped, dict(self.malformed)
         )
+
+    def count(self) -> None:
+        """As :meth:`BusReader.count`."""
+        if self.dropped is not None:
+            self.dropped = max(self.dropped, drops_of(self.socket))
 
 
 def message_in(raw: bytes, stamp: float) -> tuple[can.Message | None, str]:

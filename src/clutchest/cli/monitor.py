@@ -15,7 +15,7 @@ import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, Trust, VehicleName
-from clutchest.cli.terminal import progress
+from clutchest.cli.terminal import note, progress
 
 if TYPE_CHECKING:
     from clutchest.estimate.drive import Piece
@@ -91,10 +91,12 @@ def monitor(
       clutchest monitor --interface socketcan --channel can0 --vehicle truck
       clutchest monitor --interface udp_multicast --vehicle truck --serve
     """
-    os.environ.setdefault("RUST_LOG", "error")  # the recording's own remarks are not the user's
+    os.environ.setdefault("RUST_LOG", "off")  # the recording's own remarks are not the user's
     watching = _started(bus, vehicle, session, viewer, out)
     for number in {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:
         signal.signal(number, lambda *_: _end(watching))
+    if watching.status.address and not sys.stdout.isatty():  # else the panel has it
+        note(f"live viewer: {watching.status.address}")
     if as_json:
         watching.run(session.duration, _lines)
         return
@@ -141,11 +143,11 @@ def _started(
 
 
 def _end(watching: Monitor) -> None:
-    """End the session; at the second request, without the last fault tests of the equations."""
-    if watching.stopped:
+    """End the session; while its last fault tests of the equations run, skip these."""
+    if watching.analysing:
         raise KeyboardInterrupt
-    if sys.stderr.isatty():
-        print("last fault tests of the equations; Ctrl-C again skips them", file=sys.stderr)
+    if not watching.stopped and sys.stderr.isatty():
+        note("last fault tests of the equations; Ctrl-C again skips them")
     watching.stop()
 
 

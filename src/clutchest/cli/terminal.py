@@ -8,7 +8,7 @@ import tempfile
 import traceback
 import unicodedata
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
@@ -119,8 +119,9 @@ def loaded(vehicle: str, trust: bool) -> Vehicle:
 
 
 def note(text: str) -> None:
-    """A remark beside the result, on stderr."""
-    print(text, file=sys.stderr)
+    """A remark beside the result, on stderr, while there is anybody to read it."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 def printable() -> None:

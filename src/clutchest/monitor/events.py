@@ -55,7 +55,7 @@ class SessionStatus:
     vehicle: str
     frames: int = 0
     lost: int = 0
-    losses_known: bool = True
+    losses_known: bool = False
     malformed: int = 0
     rows: int = 0
     now: float = 0.0
@@ -70,7 +70,10 @@ class SessionStatus:
     @property
     def losses(self) -> str:
         """Frames that were lost, and what was no frame, in words."""
-        lost = f"{self.lost} lost" if self.losses_known or self.lost else "lost: not known"
+        if self.losses_known:
+            lost = f"{self.lost} lost"
+        else:
+            lost = f"at least {self.lost} lost" if self.lost else "lost: not known"
         return lost + (f", {self.malformed} malformed" if self.malformed else "")
 
 

@@ -10,9 +10,7 @@ of one processor.  The last one runs at the end of the drive.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -24,6 +22,7 @@ from clutchest.can.frames import Frames
 from clutchest.diagnosis.codes import number_of, number_of_set
 from clutchest.diagnosis.streams import StreamTests
 from clutchest.errors import ClutchestError
+from clutchest.monitor.worker import Worker
 from clutchest.reading.traffic import TrafficStream
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import LOST, Signal, Signals
@@ -79,8 +78,8 @@ class LiveFaultTests:
         self._start_ns = 0
         self._now = self._received = self._analysed = 0.0
         self._due = FIRST_S
-        self._pool: ProcessPoolExecutor | None = None
-        self._pending: Future[EquationFaults] | None = None
+        self._worker: Worker | None = None
+        self._pending = False
 
     def take(
         self, signals: Mapping[str, Signal], frames: Frames, start_ns: int, until: float
@@ -104,17 +103,17 @@ class LiveFaultTests:
         )
         self.streams.take(new, until)
         changes = self._stream_changes()
-        if self._pending is not None and self._pending.done():
+        if self._worker is not None and self._worker.done:  # or dead, which is said there
             changes += self._result()
-        if self._pending is None and self.share is not None and self._is_due():
+        if not self._pending and self.share is not None and self._is_due():
             self._submit()
         return changes
 
     def finish(self) -> list[FaultChange]:
         """Changes due to the equations' fault tests of the whole drive."""
-        changes = [] if self._pending is None else self._result()
+        changes = self._result() if self._pending else []
         if self._received > self._analysed:
-            if self._pool is None:
+            if self._worker is None:
                 changes += self._equation_changes(equation_faults(*self._so_far()).faults)
             else:
                 self._submit()
@@ -124,9 +123,9 @@ class LiveFaultTests:
 
     def close(self) -> None:
         """Shut down the process that analyses the equations."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
+        if self._worker is not None:
+            self._worker.close()
+            self._worker = None
 
     def _is_due(self) -> bool:
         """Whether there are new data and an analysis is due, or the bus is silent."""
@@ -135,14 +134,16 @@ class LiveFaultTests:
         return self._now >= self._due or self._now - self._received > LOST
 
     def _submit(self) -> None:
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(1, get_context("spawn"))
+        if self._worker is None:
+            self._worker = Worker("the fault tests of the equations")
         self._analysed = self._received
-        self._pending = self._pool.submit(equation_faults, *self._so_far())
+        self._worker.submit(equation_faults, *self._so_far())
+        self._pending = True
 
     def _result(self) -> list[FaultChange]:
-        assert self._pending is not None
-        result, self._pending = self._pending.result(), None
+        assert self._worker is not None
+        result: EquationFaults = self._worker.result()
+        self._pending = False
         if self.share is not None:
             self._due = self._analysed + result.cost / self.share
         return self._equation_changes(result.faults)

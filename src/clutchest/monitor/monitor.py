@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import time
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -58,6 +58,7 @@ class Monitor:
         self.messages = [self.database.message(name) for name in names]
         self.status = SessionStatus(self.vehicle.name)
         self.stopped = False
+        self.analysing = False  # in the end, which an interrupt may cut short
         self.final: Mapping[str, Any] | None = None
         self.written: list[str] = []
         self._watchers = tuple(self.settings.watchers)
@@ -65,6 +66,7 @@ class Monitor:
         self._start_ns: int | None = None
         self._last_ns, self._late_reported = 0, False
         self._new: list[MonitorEvent] = []
+        self._unseen: OSError | None = None  # why nothing can be shown any more
         self._reception = Reception(bus, self.messages, self.settings.reopen, self._report)
         compile_live(self.vehicle, self.settings.progress)  # before the first estimate is due
         self._outputs = Outputs(self.settings.out, self.vehicle, self.settings.serve)
@@ -89,7 +91,10 @@ class Monitor:
     def run(self, duration: float | None = None, show: Show | None = None) -> SessionStatus:
         """Monitor for ``duration`` s, or until stopped.
 
-        ``show`` is called with every piece, every event, and a few times a second in between.
+        ``show`` is called with every piece, every event, and a few times a second in between; where
+        it raises OSError, as an output does that nobody reads any more, the session ends.  Raises
+        ClutchestError where a thread, a process or a file of the session fails; what was received
+        and estimated before is in the files then.
         """
         end = None if duration is None else time.monotonic() + duration
         for note in (*self.vehicle.notes, *self._outputs.notes):
@@ -103,14 +108,21 @@ class Monitor:
             self._reception.stop()
             frames = self._receive(0.0)
             self._process(frames, self._estimate(frames), show)
-            with suppress(KeyboardInterrupt):  # the last analysis can be skipped
-                self._end_drive(show)
-            if self._new and show is not None:
-                show(self.status, None, self._new)
+            self._end_drive(show)
+            self._show(show, None)
+        except BaseException:
+            with suppress(ClutchestError, OSError):  # the first one says why
+                self._close()
+            raise
         finally:
             gc.enable()
             gc.unfreeze()
-            self._close()
+        self._close()
+        if self._unseen is not None:
+            raise ClutchestError(
+                f"the output cannot be written any more: {self._unseen.strerror}; the session has "
+                "ended, its files are complete"
+            )
         return self.status
 
     def _receive(self, wait: float) -> Frames:
@@ -143,9 +155,12 @@ class Monitor:
     def _end_drive(self, show: Show | None) -> None:
         self._process(Frames.empty(), self._finish(), show)
         self._watch()
-        for watcher in self._watchers if self._start_ns is not None else ():
-            for event in watcher.finish(self.status.now):
-                self._put(event)
+        with suppress(KeyboardInterrupt):
+            self.analysing = True
+            for watcher in self._watchers if self._start_ns is not None else ():
+                for event in watcher.finish(self.status.now):
+                    self._put(event)
+            self.analysing = False
 
     def _finish(self) -> Piece | None:
         """The last rows of a drive."""
@@ -204,9 +219,7 @@ class Monitor:
             self._rows(piece)
             if len(piece.track.time):  # a stretch between two rows releases none
                 self.status.latency_s.append((time.time_ns() - piece.released_ns) / 1e9)
-        if show is not None:
-            show(self.status, piece, self._new)
-        self._new = []
+        self._show(show, piece)
         if len(frames):
             for name, jumps in self._counters.jumps(frames).items():
                 self._report("gap", name, {"counter_jumps": jumps})
@@ -221,6 +234,16 @@ class Monitor:
             self._outputs.record(piece, self._start_ns if first else None, self._offset)
         if piece is not None or not len(frames):
             gc.collect()
+
+    def _show(self, show: Show | None, piece: Piece | None) -> None:
+        """Show what is new."""
+        if show is not None and self._unseen is None:
+            try:
+                show(self.status, piece, self._new)
+            except OSError as problem:
+                self._unseen = problem
+                self.stop()
+        self._new = []
 
     def _rows(self, piece: Piece) -> None:
         """Rows into the status, the files and events of their own."""
@@ -278,7 +301,13 @@ class Monitor:
         self._outputs.event({**asdict(event), "drive": self._drive}, self._offset)
 
     def _close(self) -> None:
-        for watcher in self._watchers:
-            watcher.close()
-        self._reception.stop()
+        with ExitStack() as ends:  # each of them, whatever becomes of the others
+            ends.callback(self._complete)
+            ends.callback(self._reception.stop)
+            for watcher in self._watchers:
+                ends.callback(watcher.close)
+
+    def _complete(self) -> None:
+        """The state goes with the rows that were written, also where the drive was cut short."""
+        self.final = self._live.final() or self.final
         self.written = self._outputs.close(self.final)

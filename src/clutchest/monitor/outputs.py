@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,11 @@ class Outputs:
 
     def close(self, state: Mapping[str, Any] | None) -> list[str]:
         """Complete every file; ``state`` for the next drive.  Returns their names."""
-        if self._recording is not None:
-            self._recording.close()
-        return [] if self._session is None else self._session.close(state)
+        with ExitStack() as both:  # the files are completed though the recording should fail
+            written: list[str] = []
+            if self._session is not None:
+                session = self._session
+                both.callback(lambda: written.extend(session.close(state)))
+            if self._recording is not None:
+                self._recording.close()
+        return written

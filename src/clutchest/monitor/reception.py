@@ -14,7 +14,7 @@ from clutchest.can.database import Message
 from clutchest.can.encode import check
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
-from clutchest.monitor.listener import Listener, Trouble
+from clutchest.monitor.listener import Listener, Quiet, Trouble
 from clutchest.monitor.stamps import Stamps
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ Report = Callable[[str, str, Mapping[str, Any]], None]  # (kind of event, name, 
 class Reception:
     """Frames of ``messages`` from ``bus``; failures and losses go to ``report`` as events.
 
-    ``count`` frames received, ``lost`` frames dropped by the socket (where ``losses_known``),
+    ``count`` frames received, ``lost`` frames dropped by the socket (all, where ``losses_known``),
     ``malformed`` what was no frame, by kind; ``away`` the error while the interface is down.
     """
 
@@ -42,13 +42,17 @@ class Reception:
         report: Report,
     ) -> None:
         bus.set_filters(filters(messages))  # type: ignore[arg-type]
-        self.count = self.lost = 0
-        self.losses_known = True
+        self.count = self.lost = self._heard_ns = 0
         self.malformed: dict[str, int] = {}
         self.away = ""
         self._stamps, self._report = Stamps(), report
         self._listener = Listener(bus, reopen)
         self._listener.start()
+
+    @property
+    def losses_known(self) -> bool:
+        """Whether ``lost`` are all frames that were lost."""
+        return self._listener.losses_known
 
     def send(self, frames: Frames) -> None:
         """Put frames on the bus; while the interface is down they are lost."""
@@ -69,11 +73,14 @@ class Reception:
             while True:
                 if isinstance(item, Trouble):
                     self._trouble(item)
+                elif isinstance(item, Quiet):
+                    self._heard_ns = item.until_ns
                 else:
                     batches.append(self._stamped(item))
                 item = received.get_nowait()
         except queue.Empty:
             pass
+        self._lost()
         if not batches and self._listener.dead:
             raise ClutchestError(
                 "the thread that receives frames has ended"
@@ -83,11 +90,11 @@ class Reception:
 
     def horizon_ns(self) -> int:
         """The time, on the frames' clock, up to which all frames have been received."""
-        return self._stamps.promised(TRANSIT_NS)
+        return self._stamps.promised(self._heard_ns - TRANSIT_NS)
 
     def _gather(self, due_ns: int | None) -> None:
         """Let frames accumulate while nothing is due: one batch costs as much as one frame."""
-        left = GATHER_S if due_ns is None else (due_ns - self._stamps.now(0)) / 1e9 - PROMPT_S
+        left = GATHER_S if due_ns is None else (due_ns - self._stamps.now()) / 1e9 - PROMPT_S
         if left > 0:
             time.sleep(min(left, GATHER_S))
 
@@ -99,12 +106,13 @@ class Reception:
             self._report("warning", words, {"jump_s": jump})
         self._stamps.jumps.clear()
         self._malformed(received)
-        self.losses_known = received.dropped is not None
-        if (more := (received.dropped or 0) - self.lost) > 0:
+        return frames
+
+    def _lost(self) -> None:
+        if (more := self._listener.dropped - self.lost) > 0:
             self.lost += more
             data = {"frames_dropped": more, "why": "the socket's buffer was full"}
             self._report("gap", "bus", data)
-        return frames
 
     def _malformed(self, received: Received) -> None:
         """Tell of datagrams that are no frames, each kind when it first comes."""

@@ -56,14 +56,18 @@ class Stamps:
         self._raw, self._last, self._last_at = int(raw[-1]), int(t[-1]) * TICK_NS, at
         return replace(frames, t_ns=t * TICK_NS)
 
-    def now(self, lag_ns: int) -> int:
-        """The present on this clock, less ``lag_ns`` for frames in transit; ns."""
-        return max(self._last, self._last + self._monotonic_ns() - self._last_at - lag_ns)
+    def now(self) -> int:
+        """The present on this clock, ns."""
+        return self._at(self._monotonic_ns())
 
-    def promised(self, lag_ns: int) -> int:
-        """As :meth:`now`; frames received afterwards get later stamps."""
-        self._floor = self.now(lag_ns)
+    def promised(self, until_ns: int) -> int:
+        """``until_ns`` of the monotonic clock on this one; frames received afterwards get later
+        stamps."""
+        self._floor = self._at(until_ns)
         return self._floor
+
+    def _at(self, monotonic_ns: int) -> int:
+        return max(self._last, self._floor, self._last + monotonic_ns - self._last_at)
 
     def _follow(self, first: int, last: int, at: int) -> None:
         """Distinguish a clock that was set from frames that are late."""

@@ -21,7 +21,14 @@ from clutchest.can.formats import candump
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track, columns_of
-from clutchest.record.files import json_text, plain
+from clutchest.monitor.growing import (
+    GrowingFile,
+    cut_last_line,
+    head_line,
+    layout_of,
+    read_growing,
+)
+from clutchest.record.files import finished_into, json_text, plain, sweep
 
 RECEIVED, EVENTS, ESTIMATES = "received.log", "events.jsonl", "estimates.parquet"
 RECORDING, STATE = "recording.rrd", "state.json"
@@ -34,7 +41,8 @@ class Session:
     """The files of one session in ``out``, created if need be.
 
     Files of an earlier session are moved into a folder of their own; ``notes`` says which.
-    Raises ClutchestError where ``out`` is no folder, or another session runs in it.
+    Raises ClutchestError where ``out`` is no folder, another session runs in it, or the disk
+    refuses.
     """
 
     def __init__(self, out: Path, provenance: Mapping[str, str]) -> None:
@@ -44,10 +52,8 @@ class Session:
         self.out, self.provenance = out, dict(provenance)
         self._lock = _locked(out)
         self.notes = _moved_aside(out)
-        self._received: IO[bytes] = (out / RECEIVED).open("wb", buffering=0)
-        self._events: IO[bytes] = (out / EVENTS).open("wb", buffering=0)
-        self._rows: IO[bytes] | None = None
-        self._modes: list[str] = []
+        self._received, self._events = GrowingFile(out / RECEIVED), GrowingFile(out / EVENTS)
+        self._rows: GrowingFile | None = None
 
     @property
     def recording(self) -> Path:
@@ -61,100 +67,74 @@ class Session:
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Write an event."""
-        self._events.write(_line(event))
+        self._events.write(json.dumps(plain(event), ensure_ascii=False).encode() + b"\n")
 
     def keep(self, track: Track, drive: int, start_ns: int | None, restarted: bool) -> None:
         """Write the rows of a track whose time begins at ``start_ns``; where ``restarted`` they
         replace those of the same drive."""
         columns = columns_of(track, drive, start_ns)
         mode = np.asarray(track.mode, np.uint8)
-        table = np.empty(len(track.time), _layout(columns))
+        table = np.empty(len(track.time), layout_of(columns))
         for name in columns:
             table[name] = mode if name == "mode" else columns[name]
         if self._rows is None or (restarted and drive == 0):
-            self._begin(table.dtype, track.mode_names)
+            if self._rows is not None:
+                self._rows.close()
+            self._rows = GrowingFile(self.out / GROWING)
+            about = {"modes": track.mode_names, "provenance": self.provenance}
+            self._rows.write(head_line(table.dtype, about))
         elif restarted:
-            self._drop(table.dtype, drive)
-        assert self._rows is not None
+            _, head, rows = read_growing(self.out / GROWING)
+            keep = int(np.searchsorted(rows["drive"], drive))
+            del rows
+            self._rows.cut(head + keep * table.dtype.itemsize)
         self._rows.write(table.tobytes())
 
     def close(self, state: Mapping[str, Any] | None = None) -> list[str]:
-        """Give every file its final form; returns their names."""
-        self._received.close()
-        self._events.close()
-        if self._rows is not None:
-            self._rows.close()
-        if state is not None:
-            (self.out / STATE).write_text(json_text(state), encoding="utf-8")
-        finish(self.out)
-        (self.out / RUNNING).unlink(missing_ok=True)
-        self._lock.close()
+        """Give every file its final form; returns their names.
+
+        Raises ClutchestError or OSError where the disk refuses; then the next session does it.
+        """
+        for file in (self._received, self._events, self._rows):
+            if file is not None:
+                file.close()
+        try:
+            finish(self.out, state)
+            (self.out / RUNNING).unlink(missing_ok=True)
+        finally:
+            self._lock.close()
         names = (RECEIVED, EVENTS, ESTIMATES, RECORDING, STATE)
         return [name for name in names if (self.out / name).exists()]
 
-    def _begin(self, layout: np.dtype, modes: tuple[str, ...]) -> None:
-        if self._rows is not None:
-            self._rows.close()
-        self._rows = (self.out / GROWING).open("wb+", buffering=0)
-        head = {"columns": layout.descr, "modes": modes, "provenance": self.provenance}
-        self._rows.write(json.dumps(head).encode() + b"\n")
 
-    def _drop(self, layout: np.dtype, drive: int) -> None:
-        """Remove the rows of the last drive."""
-        assert self._rows is not None
-        head, rows = read_growing(self.out / GROWING)
-        keep = int(np.searchsorted(rows["drive"], drive))
-        del rows
-        self._rows.seek(head + keep * layout.itemsize)
-        self._rows.truncate()
-
-
-def _layout(columns: Mapping[str, Any]) -> np.dtype:
-    kinds = {"mode": np.uint8, "drive": np.int32}
-    return np.dtype(
-        [(name, kinds.get(name, np.asarray(column).dtype)) for name, column in columns.items()]
-    )
-
-
-def _line(value: Mapping[str, Any]) -> bytes:
-    return json.dumps(plain(value), ensure_ascii=False).encode() + b"\n"
-
-
-def read_growing(path: Path) -> tuple[int, np.ndarray]:
-    """Offset of the first row in a growing table, and its complete rows (memory-mapped)."""
-    with path.open("rb") as file:
-        head = file.readline()
-    layout = np.dtype([(name, kind) for name, kind in json.loads(head)["columns"]])
-    count = (path.stat().st_size - len(head)) // layout.itemsize
-    if not count:
-        return len(head), np.zeros(0, layout)
-    return len(head), np.memmap(path, layout, "r", len(head), (count,))
-
-
-def finish(out: Path) -> list[str]:
+def finish(out: Path, state: Mapping[str, Any] | None = None) -> list[str]:
     """Complete the files of a session, however it ended; returns those that were, in words."""
     done = []
-    if (out / GROWING).exists():
-        _, rows = read_growing(out / GROWING)
-        _to_parquet(out, rows)
-        done.append(f"{ESTIMATES} ({len(rows)} rows)")
-        del rows
-        (out / GROWING).unlink()
-    recording = out / RECORDING
-    if recording.exists() and recording.stat().st_size and _complete(recording):
-        done.append(RECORDING)
+    for name in (RECEIVED, EVENTS):
+        cut_last_line(out / name)
+    with finished_into(out) as folder:
+        if state is not None:
+            (folder / STATE).write_text(json_text(state), encoding="utf-8")
+        if (out / GROWING).exists():
+            head, _, rows = read_growing(out / GROWING)
+            if head:
+                _to_parquet(folder / ESTIMATES, head, rows)
+                done.append(f"{ESTIMATES} ({len(rows)} rows)")
+            del rows
+        recording = out / RECORDING
+        whole = recording.exists() and recording.stat().st_size > 0
+        if whole and _complete(recording, folder / RECORDING):
+            done.append(RECORDING)
+    (out / GROWING).unlink(missing_ok=True)
     return done
 
 
-def _to_parquet(out: Path, rows: np.ndarray) -> None:
+def _to_parquet(path: Path, head: Mapping[str, Any], rows: np.ndarray) -> None:
     import pandas as pd
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    with (out / GROWING).open("rb") as file:
-        head = json.loads(file.readline())
     writer = None
-    unfinished = out / f".{ESTIMATES}"
     for first in range(0, max(len(rows), 1), _ROWS):
         part = rows[first : first + _ROWS]
         columns = {name: np.array(part[name]) for name in part.dtype.names or ()}
@@ -165,27 +145,16 @@ def _to_parquet(out: Path, rows: np.ndarray) -> None:
         if writer is None:
             origin = {k.encode(): v.encode() for k, v in head["provenance"].items()}
             schema = table.schema.with_metadata({**(table.schema.metadata or {}), **origin})
-            writer = pq.ParquetWriter(unfinished, schema)
+            writer = pq.ParquetWriter(path, schema)
         writer.write_table(table.cast(schema))
     assert writer is not None
     writer.close()
-    unfinished.replace(out / ESTIMATES)
 
 
-def _complete(recording: Path) -> bool:
-    """Rewrite a recording with all that can be read of it and a proper end."""
-    whole = recording.with_name(f".{recording.name}")
-    command = [
-        sys.executable,
-        "-m",
-        "rerun",
-        "rrd",
-        "optimize",
-        "--continue-on-error",
-        str(recording),
-        "-o",
-        str(whole),
-    ]
+def _complete(recording: Path, whole: Path) -> bool:
+    """Write ``whole``: all that can be read of a recording, and a proper end."""
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "optimize", "--continue-on-error"]
+    command += [str(recording), "-o", str(whole)]
     try:
         result = subprocess.run(command, capture_output=True, check=False, start_new_session=True)
     except OSError:
@@ -193,7 +162,6 @@ def _complete(recording: Path) -> bool:
     if result.returncode or not whole.exists() or not whole.stat().st_size:
         whole.unlink(missing_ok=True)
         return False
-    whole.replace(recording)
     return True
 
 
@@ -216,21 +184,33 @@ def _locked(out: Path) -> IO[str]:
 
 
 def _moved_aside(out: Path) -> list[str]:
-    """Move an earlier session's files into a folder named by when it ended; notes for the user."""
+    """Complete an earlier session's files where it was cut off, and move them into a folder named
+    by when it ended; notes for the user.  Whenever this is cut off, the next one goes on with it.
+    """
     running = out / RUNNING
     killed = bool(running.read_text(encoding="utf-8").strip())
     begun = datetime.now(UTC).isoformat(timespec="seconds")
     notes = []
+    sweep(out)
     if (out / RECEIVED).exists():
         when = datetime.fromtimestamp((out / RECEIVED).stat().st_mtime, UTC)
-        aside = out / when.strftime("until-%Y-%m-%dT%H-%M-%SZ")
+        if killed:
+            done = finish(out)
+            notes.append(f"the last session was cut off: {', '.join(done) or 'nothing'} repaired")
+        aside = _free(out / when.strftime("until-%Y-%m-%dT%H-%M-%SZ"))
         aside.mkdir(exist_ok=True)
-        for name in (RECEIVED, EVENTS, ESTIMATES, RECORDING, STATE, GROWING):
+        for name in (EVENTS, ESTIMATES, RECORDING, STATE, RECEIVED):  # that one says when, so last
             if (out / name).exists():
                 (out / name).replace(aside / name)
-        if killed:
-            done = finish(aside)
-            notes.append(f"the last session was cut off: {', '.join(done) or 'nothing'} repaired")
         notes.append(f"the last session's files are now in {aside}")
     running.write_text(json.dumps({"pid": os.getpid(), "begun": begun}) + "\n", encoding="utf-8")
     return notes
+
+
+def _free(folder: Path) -> Path:
+    """This folder, or one like it, without a session's files."""
+    number, free = 1, folder
+    while (free / RECEIVED).exists():
+        number += 1
+        free = folder.with_name(f"{folder.name}-{number}")
+    return free

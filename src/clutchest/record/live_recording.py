@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections import defaultdict
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,11 @@ from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
 from clutchest.record.quantities import OUTPUTS
 from clutchest.record.series import TIMELINE, index, outline
+from clutchest.record.viewer import HERE, Viewer, refuse_taken
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
 
-HERE = "127.0.0.1"
+FLUSH_S = 30.0  # that a disk may take for what was held back
 MEMORY = "256MB"  # that the server keeps for viewers that come late
 _EVERY = 2.0  # s of the drive that are written in one go: a file of single rows is all overhead
 _PER_S = 20  # rows of a line: the lowest and highest of a tenth of a second, as fine as estimates
@@ -32,8 +32,8 @@ class LiveRecording:
     """Writes tracks, signals and events to ``path`` as they come.
 
     With ``serve`` they also go to a server on this machine only, whose ``address`` a browser can
-    open; where no viewer can be started, ``note`` says so and the file is written all the same.
-    A file that is cut off can be read up to there; ``rerun rrd optimize`` gives it its end.
+    open.  A file that is cut off can be read up to there; ``rerun rrd optimize`` gives it its end.
+    Raises ClutchestError where a port is taken, or the file cannot be written any more.
     """
 
     def __init__(self, path: Path, vehicle: Vehicle, serve: tuple[int, int] | None = None) -> None:
@@ -45,51 +45,24 @@ class LiveRecording:
         self._held: dict[str, list[tuple[np.ndarray, ...]]] = defaultdict(list)
         self._since: float | None = None
         self._mode: str | None = None
-        self._viewer: subprocess.Popen | None = None
+        self._viewer: Viewer | None = None
         self._styled: set[str] = set()
-        self.address = self.note = ""
+        self._path, self.address = path, ""
         self._stream = rr.RecordingStream("clutchest", send_properties=False)
         sinks: list[Any] = [rr.FileSink(path, write_footer=False)]
         every = _EVERY
         if serve is not None:
             every = 0.5
-            try:
-                sinks.append(rr.GrpcServerSink(HERE, serve[0], server_memory_limit=MEMORY))
-            except Exception as problem:  # its own kinds; the file is what counts
-                raise ClutchestError(f"--serve: port {serve[0]} of {HERE}: {problem}") from None
+            refuse_taken(serve)
+            sinks.append(rr.GrpcServerSink(HERE, serve[0], server_memory_limit=MEMORY))
         self._every = every
         self._stream.set_sinks(*sinks)
         self._stream.send_recording_name(f"{vehicle.name}, live")
         self._stream.send_blueprint(live_blueprint(known, TIMELINE))
         self._lane("mode", MODE_COLOURS)
         if serve is not None:
-            self._start_viewer(sinks[1].uri, serve[1])
-
-    def _start_viewer(self, uri: str, port: int) -> None:
-        command = [
-            sys.executable,
-            "-m",
-            "rerun",
-            "--serve-web",
-            "--bind",
-            HERE,
-            "--web-viewer-port",
-            str(port),
-            uri,
-        ]
-        try:
-            self._viewer = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-        except OSError as problem:
-            self.note = f"no viewer could be started ({problem}); the recording is written"
-            return
-        shown = uri.replace("+", "%2B").replace(":", "%3A").replace("/", "%2F")
-        self.address = f"http://{HERE}:{port}?url={shown}"
+            self._viewer = Viewer(sinks[1].uri, serve[1])
+            self.address = self._viewer.address
 
     def begin(self, start_ns: int, provenance: Mapping[str, str]) -> None:
         """What is known when a drive begins."""
@@ -158,18 +131,20 @@ class LiveRecording:
             self._stream.send_columns(entity, time, rows)
         self._held.clear()
         self._since = None
+        try:
+            self._stream.flush(timeout_sec=FLUSH_S)
+        except RuntimeError as problem:  # the thread that writes ended, as it does on a full disk
+            raise ClutchestError(f"{self._path}: cannot be written any more: {problem}") from None
 
     def close(self) -> None:
         """Write the rest; the server and its viewer end."""
-        self.write()
-        self._stream.flush()
-        self._stream.disconnect()
-        if self._viewer is not None:
-            self._viewer.terminate()
-            try:
-                self._viewer.wait(timeout=2.0)
-            except subprocess.TimeoutExpired:
-                self._viewer.kill()
+        try:
+            self.write()
+        finally:
+            with suppress(RuntimeError):
+                self._stream.disconnect()
+            if self._viewer is not None:
+                self._viewer.close()
 
     def _style(self, kind: str, name: str, entity: str) -> None:
         if entity in self._styled:
