@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -103,11 +104,9 @@ class Monitor:
         gc.disable()  # garbage is collected when no row is due, see _process
         try:
             while not self.stopped and (end is None or time.monotonic() < end):
-                frames = self._receive(TICK_S)
-                self._process(frames, self._estimate(frames), show)
+                self._take(self._receive(TICK_S), show)
             self._reception.stop()
-            frames = self._receive(0.0)
-            self._process(frames, self._estimate(frames), show)
+            self._take(self._receive(0.0), show)
             self._end_drive(show)
             self._show(show, None)
         except BaseException:
@@ -134,6 +133,13 @@ class Monitor:
         self.status.malformed = sum(self._reception.malformed.values())
         self._outputs.receive(frames)
         return frames
+
+    def _take(self, frames: Frames, show: Show | None) -> None:
+        """Estimate over new frames, which a process that was stopped may have of two drives."""
+        parked = np.flatnonzero(np.diff(frames.t_ns) > SPLIT_S * 1e9) + 1
+        for a, b in pairwise((0, *parked.tolist(), len(frames))):
+            part = frames.take(np.arange(a, b)) if len(parked) else frames
+            self._process(part, self._estimate(part), show)
 
     # --- drives -----------------------------------------------------------------------------------
 
