@@ -11,10 +11,12 @@ import argparse
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
-from statistics import median
 from tempfile import TemporaryDirectory
+
+from turns import in_turns
 
 CLUTCHEST = "import sys; from clutchest.cli import main; sys.argv[0] = 'clutchest'; main()"
 ENGINES = """
@@ -88,16 +90,14 @@ def main() -> None:
         for what, (program, arguments) in commands().items():
             if given.only not in what:
                 continue
-            for side in sides:
-                cost(program, arguments, *side)
-            pairs = [[cost(program, arguments, *s) for s in sides] for _ in range(given.turns)]
-            ratios = sorted(mine / other for mine, other in pairs)
-            mine, other = (median(times) for times in zip(*pairs, strict=True))
-            print(
-                f"{what}: {mine:.2f}, the other {other:.2f}, ratio {median(ratios):.2f} "
-                f"({ratios[0]:.2f} … {ratios[-1]:.2f})",
-                flush=True,
-            )
+            ways = {
+                name: partial(cost, program, arguments, *side)
+                for name, side in zip(("this", "the other"), sides, strict=True)
+            }
+            for once in ways.values():
+                once()
+            unit = "" if program is ENGINES else " s"
+            print(in_turns(what, ways, given.turns, unit), flush=True)
 
 
 if __name__ == "__main__":

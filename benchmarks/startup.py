@@ -16,8 +16,10 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from statistics import median
+from functools import partial
 from tempfile import TemporaryDirectory
+
+from turns import in_turns
 
 VERB = """
 import contextlib, sys
@@ -93,14 +95,8 @@ def main() -> None:
             if given.only not in what:
                 continue
             run(True)  # compiles, reads
-            pairs = [(run(True), run(False)) for _ in range(given.turns)]
-            ratios = sorted(without / with_it for with_it, without in pairs)
-            first, second = (median(times) for times in zip(*pairs, strict=True))
-            print(
-                f"{what}: {first:.2f} s, without {second:.2f} s, × {median(ratios):.2f} "
-                f"({ratios[0]:.2f} … {ratios[-1]:.2f})",
-                flush=True,
-            )
+            ways = {"without": partial(run, False), "with": partial(run, True)}
+            print(in_turns(what, ways, given.turns, " s"), flush=True)
 
 
 if __name__ == "__main__":

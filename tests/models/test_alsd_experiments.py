@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from clutchest.models.alsd.experiments import armature_heat, path_torque
 from clutchest.models.alsd.experiments.break_away import BreakAway
 from clutchest.models.alsd.experiments.motion import (
     Polynomial,
@@ -103,3 +104,36 @@ def test_the_pre_sliding_curve_is_that_of_the_full_model():
     assert angle[-1] > 0.7 * RIG["motor_static_torque"] / RIG["motor_bristle_stiffness"]
     late = torque > 0.2 * torque[-1]
     assert bend[late] == pytest.approx(angle[late], rel=0.03)
+
+
+def test_the_reset_springs_stiffness_is_the_slope_of_its_force():
+    numbers = np.array([tuple(RIG[key] for key in path_torque.KEYS)], path_torque._NUMBERS)[0]
+    assert path_torque.spring(0.0, numbers)[0] == 0.0
+    for s in (1e-4, 5e-4, 2e-3):
+        low, high = (path_torque.spring(s + d, numbers)[0] for d in (-1e-8, 1e-8))
+        assert path_torque.spring(s, numbers)[1] == pytest.approx((high - low) / 2e-8, rel=1e-6)
+
+
+@pytest.mark.parametrize("bench", path_torque.BENCH_NUMBERS)
+def test_turning_evenly_within_the_play_takes_the_motors_own_friction(bench):
+    """Of a bristle that bends towards its level, and of the oil; nothing behind the play yet."""
+    time = np.arange(0.0, 0.5, 0.01)
+    speed = 0.5 * RIG["gear_backlash"] * RIG["gear_ratio"] / time[-1]
+    motion = np.stack([speed * time, np.full(len(time), speed), np.zeros(len(time))], axis=1)
+    numbers = np.array([tuple(RIG[key] for key in path_torque.KEYS)], path_torque._NUMBERS)[0]
+    torque = np.empty(len(time))
+    path_torque.along(time, motion, path_torque.BENCH_NUMBERS[bench], numbers, torque)
+    over = RIG["motor_static_torque"] - RIG["motor_coulomb_torque"]
+    slow = (speed / RIG["motor_stribeck_speed"]) ** RIG["motor_stribeck_exponent"]
+    level = RIG["motor_coulomb_torque"] + over * np.exp(-slow)
+    straight = np.exp(-RIG["motor_bristle_stiffness"] * motion[-1, 0] / level)
+    damping = RIG["motor_bristle_damping"] * straight + RIG["motor_viscous"]
+    assert torque[-1] == pytest.approx(level * (1.0 - straight) + damping * speed, rel=1e-9)
+
+
+def test_an_armature_ends_where_loss_and_conductance_balance():
+    temp = np.empty(4000)
+    rise, decay, oil, loss = np.array([1e-3, 4e-6]), 0.01, np.full(4000, 60.0), np.full(4000, 50.0)
+    armature_heat._heated(20.0, rise, decay, oil, loss, temp)
+    balance = (rise[0] * 50.0 + decay * 60.0) / (decay - rise[1] * 50.0)
+    assert temp[0] == 20.0 and temp[-1] == pytest.approx(balance, rel=1e-9)

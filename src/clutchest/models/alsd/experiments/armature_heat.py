@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from clutchest.models.experiments import BenchRecord, Parameters
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 START = 5.0  # K, to which the temperature at the start is known beforehand
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _heated(start, rise, decay, oil, loss, temp):  # type: ignore[no-untyped-def]
     """Into ``temp`` (n): C_a dϑ_a/dt = R_a i_a² − G_a (ϑ_a − ϑ_oil), ``loss`` (n) in A²; ``rise``
     K/A² at 0 °C and K/(A² K), ``decay`` of a step."""

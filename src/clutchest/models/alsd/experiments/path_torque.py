@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from math import exp, log, pi
 
 import numpy as np
-from numba import njit
 
 from clutchest.models.alsd.experiments.armature_heat import ArmatureHeat
 from clutchest.models.alsd.experiments.motion import (
@@ -20,6 +19,7 @@ from clutchest.models.alsd.experiments.motion import (
 )
 from clutchest.models.alsd.experiments.torque_constant import torque_constant
 from clutchest.models.experiments import BenchRecord, Parameters
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 KEYS = (
@@ -64,7 +64,7 @@ QUIET = 30.0  # rad/s²: faster changes of the speed are not resolved
 TRAVELLED = 0.3  # rad since the motor turned back, to have its bristles bent the other way
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def spring(s, p):  # type: ignore[no-untyped-def]
     """Reset spring (10): force, N, and stiffness, N/m, at a displacement of ``s`` m."""
     ratio = p.spring_outer_diameter / p.spring_inner_diameter
@@ -76,7 +76,7 @@ def spring(s, p):  # type: ignore[no-untyped-def]
     return force, scale * ((h * h - 3.0 * h * s + 1.5 * s * s) / t**2 + 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _plate(d, angle, step, bench, p):  # type: ignore[no-untyped-def]
     """Where the plate's forces balance, m, ``step`` s after it was at ``d``: by Newton."""
     held, _ = spring(p.spring_preload, p)
@@ -102,7 +102,7 @@ def _plate(d, angle, step, bench, p):  # type: ignore[no-untyped-def]
     return d
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def along(time, motion, bench, p, torque):  # type: ignore[no-untyped-def]
     """T_m1, Nm, into ``torque`` (n) at ``time`` (n) of the angle, speed and acceleration ``motion``
     (n, 3), from rest; in SUBSTEPS between them, straight."""
@@ -136,7 +136,7 @@ def along(time, motion, bench, p, torque):  # type: ignore[no-untyped-def]
         torque[k] = p.motor_inertia * motion[k, 2] + friction + load / p.gear_ratio
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _motor_friction(bristle, way, w, p):  # type: ignore[no-untyped-def]
     """Bristle, rad, after a ``way`` of rad at a speed of ``w`` rad/s, and friction torque, Nm."""
     over = p.motor_static_torque - p.motor_coulomb_torque
