@@ -9,7 +9,7 @@ import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run
 from clutchest.record.files import json_text
-from clutchest.shown import Shown
+from clutchest.shown import Shown, plus_minus, printed
 
 PNG = b"\x89PNG"
 
@@ -95,3 +95,8 @@ def test_identify_and_discover_by_name() -> None:
     assert fit.vehicle.name == "truck"
     found = clutchest.discover("demo", "truck")
     assert found.plot()._repr_png_().startswith(PNG)
+
+
+def test_powers_of_units_are_raised():
+    assert printed("Nm/mm^3") == "Nm/mm³" and printed("kg m^-2") == "kg m⁻²"
+    assert plus_minus(1.5, 0.1, "kg m^2") == "1.5 ± 0.1 kg m²" and printed("°C") == "°C"

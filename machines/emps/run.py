@@ -6,32 +6,26 @@ extended.toml, the report of the first discovery and pictures.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from time import perf_counter, process_time
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from convert import convert  # noqa: E402
+from two_records import Found, less, rms, run  # noqa: E402
 
-from clutchest.discovery.chain import chain, extended_by, summary  # noqa: E402
 from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
-from clutchest.reading import read_log  # noqa: E402
-from clutchest.record.discovery import write_discovery  # noqa: E402
-from clutchest.vehicle import dump_vehicle, load_vehicle  # noqa: E402
 
 # Of the benchmark's report: mass, viscous and dry friction, offset, fitted to the discovery record.
 PUBLISHED = {"mass": 95.1089, "viscous": 203.5034, "coulomb": 20.3935, "offset": -3.1648}
 STEPS = 20  # of a simulation, between two samples
-BLOCK, RESAMPLED = 100, 1000  # samples of a block of the bootstrap, and draws
+BLOCK = 100  # samples of a block of the bootstrap
 
 
 def motion(table: pd.DataFrame) -> Mapping[str, np.ndarray]:
@@ -75,21 +69,6 @@ def speed_error(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.n
     return record["speed"] - np.array(simulated)
 
 
-def rms(values: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def less(before: np.ndarray, after: np.ndarray) -> list[float]:
-    """95 % interval of rms before − rms after, by a block bootstrap."""
-    count = len(before) // BLOCK
-    squares = np.array([e[: count * BLOCK].reshape(count, BLOCK) ** 2 for e in (before, after)])
-    sums = squares.mean(axis=2)
-    drawn = np.random.default_rng(0).integers(count, size=(RESAMPLED, count))
-    means = np.sqrt(sums[:, drawn].mean(axis=2))
-    return np.quantile(means[0] - means[1], [0.025, 0.975]).tolist()
-
-
 def published_force_error(record: Mapping[str, np.ndarray]) -> float:
     """Relative force error of the published numbers on this record."""
     p = PUBLISHED
@@ -108,12 +87,12 @@ def scores(before: FittedMachine, after: FittedMachine, record: Mapping[str, np.
             "published_base": 100.0 * published_force_error(record),
             "before": 100.0 * rms(force[0]) / size,
             "after": 100.0 * rms(force[1]) / size,
-            "less_ci95": [100.0 * value / size for value in less(*force)],
+            "less_ci95": [100.0 * value / size for value in less(*force, BLOCK)],
         },
         "simulated_speed_rmse_m_s": {
             "before": rms(speed[0]),
             "after": rms(speed[1]),
-            "less_ci95": less(*speed),
+            "less_ci95": less(*speed, BLOCK),
         },
     }
 
@@ -135,39 +114,24 @@ def draw(before: FittedMachine, after: FittedMachine, record: Mapping, path: Pat
     figure.savefig(path, dpi=110)
 
 
-def main() -> None:
-    """Run, and write what came out."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder of the official files")
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    wall, cpu = perf_counter(), process_time()
-    vehicle = load_vehicle(HERE / "emps.toml", trust=True)
-    with TemporaryDirectory() as folder:
-        paths = convert(options.data, Path(folder))
-        signals, held_out = (read_log([path], vehicle) for path in paths)
-        records = [motion(pd.read_parquet(path)) for path in paths]
-    found = chain(signals, vehicle, held_out.drives)
-    extended = extended_by(found, vehicle)
-    before, after = (FittedMachine.of(signals, each) for each in (vehicle, extended))
-    held = scores(before, after, records[1])
-    result = {
-        **summary(found),
+def judge(found: Found, out: Path) -> Mapping[str, Any]:
+    """Force and speed on the pulse record."""
+    records = [motion(table) for table in found.tables]
+    draw(found.before, found.after, records[0], out / "friction.png")
+    held = scores(found.before, found.after, records[1])
+    return {
         "rmse_before": held["force_error_percent"]["before"],
         "rmse_after": held["force_error_percent"]["after"],
         "rmse_of": "force on the pulse record, % of its rms",
         "held_out": held,
-        "fitted": {"before": dict(before.numbers), "after": dict(after.numbers)},
-        "seconds": perf_counter() - wall,
-        "processor_seconds": process_time() - cpu,
     }
-    (options.out / "result.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
-    dump_vehicle(extended, options.out / "extended.toml")
-    write_discovery(found[0], options.out / "first")
-    draw(before, after, records[0], options.out / "friction.png")
-    print(json.dumps({k: result[k] for k in ("verdict", "where", "held_out", "seconds")}, indent=1))
 
 
 if __name__ == "__main__":
-    main()
+    run(
+        __doc__,
+        HERE / "emps.toml",
+        convert,
+        judge,
+        ("verdict", "where", "held_out", "seconds"),
+    )

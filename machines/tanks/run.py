@@ -6,42 +6,20 @@ extended.toml, the report of the first discovery and a picture.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from time import perf_counter, process_time
-
-import numpy as np
+from typing import Any
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from convert import convert  # noqa: E402
+from two_records import Found, less, rms, run  # noqa: E402
 
-from clutchest.discovery.chain import chain, extended_by, summary  # noqa: E402
-from clutchest.identify.fitted_machine import FittedMachine, Prediction  # noqa: E402
-from clutchest.reading import read_log  # noqa: E402
-from clutchest.record.discovery import write_discovery  # noqa: E402
-from clutchest.vehicle import dump_vehicle, load_vehicle  # noqa: E402
+from clutchest.identify.fitted_machine import Prediction  # noqa: E402
 
-BLOCK, RESAMPLED = 32, 1000  # samples of a block of the bootstrap, and draws
-
-
-def rms(values: np.ndarray) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def less(before: np.ndarray, after: np.ndarray) -> list[float]:
-    """95 % interval of rms before − rms after, by a block bootstrap."""
-    count = len(before) // BLOCK
-    squares = np.array([e[: count * BLOCK].reshape(count, BLOCK) ** 2 for e in (before, after)])
-    sums = squares.mean(axis=2)
-    drawn = np.random.default_rng(0).integers(count, size=(RESAMPLED, count))
-    means = np.sqrt(sums[:, drawn].mean(axis=2))
-    return np.quantile(means[0] - means[1], [0.025, 0.975]).tolist()
+BLOCK = 32  # samples of a block of the bootstrap
 
 
 def draw(before: Prediction, after: Prediction, path: Path) -> None:
@@ -61,40 +39,22 @@ def draw(before: Prediction, after: Prediction, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def main() -> None:
-    """Run, and write what came out."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder of the official file")
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    wall, cpu = perf_counter(), process_time()
-    vehicle = load_vehicle(HERE / "tanks.toml", trust=True)
-    with TemporaryDirectory() as folder:
-        paths = convert(options.data, Path(folder))
-        signals, held_out = (read_log([path], vehicle) for path in paths)
-    found = chain(signals, vehicle, held_out.drives)
-    extended = extended_by(found, vehicle)
-    fitted = [FittedMachine.of(signals, each) for each in (vehicle, extended)]
-    own, other = ([f.predicted(s, "level")[0] for f in fitted] for s in (signals, held_out))
-    result = {
-        **summary(found),
+def judge(found: Found, out: Path) -> Mapping[str, Any]:
+    """The simulated level on both records."""
+    own, other = (
+        [fitted.predicted(signals, "level")[0] for fitted in (found.before, found.after)]
+        for signals in found.signals
+    )
+    draw(*other, out / "level.png")
+    return {
         "rmse_before": rms(other[0].error),
         "rmse_after": rms(other[1].error),
         "rmse_of": "simulated level on the validation record, V; starts as the other",
-        "less_ci95": less(other[0].error, other[1].error),
+        "less_ci95": less(other[0].error, other[1].error, BLOCK),
         "rmse_estimation": [rms(each.error) for each in own],
-        "fitted": {"before": dict(fitted[0].numbers), "after": dict(fitted[1].numbers)},
-        "seconds": perf_counter() - wall,
-        "processor_seconds": process_time() - cpu,
     }
-    (options.out / "result.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
-    dump_vehicle(extended, options.out / "extended.toml")
-    write_discovery(found[0], options.out / "first")
-    draw(*other, options.out / "level.png")
-    words = ("verdict", "where", "rmse_before", "rmse_after", "less_ci95", "seconds")
-    print(json.dumps({k: result[k] for k in words}, indent=1))
 
 
 if __name__ == "__main__":
-    main()
+    shown = ("verdict", "where", "rmse_before", "rmse_after", "less_ci95", "seconds")
+    run(__doc__, HERE / "tanks.toml", convert, judge, shown)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,4 +50,9 @@ class Showing(ABC):
 def plus_minus(value: float, std: float, unit: str = "") -> str:
     """A value with its standard deviation, as many digits as that deserves."""
     words = f"{value:.4g} ± {std:.2g}"
-    return words if unit in ("", "1") else f"{words} {unit}"
+    return words if unit in ("", "1") else f"{words} {printed(unit)}"
+
+
+def printed(unit: str) -> str:
+    """A unit with its powers raised: ``Nm/mm³`` of ``Nm/mm^3``."""
+    return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_RAISED), unit)

@@ -123,9 +123,11 @@ def test_a_fit(tmp_path: Path) -> None:
         "kiss_point": Fitted.unknown(8.0, "mm", "no ramp in these logs"),
     }
     fit = Fit("torque-curve", truck, ("a.log",), numbers, ("a note",), ("a warning",), draw)
-    text = fit_page(fit)
+    text = fit_page(fit, truck)
     assert len(read(text).images) == 1
-    for words in ("1.3 … 1.7", "no ramp in these logs", "a note", "a warning", "a.log"):
+    words_of = truck.machine.parameters
+    what = next(p.what for p in words_of if p.key == "torque_cubic")
+    for words in ("1.3 … 1.7", "no ramp in these logs", "a note", "a warning", "a.log", what):
         assert words in text
 
 

@@ -92,7 +92,7 @@ def identify(
             (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")
             fit.write_vehicle(folder / "vehicle.toml", out / "vehicle.toml")
             fit.draw(folder)
-            (folder / "report.html").write_text(fit_page(fit), encoding="utf-8")
+            (folder / "report.html").write_text(fit_page(fit, car), encoding="utf-8")
             names = sorted(path.name for path in folder.iterdir())
         trust_written(fit.vehicle, out / "vehicle.toml")
     answer(fit.as_dict(), as_json, lambda console: print_fit(fit, car, console), out, names)

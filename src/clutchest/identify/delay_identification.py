@@ -135,8 +135,8 @@ def _fitted(
     low, high = delay.value - delay.reach, delay.value + delay.reach
     if delay.std >= LOOSEST:
         why = (
-            f"{low * 1e3:.0f} … {high * 1e3:.0f} ms is too wide to be of use; needs more "
-            f"{needs[name]}"
+            f"standard deviation {delay.std * 1e3:.0f} ms, expected below {LOOSEST * 1e3:.0f}; "
+            f"needs more {needs[name]}"
         )
         return Fitted.unknown(before, "s", why)
     if high < 0:

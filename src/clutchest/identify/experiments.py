@@ -17,7 +17,7 @@ import numpy as np
 from clutchest.errors import ClutchestError
 from clutchest.identify.bench_records import BenchRecords, Stated, bench_records
 from clutchest.identify.equation_errors import BenchPosterior, fit_errors
-from clutchest.identify.fit import ErrorChange, Fit, Fitted, Validation
+from clutchest.identify.fit import NOT_VALIDATED, ErrorChange, Fit, Fitted, Validation
 from clutchest.identify.parameters import as_fitted
 from clutchest.models.experiments import BenchExperiment, EquationErrors
 from clutchest.progress import Progress
@@ -85,7 +85,7 @@ def identify_experiments(
     validation = None
     warnings = [w for drive in signals.drives for w in drive.warnings]
     if holdout is None:
-        warnings.append("not validated: that takes a log that is not fitted, --holdout LOG")
+        warnings.append(NOT_VALIDATED)
     else:
         progress("validating", None)
         held = bench_records(holdout, vehicle, benches[1])

@@ -10,11 +10,18 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
-from clutchest.shown import Showing, Shown, plus_minus
+from clutchest.shown import Showing, Shown, plus_minus, printed
 from clutchest.vehicle import Vehicle, dump_vehicle
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+QUANTITIES = {
+    "noise": "standard deviation of a reading",
+    "noise_ar": "correlation of its noise from sample to sample",
+    "delay": "how late it is",
+}
+NOT_VALIDATED = "not validated on other data: --holdout LOG names a log that is kept out of the fit"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,39 +166,67 @@ class Fit(Showing):
         dump_vehicle(self.vehicle, path, heading, target)
 
 
+@dataclass(frozen=True, slots=True)
+class FitRow:
+    """One number in words: its ``name``, of which ``leaf`` is the quantity of a signal; ``what`` it
+    is; ``before`` and ``now`` with unit, the 95 % ``interval``, and a ``remark``: what it contains,
+    or why it is not determined."""
+
+    name: str
+    leaf: str
+    what: str
+    before: str
+    now: str
+    interval: str
+    remark: str
+
+
+def fit_rows(fit: Fit, before: Vehicle) -> list[FitRow]:
+    """Every number, beside the one that the vehicle file had ``before``."""
+    what = {parameter.key: parameter.what for parameter in before.machine.parameters}
+    rows = []
+    for key, fitted in fit.parameters.items():
+        unit = "" if fitted.unit == "1" else f" {printed(fitted.unit)}"
+        if key in before.parameters:
+            name, leaf, words = key, "", what.get(key, "")
+            was = plus_minus(before.parameters[key].value, fitted.prior_std or 0.0, fitted.unit)
+            now = f"{fitted.value:.{_digits(fitted)}g} ± {fitted.std or 0.0:.2g}{unit}"
+        else:
+            section, _, leaf = key.rpartition(".")
+            name = section.rpartition(".")[2]
+            words = QUANTITIES.get(leaf, "")
+            was = f"{getattr(before.signals[name], leaf):.4g}{unit}"
+            now = f"{fitted.value:.4g}{unit}"
+        if fitted.determined:
+            remark = fitted.note or ""
+            rows.append(FitRow(name, leaf, words, was, now, interval(fitted), remark))
+        else:
+            rows.append(FitRow(name, leaf, words, was, "–", "", fitted.why or ""))
+    return rows
+
+
 def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
     """Print what was determined, and what could not be, against the file that it started from."""
     from rich.markup import escape
     from rich.table import Table
 
+    rows = fit_rows(fit, before)
+    of_signals = any(row.leaf for row in rows)
     table = Table(
-        "",
-        "",
-        "was",
-        "is",
-        "95 %",
+        *(("signal", "quantity") if of_signals else ("parameter",)),
+        "before",
+        "fitted",
+        "95 % interval",
         title=f"{fit.vehicle.name}: {fit.procedure}",
         title_justify="left",
     )
     last = ""
-    for key, fitted in fit.parameters.items():
-        if key in before.parameters:
-            name, leaf = key, ""
-            prior = fitted.prior_std or 0.0
-            was = f"{before.parameters[key].value:.4g} ± {prior:.2g}"
-            is_ = f"{fitted.value:.{_digits(fitted)}g} ± {fitted.std or 0.0:.2g}"
-        else:
-            section, _, leaf = key.rpartition(".")
-            name = section.rpartition(".")[2]
-            was, is_ = f"{getattr(before.signals[name], leaf):.4g}", f"{fitted.value:.4g}"
-        unit = "" if fitted.unit == "1" else f" {fitted.unit}"
-        first, last = ("" if name == last else name), name
-        if fitted.determined:
-            span = interval(fitted)
-            note = f"; {fitted.note}" if fitted.note else ""
-            table.add_row(first, leaf, was, is_ + unit, escape(span + note))
-        else:
-            table.add_row(first, leaf, was, "–", escape(fitted.why or ""), style="dim")
+    for row in rows:
+        first, last = ("" if row.name == last else row.name), row.name
+        names = (first, row.leaf) if of_signals else (first,)
+        words = "; ".join(filter(None, (row.interval, row.remark)))
+        style = None if row.interval else "dim"
+        table.add_row(*names, row.before, row.now, escape(words), style=style)
     console.print(table)
     if fit.validation is not None:
         console.print(escape(in_words(fit.validation)))

@@ -92,10 +92,12 @@ def _curve(
         time, (x, measured, fitted) = along(posterior, drive, names, after)
         _, (_, _, old) = along(posterior, drive, names, before)
         order = np.argsort(x)
-        axes.scatter(x, measured, c=time, s=2, cmap="jet")
-        labels = ("before", "fitted") if drive == 0 else (None, None)
-        axes.plot(x[order], old[order], "C7--", lw=1.5, label=labels[0])
-        axes.plot(x[order], fitted[order], "k", lw=1.5, label=labels[1])
+        labels = ("measured", "before", "fitted") if drive == 0 else (None, None, None)
+        dots = axes.scatter(x, measured, c=time, s=4, cmap="viridis", label=labels[0])
+        axes.plot(x[order], fitted[order], "k", lw=2.5, label=labels[2])
+        axes.plot(x[order], old[order], "C1--", lw=1.2, label=labels[1])
+    figure.colorbar(dots, ax=axes, label="time [s]")
+    axes.grid(alpha=0.3)
     axes.set(xlabel=picture.labels[0], ylabel=picture.labels[1])
     axes.legend()
     return figure
@@ -112,7 +114,7 @@ def _over_time(picture: TimePicture, posterior: Posterior) -> Figure:
         own = axes[len(panels) * drive : len(panels) * (drive + 1)]
         for panel, frame in zip(panels, own, strict=True):
             _panel(panel, frame, time, dict(zip(names, values, strict=True)))
-        own[-1].set_xlabel("time, s")
+        own[-1].set_xlabel("time [s]")
     return figure
 
 
@@ -133,6 +135,6 @@ def _readings(picture: ReadingsPicture, posterior: Posterior) -> Figure:
         off = reading_errors(problem, i, picture.sensor, posterior.fit.raw[i].r)
         frame.plot(time, measured, "C0.", ms=2, label="measured")
         frame.plot(time, measured - off, "C1.", ms=1, label="fitted")
-        frame.set(ylabel=picture.label, xlabel="time, s")
+        frame.set(ylabel=picture.label, xlabel="time [s]")
         frame.legend(fontsize=8, markerscale=5)
     return figure

@@ -28,13 +28,14 @@ def draw_noise(sensors: Mapping[str, SensorNoise], units: Mapping[str, str], fol
         quietest = int(np.argmin(np.nan_to_num(np.nanstd(sensor.windows, axis=1), nan=np.inf)))
         window = sensor.windows[quietest]
         detail.plot(window, ".-", lw=0.6, ms=3, label="readings")
-        detail.plot(window - sensor.residuals[quietest], lw=1.2, label="without noise")
+        detail.plot(window - sensor.residuals[quietest], lw=1.2, label="fitted motion")
         detail.set_title(
-            f"{name}: noise {sensor.total:.3g} {units[name]}, AR(1) {sensor.ar:.2f}",
+            f"{name.replace('_', ' ')}: noise {sensor.total:.3g} {units[name]}, "
+            f"correlation from sample to sample {sensor.ar:.2f}",
             loc="left",
             fontsize=9,
         )
-        detail.set_ylabel(units[name])
+        detail.set_ylabel(f"[{units[name]}]")
         noise_model.stem(
             range(LAGS + 1), autocorrelation(sensor.residuals), basefmt=" ", label="residuals"
         )
@@ -42,9 +43,9 @@ def draw_noise(sensors: Mapping[str, SensorNoise], units: Mapping[str, str], fol
         noise_model.set_ylim(-0.3, 1.05)
     axes[0, 0].legend(fontsize=7)
     axes[0, 1].legend(fontsize=7)
-    axes[0, 1].set_title("autocorrelation", loc="left", fontsize=9)
+    axes[0, 1].set_title("autocorrelation of the noise", loc="left", fontsize=9)
     axes[-1, 0].set_xlabel("sample")
-    axes[-1, 1].set_xlabel("lag, samples")
+    axes[-1, 1].set_xlabel("lag [samples]")
     figure.savefig(folder / "noise.png", dpi=110)
 
 

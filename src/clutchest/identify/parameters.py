@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchest.errors import ClutchestError
-from clutchest.identify.fit import Fit, Fitted
+from clutchest.identify.fit import NOT_VALIDATED, Fit, Fitted
 from clutchest.identify.likelihood import Posterior, most_probable, problem_of
 from clutchest.identify.validation import validate
 from clutchest.models.procedures import Procedure
@@ -48,7 +48,7 @@ def identify_parameters(
     keys = procedure.parameters
     warnings = [w for drive in signals.drives for w in drive.warnings]
     if holdout is None:
-        warnings.append("not validated: that takes a log that is not fitted, --holdout LOG")
+        warnings.append(NOT_VALIDATED)
     wanted = [key for key in keys if vehicle.parameters[key].spread > 0]
     fixed = [key for key in keys if key not in wanted]
     if not wanted:

@@ -327,8 +327,9 @@ class _Likelihood:
 
     def shares(self, theta: Floats) -> Floats:
         """Probability (W, strengths) of every walk in every window."""
-        table = self.table(theta)
-        shares = np.exp(-(table - table.min(axis=1, keepdims=True)) / 2) * self.weights
+        with np.errstate(divide="ignore"):  # a strength that no window has
+            likely = np.log(self.weights) - self.table(theta) / 2
+        shares = np.exp(likely - likely.max(axis=1, keepdims=True))
         return shares / shares.sum(axis=1, keepdims=True)
 
     def quiet(self, theta: Floats) -> NDArray[np.bool_]:

@@ -5,25 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from clutchest.identify.fit import Fit, in_words, interval
+from clutchest.identify.fit import Fit, FitRow, fit_rows, in_words
 from clutchest.record.report import table
-from clutchest.shown import plus_minus
+from clutchest.vehicle import Vehicle
 
-HEAD = ("number", "value ± 1σ", "95 %", "σ before", "note, or why it is not determined")
+HEAD = ("what", "before", "fitted", "95 % interval", "remark, or why it is not determined")
+HOW_TO_READ = (
+    "Numbers are value ± one standard deviation. Those that are fitted stand in `vehicle.toml` "
+    "beside this page; all others are as they were before."
+)
 
 
-def fit_markdown(fit: Fit, pictures: Sequence[str] = ()) -> str:
-    """One page of Markdown; ``pictures`` are file names."""
-    rows = []
-    for key, fitted in fit.parameters.items():
-        prior = "" if fitted.prior_std is None else f"{fitted.prior_std:.2g}"
-        if fitted.determined:
-            value = plus_minus(fitted.value, fitted.std or 0.0, fitted.unit)
-            rows.append((key, value, interval(fitted), prior, fitted.note or ""))
-        else:
-            rows.append((key, "–", "–", prior, fitted.why or ""))
+def fit_markdown(fit: Fit, before: Vehicle, pictures: Sequence[str] = ()) -> str:
+    """One page of Markdown; ``before``: the vehicle that it started from, ``pictures`` are file
+    names."""
+    rows = [
+        (_named(row), row.before, row.now, row.interval or "–", row.remark)
+        for row in fit_rows(fit, before)
+    ]
+    count = sum(fitted.determined for fitted in fit.parameters.values())
     logs = ", ".join(Path(source).name for source in fit.sources)
-    parts = [f"# {fit.shown().line}", f"From {logs}.", table(HEAD, rows)]
+    parts = [
+        f"# {fit.vehicle.name}: {fit.procedure}",
+        f"{count} of {len(rows)} numbers determined from {logs}. {HOW_TO_READ}",
+        table(HEAD, rows),
+    ]
     if fit.validation is not None:
         parts += ["## On logs that were not used", in_words(fit.validation)]
     if pictures:
@@ -33,3 +39,9 @@ def fit_markdown(fit: Fit, pictures: Sequence[str] = ()) -> str:
     if fit.warnings:
         parts += ["## Warnings", "\n".join(f"- {text}" for text in fit.warnings)]
     return "\n\n".join(parts) + "\n"
+
+
+def _named(row: FitRow) -> str:
+    """A number by what it is, and as the vehicle file has it."""
+    key = f"`{row.name}.{row.leaf}`" if row.leaf else f"`{row.name}`"
+    return f"{row.what}: {key}" if row.what else key

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from clutchest.discovery.result import Discovery
     from clutchest.estimate.run import Run
     from clutchest.identify.fit import Fit
+    from clutchest.vehicle import Vehicle
 
 NAME = "report.html"
 DRAWN = 4  # drives whose estimates are drawn
@@ -66,11 +67,12 @@ def discovery_page(discovery: Discovery) -> str:
     return page(f"{discovery.vehicle.name}: discovery", text, pictures)
 
 
-def fit_page(fit: Fit) -> str:
-    """The numbers with their intervals, and data against fit."""
+def fit_page(fit: Fit, before: Vehicle) -> str:
+    """The numbers with their intervals beside those of the vehicle ``before``, and data against
+    fit."""
     from clutchest.record.fit_report import fit_markdown
 
     drawn = {picture.name: picture.png for picture in fit.plot()} if installed("matplotlib") else {}
     pictures = {name: bitmap(png) for name, png in drawn.items()}
     title = f"{fit.vehicle.name}: {fit.procedure}"
-    return page(title, fit_markdown(fit, list(pictures)), pictures)
+    return page(title, fit_markdown(fit, before, list(pictures)), pictures)

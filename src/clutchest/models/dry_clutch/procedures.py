@@ -23,22 +23,24 @@ TORQUE = TimePicture(
     "torque.png",
     (
         PicturePanel(
-            "clutch torque, Nm",
+            "clutch torque [Nm]",
             (Line("measured_torque", "measured", "k"), Line("clutch_torque", "fitted", "C1")),
         ),
         PicturePanel(
-            "temperature, °C",
+            "temperature [°C]",
             (Line("temp_body", "body"), Line("temp_housing", "housing"), Line("temp_disc", "disc")),
         ),
     ),
 )  # as [ME12], Fig. 10
-ZERO_POSITION = ReadingsPicture("zero_position.png", "zero_position", "zero position, mm")  # Fig. 5
+ZERO_POSITION = ReadingsPicture(
+    "zero_position.png", "zero_position", "zero position [mm]"
+)  # Fig. 5
 TORQUE_CURVE = CurvePicture(
     "torque_curve.png",
     "corrected_position",
     "measured_torque",
     "reference_torque",
-    ("corrected position, mm", "clutch torque, Nm"),
+    ("corrected position [mm]", "clutch torque [Nm]"),
 )  # Fig. 8
 
 
