@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from clutchest.errors import ClutchestError, file_like, nearest
+from clutchest.errors import ClutchestError, alike, file_like
 
 _PACKAGE = Path(__file__).parent
 # In the wheel they are inside the package; in a checkout at its top level.
@@ -35,5 +35,6 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
             return path
     if direct.is_dir():
         raise ClutchestError(f"{name}: is a folder, expected a file")
-    hint = file_like(direct, stock) or nearest(direct.name.split(".")[0], stock)
+    hint = file_like(direct, stock) or alike(direct.name.split(".")[0], stock)
+    hint = hint or (f"; shipped {kind}: {', '.join(stock)}" if stock else "")
     raise ClutchestError(f"no such file: {name}{hint}")
