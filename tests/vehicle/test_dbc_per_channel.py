@@ -15,6 +15,7 @@ from clutchest import can
 from clutchest.can.database import DatabaseFile, load
 from clutchest.can.encode import encode
 from clutchest.can.files import write_frames
+from clutchest.can.frame_filter import FrameFilter
 from clutchest.can.frames import Frames
 from clutchest.can.survey import survey
 from clutchest.cli import main
@@ -137,6 +138,17 @@ def test_a_vehicle_file_names_the_database_of_each_channel(car, frames, suffix, 
     )
     assert signals.counts.rejected == {"not mapped": 400}, "the third bus, and the oil"
     assert signals.warnings == ()
+
+
+def test_frames_of_another_bus_are_not_kept_in_memory(files):
+    bus = load(files)
+    t_ns = 1_000_000 * np.arange(5000)
+    frames = encode(
+        bus.message("Status@3"), {"InputShaftSpeed": np.full(5000, 9.0)}, t_ns, channel=1
+    )
+    kept = FrameFilter([bus.message("Status@0"), bus.message("Status@3")], 10**12).kept(frames)
+    assert len(kept) < 500, "those that tell when the bus was active"
+    assert dict(kept.passed_over) == {"not mapped": 5000 - len(kept)}
 
 
 def test_it_is_written_and_read_back(car, tmp_path):
