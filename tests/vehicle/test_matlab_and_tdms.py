@@ -6,17 +6,20 @@ import gzip
 import struct
 import zlib
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.io import savemat
 
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.reading.table_formats import is_table
 from clutchest.reading.table_inspection import inspect_tables
+from clutchest.record.terminal import print_table_inspection
 from clutchest.vehicle import TableColumn, load_vehicle
 
 RPM = np.pi / 30
@@ -266,6 +269,10 @@ def test_inspect_drafts_a_vehicle_of_them(tmp_path):
     found = inspect_tables([tmp_path / "m.mat"], "dry_clutch")
     assert {column.column for column in found.columns} == {"engine_speed", "M"}
     assert [each.column for each in found.candidates["engine_speed"]] == ["engine_speed"]
+    console = Console(file=StringIO(), width=120)
+    print_table_inspection(found, console)
+    shown = console.file.getvalue().splitlines()
+    assert any(line.count("engine_speed") == 2 for line in shown), "and what it could be"
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig", "latin-1"])

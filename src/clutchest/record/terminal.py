@@ -121,7 +121,11 @@ def print_table_inspection(inspection: TableInspection, console: Console) -> Non
         title_justify="left",
     )
     for column in inspection.columns:
-        likely = [name for name, found in inspection.candidates.items() if column in found]
+        likely = [
+            name
+            for name, found in inspection.candidates.items()
+            if column.column in {each.column for each in found}
+        ]
         period = column.period_s
         columns.add_row(
             escape(column.column),
