@@ -15,6 +15,7 @@ import clutchest
 from clutchest import budgets
 from clutchest.can.database import load
 from clutchest.can.files import read_frames
+from clutchest.can.recovery import dbc
 from clutchest.can.recovery.mf4_links import returning
 from clutchest.errors import ClutchestError
 from clutchest.record.files import read_state
@@ -91,6 +92,15 @@ def test_a_long_dbc_with_a_quote_that_does_not_close_is_refused(tmp_path):
     assert "a quote that does not close" in refusal(load, [path])
     path.write_text(DBC + "\n" * budgets.DBC_BYTES, encoding="utf-8")
     assert "are too many for a DBC" in refusal(load, [path])
+
+
+def test_a_long_dbc_is_not_repaired_without_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(dbc, "REPAIRED_BYTES", 5 * len(DBC))
+    path = tmp_path / "x.dbc"
+    path.write_text(DBC + "EV_ wrong ;\n" * 3, encoding="utf-8")
+    assert load([path]).messages
+    path.write_text(DBC + "EV_ wrong ;\n" * 40, encoding="utf-8")
+    assert "lines are not valid" in refusal(load, [path])
 
 
 def test_a_range_of_all_numbers_is_no_defect(tmp_path):

@@ -13,6 +13,7 @@ from clutchest.errors import ClutchestError
 VEHICLE_BYTES = 4 << 20  # of a vehicle file, with its curves
 STATE_BYTES = 16 << 20  # of a state.json
 DBC_BYTES = 8 << 20  # of a DBC; cantools needs some hundred times as much
+REPAIRED_BYTES = 64 << 20  # of a DBC that is read anew after each repair, all times together
 UNPACKED_BYTES = 256 << 20  # of a compressed file that can only be read whole
 TEXT_BYTES = 2 << 30  # of a compressed table, inflated block by block
 LINE_BYTES = 16 << 20  # of one line of a table

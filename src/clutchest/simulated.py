@@ -27,6 +27,7 @@ from clutchest.generator import (
     Sampled,
 )
 from clutchest.models.effects import Effect, with_files
+from clutchest.paths import named_in_utf8
 from clutchest.reading import load_database
 from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
@@ -391,4 +392,5 @@ def _write_truth(truth: Truth, path: Path, about: Mapping[str, object]) -> None:
         key: value if isinstance(value, str) else json.dumps(value, default=repr)
         for key, value in about.items()
     }
-    pq.write_table(table.replace_schema_metadata(about), path)
+    with named_in_utf8(path) as file:
+        pq.write_table(table.replace_schema_metadata(about), file)

@@ -30,6 +30,19 @@ def test_an_unforeseen_error_is_one_line_with_a_file(monkeypatch, capsys):
     assert "out of the blue" in text and "in broken" in text
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux has a disk that is full")
+def test_an_output_that_takes_nothing_is_one_line():
+    with open("/dev/full", "w") as full:  # noqa: PTH123 - a device
+        done = subprocess.run(
+            [sys.executable, "-m", "clutchest", "--help"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (1, "clutchest: No space left on device\n")
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp437"])
 def test_what_an_encoding_lacks_has_a_form_in_ascii(monkeypatch, encoding):
     stream = TextIOWrapper(BytesIO(), encoding=encoding)

@@ -6,6 +6,7 @@ Whatever is heavy is imported by the verb that needs it, so that ``--help`` answ
 from __future__ import annotations
 
 import os
+import sys
 from typing import Annotated
 
 import typer
@@ -24,7 +25,7 @@ from clutchest.cli.play import play
 from clutchest.cli.replay import replay
 from clutchest.cli.reproduce import reproduce
 from clutchest.cli.simulate import WithScenarios, simulate
-from clutchest.cli.terminal import fail, printable, unexpected
+from clutchest.cli.terminal import fail, hush, printable, unexpected
 from clutchest.cli.trust import trust
 from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
@@ -62,7 +63,10 @@ def main() -> None:
     nobody foresaw, with a file to send."""
     printable()
     try:
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
     except ClutchestError as problem:
         fail(str(problem))
     except ModuleNotFoundError as problem:
@@ -72,6 +76,7 @@ def main() -> None:
         fail(f"not enough memory: {problem or 'the log or the duration is too long'}")
     except OSError as problem:
         where = f"{problem.filename}: " if problem.filename else ""
+        hush()
         fail(f"{where}{problem.strerror or problem}")
     except RecursionError:
         fail("an input is nested too deeply")

@@ -15,7 +15,7 @@ import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, Trust, VehicleName
-from clutchest.cli.terminal import note, progress
+from clutchest.cli.terminal import note, print_json, progress
 
 if TYPE_CHECKING:
     from clutchest.estimate.drive import Piece
@@ -183,16 +183,13 @@ def _words(status: SessionStatus, piece: Piece | None, events: Sequence[MonitorE
 
 def _lines(status: SessionStatus, piece: Piece | None, events: Sequence[MonitorEvent]) -> None:
     """Events and estimates, one object per line."""
-    import json
     from dataclasses import asdict
-
-    from clutchest.record.files import plain
 
     lines = [asdict(event) for event in events]
     if piece is not None:
         lines += _rows(piece)
     for line in lines:
-        sys.stdout.write(json.dumps(plain(line), ensure_ascii=False) + "\n")
+        print_json(line, indent=None)
     if lines:
         sys.stdout.flush()
 

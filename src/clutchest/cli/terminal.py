@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import os
 import sys
 import tempfile
 import traceback
@@ -83,11 +84,12 @@ def meanwhile(module: str) -> None:
     Thread(target=import_module, args=(module,)).start()
 
 
-def print_json(value: Any) -> None:
-    """Strict JSON on stdout."""
+def print_json(value: Any, indent: int | None = 2) -> None:
+    """Strict JSON on stdout, in an object per line without ``indent``."""
     from clutchest.record.files import json_text
 
-    sys.stdout.write(json_text(value))
+    unicode = (sys.stdout.encoding or "").lower().startswith("utf")
+    sys.stdout.write(json_text(value, ascii_only=not unicode, indent=indent))
 
 
 def answer(
@@ -122,6 +124,15 @@ def note(text: str) -> None:
     """A remark beside the result, on stderr, while there is anybody to read it."""
     with suppress(OSError):
         print(text, file=sys.stderr, flush=True)
+
+
+def hush() -> None:
+    """What stdout has not taken, and will not take any more, is dropped."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def printable() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from clutchest import memory_mapped
 from clutchest.errors import ClutchestError
 from clutchest.estimate.observability import Information
+from clutchest.paths import names_of
 from clutchest.shown import Showing, Shown, plus_minus
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
@@ -293,7 +293,7 @@ class Run(Showing):
 
 def log_of(signals: Signals) -> str:
     """The file names of a drive's logs; "" where it was read from none."""
-    return ", ".join(Path(source).name for source in signals.sources)
+    return names_of(signals.sources)
 
 
 def columns_of(track: Track, drive: int, start_ns: int | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 from clutchest.fleet.fleet import Fleet
 from clutchest.fleet.one_log import DATASET
 from clutchest.fleet.report import fleet_page
+from clutchest.paths import readable
 from clutchest.reading.table_formats import write_table
 from clutchest.record.files import finished_into
 
@@ -22,7 +23,7 @@ def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
     with finished_into(out) as folder:
         write_table(summary, folder / "summary.parquet")
         write_table(pd.DataFrame(drive_rows(fleet)), folder / "drives.parquet")
-        (folder / "report.html").write_text(fleet_page(fleet), encoding="utf-8")
+        (folder / "report.html").write_text(readable(fleet_page(fleet)), encoding="utf-8")
         names = sorted(path.name for path in folder.iterdir())
     return [out / name for name in (*names, DATASET)]
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from clutchest.can.formats import log_formats
 from clutchest.errors import ClutchestError
+from clutchest.paths import readable
 
 TABLES = (".parquet", ".xlsx", ".mdf")
 AGAIN = ".truth.parquet"  # beside a simulated log: not a log
@@ -27,7 +28,7 @@ class FleetLog:
         (the log before it, vehicle file and version) is another."""
         about = self.path.stat()
         text = f"{self.vehicle} {self.path} {about.st_size} {about.st_mtime_ns} {made_by}"
-        return hashlib.sha256(text.encode()).hexdigest()[:24]
+        return hashlib.sha256(readable(text).encode()).hexdigest()[:24]
 
 
 def logs_of(places: Sequence[str]) -> tuple[FleetLog, ...]:
@@ -52,14 +53,14 @@ def _logs_at(place: str) -> Iterator[FleetLog]:
     if path.is_dir():
         for file in _known(path.rglob("*")):
             below = file.relative_to(path).parts
-            yield FleetLog(file, below[0] if len(below) > 1 else path.resolve().name)
+            yield FleetLog(file, readable(below[0] if len(below) > 1 else path.resolve().name))
         return
     files = [path] if path.is_file() else [Path(name) for name in _matching(place)]
     for file in files:
         if file.is_dir():
             yield from _logs_at(str(file))
         elif not file.name.endswith(AGAIN):
-            yield FleetLog(file, file.resolve().parent.name)
+            yield FleetLog(file, readable(file.resolve().parent.name))
 
 
 def _matching(pattern: str) -> list[str]:

@@ -20,6 +20,7 @@ from clutchest.identify.equation_errors import BenchPosterior, fit_errors
 from clutchest.identify.fit import NOT_VALIDATED, ErrorChange, Fit, Fitted, Validation
 from clutchest.identify.parameters import as_fitted
 from clutchest.models.experiments import BenchExperiment, EquationErrors
+from clutchest.paths import names_of
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import ParameterValue, Vehicle
@@ -79,7 +80,7 @@ def identify_experiments(
             f"{vehicle.path.name}: none of {', '.join(keys)} has a spread: nothing may be fitted"
         )
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
-    source = f"clutchest identify {name}, {', '.join(Path(s).name for s in sources)}"
+    source = f"clutchest identify {name}, {names_of(sources)}"
     parameters = {key: _fitted(reduced, posterior, vehicle.parameters[key], key) for key in wanted}
     changed = replace(vehicle, parameters=_changed(vehicle, parameters, source))
     validation = None

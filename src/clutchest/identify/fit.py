@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
+from clutchest.paths import names_of
 from clutchest.shown import Showing, Shown, plus_minus, printed
 from clutchest.vehicle import Vehicle, dump_vehicle
 
@@ -157,7 +158,7 @@ class Fit(Showing):
         """The vehicle as a file at ``path`` that will lie at ``target``; its heading says what was
         determined."""
         determined = [key for key, fitted in self.parameters.items() if fitted.determined]
-        logs = ", ".join(Path(source).name for source in self.sources)
+        logs = names_of(self.sources)
         heading = (
             f"clutchest {__version__}, identify {self.procedure}, from {logs}:\n"
             + "\n".join(f"  {key}" for key in determined or ["nothing could be determined"])

@@ -13,6 +13,7 @@ from clutchest.identify.fit import NOT_VALIDATED, Fit, Fitted
 from clutchest.identify.likelihood import Posterior, most_probable, problem_of
 from clutchest.identify.validation import validate
 from clutchest.models.procedures import Procedure
+from clutchest.paths import names_of
 from clutchest.progress import Progress
 from clutchest.signals import Signals
 from clutchest.vehicle import ParameterValue, Vehicle
@@ -57,7 +58,7 @@ def identify_parameters(
         )
     posterior = posterior_of(procedure, signals, vehicle, progress)
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
-    source = f"clutchest identify {procedure.name}, {', '.join(Path(s).name for s in sources)}"
+    source = f"clutchest identify {procedure.name}, {names_of(sources)}"
     parameters, changed_to = {}, dict(vehicle.parameters)
     for key in wanted:
         parameters[key] = determined(posterior, key)

@@ -106,7 +106,9 @@ class Monitor:
             while not self.stopped and (end is None or time.monotonic() < end):
                 self._take(self._receive(TICK_S), show)
             self._reception.stop()
-            self._take(self._receive(0.0), show)
+            while len(frames := self._receive(0.0)):
+                self._take(frames, show)
+            self._take(frames, show)
             self._end_drive(show)
             self._show(show, None)
         except BaseException:

@@ -24,6 +24,8 @@ GATHER_S = 0.05  # s for which frames are gathered, as long as no estimate is du
 PROMPT_S = 0.008  # s before one is due, from which every frame is taken at once
 TRANSIT_NS = 1_000_000_000  # a frame may take this long from its stamp to here
 
+MOST = 20_000  # frames in one go, and the batch with which it is reached
+
 Report = Callable[[str, str, Mapping[str, Any]], None]  # (kind of event, name, data)
 
 
@@ -77,6 +79,8 @@ class Reception:
                     self._heard_ns = item.until_ns
                 else:
                     batches.append(self._stamped(item))
+                if sum(map(len, batches)) >= MOST:  # what comes faster waits for the next call
+                    break
                 item = received.get_nowait()
         except queue.Empty:
             pass

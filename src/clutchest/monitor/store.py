@@ -28,7 +28,8 @@ from clutchest.monitor.growing import (
     layout_of,
     read_growing,
 )
-from clutchest.record.files import finished_into, json_text, plain, sweep
+from clutchest.paths import named_in_utf8
+from clutchest.record.files import finished_into, json_text, sweep
 
 RECEIVED, EVENTS, ESTIMATES = "received.log", "events.jsonl", "estimates.parquet"
 RECORDING, STATE = "recording.rrd", "state.json"
@@ -67,7 +68,7 @@ class Session:
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Write an event."""
-        self._events.write(json.dumps(plain(event), ensure_ascii=False).encode() + b"\n")
+        self._events.write(json_text(event, indent=None).encode())
 
     def keep(self, track: Track, drive: int, start_ns: int | None, restarted: bool) -> None:
         """Write the rows of a track whose time begins at ``start_ns``; where ``restarted`` they
@@ -154,9 +155,14 @@ def _to_parquet(path: Path, head: Mapping[str, Any], rows: np.ndarray) -> None:
 def _complete(recording: Path, whole: Path) -> bool:
     """Write ``whole``: all that can be read of a recording, and a proper end."""
     command = [sys.executable, "-m", "rerun_cli", "rrd", "optimize", "--continue-on-error"]
-    command += [str(recording), "-o", str(whole)]
     try:
-        result = subprocess.run(command, capture_output=True, check=False, start_new_session=True)
+        with named_in_utf8(recording) as file:
+            result = subprocess.run(
+                [*command, str(file), "-o", str(whole)],
+                capture_output=True,
+                check=False,
+                start_new_session=True,
+            )
     except OSError:
         return False
     if result.returncode or not whole.exists() or not whole.stat().st_size:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from clutchest.models.experiments import BenchSection
+from clutchest.paths import named_in_utf8
 from clutchest.signals import Signals
 
 
@@ -19,7 +20,8 @@ def stated_benches(drive: Signals) -> tuple[BenchSection, ...]:
     import pyarrow.parquet as pq
 
     try:
-        metadata = pq.read_schema(truth).metadata or {}
+        with named_in_utf8(truth) as file:
+            metadata = pq.read_schema(file).metadata or {}
         stated = json.loads(metadata.get(b"benches", b"[]"))
         return tuple(BenchSection(float(a), float(b), str(name)) for a, b, name in stated)
     except (OSError, ValueError, TypeError):

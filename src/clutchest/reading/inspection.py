@@ -17,6 +17,7 @@ from clutchest.can.transport import reassembled
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
+from clutchest.paths import names_of
 from clutchest.reading.candidates import SignalCandidate, search, sources_of
 from clutchest.reading.drafting import Draft, drafted_name
 from clutchest.reading.driveline import driveline_of
@@ -111,7 +112,7 @@ class Inspection:
 
     def _heading(self) -> str:
         lines = [
-            f"Drafted by `clutchest inspect` from {', '.join(p.name for p in self.logs)}.",
+            f"Drafted by `clutchest inspect` from {names_of(self.logs)}.",
             "Every parameter is a guess; see the `source` of each.",
         ]
         lines += [f"MISSING {what}" for what in self.missing]

@@ -14,6 +14,7 @@ from clutchest import units
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
+from clutchest.paths import names_of
 from clutchest.reading.drafting import guessed_parameters
 from clutchest.reading.signal_table import Frame, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
@@ -125,7 +126,7 @@ class TableInspection:
 
     def _heading(self) -> str:
         lines = [
-            f"Drafted by `clutchest inspect` from {', '.join(p.name for p in self.logs)}.",
+            f"Drafted by `clutchest inspect` from {names_of(self.logs)}.",
             "Every parameter is a guess; see the `source` of each.",
             *(f"MISSING {what}" for what in self.missing),
         ]

@@ -12,6 +12,7 @@ from rich.table import Table
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.result import Diagnosis, Isolability
 from clutchest.extras import installed
+from clutchest.paths import readable
 from clutchest.record.arrow import without_pandas
 from clutchest.record.diagnosis_report import details, headline
 from clutchest.record.files import finished_into, json_text
@@ -28,7 +29,7 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path) -> list[Path]:
     """
     with without_pandas(), finished_into(out) as folder:
         (folder / "diagnosis.json").write_text(json_text(diagnosis.summary()), encoding="utf-8")
-        (folder / REPORT).write_text(diagnosis_page(diagnosis), encoding="utf-8")
+        (folder / REPORT).write_text(readable(diagnosis_page(diagnosis)), encoding="utf-8")
         if installed("rerun"):
             from clutchest.record.rerun import write_recording
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from clutchest import __version__
 from clutchest.discovery.result import Discovery
 from clutchest.extras import installed
+from clutchest.paths import readable
 from clutchest.record.discovery_report import report, title
 from clutchest.record.files import finished_into, json_text
 from clutchest.record.html_reports import NAME as REPORT
@@ -29,8 +30,10 @@ def write_discovery(discovery: Discovery, out: Path) -> list[Path]:
         (folder / "discovery.json").write_text(json_text(discovery.summary()), encoding="utf-8")
         dump_vehicle(discovery.extended, folder / NAME, _heading(discovery), out / NAME)
         misfit, forms = _draw(discovery, folder)
-        (folder / "report.md").write_text(report(discovery, misfit, forms), encoding="utf-8")
-        (folder / REPORT).write_text(discovery_page(discovery), encoding="utf-8")
+        (folder / "report.md").write_text(
+            readable(report(discovery, misfit, forms)), encoding="utf-8"
+        )
+        (folder / REPORT).write_text(readable(discovery_page(discovery)), encoding="utf-8")
         if installed("rerun"):
             from clutchest.record.discovery_recording import write_discovery_recording
 

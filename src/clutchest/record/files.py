@@ -19,6 +19,7 @@ from clutchest.budgets import STATE_BYTES, within
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of, log_of
 from clutchest.extras import installed
+from clutchest.paths import named_in_utf8, readable
 from clutchest.reading.table_formats import write_table
 
 INNOVATIONS = "innovations.parquet"
@@ -27,9 +28,10 @@ _FINISHED = ".finished-"  # likewise: every file is complete, and is moving into
 _PORTION = 25_000  # rows of a table that are written together
 
 
-def json_text(value: Any) -> str:
+def json_text(value: Any, ascii_only: bool = False, indent: int | None = 2) -> str:
     """``value`` as strict JSON: numbers that are missing or not finite become null."""
-    return json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(plain(value), indent=indent, ensure_ascii=ascii_only, allow_nan=False)
+    return readable(text) + "\n"
 
 
 def write_run(
@@ -66,7 +68,7 @@ def write_run(
             if innovations:
                 _write_tables(_innovations(run), folder / INNOVATIONS, run.provenance)
         if report:
-            (folder / REPORT).write_text(run_page(run), encoding="utf-8")
+            (folder / REPORT).write_text(readable(run_page(run)), encoding="utf-8")
         for suffix in formats:
             write_table(run.to_pandas(), folder / f"estimates.{suffix}")
         names = sorted(path.name for path in folder.iterdir())
@@ -92,12 +94,12 @@ def finished_into(out: Path) -> Iterator[Path]:
     with (
         TemporaryDirectory(dir=out, prefix=f"{_UNFINISHED}{os.getpid()}-") as unfinished,
         _held(Path(unfinished)),
+        named_in_utf8(Path(unfinished)) as folder,
     ):
         try:
-            yield Path(unfinished)
+            yield folder
         except ClutchestError as problem:  # name what was asked for, not the place of passage
-            passage = str(Path(unfinished) / "x")[:-1]
-            named = str(problem).replace(passage, str(out / "x")[:-1])
+            named = str(problem).replace(str(folder / "x")[:-1], str(out / "x")[:-1])
             raise ClutchestError(named) from problem
         finished = sorted(Path(unfinished).iterdir())
         for path in finished:

@@ -13,6 +13,7 @@ import rerun as rr
 
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Track
+from clutchest.paths import named_in_utf8
 from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
 from clutchest.record.quantities import OUTPUTS
@@ -49,19 +50,20 @@ class LiveRecording:
         self._styled: set[str] = set()
         self._path, self.address = path, ""
         self._stream = rr.RecordingStream("clutchest", send_properties=False)
-        sinks: list[Any] = [rr.FileSink(path, write_footer=False)]
+        sinks: list[Any] = []
         every = _EVERY
         if serve is not None:
             every = 0.5
             refuse_taken(serve)
             sinks.append(rr.GrpcServerSink(HERE, serve[0], server_memory_limit=MEMORY))
         self._every = every
-        self._stream.set_sinks(*sinks)
+        with named_in_utf8(path) as file:  # which is opened at once
+            self._stream.set_sinks(rr.FileSink(file, write_footer=False), *sinks)
         self._stream.send_recording_name(f"{vehicle.name}, live")
         self._stream.send_blueprint(live_blueprint(known, TIMELINE))
         self._lane("mode", MODE_COLOURS)
         if serve is not None:
-            self._viewer = Viewer(sinks[1].uri, serve[1])
+            self._viewer = Viewer(sinks[0].uri, serve[1])
             self.address = self._viewer.address
 
     def begin(self, start_ns: int, provenance: Mapping[str, str]) -> None:

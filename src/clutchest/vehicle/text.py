@@ -13,6 +13,7 @@ from typing import Any
 from clutchest.can.database import DatabaseFile
 from clutchest.errors import ClutchestError
 from clutchest.models.error_curve import ErrorCurve
+from clutchest.paths import readable
 from clutchest.shipped import shipped
 from clutchest.vehicle.vehicle import BusSignal, SignalMap, Vehicle
 
@@ -29,7 +30,12 @@ def dump_vehicle(
     """
     path = Path(path)
     target = path if target is None else target
-    path.write_text(vehicle_text(vehicle, target, heading), encoding="utf-8")
+    text = vehicle_text(vehicle, target, heading)
+    if text != readable(text):
+        raise ClutchestError(
+            f"{target}: a vehicle file cannot name a file whose path from there is not UTF-8"
+        )
+    path.write_text(text, encoding="utf-8")
     for source, name in _copies(vehicle, target).items():
         content, digest = source.read_bytes(), vehicle.digests.get(source)
         if digest and sha256(content).hexdigest() != digest:

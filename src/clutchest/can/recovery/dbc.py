@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from clutchest.budgets import LARGEST, MESSAGE_BITS
+from clutchest.budgets import LARGEST, MESSAGE_BITS, REPAIRED_BYTES
 from clutchest.can.log_source import quiet
 
 if TYPE_CHECKING:
@@ -166,8 +166,9 @@ def parsed(text: str) -> tuple[Database, list[str]]:
 
     _check_numbers(text)
     given, strict = _Text(text.splitlines()), True
+    most = min(_MOST, REPAIRED_BYTES // max(len(text), 1) + 2)
     with quiet("cantools"):
-        for _ in range(_MOST):
+        for _ in range(most):
             whole = "\n".join(given.lines) + "\n"
             database = cantools.database.can.Database(strict=strict)
             try:
@@ -183,4 +184,4 @@ def parsed(text: str) -> tuple[Database, list[str]]:
                 if not given.leave_out_references():
                     why = f"not a DBC that can be read ({type(error).__name__}: {error})"
                     raise Irreparable(0, why) from None
-    raise Irreparable(0, f"more than {_MOST} lines are not valid")
+    raise Irreparable(0, f"more than {most} lines are not valid")

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError, nearest
+from clutchest.paths import named_in_utf8
 from clutchest.reading.signal_table import SignalTable, as_pandas, of_frame
 from clutchest.reading.table_kind import TableKind, always
 
@@ -68,7 +69,8 @@ def write_table(table: pd.DataFrame, path: Path) -> None:
         raise ClutchestError(
             f"{path}: decoded signals are written as {', '.join(others)} or {last}"
         )
-    kind.write(table, path)
+    with named_in_utf8(path) as file:
+        kind.write(table, file)
 
 
 def is_table(path: Path) -> bool:

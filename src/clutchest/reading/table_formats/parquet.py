@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError
+from clutchest.paths import named_in_utf8
 from clutchest.reading.signal_table import Frame, of_frame
 from clutchest.reading.table_budget import check_cells
 from clutchest.reading.table_kind import TableKind
@@ -41,17 +42,19 @@ def read(path: Path) -> Frame:
     import pandas as pd
     import pyarrow.parquet as pq
 
-    schema = pq.read_schema(path)
-    if b"clutchest" in (schema.metadata or {}):
-        raise ClutchestError(f"{path}: is a result of clutchest, expected a log")
-    about = pq.read_metadata(path)
-    check_cells(path, about.num_rows * about.num_columns)
+    with named_in_utf8(path) as file:
+        schema = pq.read_schema(file)
+        if b"clutchest" in (schema.metadata or {}):
+            raise ClutchestError(f"{path}: is a result of clutchest, expected a log")
+        about = pq.read_metadata(file)
+        check_cells(path, about.num_rows * about.num_columns)
+        frame = pd.read_parquet(file)
     stated = {}
     for column in schema:
         metadata = column.metadata or {}
         unit = next((metadata[k] for k in (b"unit", b"units", b"Unit") if k in metadata), b"")
         stated[column.name] = unit.decode("utf-8", "replace")
-    return of_frame(str(path), pd.read_parquet(path), stated)
+    return of_frame(str(path), frame, stated)
 
 
 FORMAT = TableKind(
