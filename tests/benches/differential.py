@@ -159,6 +159,7 @@ _CATALOGUE = {
     "current_gain": "change 1",
     "torque_sensor_gain": "change 1",
     "friction_slip": "change 1, speed rad/s",
+    "friction_fade": "+ slope 1/(100 K), onset °C",
     "friction_oil_temperature": "slope 1/(100 K)",
     "viscous_drag": "+ coefficient Nm s/(10 rad)",
 }

@@ -165,6 +165,40 @@ def test_wear_widens_the_free_play_with_slip_energy() -> None:
     assert np.allclose(grown, 0.01e-6 * o["energy"], rtol=1e-9, atol=1e-18)
 
 
+def test_friction_fades_as_the_pack_heats() -> None:
+    """Sliding, by the temperature beyond the onset, and not below it."""
+    slope, onset = 0.4, 25.5
+    o = record(held(12.0), {"friction_fade": {"slope": slope, "onset": onset}})
+    slides = o["mode"] == 1.0
+    without = rig()["friction_coefficient"] * rig()["friction_surfaces"]
+    without = without * rig()["equivalent_radius"] * o["pack_force"][slides]
+    hot = np.maximum(o["temp_pack"][slides] - onset, 0.0)
+    assert hot[0] == 0.0
+    assert hot[-1] > 0.5
+    kept = o["clutch_torque"][slides] / without
+    np.testing.assert_allclose(kept, 1.0 - slope * hot / 100.0, atol=1e-4)
+
+
+def test_a_sweep_breaks_slip_and_oil_apart() -> None:
+    sampled = drive("slip-oil-sweep")
+    (_, slip), (_, oil) = (sampled.signals[n] for n in ("slip_speed", "oil_temp"))
+    assert oil.min() < -19.0
+    assert oil.max() > 119.0
+    pressed = sampled.signals["clutch_torque"][1] > 50.0
+    assert slip[pressed].min() < 1.0 * RPM
+    assert slip[pressed].max() > 110.0 * RPM
+    assert abs(np.corrcoef(np.log(slip[pressed]), oil[pressed])[0, 1]) < 0.3
+
+
+def test_a_clutch_that_coasts_is_open_and_turns_both_ways() -> None:
+    sampled = drive("coast")
+    torque, slip = (sampled.signals[n][1] for n in ("clutch_torque", "slip_speed"))
+    still = np.abs(torque) < 1.0
+    assert np.mean(still) > 0.9
+    assert slip[still].min() < -100.0 * RPM
+    assert slip[still].max() > 100.0 * RPM
+
+
 def test_bad_requests_are_refused() -> None:
     with pytest.raises(ClutchestError, match=r"unknown scenario 'rig-step'.*rig-steps"):
         drive("rig-step")

@@ -54,6 +54,11 @@ EFFECTS: Mapping[str, Effect] = MappingProxyType(
             {"change": 0.0, "speed": 0.5},
             at_least={"change": -1.0, "speed": 0.0},
         ),
+        "friction_fade": Effect(
+            "friction × (1 − slope·max(pack − onset, 0)/100 K), °C",
+            {"slope": 0.0, "onset": 60.0},
+            one_sided=True,
+        ),
         "friction_oil_temperature": Effect(
             "friction × (1 + slope·(oil − 60 °C)/100 K)", {"slope": 0.0}
         ),
@@ -149,6 +154,8 @@ _GAINS = (
     "slip_change",
     "slip_speed",
     "oil_slope",
+    "fade",
+    "fade_onset",
     "drag",
     "known_friction",
 )
@@ -178,6 +185,8 @@ def numbers(
         "slip_change": effects["friction_slip"]["change"],
         "slip_speed": effects["friction_slip"]["speed"],
         "oil_slope": effects["friction_oil_temperature"]["slope"],
+        "fade": effects["friction_fade"]["slope"],
+        "fade_onset": effects["friction_fade"]["onset"],
         "drag": effects["viscous_drag"]["coefficient"],
         "known_friction": known_friction,
         **{name: deviations.get(name, 0.0) for name in DEVIATIONS},

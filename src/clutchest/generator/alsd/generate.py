@@ -27,6 +27,7 @@ BENCHES = ("rig", "no-pack", "output-fixed", "motor-alone", "rotor-held")  # by 
 LARGEST: Values = {
     "change": 4.0,
     "slope": 5.0,
+    "onset": 1000.0,
     "resistance": 5.0,
     "growth": 0.05,
     "rate": 1.0,

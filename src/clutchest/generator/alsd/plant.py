@@ -152,9 +152,10 @@ def level(force: float, speed: float, p: Record) -> float:
 
 
 @compiled
-def friction_coefficient(slip: float, oil: float, p: Record) -> float:
-    """μ with what slip and oil make of it."""
+def friction_coefficient(slip: float, oil: float, pack: float, p: Record) -> float:
+    """μ with what slip and the temperatures of oil and pack make of it."""
     mu = p.friction_coefficient * (1.0 + p.slip_change * exp(-abs(slip) / p.slip_speed))
+    mu *= 1.0 - p.fade * max(pack - p.fade_onset, 0.0) / 100.0
     return mu * (1.0 + p.oil_slope * (oil - 60.0) / 100.0)
 
 
@@ -248,7 +249,7 @@ def slide(
 ) -> tuple[float, float]:
     """Clutch torque and friction potential, Nm, after slipping for h s."""
     force, _ = pack(y.plate - y.free_play, p)
-    mu = friction_coefficient(slip, oil, p)
+    mu = friction_coefficient(slip, oil, y.temp_pack, p)
     potential = mu * p.friction_surfaces * p.equivalent_radius * force
     most = potential / stiffness + p.differential_backlash
     y.wind_up = limited(y.wind_up + h * slip, most)

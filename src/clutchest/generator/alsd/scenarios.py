@@ -106,6 +106,27 @@ def _rig_ramps(rng: Random, time: Floats, c: NDArray) -> None:
     c["asked"] = _along(time, points)
 
 
+def _slip_oil_sweep(rng: Random, time: Floats, c: NDArray) -> None:
+    """Slip from 0.5 to 120 rpm and back, while the oil goes from −20 to 120 °C and back, more
+    slowly; the clutch pressed over and over."""
+    sweep, warming = 2 * time / 20.0 % 2.0, 2 * time / max(time[-1], 1.0)
+    c["driven"] = 0.5 * RPM * 240.0 ** (1.0 - np.abs(1.0 - sweep))
+    c["oil"] = np.interp(1.0 - np.abs(1.0 - warming), (0.0, 1.0), (-20.0, 120.0))
+    starts = np.arange(0.5, max(time[-1], 1.0), 2.2)
+    c["asked"] = _along(time, _pulses([(t, t + 1.2, rng.uniform(2.5, 9.0)) for t in starts]))
+
+
+def _coast(rng: Random, time: Floats, c: NDArray) -> None:
+    """Drag: the clutch is open while the slip goes from 0 to 120 rpm and back, both ways round, and
+    the oil warms up; it is pressed once every 20 s."""
+    phase = 2 * time / 15.0
+    sign = np.where(phase // 2.0 % 2.0 < 1.0, 1.0, -1.0)
+    c["driven"] = sign * RPM * (120.0 * (1.0 - np.abs(1.0 - phase % 2.0)))
+    c["oil"] = np.interp(time, (0.0, max(time[-1], 1.0)), (10.0, 90.0))
+    starts = np.arange(3.0, max(time[-1], 3.1), 20.0)
+    c["asked"] = _along(time, _pulses([(t, t + 1.0, rng.uniform(2.5, 9.0)) for t in starts]))
+
+
 def _car(rng: Random, time: Floats, c: NDArray) -> None:
     """Corners and split friction: wheel speeds differ, the clutch is asked to lock them."""
     c["drive"], c["oil"] = WHEELS, 60.0 + 15.0 * (1 - np.exp(-time / 900.0))
@@ -205,6 +226,10 @@ SCENARIOS: Mapping[str, ActuatorScenario] = MappingProxyType(
             ActuatorScenario("rig-steps", "current steps at 25 rpm (A1)", 60.0, _rig_steps),
             ActuatorScenario("rig-slow", "12 A at 0.5 rpm (A4)", 18.0, _rig_slow),
             ActuatorScenario("rig-ramps", "current ramps (A5)", 62.0, _rig_ramps),
+            ActuatorScenario(
+                "slip-oil-sweep", "slip 0.5 to 120 rpm, oil −20 to 120 °C", 120.0, _slip_oil_sweep
+            ),
+            ActuatorScenario("coast", "drag with the clutch open", 60.0, _coast),
             ActuatorScenario("car", "corners and split friction on the road", 120.0, _car),
             ActuatorScenario("I1", "resistance over temperature", 600.0, _resistance),
             ActuatorScenario("I2", "inductance", 6.0, _inductance, SAMPLED),
