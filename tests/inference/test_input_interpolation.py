@@ -50,3 +50,25 @@ def test_nothing_bends_across_a_hole():
     own = np.array([0.0, 0.01, 0.02, 0.03, 0.5, 0.51, 0.52, 0.53, 0.54])
     value = np.where(own < 0.1, 0.0, 5.0)
     assert not InterpolatedInput.of(own, value, NOISE).bends[2:6].any()
+
+
+def followed(read: Floats) -> InterpolatedInput:
+    """As a voltage that a motor follows, white noise of 0.01 V in it."""
+    return InterpolatedInput.at_samples(0.005 * np.arange(len(read)), read, 0.01, 0.0)
+
+
+def test_the_noise_of_what_rests_is_told_and_little_is_left():
+    noise = 0.01 * np.random.default_rng(3).standard_normal(4000)
+    course = followed(4.8 + noise)
+    assert np.std(course.shakes) == pytest.approx(0.01, rel=0.1)
+    assert np.corrcoef(course.shakes, noise)[0, 1] > 0.9
+    assert np.std(course.value - 4.8) < 0.0015
+
+
+def test_what_moves_is_followed_as_it_is_read():
+    t = 0.005 * np.arange(400)
+    read = np.where(t < 1.0, 12.0, 12.0 - 3.0 * np.sin(60.0 * (t - 1.0)))
+    moves = (t > 1.05) & (t < 1.95)
+    course = followed(read + 0.01 * np.random.default_rng(4).standard_normal(len(t)))
+    assert not course.shakes[moves].any()
+    assert course.shakes[t < 0.9].any()

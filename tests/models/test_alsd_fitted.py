@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
 import clutchest
 from clutchest.discovery.covariates import covariates
@@ -48,6 +49,23 @@ def test_a_motor_that_cannot_stick_leaves_more(monkeypatch):
     monkeypatch.setattr(type(RIG), "machine", machine)
     problem, theta = problem_of(31)
     assert np.std(errors(problem, theta)["motor_angle"]) > 1.2
+
+
+@pytest.mark.slow
+def test_noise_of_the_voltage_is_not_in_derivatives_and_innovations_alike():
+    """Else a current that is held would seem to have an error that goes with the current."""
+    problem, theta = problem_of(31)
+    drive = problem.drives[0]
+    model, readings = drive.compiled.model, drive.readings
+    voltage = model.input("armature_voltage")
+    course = drive.inputs.interpolated[voltage]
+    shakes = np.interp(readings.t, course.time, course.shakes)
+    held = (readings.sensor == model.sensor("armature_current")) & (shakes != 0.0)
+    r = problem.linearise(theta, {}, NO_DERIVATIVES)[0].r[held]
+    assert np.corrcoef(r, shakes[held])[0, 1] < -0.5  # innovations hold it
+    left = drive.inputs.smooth[readings.event[held], voltage]
+    left = left - uniform_filter1d(left, 51)
+    assert abs(np.corrcoef(r, left)[0, 1]) < 0.1  # of parabolas through 0.1 s: −0.2
 
 
 @pytest.mark.slow

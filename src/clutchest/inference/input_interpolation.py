@@ -8,6 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
+from clutchest.inference.denoising import adaptive_mean
 from clutchest.signals import Floats
 
 WINDOW = 0.1  # s, over which inputs are smoothed
@@ -23,7 +24,8 @@ GAP = 2.0  # sample periods; across a longer one how an input bends is not known
 class InterpolatedInput:
     """``value`` (k) at ``time`` (k) s, without the fastest noise, and the second derivative by
     which it ``bends`` (k) there, where that shows.  ``integral``: lines between values at other
-    times are to have its integral, otherwise these are its own values.
+    times are to have its integral, otherwise these are its own values.  ``shakes`` (k): the noise
+    in what is read, as far as it can be told, 0 where the input moves; None where it is not sought.
 
     A pedal let go takes 20 ms: straight lines between samples 10 ms apart, and again between
     events, lose or make a thousandth of a slip's heat there.
@@ -33,6 +35,7 @@ class InterpolatedInput:
     value: Floats
     bends: Floats
     integral: bool = True
+    shakes: Floats | None = None
 
     @classmethod
     def straight(cls, time: Floats, value: Floats) -> InterpolatedInput:
@@ -50,17 +53,20 @@ class InterpolatedInput:
         return cls(time, _parabolas(read, count, noise), _second(time, read, period, noise))
 
     @classmethod
-    def at_samples(cls, time: Floats, read: Floats, noise: float) -> InterpolatedInput:
-        """The same of what a state follows from sample to sample, its own values in between:
-        parabolas through ``CLOSE`` samples where those through ``WINDOW`` s are off."""
+    def at_samples(cls, time: Floats, read: Floats, noise: float, ar: float) -> InterpolatedInput:
+        """The same of what a state follows from sample to sample, its own values in between, of
+        readings whose noise has the AR(1) coefficient ``ar``: their adaptive mean, and parabolas
+        through ``CLOSE`` samples where those through ``WINDOW`` s are off.  What noise is left in
+        them is in derivatives, and in the innovations of what the input settles at once."""
         period = max(float(np.median(np.diff(time))), 1e-3)
         count = round(WINDOW / period) // 2 * 2 + 1
         if not CLOSE <= count <= len(time):
             return cls.straight(time, read)
         close, smooth = _parabolas(read, CLOSE, noise), savgol_filter(read, count, 2)
         off = maximum_filter1d(np.abs(close - smooth), CLOSE) > CALM * noise
+        value = np.where(off, close, adaptive_mean(time, read, noise, ar))
         bends = _second(time, read, period, noise)
-        return cls(time, np.where(off, close, smooth), bends, integral=False)
+        return cls(time, value, bends, integral=False, shakes=np.where(off, 0.0, read - smooth))
 
     def at(self, t: Floats, spacing: Floats) -> Floats:
         """Values at ``t`` (K) whose straight connections have the input's integral; ``spacing`` (K)

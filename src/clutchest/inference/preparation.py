@@ -58,11 +58,12 @@ def prepared(
     tracked = _tracked(model, line, whole, which)
     inputs = _inputs(signals, vehicle, model, line, whole, tracked.act)
     off = np.column_stack([each.off(line.t, inputs.spacing) for each in inputs.interpolated])
+    first = nominal(compiled, whole)
     drive = PreparedDrive(
         compiled,
-        replace(line, u=line.u - off),
+        _calmed(replace(line, u=line.u - off), inputs, compiled, first),
         _unaveraged(whole, model),
-        nominal(compiled, whole),
+        first,
         start,
         _delayed(signals, compiled, line.t),
         model.expressions().plays,
@@ -82,6 +83,29 @@ def prepared(
 def at_file(drive: PreparedDrive) -> ModelNumbers:
     """The numbers of the vehicle file."""
     return ModelNumbers(drive.compiled.p, drive.compiled.g, drive.nominal, {})
+
+
+def _calmed(line: Timeline, inputs: PreparedInputs, compiled: Compiled, at: Floats) -> Timeline:
+    """The drive as driven by smooth inputs where they are calm: shaken by their noise, a motor that
+    sticks would creep.  Readings of what an input settles at once keep that noise, as ``at`` these
+    states (n) it would stand in them, so that their noise is the same throughout."""
+    model, noise = compiled.model, np.zeros_like(line.u)
+    for j, each in enumerate(inputs.interpolated):
+        if each.shakes is not None:
+            noise[:, j] = np.interp(line.t, each.time, each.shakes)
+    if not noise.any():
+        return line
+    n, nu = len(at), len(model.inputs)
+    f, A, B, H = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu)), np.zeros(n)
+    numbers = line.W[line.row[0]], compiled.p, compiled.g
+    compiled.functions.dynamics(at, line.u[0], *numbers, f, A, B)
+    z = line.z.copy()
+    for sensor in range(len(model.sensors)):
+        compiled.functions.reading(sensor, at, line.u[0], *numbers, H)
+        of = line.sensor == sensor
+        for i in _settling(model):
+            z[of] += H[i] / A[i, i] * (noise[of] @ B[i])
+    return replace(line, u=line.u - noise, z=z)
 
 
 def _timeline(
@@ -196,7 +220,7 @@ def _interpolated(
             read = np.interp(own, whole.t, whole.u[:, j])
             between = InterpolatedInput.of(own, read, mapped.noise)
             if j in followed:
-                between = InterpolatedInput.at_samples(own, read, mapped.noise)
+                between = InterpolatedInput.at_samples(own, read, mapped.noise, mapped.noise_ar)
             if slow[j]:
                 mean = mean_of_slow(own, read, mapped.noise, mapped.noise_ar)
                 between = InterpolatedInput.straight(own, mean)

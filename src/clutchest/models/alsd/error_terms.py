@@ -7,44 +7,90 @@ from collections.abc import Mapping
 from clutchest.models.declarations import Separation
 from clutchest.models.error_terms import ErrorTerm
 
+# An error correlates with what it is made from.  No bristle is among that: how far one is bent
+# follows from which way the motor turned last, and from noise of the readings that correct it.
+_CURRENT = ("current", "motor_speed", "temp_armature", "oil_temp", "time")
+_MOTOR = ("motor_speed", "motor_angle", "motor_torque", "temp_armature", "oil_temp", "time")
+_AXIAL = (
+    "pack_force",
+    "motor_angle",
+    "motor_speed",
+    "slip_speed",
+    "temp_pack",
+    "oil_temp",
+    "energy",
+    "time",
+)
+_TORQUE = (
+    "slip_speed",
+    "pack_force",
+    "motor_torque",
+    "temp_pack",
+    "temp_pack_peak",
+    "oil_temp",
+    "energy",
+    "time",
+)
+_ANGLE_SENSOR = ("motor_angle", "temp_armature", "oil_temp", "time")
+_CURRENT_SENSOR = ("current", "temp_armature", "oil_temp", "time")
+_CLOCK = ("time",)
 ERROR_TERMS: Mapping[str, ErrorTerm] = {
     "torque": ErrorTerm(
-        "torque", {"friction_now": lambda value, g: value * (1 + 0.1 * g)}, size=10.0, unit="%"
+        "torque",
+        {"friction_now": lambda value, g: value * (1 + 0.1 * g)},
+        covariates=_TORQUE,
+        size=10.0,
+        unit="%",
     ),
     "current": ErrorTerm(
-        "current", {"motor_voltage": lambda value, g: value - 0.2 * g}, size=0.2, unit="V"
+        "current",
+        {"motor_voltage": lambda value, g: value - 0.2 * g},
+        covariates=_CURRENT,
+        size=0.2,
+        unit="V",
     ),
     "motor": ErrorTerm(
         "motor",
         {"motor_friction_torque": lambda value, g: value + 0.005 * g},
+        covariates=_MOTOR,
         size=0.005,
         unit="Nm",
     ),
     "axial_force": ErrorTerm(
         "axial_force",
         {"ball_ramp_torque": lambda value, g: value * (1 + 0.05 * g)},
+        covariates=_AXIAL,
         size=5.0,
         unit="%",
     ),
     "pack_heat": ErrorTerm(
-        "pack_heat", {"pack_heat": lambda value, g: value + 200.0 * g}, size=200.0, unit="W"
+        "pack_heat",
+        {"pack_heat": lambda value, g: value + 200.0 * g},
+        covariates=("slip_speed", "temp_pack", "oil_temp", "energy", "time"),
+        slow=True,
+        size=200.0,
+        unit="W",
     ),
     "sensor:motor_angle": ErrorTerm(
         "sensor:motor_angle",
         {"motor_angle_reading": lambda value, g: value + 0.1 * g},
+        covariates=_ANGLE_SENSOR,
         size=0.1,
         unit="rad",
     ),
     "sensor:armature_current": ErrorTerm(
         "sensor:armature_current",
-        {"armature_current_reading": lambda value, g: value * (1 + 0.05 * g)},
-        size=5.0,
-        unit="%",
+        {"armature_current_reading": lambda value, g: value + 0.3 * g},
+        covariates=_CURRENT_SENSOR,
+        size=0.3,
+        unit="A",
     ),
     "timing:armature_voltage": ErrorTerm(
-        "timing:armature_voltage", late=("armature_voltage", 0.005)
+        "timing:armature_voltage", late=("armature_voltage", 0.005), covariates=_CLOCK
     ),
-    "timing:slip_speed": ErrorTerm("timing:slip_speed", late=("slip_speed", 0.005)),
+    "timing:slip_speed": ErrorTerm(
+        "timing:slip_speed", late=("slip_speed", 0.005), covariates=_CLOCK
+    ),
 }
 
 SEPARATING_SENSORS = (
@@ -52,6 +98,6 @@ SEPARATING_SENSORS = (
     Separation(("motor", "axial_force"), "a torque sensor on the actuator's motor"),
 )
 SENSOR_FOR = {"": "a torque sensor on the half-shaft"}
-COVARIATES = {"slip_speed": "rad/s", "motor_torque": "Nm"}
+COVARIATES = {"slip_speed": "rad/s", "motor_torque": "Nm", "pack_force": "N"}
 RATES = {"voltage_rate": "armature_voltage"}
 PEAKS = {"temp_pack_peak": "temp_pack"}

@@ -94,7 +94,7 @@ FITTED = replace(
     sensors=tuple(replace(sensor, mode="") for sensor in ALSD.sensors),
     pieces=PIECES,
     doubted=(),
-    longest=(5e-4, 5e-4),
+    longest=(2.5e-4, 2.5e-4),
     tracked={name: ("engaged", noise) for name, (_, noise) in NOISE.items()},
     exact=("armature_inductance",),  # samples come ten times as far apart as the current settles
     regime=("engaged",),  # noise is of another kind while the pack is pressed
