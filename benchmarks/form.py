@@ -33,7 +33,6 @@ from blind.plan import gains
 
 from clutchest.discovery.answer import causes_of, distorted, where_of
 from clutchest.discovery.cause_set import CauseSet, cost_of
-from clutchest.discovery.error_term_effects import error_term_effects
 from clutchest.discovery.form_test import tested_forms
 from clutchest.discovery.goodness_of_fit import goodness_of_fit
 from clutchest.discovery.search import Search, begin, with_noise_of_best
@@ -41,6 +40,7 @@ from clutchest.discovery.segmentation import segmented
 from clutchest.discovery.shape_profile import refine
 from clutchest.discovery.verdict import judge
 from clutchest.inference.problem import Problem
+from clutchest.models.error_term_effects import error_term_effects
 from clutchest.signals import Signals
 
 LEAST = 0.1  # of the largest plausible size
@@ -60,7 +60,7 @@ def problem_of(signals: Signals, drive: Drive) -> Problem:
     """As ``discover`` makes it."""
     vehicle = drive.vehicle
     effects = (*vehicle.machine.effects.values(), *error_term_effects(vehicle.machine))
-    return Problem.of(segmented(signals, vehicle), vehicle, effects, wandering=True)
+    return Problem.of(segmented(signals, vehicle), vehicle, effects, discrepant=True)
 
 
 def fitted(problem: Problem, gain: str) -> tuple[Search, CauseSet]:

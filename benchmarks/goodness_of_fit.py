@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest, kstest
 
 import clutchest
-from clutchest.discovery.error_term_effects import error_term_effects
 from clutchest.discovery.goodness_of_fit import REJECTED, GoodnessOfFit, goodness_of_fit
 from clutchest.discovery.search import begin
 from clutchest.discovery.segmentation import segmented
 from clutchest.generator import GROUPS, Mismatch, Outsider
 from clutchest.inference.problem import Problem
+from clutchest.models.error_term_effects import error_term_effects
 
 sys.path.insert(0, str(Path(__file__).parent))
 from parallel import ran

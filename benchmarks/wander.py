@@ -22,10 +22,10 @@ from dataclasses import replace
 import numpy as np
 
 import clutchest
-from clutchest.discovery.error_term_effects import error_term_effects
 from clutchest.discovery.search import Search, begin, columns, free_of
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import score_test
+from clutchest.models.error_term_effects import error_term_effects
 from clutchest.signals import Floats
 from clutchest.vehicle import Estimation
 
@@ -83,8 +83,8 @@ def stds(search: Search, share: float | None) -> Floats:
     this share of the stated wander, that shown by the log unless given."""
     objective = search.objective
     fit = objective.linearise_at(search.null.fit.theta)
-    objective = objective.with_wander(
-        fit, None if share is None else np.full(len(search.problem.wanders), share)
+    objective = objective.with_discrepancies(
+        fit, None if share is None else np.full(len(search.problem.discrepancies), share)
     )
     fit = objective.whitened(fit)
     scores = score_test(
@@ -107,7 +107,7 @@ def power(share: float, seeds: range) -> None:
     ratios: dict[str, list[tuple[float, float]]] = {name: [] for name, _ in SLOW}
     found: dict[str, list[tuple[bool, bool]]] = {name: [] for name, _ in SLOW}
     for seed in seeds:
-        search = begin(Problem.of(drive(share, seed, {}), vehicle, effects, wandering=True))
+        search = begin(Problem.of(drive(share, seed, {}), vehicle, effects, discrepant=True))
         shown, known, without = stds(search, None), stds(search, share), stds(search, 0.0)
         for name, key in SLOW:
             own = [

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
+from clutchest.inference.discrepancy import Discrepancy
 from clutchest.inference.objective import Objective
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import Readings
@@ -43,12 +44,12 @@ class _Given:
         without = np.ones(count), np.zeros((count, 0))
         readings = Readings(nothing, time, nothing, nothing, nothing, *without)
         self.drives = [SimpleNamespace(readings=readings, at_nominal=NOWHERE)]
-        self.wanders: Mapping[str, float] = {}
+        self.discrepancies: tuple[Discrepancy, ...] = ()
 
     def implied(self, theta: Floats, shapes: Shapes) -> tuple[OperatingPoint, ...]:
         return (NOWHERE,)
 
-    def wander_directions(
+    def discrepancy_directions(
         self, theta: Floats, shapes: Shapes, at: Sequence[OperatingPoint]
     ) -> list[list[Floats]]:
         return [[]]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import clutchest
-from clutchest.discovery.covariates import at_rest, covariates
 from clutchest.discovery.discover import discover
+from clutchest.inference.covariates import at_rest, covariates
 from clutchest.inference.problem import Problem
 
 TRUCK = clutchest.load_vehicle("truck")

@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import uniform_filter1d
 
 import clutchest
-from clutchest.discovery.covariates import covariates
+from clutchest.inference.covariates import covariates
 from clutchest.inference.problem import NO_DERIVATIVES, Problem
 from clutchest.models.alsd import motor_friction
 from clutchest.models.alsd.fitted import FITTED, to_fit

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
-from clutchest.discovery.error_term_effects import PREFIX
 from clutchest.inference.problem import Problem
 from clutchest.models.effects import Effect, Number
+from clutchest.models.error_term_effects import PREFIX
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,6 @@ from clutchest.discovery.answer import (
     where_of,
 )
 from clutchest.discovery.cause_set import CauseSet
-from clutchest.discovery.error_term_effects import PREFIX, error_term_effects
 from clutchest.discovery.experiment_design import propose
 from clutchest.discovery.extension import can_be_stated, corrected, extend
 from clutchest.discovery.form_correction import form_correction
@@ -49,6 +48,7 @@ from clutchest.inference.unknowns import InitialState
 from clutchest.memory import give_back
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import TIME
+from clutchest.models.error_term_effects import PREFIX, error_term_effects
 from clutchest.progress import Progress
 from clutchest.reading import Logs, as_signals
 from clutchest.signals import Counts, Signals
@@ -122,7 +122,7 @@ class _Task:
     def problem(self, signals: Signals) -> Problem:
         """Some drives, and all that is unknown of them."""
         drives = segmented(signals, self.vehicle)
-        problem = Problem.of(drives, self.vehicle, self.effects, self.progress, wandering=True)
+        problem = Problem.of(drives, self.vehicle, self.effects, self.progress, discrepant=True)
         give_back()  # of an hour, preparing it took 200 MiB for a moment
         return problem
 

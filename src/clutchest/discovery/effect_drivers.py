@@ -12,15 +12,15 @@ import casadi as ca
 import numpy as np
 
 from clutchest.discovery.candidates import CandidateCause
-from clutchest.discovery.covariates import hats
-from clutchest.discovery.error_term_effects import PREFIX
 from clutchest.discovery.residual_curves import places
+from clutchest.inference.covariates import hats
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
 from clutchest.models.declarations import ENERGY
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains
+from clutchest.models.error_term_effects import PREFIX
 from clutchest.models.model import POWER
 from clutchest.signals import Floats
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from clutchest.discovery.candidates import CandidateCause
 from clutchest.discovery.cause_set import CauseSet, cost_of
-from clutchest.discovery.covariates import at_rest, hats, knots
 from clutchest.discovery.deviation import FormDeviation, deviation
 from clutchest.discovery.effect_drivers import Standin, by_shapes, drivers_of, standin
 from clutchest.discovery.residual_curves import (
@@ -28,6 +27,7 @@ from clutchest.discovery.residual_curves import (
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
 from clutchest.discovery.search import Search
+from clutchest.inference.covariates import at_rest, hats, knots
 from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, projected_out

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.discovery.cause_set import CauseSet
-from clutchest.discovery.covariates import covariates, hats
 from clutchest.discovery.holdout_gain import (
     HeldOutPrediction,
     between,
@@ -25,6 +24,7 @@ from clutchest.discovery.holdout_gain import (
 from clutchest.discovery.residual_curves import Curve, places
 from clutchest.discovery.result import Gain
 from clutchest.discovery.search import Search
+from clutchest.inference.covariates import covariates, hats
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.map_fit import improve, with_noise_estimated
 from clutchest.inference.objective import Objective

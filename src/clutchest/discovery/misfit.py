@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.discovery.covariates import covariates
 from clutchest.discovery.residuals import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
+from clutchest.inference.covariates import covariates
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.signals import Floats
 

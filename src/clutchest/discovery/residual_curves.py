@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
-from clutchest.discovery.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
-from clutchest.discovery.error_term_effects import PREFIX
+from clutchest.inference.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import family_wise, projected_out, resampled_scores
 from clutchest.inference.unknowns import UnknownGain
+from clutchest.models.error_term_effects import PREFIX
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.signals import Floats
 

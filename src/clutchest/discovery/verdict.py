@@ -35,7 +35,7 @@ UNNAMED = 0.0001
 # p-value from which on held-out drives may reject a result.  Below, it is established by this log,
 # whatever they say: a drive may be affected by something that does not last.
 ESTABLISHED = 1e-5
-LESS = (0.0, 1.0)  # parts of the wander that the data show without an error
+LESS = (0.0, 1.0)  # parts of the discrepancies that the data show without an error
 
 HeldOut = Callable[[], Problem]  # held-out drives, linearised when they are asked for
 
@@ -134,16 +134,16 @@ def _verdict(
     )
     for h in tied:
         forms |= {k: v for k, v in tested_forms(search, h).items() if k not in forms}
-    if unnamed and search.problem.wanders:
+    if unnamed and search.problem.discrepancies:
         errors = _located(search) or errors
     several = several_errors(search, errors, UNNAMED) if unnamed else []
     if several:  # those of the leading equation first
         leading = several[0][0].equation
         errors = sorted(errors, key=lambda curve: curve.equation != leading)
-    search = replace(search, best=best)
+    search, tied = replace(search, best=best).with_stated_spreads(tied)
     return SearchVerdict(
         search,
-        best,
+        search.best,
         tied,
         rejected,
         limit,
@@ -229,15 +229,15 @@ def _significant(errors: Sequence[Curve]) -> bool:
 
 
 def _located(search: Search) -> list[Curve]:
-    """Errors beside the model without a cause, each beside as much of the wander as is likeliest
-    with it: beside all that the data show without it, an error that is there passes for wander in
-    part, and what is sudden in the rest for its driver."""
+    """Errors beside the model without a cause, each beside as much of the discrepancies as is
+    likeliest with it: beside all that the data show without it, an error that is there passes for
+    wander in part, and what is sudden in the rest for its driver."""
     objective, free = replace(search.objective, span=None), search.free(())
     at = objective.linearise_at(search.null.fit.theta)
-    share, likely = objective.wander_shown_by(at, free, LESS)
+    share, likely = objective.discrepancies_shown_by(at, free, LESS)
     best: dict[tuple[str, str, int], Curve] = {}
     for part, less in zip(LESS, likely - likely.max(), strict=True):
-        own = objective.with_wander(at, part * share)
+        own = objective.with_discrepancies(at, part * share)
         fit = improve(own, own.whitened(at), free)
         fit = replace(fit, raw=())
         for curve in curves(own, fit, Nuisances(fit, free, own.prior), seed=3):

@@ -14,6 +14,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.inference.discrepancy import (
+    ScatteredDrive,
+    probability,
+    probable_shares,
+    scattering,
+)
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance, white_covariances
 from clutchest.inference.linear_solve import add_product, solved
 from clutchest.inference.linearisation import Modulation
@@ -21,7 +27,6 @@ from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.problem import NormalisedInnovations, Problem
 from clutchest.inference.unknowns import Shapes, UnknownGain, UnknownParameter
-from clutchest.inference.wander import WanderingDrive, probability, probable_shares, scattering
 from clutchest.signals import Floats
 
 NO_SHAPES: Shapes = MappingProxyType({})
@@ -108,7 +113,7 @@ class Objective:
     """One problem with the model of its noise.
 
     ``weights`` (K) of each drive's readings, 0 where one does not count; ``scatter`` (K, c):
-    directions in which the inputs' noise and wander make each drive's innovations scatter, and
+    directions in which the inputs' noise and discrepancies scatter each drive's innovations, and
     ``scattered``: how, where these are white; ``span`` (K, q): orthonormal, None for all there is;
     ``prior`` (m) precisions, 0 of gains; gains stay within ``low`` and ``high`` (m).
     """
@@ -137,8 +142,8 @@ class Objective:
             if isinstance(t, UnknownGain):
                 low[i], high[i] = t.lower, t.upper
         points = [drive.at_nominal for drive in problem.drives]
-        wander = problem.wander_directions(np.zeros(len(prior)), NO_SHAPES, points)
-        scatter = scattering(problem.drives, wander, np.ones(len(problem.wanders)))
+        along = problem.discrepancy_directions(np.zeros(len(prior)), NO_SHAPES, points)
+        scatter = scattering(problem.drives, along, np.ones(len(problem.discrepancies)))
         scattered = white_covariances(stretches, white, weights, scatter)
         return cls(problem, stretches, white, weights, scatter, scattered, None, prior, low, high)
 
@@ -208,11 +213,11 @@ class Objective:
             for s, e in zip(self.stretches, rest, strict=True)
         ]
         known = [drive.readings.input_noise for drive in self.problem.drives]
-        return self._weighted(noise_model, weights, known).with_wander(lin)
+        return self._weighted(noise_model, weights, known).with_discrepancies(lin)
 
     def less_scatter(self, lin: Linearisation) -> list[NormalisedInnovations]:
-        """A linearisation's innovations without what the inputs' noise and wander most probably
-        did to them, and without derivatives."""
+        """A linearisation's innovations without what the inputs' noise and discrepancies most
+        probably did to them, and without derivatives."""
         rest = self._less_scatter([innovations.r for innovations in lin.raw])
         return [
             replace(innovations.alone, table=e[:, None])
@@ -228,40 +233,40 @@ class Objective:
             )
         ]
 
-    def with_wander(self, lin: Linearisation, share: Floats | None = None) -> Objective:
-        """One in which each state wanders by its ``share`` of what is stated, as readings respond
-        at a linearisation; by the share that its innovations show, unless given."""
-        if not self.problem.wanders:
+    def with_discrepancies(self, lin: Linearisation, share: Floats | None = None) -> Objective:
+        """One in which each discrepancy has its ``share`` of what is stated, as readings respond
+        at a linearisation; the share that its innovations show, unless given."""
+        if not self.problem.discrepancies:
             return self
-        wander = self.problem.wander_directions(lin.theta, lin.shapes, lin.implied)
+        along = self.problem.discrepancy_directions(lin.theta, lin.shapes, lin.implied)
         if share is None:
-            share = probable_shares(self._wandering(lin, wander))
-        scatter = scattering(self.problem.drives, wander, share)
+            share = probable_shares(self._scattered(lin, along), self.problem.discrepancies)
+        scatter = scattering(self.problem.drives, along, share)
         return self._weighted(self.noise_model, self.weights, scatter)
 
-    def wander_shown_by(
+    def discrepancies_shown_by(
         self, lin: Linearisation, free: NDArray[np.int64], parts: Sequence[float]
     ) -> tuple[Floats, Floats]:
-        """How far each state wanders by a linearisation's innovations, over what is stated; and of
-        so many ``parts`` of that, 2 ln of the probability of the data up to a constant, with no
+        """How large each discrepancy is by a linearisation's innovations, over what is stated; and
+        of so many ``parts`` of that, 2 ln of the probability of the data up to a constant, with no
         more than the ``free`` unknowns beside."""
-        wander = self.problem.wander_directions(lin.theta, lin.shapes, lin.implied)
-        drives = self._wandering(lin, wander)
-        share = probable_shares(drives)
+        along = self.problem.discrepancy_directions(lin.theta, lin.shapes, lin.implied)
+        drives = self._scattered(lin, along)
+        share = probable_shares(drives, self.problem.discrepancies)
         alone = [drive.beside(free) for drive in drives]
         return share, 2.0 * np.array([probability(alone, part * share) for part in parts])
 
-    def _wandering(
-        self, lin: Linearisation, wander: Sequence[Sequence[Floats]]
-    ) -> list[WanderingDrive]:
-        """A linearisation's innovations, white but for what wander does to them."""
+    def _scattered(
+        self, lin: Linearisation, along: Sequence[Sequence[Floats]]
+    ) -> list[ScatteredDrive]:
+        """A linearisation's innovations, white but for what discrepancies do to them."""
         known = [drive.readings.input_noise for drive in self.problem.drives]
         still = self._weighted(self.noise_model, self.weights, known)
         tables = still._whitened([innovations.table.copy() for innovations in lin.raw])
-        states = zip(*wander, strict=True)
-        columns = [still._whitened([own.copy() for own in each]) for each in states]
+        sources = zip(*along, strict=True)
+        columns = [still._whitened([own.copy() for own in each]) for each in sources]
         every = zip(tables, zip(*columns, strict=True), strict=True)
-        return [WanderingDrive.of(*each) for each in every]
+        return [ScatteredDrive.along(*each) for each in every]
 
     def _weighted(
         self, noise_model: NoiseModel, weights: Sequence[Floats], scatter: Sequence[Floats]

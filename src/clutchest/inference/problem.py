@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
+from clutchest.inference.discrepancy import Discrepancy, directions_of
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.preparation import prepared
 from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.inference.smooth_errors import gain_of
 from clutchest.inference.unknowns import (
     InitialState,
     Shapes,
@@ -24,7 +26,6 @@ from clutchest.inference.unknowns import (
     UnknownParameter,
     of_compiled,
 )
-from clutchest.inference.wander import wander_directions
 from clutchest.models.effects import Effect
 from clutchest.models.model import Model
 from clutchest.progress import Progress
@@ -86,7 +87,8 @@ class Problem:
     file has it: first the ``shared`` ones of all drives.  ``nuisances`` are indices of those with a
     prior, of variance 1; ``gains`` of the rest, the gains of ``effects``, which are absent at 0.
     ``usable``: the signals of which every drive has readings; ``delayed``: indices of gains that
-    are the delay of a signal; ``wanders``: state → how far it may wander, unit/√s.
+    are the delay of a signal; ``discrepancies``: what the equations of a healthy machine are off
+    by.
     """
 
     vehicle: Vehicle
@@ -98,7 +100,7 @@ class Problem:
     delayed: Mapping[int, str]
     drives: tuple[PreparedDrive, ...]
     nuisances: NDArray[np.int64]
-    wanders: Mapping[str, float]
+    discrepancies: tuple[Discrepancy, ...]
 
     @classmethod
     def of(
@@ -108,10 +110,11 @@ class Problem:
         effects: Sequence[Effect],
         progress: Progress | None = None,
         *,
-        wandering: bool = False,
+        discrepant: bool = False,
     ) -> Problem:
-        """Of all drives of ``signals``, with candidate ``effects``; where ``wandering``, states
-        wander as far as they may in a healthy vehicle."""
+        """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, states
+        wander, and equations with an error term among the effects are off, as far as they may in a
+        healthy vehicle."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = vehicle.machine.to_fit(usable)
@@ -119,17 +122,19 @@ class Problem:
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
         present = model.taking(present_effects(vehicle))
         sought = {e.name: e for e in model.taking(effects) if e not in present}
-        wanders = wander(vehicle, model) if wandering else {}
+        wanders = wander(vehicle, model) if discrepant else ()
         compiled = compile_model(
             vehicle,
             model,
             (*present, *sought.values()),
             healthy_stds(vehicle, model),
             taken_in(model),
-            tuple(wanders),
+            tuple(each.state for each in wanders),
             progress,
         )
         known = tuple(of_compiled(compiled, sought))
+        names = {str(t) for t in known}
+        errors = (e for e in vehicle.smooth_errors if gain_of(e.error_term) in names)
         shared = [t for t in known if isinstance(t, UnknownParameter | StatedGain | UnknownGain)]
         starts = [t for t in known if isinstance(t, InitialState)]
         delayed = _delayed(shared, sought)
@@ -151,7 +156,7 @@ class Problem:
             delayed,
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
             np.flatnonzero(~np.array(exact) & ~np.array(gains)),
-            wanders,
+            (*wanders, *(errors if discrepant else ())),
         )
 
     def holding(self, *names: str) -> Problem:
@@ -180,6 +185,12 @@ class Problem:
     def gains(self) -> NDArray[np.int64]:
         """Indices of the gains of candidate effects."""
         return np.flatnonzero([isinstance(t, UnknownGain) for t in self.thetas])
+
+    @property
+    def parameters(self) -> NDArray[np.int64]:
+        """Indices of the nuisances that are parameters of the vehicle file."""
+        scatter = [isinstance(self.thetas[i], UnknownParameter) for i in self.nuisances]
+        return self.nuisances[scatter]
 
     def index(self, name: str) -> int:
         """Where an unknown stands in θ, by its name: ``str`` of it."""
@@ -308,12 +319,12 @@ class Problem:
             columns.append(derivatives)
         return columns
 
-    def wander_directions(
+    def discrepancy_directions(
         self, theta: Floats, shapes: Shapes, at: Sequence[OperatingPoint]
     ) -> list[list[Floats]]:
-        """Directions (K, c) in which each state that wanders scatters each drive's readings."""
+        """Directions (K, c) in which each discrepancy scatters each drive's readings."""
         return [
-            wander_directions(drive, self.numbers(theta, shapes, i), point, self.wanders)
+            directions_of(drive, self.numbers(theta, shapes, i), point, self.discrepancies)
             for i, (drive, point) in enumerate(zip(self.drives, at, strict=True))
         ]
 

@@ -17,6 +17,7 @@ from clutchest.vehicle.effects_section import read_effects
 from clutchest.vehicle.named_files import NamedFiles
 from clutchest.vehicle.plausible import unlikely
 from clutchest.vehicle.signals_section import read_signals
+from clutchest.vehicle.smooth_errors_section import read_smooth_errors
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.trust import check_trusted
 from clutchest.vehicle.vehicle import Estimation, ParameterValue, Vehicle
@@ -42,6 +43,7 @@ _TOP = (
     "effects",
     "effects_spread",
     "estimation",
+    "smooth_errors",
     "modes",
     "limits",
     "monitors",
@@ -105,6 +107,7 @@ def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
             if (spread := {key: n.spread for key, n in of.items() if n.spread > 0.0})
         },
         estimation=_estimation(file, machine.states),
+        smooth_errors=read_smooth_errors(file, machine),
         modes={key: quantity.value for key, quantity in thresholds.items()},
         limits=limits,
         monitors=false_alarms,

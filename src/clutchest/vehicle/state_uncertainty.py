@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from clutchest.models.model import Model
@@ -36,9 +38,16 @@ def process_noise(vehicle: Vehicle, model: Model, parked: bool = False) -> Float
     return np.array(per_second + per_joule)
 
 
-def wander(vehicle: Vehicle, model: Model) -> dict[str, float]:
-    """State → how far it may wander in a healthy vehicle, unit/√s, where it does: those that
-    readings neither renew nor leave unobserved, by vehicle file or model."""
+class Wander(NamedTuple):
+    """A ``state`` that wanders by a ``density``, in its unit over √s."""
+
+    state: str
+    density: float
+
+
+def wander(vehicle: Vehicle, model: Model) -> tuple[Wander, ...]:
+    """How far states may wander in a healthy vehicle, where they do: those that readings neither
+    renew nor leave unobserved, by vehicle file or model."""
     free = (s for s in model.states if s.name not in {*model.followed, *model.unobservable})
-    densities = {s.name: vehicle.estimation.get(s.name, s).wander for s in free}
-    return {name: density for name, density in densities.items() if density > 0.0}
+    stated = (Wander(s.name, vehicle.estimation.get(s.name, s).wander) for s in free)
+    return tuple(each for each in stated if each.density > 0.0)

@@ -105,6 +105,9 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
         lines += ["", f"[effects.{key}]", *_curve(curve)]
     section("effects_spread", vehicle.effects_spread, dict)
     section("estimation", vehicle.estimation, record)
+    for term in dict.fromkeys(error.error_term for error in vehicle.smooth_errors):
+        over = {e.covariate: e for e in vehicle.smooth_errors if e.error_term == term}
+        section(f"smooth_errors.{_toml(term)}", over, lambda e: {"std": e.std, "length": e.length})
     section("modes", vehicle.modes, float)
     section("limits", vehicle.limits, record)
     section("monitors", vehicle.monitors, float)

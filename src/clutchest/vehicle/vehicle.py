@@ -122,6 +122,18 @@ class Estimation:
 
 
 @dataclass(frozen=True, slots=True)
+class SmoothError:
+    """How far an equation of a healthy machine may be off, smoothly, over one ``covariate``: the
+    error of ``error_term`` has a standard deviation ``std`` (in the unit that the term is told in)
+    and is correlated over a ``length`` (unit of the covariate)."""
+
+    error_term: str
+    covariate: str
+    std: float
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
 class Vehicle:
     """Everything that is particular to one vehicle.
 
@@ -147,6 +159,7 @@ class Vehicle:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effects_spread: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     estimation: Mapping[str, Estimation] = field(default_factory=dict)
+    smooth_errors: tuple[SmoothError, ...] = ()
     modes: Mapping[str, float] = field(default_factory=dict)  # thresholds, SI and mm
     limits: Mapping[str, ParameterValue] = field(default_factory=dict)
     monitors: Mapping[str, float] = field(default_factory=dict)

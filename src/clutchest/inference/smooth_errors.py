@@ -1,0 +1,61 @@
+"""Smooth errors of equations: what a curve that is off by a percent here and there does.
+
+The error is a Gaussian process over its covariate, with a squared-exponential covariance (C.
+Rasmussen, C. Williams, Gaussian Processes for Machine Learning, 2006, section 4.2), told by its
+values at knots that lie closer than it bends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchest.inference.covariates import covariates, hats
+from clutchest.inference.linearisation import Modulation, modulated
+from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
+from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.inference.unknowns import of_compiled
+from clutchest.models.error_term_effects import PREFIX
+from clutchest.signals import Floats
+from clutchest.vehicle.vehicle import SmoothError
+
+APART = 0.5  # lengths between knots
+MOST = 64  # knots
+ABSENT = 1e-6  # of the largest variance: what no curve of this smoothness has
+
+
+def smooth_error(
+    drive: PreparedDrive, numbers: ModelNumbers, at: OperatingPoint, error: SmoothError
+) -> Floats:
+    """What a smooth error of an equation does to the readings of a drive at these ``numbers``:
+    columns (K, c), each to be taken a number of times that is normal, of variance 1; none where
+    the drive does not have the covariate."""
+    values = covariates(drive, at).get(error.covariate)
+    if values is None:
+        return np.zeros((len(drive.readings.t), 0))
+    term = drive.compiled.machine.error_terms[error.error_term]
+    knots = _knots(values, error.length)
+    basis = hats(values, knots) @ (error.std / term.size * _root(knots / error.length))
+    theta = [str(t) for t in of_compiled(drive.compiled, {})].index(gain_of(error.error_term))
+    count = basis.shape[1]
+    every = Modulation(basis, np.arange(count))
+    return modulated(drive, numbers, at, np.full(count, theta), every)
+
+
+def gain_of(error_term: str) -> str:
+    """The name of the unknown by which an error term acts."""
+    return f"{PREFIX}{error_term}.size"
+
+
+def _knots(values: Floats, length: float) -> Floats:
+    """Over all ``values``, in the unit of the covariate."""
+    low, high = float(values.min()), float(values.max())
+    count = int(np.clip(np.ceil((high - low) / (APART * length)) + 1, 2, MOST))
+    return np.linspace(low, max(high, low + length), count)
+
+
+def _root(places: Floats) -> Floats:
+    """Columns (n, c) whose products are the covariance of values at ``places`` (n), in lengths."""
+    covariance = np.exp(-0.5 * np.subtract.outer(places, places) ** 2)
+    variance, directions = np.linalg.eigh(covariance)
+    kept = variance > ABSENT * variance[-1]
+    return np.asarray(directions[:, kept] * np.sqrt(variance[kept]))

@@ -1,0 +1,52 @@
+"""Smooth errors of a vehicle file: ``[smooth_errors.torque]`` with a covariate, how far off and
+over which length."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from clutchest.models.declarations import ENERGY
+from clutchest.models.effects.effect import TIME
+from clutchest.vehicle.toml import Keys, TomlFile
+from clutchest.vehicle.vehicle import SmoothError
+
+if TYPE_CHECKING:
+    from clutchest.models.machine import Machine
+
+SECTION = "smooth_errors"
+SHORTEST = 1e-9  # unit of the covariate
+
+
+def read_smooth_errors(file: TomlFile, machine: Machine) -> tuple[SmoothError, ...]:
+    """What the equations of a healthy machine may be off by.  Raises ClutchestError with file and
+    line."""
+    table = file.table((SECTION,), file.data.get(SECTION, {}))
+    terms = [name for name, term in machine.error_terms.items() if term.late is None]
+    file.known((SECTION,), table, terms, "error term")
+    covariates = {
+        *machine.units,
+        *(state.name for state in machine.states),
+        *machine.covariates,
+        *machine.rates,
+        *machine.peaks,
+        ENERGY,
+        TIME,
+    }
+    errors = []
+    for term, value in table.items():
+        over = file.table((SECTION, term), value)
+        file.known((SECTION, term), over, covariates, "covariate")
+        for name, entry in over.items():
+            errors.append(_error(file, (SECTION, term, name), entry))
+    return tuple(errors)
+
+
+def _error(file: TomlFile, at: Keys, value: Any) -> SmoothError:
+    entry = file.table(at, value)
+    file.known(at, entry, ("std", "length"), "key of a smooth error")
+    for key in ("std", "length"):
+        if key not in entry:
+            raise file.error(at, f"{'.'.join(at)} has no '{key}'")
+    std = file.number((*at, "std"), entry["std"], 0.0)
+    length = file.number((*at, "length"), entry["length"], SHORTEST)
+    return SmoothError(at[1], at[2], std, length)
