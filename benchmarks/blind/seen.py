@@ -28,6 +28,8 @@ SPELL = 30.0  # s of readings of a temperature whose noise acts as one
 SHORTEST = 5  # readings of a stretch
 TERMS = 32  # of a random walk: of its variance at a drive's end, 1/150 is left out
 SMALL = 1e-3  # of such a term, for derivatives
+PLACES = 64  # over a position, at which a smooth error is told
+ABSENT = 1e-6  # of its largest variance: what it does not have
 
 Vector = Floats  # (m,) in the order of ``Truck.nuisances``
 
@@ -36,11 +38,14 @@ Vector = Floats  # (m,) in the order of ``Truck.nuisances``
 class Truck:
     """A truck's ``own`` numbers, and ``nuisances``: what a vehicle file leaves open, by name, with
     the standard deviations of its priors; ``wanders``: of its states that are random walks, the
-    density in unit/√s."""
+    density in unit/√s; ``curve``: how far its torque curve is off, as a share of the torque, and
+    over which length in mm that changes; ``healthy``: what effects there are, 1 σ each."""
 
     own: Own
     nuisances: Mapping[str, float]
     wanders: Mapping[str, float]
+    healthy: Sequence[Effects] = ()
+    curve: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, drive: Drive, own: Own) -> Truck:
@@ -54,7 +59,12 @@ class Truck:
                 starts[state.name] = state.initial_std if own_spread is None else own_spread
         wanders = {k: s.wander for k, s in vehicle.estimation.items() if s.wander > 0.0}
         late = {name: vehicle.signals[name].delay_spread for name in LATE}
-        return cls(own, {**spreads, **starts, **late}, wanders)
+        for error in vehicle.smooth_errors:
+            if (error.error_term, error.covariate) != ("torque", "slave_position"):
+                raise ValueError(f"an error of {error.error_term} is not known here")
+        curve = [(error.std / 100.0, error.length) for error in vehicle.smooth_errors]
+        healthy = [{gain.effect: {gain.key: gain.std}} for gain in vehicle.healthy]
+        return cls(own, {**spreads, **starts, **late}, wanders, healthy, *curve)
 
     def replay(
         self, recorded: Recorded, z: Vector, effects: Effects, walks: Mapping[str, Floats] = STEADY
@@ -169,12 +179,14 @@ class Seen:
 
     @cached_property
     def _wandered(self) -> list[tuple[Floats, Floats]]:
-        """Directions (K, d) in which wander scatters misfits, white without it, and by what share
-        (d,) each counts for less; none where nothing wanders."""
+        """Directions (K, d) in which wander, an error of the curve and a healthy truck's effects
+        scatter misfits, white without these, and by what share (d,) each counts for less; none
+        where nothing does."""
         raw = [
             (self.misfit(self.nought, NONE, {state: SMALL * walk}) - self._raw) / SMALL
-            for state, walk in self._walks()
+            for state, walk in (*self._walks(), *self._bends())
         ]
+        raw += [self.misfit(self.nought, healthy) - self._raw for healthy in self.truck.healthy]
         return [_scattering(self._still(np.column_stack(raw)))] if raw else []
 
     def _walks(self) -> Iterator[tuple[str, Floats]]:
@@ -184,6 +196,20 @@ class Seen:
             for k in range(TERMS):
                 rate = (k + 0.5) * np.pi / since[-1]
                 yield state, density * np.sqrt(2.0 / since[-1]) / rate * np.sin(rate * since)
+
+    def _bends(self) -> Iterator[tuple[str, Floats]]:
+        """Of an error of the torque curve, what each of its independent parts (n,) does: as if the
+        friction changed with the position."""
+        if self.truck.curve is None:
+            return
+        share, length = self.truck.curve
+        position = self.recorded.signals["slave_position"]
+        places = np.linspace(position.min(), position.max(), PLACES)
+        apart = np.subtract.outer(places, places) / length
+        variance, parts = np.linalg.eigh(np.exp(-0.5 * apart**2))
+        for size, part in zip(variance, parts.T, strict=True):
+            if size > ABSENT * variance[-1]:
+                yield "friction", share * np.sqrt(size) * np.interp(position, places, part)
 
     def _heated(self) -> Floats:
         """What one standard deviation of every heat error does to the blocks' means, (K, d)."""

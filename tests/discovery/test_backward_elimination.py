@@ -17,10 +17,13 @@ class Reducible:
     rivals: tuple
     by_count: dict
     tied: tuple = ()
-    problem: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(wanders={}))
+    problem: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(discrepancies=()))
 
     def released(self, h):
         return h
+
+    def with_stated_spreads(self, tied):
+        return self, list(tied)
 
 
 DOUBTFUL, SURELY = 1e-3, 1e-12  # chances of noise

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from clutchest.inference.discrepancy import SHARES, ScatteredDrive, probability, probable_shares
+from clutchest.vehicle import SmoothError
 from clutchest.vehicle.state_uncertainty import Wander
-from clutchest.vehicle.vehicle import SmoothError
 
 WALK = Wander("friction", 1.0)
 

@@ -222,6 +222,36 @@ WRONG = [
         r"unknown role 'adaptiv'; did you mean 'adaptive'\?",
     ),
     (
+        ("heat_split = {", "heat_splt = {"),
+        "heat_splt",
+        r"unknown effect 'heat_splt'; did you mean 'heat_split'",
+    ),
+    (
+        ("{ fraction = 0.05 }", "{ fracton = 0.05 }"),
+        "heat_split",
+        r"unknown gain of 'heat_split' 'fracton'; did you mean 'fraction'\?",
+    ),
+    (
+        ("[smooth_errors.torque]", "[smooth_errors.torqe]"),
+        "torqe",
+        r"unknown error term 'torqe'; did you mean 'torque' or ",
+    ),
+    (
+        ("slave_position = { std", "slave_positon = { std"),
+        "slave_positon",
+        r"unknown covariate 'slave_positon'; did you mean 'slave_position' or ",
+    ),
+    (
+        ("{ std = 1.0, length = 0.8 }", "{ std = 1.0 }"),
+        "slave_position = { std",
+        r"smooth_errors\.torque\.slave_position has no 'length'",
+    ),
+    (
+        ("length = 0.8 }", "length = 0.0 }"),
+        "slave_position = { std",
+        r"smooth_errors\.torque\.slave_position\.length",
+    ),
+    (
         ("[limits]", '[modes]\nlock_slip = { value = 1, unit = "s" }\n\n[limits]'),
         "lock_slip",
         r"unit 's' of modes\.lock_slip cannot be converted to 'rad/s'",

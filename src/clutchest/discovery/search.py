@@ -116,7 +116,7 @@ class Search:
     def with_stated_spreads(self, tied: Sequence[CauseSet]) -> tuple[Search, list[CauseSet]]:
         """The search, its best and sets ``tied`` with it where parameters scatter as stated: once
         causes have been judged, their sizes are estimated by what is known."""
-        objective = self.objective.with_prior(self.problem.parameters, 1.0)
+        objective = self.objective.with_prior(self.problem.spreads, 1.0)
         search = replace(self, objective=objective)
 
         def estimated(h: CauseSet) -> CauseSet:
@@ -196,7 +196,7 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     """The model without a cause, fitted to its priors, and the score of every candidate."""
     if progress:
         progress("fitting the model without a cause", None)
-    wide = Objective.of(problem).with_prior(problem.parameters, WIDER)
+    wide = Objective.of(problem).with_prior(problem.spreads, WIDER)
     objective, fit = settle(wide, np.zeros(len(problem.thetas)))
     unusual = _unusual_starts(problem, fit.theta)
     if len(unusual):

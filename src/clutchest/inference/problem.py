@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
-from clutchest.inference.discrepancy import Discrepancy, directions_of
+from clutchest.inference.discrepancy import Discrepancy, directions_of, gain_of
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.preparation import prepared
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.inference.smooth_errors import gain_of
 from clutchest.inference.unknowns import (
     InitialState,
     Shapes,
@@ -30,7 +29,7 @@ from clutchest.models.effects import Effect
 from clutchest.models.model import Model
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
-from clutchest.vehicle import Vehicle
+from clutchest.vehicle import HealthyGain, SmoothError, Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std, wander
 from clutchest.vehicle.vehicle import TIMING
 
@@ -113,8 +112,8 @@ class Problem:
         discrepant: bool = False,
     ) -> Problem:
         """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, states
-        wander, and equations with an error term among the effects are off, as far as they may in a
-        healthy vehicle."""
+        wander, and those of the effects that a healthy vehicle may have are off, as far as they
+        may."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = vehicle.machine.to_fit(usable)
@@ -134,7 +133,11 @@ class Problem:
         )
         known = tuple(of_compiled(compiled, sought))
         names = {str(t) for t in known}
-        errors = (e for e in vehicle.smooth_errors if gain_of(e.error_term) in names)
+        stated: tuple[HealthyGain | SmoothError, ...] = (
+            *vehicle.healthy,
+            *vehicle.smooth_errors,
+        )
+        errors = (each for each in stated if gain_of(each) in names)
         shared = [t for t in known if isinstance(t, UnknownParameter | StatedGain | UnknownGain)]
         starts = [t for t in known if isinstance(t, InitialState)]
         delayed = _delayed(shared, sought)
@@ -187,10 +190,16 @@ class Problem:
         return np.flatnonzero([isinstance(t, UnknownGain) for t in self.thetas])
 
     @property
-    def parameters(self) -> NDArray[np.int64]:
-        """Indices of the nuisances that are parameters of the vehicle file."""
-        scatter = [isinstance(self.thetas[i], UnknownParameter) for i in self.nuisances]
-        return self.nuisances[scatter]
+    def spreads(self) -> NDArray[np.int64]:
+        """Indices of the nuisances whose prior is the spread of a parameter in the vehicle file:
+        parameters, and first states that one of them is about."""
+        of_states = {state.name for state in self.compiled.model.states if state.prior}
+        scatter = [
+            isinstance(t, UnknownParameter)
+            or (isinstance(t, InitialState) and t.state in of_states)
+            for t in self.thetas
+        ]
+        return np.intersect1d(self.nuisances, np.flatnonzero(scatter))
 
     def index(self, name: str) -> int:
         """Where an unknown stands in θ, by its name: ``str`` of it."""

@@ -16,7 +16,7 @@ from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.unknowns import of_compiled
 from clutchest.models.error_term_effects import PREFIX
 from clutchest.signals import Floats
-from clutchest.vehicle.vehicle import SmoothError
+from clutchest.vehicle import SmoothError
 
 APART = 0.5  # lengths between knots
 MOST = 64  # knots
@@ -35,15 +35,15 @@ def smooth_error(
     term = drive.compiled.machine.error_terms[error.error_term]
     knots = _knots(values, error.length)
     basis = hats(values, knots) @ (error.std / term.size * _root(knots / error.length))
-    theta = [str(t) for t in of_compiled(drive.compiled, {})].index(gain_of(error.error_term))
+    theta = [str(t) for t in of_compiled(drive.compiled, {})].index(acting(error))
     count = basis.shape[1]
     every = Modulation(basis, np.arange(count))
     return modulated(drive, numbers, at, np.full(count, theta), every)
 
 
-def gain_of(error_term: str) -> str:
-    """The name of the unknown by which an error term acts."""
-    return f"{PREFIX}{error_term}.size"
+def acting(error: SmoothError) -> str:
+    """The name of the unknown by which an error acts."""
+    return f"{PREFIX}{error.error_term}.size"
 
 
 def _knots(values: Floats, length: float) -> Floats:

@@ -5,8 +5,10 @@ from clutchest.vehicle.text import dump_vehicle
 from clutchest.vehicle.vehicle import (
     BusSignal,
     Estimation,
+    HealthyGain,
     ParameterValue,
     SignalMap,
+    SmoothError,
     TableColumn,
     Vehicle,
 )
@@ -14,8 +16,10 @@ from clutchest.vehicle.vehicle import (
 __all__ = [
     "BusSignal",
     "Estimation",
+    "HealthyGain",
     "ParameterValue",
     "SignalMap",
+    "SmoothError",
     "TableColumn",
     "Vehicle",
     "dump_vehicle",

@@ -105,28 +105,44 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
         lines += ["", f"[effects.{key}]", *_curve(curve)]
     section("effects_spread", vehicle.effects_spread, dict)
     section("estimation", vehicle.estimation, record)
-    for term in dict.fromkeys(error.error_term for error in vehicle.smooth_errors):
-        over = {e.covariate: e for e in vehicle.smooth_errors if e.error_term == term}
-        section(f"smooth_errors.{_toml(term)}", over, lambda e: {"std": e.std, "length": e.length})
+    section("healthy", _healthy(vehicle), dict)
+    for term, over in _smooth_errors(vehicle).items():
+        section(f"smooth_errors.{_toml(term)}", over, dict)
     section("modes", vehicle.modes, float)
     section("limits", vehicle.limits, record)
     section("monitors", vehicle.monitors, float)
-    codes = {_toml(fault): code for fault, code in vehicle.codes.items()}  # names have colons
-    section(
-        "monitors.codes",
-        codes,
-        lambda code: {
-            key: number
-            for key, number in zip(("spn", "fmi"), code, strict=True)
-            if number is not None
-        },
-    )
+    section("monitors.codes", _codes(vehicle), dict)
     return "\n".join(lines) + "\n"
 
 
 def _database(file: DatabaseFile, name: str) -> str | dict[str, Any]:
     """One entry of ``dbc``."""
     return name if file.channel is None else {"file": name, "channel": file.channel}
+
+
+def _healthy(vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """Effect → gain → how far it goes in a healthy vehicle."""
+    table: dict[str, dict[str, float]] = {}
+    for gain in vehicle.healthy:
+        table.setdefault(gain.effect, {})[gain.key] = gain.std
+    return table
+
+
+def _smooth_errors(vehicle: Vehicle) -> dict[str, dict[str, dict[str, float]]]:
+    """Error term → covariate → what is stated of its error."""
+    table: dict[str, dict[str, dict[str, float]]] = {}
+    for error in vehicle.smooth_errors:
+        stated = {"std": error.std, "length": error.length}
+        table.setdefault(error.error_term, {})[error.covariate] = stated
+    return table
+
+
+def _codes(vehicle: Vehicle) -> dict[str, dict[str, int]]:
+    """Fault, quoted as names have colons, → its SPN and, where stated, FMI."""
+    return {
+        _toml(fault): {"spn": spn} | ({} if fmi is None else {"fmi": fmi})
+        for fault, (spn, fmi) in vehicle.codes.items()
+    }
 
 
 def _entry(signal: SignalMap) -> Iterable[tuple[str, Any]]:
