@@ -4,7 +4,7 @@ Noise is estimated from what the model leaves.  Where that is many times what th
 to have, and slow, an autoregressive model takes an error of the equations for its own, and the
 score of the cause at 0 says little: causes that act beyond a threshold only begin far from there.
 So the candidates are fitted from plausible sizes on, and what is compared is the likelihood with
-the determinant of the noise's covariance in it.
+the determinant of the noise's covariance in it.  Discrepancies are left to that noise meanwhile.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from clutchest.discovery.candidates import CandidateCause, settings
-from clutchest.discovery.search import LEVEL, Search, columns, free_of, scored, spanned
+from clutchest.discovery.search import LEADERS, LEVEL, Search, columns, free_of, scored, spanned
 from clutchest.inference.concurrent_fits import concurrently
-from clutchest.inference.map_fit import improve, settle
+from clutchest.inference.map_fit import TURNS, improve, settle
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.objective import FAR, Linearisation, Objective
 
@@ -39,27 +39,32 @@ def with_noise_of_likeliest(search: Search) -> Search:
     none, _, _ = _settled(search, (), search.null.fit.theta)
     tasks = [(c, size) for c in search.candidates for size in _sizes(c)]
 
-    def fitted(task: tuple[CandidateCause, float]) -> Settled:
+    def fitted(task: tuple[CandidateCause, float], turns: int) -> Settled:
         cause, size = task
         theta = search.null.fit.theta.copy()
         theta[cause.index] = size / cause.gain.upper
-        return _settled(search, (cause,), theta)
+        return _settled(search, (cause,), theta, turns)
 
-    def judged(task: tuple[CandidateCause, float]) -> tuple[float, Linearisation]:
+    def judged(task: tuple[CandidateCause, float], turns: int) -> tuple[float, Linearisation]:
         """The cost and where the fit ends: all fits together would not have room."""
-        cost, _, fit = fitted(task)
+        cost, _, fit = fitted(task, turns)
         return cost, fit.bare
 
-    fits = concurrently(search.problem, judged, tasks)
+    # what is known after one turn leads on: only the best are followed to the end
+    fits = concurrently(search.problem, lambda task: judged(task, 1), tasks)
+    leaders = sorted(range(len(fits)), key=lambda i: fits[i][0])[:LEADERS]
+    ends = concurrently(search.problem, lambda i: judged(tasks[i], TURNS), leaders)
+    for i, end in zip(leaders, ends, strict=True):
+        fits[i] = end
     begins: dict[CandidateCause, tuple[float, Linearisation]] = {}
     for (cause, _), (cost, fit) in zip(tasks, fits, strict=True):
         if cause not in begins or cost < begins[cause][0]:
             begins[cause] = cost, fit
-    best = min(range(len(fits)), key=lambda i: fits[i][0], default=None)
+    best = min(leaders, key=lambda i: fits[i][0], default=None)
     if best is None or none - fits[best][0] < ENOUGH:
         return search
     gained = {cause: (none - own, begin) for cause, (own, begin) in begins.items()}
-    _, objective, fit = fitted(tasks[best])
+    _, objective, fit = fitted(tasks[best], TURNS)
     return replace(_judged_by(search, objective, fit), begins=gained)
 
 
@@ -82,14 +87,16 @@ def _loudness(fit: Linearisation, objective: Objective) -> float:
     )
 
 
-def _settled(search: Search, causes: Sequence[CandidateCause], theta: np.ndarray) -> Settled:
-    """The most probable numbers from ``theta`` (m) on, with noise as they leave it; and −2
-    ln(probability), that of the noise included."""
-    begin = Objective.of(search.problem)
+def _settled(
+    search: Search, causes: Sequence[CandidateCause], theta: np.ndarray, turns: int = TURNS
+) -> Settled:
+    """The most probable numbers from ``theta`` (m) on, with noise as they leave it after so many
+    ``turns`` at most; and −2 ln(probability), that of the noise included."""
+    begin = Objective.of(replace(search.problem, discrepancies=()))
     known = search.objective
     begin = replace(begin, prior=known.prior, low=known.low, high=known.high)
     gains = [c.index for c in causes]
-    objective, fit = settle(begin, theta, gains, settings(tuple(causes)))
+    objective, fit = settle(begin, theta, gains, settings(tuple(causes)), turns)
     own = NoiseModel.fit(objective.stretches, [innovations.r for innovations in fit.raw])
     cost = float(np.sum(objective.prior * fit.theta**2))
     for s, innovations in zip(objective.stretches, fit.raw, strict=True):
@@ -102,6 +109,7 @@ def _settled(search: Search, causes: Sequence[CandidateCause], theta: np.ndarray
 
 def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Search:
     """A search that has found nothing yet, with another noise model, that of a ``fit``."""
+    objective = replace(objective, problem=search.problem).with_discrepancies(fit)
     at = objective.white_at(fit.theta, fit.shapes)
     null = objective.white_at(search.null.fit.theta)
     objective = spanned(objective, [at, null], search.candidates)

@@ -53,14 +53,15 @@ def settle(
     theta: Floats,
     gains: Sequence[int] = (),
     shapes: Shapes = NO_SHAPES,
+    turns: int = TURNS,
 ) -> tuple[Objective, Linearisation]:
     """The most probable nuisances, and ``gains`` (indices) where some are free too, others as in
     ``theta``; and an objective with the noise model of what is left: a step for the one, an
-    estimate of the other, alternately."""
+    estimate of the other, alternately, so many ``turns`` at most."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
     begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
     lin = improve(objective, begin, free)
-    for _ in range(TURNS):
+    for _ in range(turns):
         before = lin.r @ lin.r
         objective, lin = with_noise_estimated(objective, lin)
         objective = objective.with_span([lin.psi])
