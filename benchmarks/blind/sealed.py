@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import os
 import zlib
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ def seal(answer: dict[str, Any], path: Path) -> None:
     """Write ``answer`` as one line of compressed text and one of its hash."""
     text = json.dumps(answer, sort_keys=True).encode()
     body = base64.b64encode(zlib.compress(text)).decode()
-    path.write_text(f"{body}\n{hashlib.sha256(text).hexdigest()}\n", encoding="ascii")
+    whole = path.with_name(f"{path.name}.{os.getpid()}")  # another shard may be reading
+    whole.write_text(f"{body}\n{hashlib.sha256(text).hexdigest()}\n", encoding="ascii")
+    whole.replace(path)
 
 
 def unseal(path: Path) -> dict[str, Any]:
