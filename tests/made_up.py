@@ -49,11 +49,6 @@ class _Given:
     def implied(self, theta: Floats, shapes: Shapes) -> tuple[OperatingPoint, ...]:
         return (NOWHERE,)
 
-    def discrepancy_directions(
-        self, theta: Floats, shapes: Shapes, at: Sequence[OperatingPoint]
-    ) -> list[list[Floats]]:
-        return [[]]
-
     def linearise(
         self,
         theta: Floats,

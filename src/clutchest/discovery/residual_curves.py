@@ -33,7 +33,7 @@ SCALES = np.array(
 )  # standard deviations of coefficients, in units of an error
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
-ENTRIES = 1e7  # of derivatives, held at a time
+ENTRIES = 5e6  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)

@@ -131,7 +131,8 @@ class Objective:
 
     @classmethod
     def of(cls, problem: Problem) -> Objective:
-        """With white noise of the stated level, everything in the span and prior variances of 1."""
+        """With white noise of the stated level, no discrepancies, everything in the span and prior
+        variances of 1."""
         stretches = [drive.readings.stretches for drive in problem.drives]
         white = NoiseModel.white(stretches)
         weights = [np.ones(len(drive.readings.t)) for drive in problem.drives]
@@ -141,9 +142,7 @@ class Objective:
         for i, t in enumerate(problem.thetas):
             if isinstance(t, UnknownGain):
                 low[i], high[i] = t.lower, t.upper
-        points = [drive.at_nominal for drive in problem.drives]
-        along = problem.discrepancy_directions(np.zeros(len(prior)), NO_SHAPES, points)
-        scatter = scattering(problem.drives, along, np.ones(len(problem.discrepancies)))
+        scatter = [drive.readings.input_noise for drive in problem.drives]
         scattered = white_covariances(stretches, white, weights, scatter)
         return cls(problem, stretches, white, weights, scatter, scattered, None, prior, low, high)
 

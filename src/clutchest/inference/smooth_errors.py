@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.inference.covariates import covariates, hats
+from clutchest.inference.covariates import covariates
 from clutchest.inference.linearisation import Modulation, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -20,7 +20,7 @@ from clutchest.vehicle import SmoothError
 
 APART = 0.5  # lengths between knots
 MOST = 64  # knots
-ABSENT = 1e-6  # of the largest variance: what no curve of this smoothness has
+ABSENT = 1e-3  # of the largest variance: what curves of this smoothness hardly have
 
 
 def smooth_error(
@@ -34,7 +34,8 @@ def smooth_error(
         return np.zeros((len(drive.readings.t), 0))
     term = drive.compiled.machine.error_terms[error.error_term]
     knots = _knots(values, error.length)
-    basis = hats(values, knots) @ (error.std / term.size * _root(knots / error.length))
+    parts = error.std / term.size * _root(knots / error.length)
+    basis = np.column_stack([np.interp(values, knots, part) for part in parts.T])
     theta = [str(t) for t in of_compiled(drive.compiled, {})].index(acting(error))
     count = basis.shape[1]
     every = Modulation(basis, np.arange(count))
