@@ -2,11 +2,11 @@
 readings.
 
 No machine is its model (M. Kennedy, A. O'Hagan, "Bayesian calibration of computer models", J. R.
-Stat. Soc. B 63, 2001).  States that are constant in the equations wander, effects that the library
-knows as causes are there to a small extent, and a curve is off by a percent here and there.  The
-vehicle file states how far; readings scatter along what each of these does to them, and such
-directions count for less.  How far a state wanders in one log is estimated from it, up to what is
-stated; the others, which one log shows once, count as stated.
+Stat. Soc. B 63, 2001).  States that are constant in the equations wander, and a curve is off by a
+percent here and there.  The vehicle file states how far; readings scatter along what each of these
+does to them, and such directions count for less.  How far a state wanders in one log is estimated
+from it, up to what is stated; smooth errors of equations, which one log shows once, count as
+stated.
 """
 
 from __future__ import annotations
@@ -20,21 +20,19 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import softmax
 
 from clutchest.inference.input_noise_covariance import main_directions, shown
-from clutchest.inference.linearisation import Modulation, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.inference.smooth_errors import acting, smooth_error
-from clutchest.inference.unknowns import of_compiled
+from clutchest.inference.smooth_errors import smooth_error
 from clutchest.inference.wander import wander_of
 from clutchest.signals import Floats
-from clutchest.vehicle import HealthyGain, SmoothError
+from clutchest.vehicle import SmoothError
 from clutchest.vehicle.state_uncertainty import Wander
 
 # Shares of what is stated that are as likely before any data: every half octave, and none.
 SHARES = np.append(0.0, 2.0 ** (np.arange(-10, 1) / 2.0))
 SWEEPS = 2  # over the states, of each given the others
 
-Discrepancy = Wander | HealthyGain | SmoothError
+Discrepancy = Wander | SmoothError
 
 
 def directions_of(
@@ -47,32 +45,13 @@ def directions_of(
     deviations: columns (K, c), each to be taken a number of times that is normal, of variance 1."""
     columns = []
     for each in discrepancies:
-        match each:
-            case Wander():
-                scatter = wander_of(drive, numbers, at, each)
-            case SmoothError():
-                scatter = smooth_error(drive, numbers, at, each)
-            case HealthyGain():
-                scatter = _healthy_gain(drive, numbers, at, each)
+        if isinstance(each, Wander):
+            scatter = wander_of(drive, numbers, at, each)
+        else:
+            scatter = smooth_error(drive, numbers, at, each)
         scatter /= drive.readings.std[:, None]
         columns.append(main_directions(scatter))
     return columns
-
-
-def gain_of(discrepancy: HealthyGain | SmoothError) -> str:
-    """The name of the unknown by which it acts."""
-    if isinstance(discrepancy, SmoothError):
-        return acting(discrepancy)
-    return f"{discrepancy.effect}.{discrepancy.key}"
-
-
-def _healthy_gain(
-    drive: PreparedDrive, numbers: ModelNumbers, at: OperatingPoint, gain: HealthyGain
-) -> Floats:
-    """What an effect does to readings that goes as far as in a healthy vehicle: (K, 1)."""
-    theta = [str(t) for t in of_compiled(drive.compiled, {})].index(gain_of(gain))
-    always = Modulation(np.zeros((len(drive.line.t), 0)), np.array([-1]))
-    return gain.std * modulated(drive, numbers, at, np.array([theta]), always)
 
 
 def scattering(
@@ -125,7 +104,7 @@ def probable_shares(
     drives: Sequence[ScatteredDrive], discrepancies: Sequence[Discrepancy]
 ) -> Floats:
     """By which share of what is stated each state wanders: its root mean square, given the data,
-    whatever the unknowns are that have a prior of variance 1; 1 of all else."""
+    whatever the unknowns are that have a prior of variance 1; 1 of smooth errors."""
     wander = np.array([isinstance(each, Wander) for each in discrepancies])
     share = np.where(wander, 0.5, 1.0)
     for _ in range(SWEEPS):

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
-from clutchest.inference.discrepancy import Discrepancy, directions_of, gain_of
+from clutchest.inference.discrepancy import Discrepancy, directions_of
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.preparation import prepared
 from clutchest.inference.prepared_drive import PreparedDrive
+from clutchest.inference.smooth_errors import acting
 from clutchest.inference.unknowns import (
     InitialState,
     Shapes,
@@ -29,7 +30,7 @@ from clutchest.models.effects import Effect
 from clutchest.models.model import Model
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
-from clutchest.vehicle import HealthyGain, SmoothError, Vehicle
+from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std, wander
 from clutchest.vehicle.vehicle import TIMING
 
@@ -112,8 +113,8 @@ class Problem:
         discrepant: bool = False,
     ) -> Problem:
         """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, states
-        wander, and those of the effects that a healthy vehicle may have are off, as far as they
-        may."""
+        wander, and equations with an error term among the effects are off, as far as they may in a
+        healthy vehicle."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = vehicle.machine.to_fit(usable)
@@ -133,11 +134,7 @@ class Problem:
         )
         known = tuple(of_compiled(compiled, sought))
         names = {str(t) for t in known}
-        stated: tuple[HealthyGain | SmoothError, ...] = (
-            *vehicle.healthy,
-            *vehicle.smooth_errors,
-        )
-        errors = (each for each in stated if gain_of(each) in names)
+        errors = (each for each in vehicle.smooth_errors if acting(each) in names)
         shared = [t for t in known if isinstance(t, UnknownParameter | StatedGain | UnknownGain)]
         starts = [t for t in known if isinstance(t, InitialState)]
         delayed = _delayed(shared, sought)

@@ -5,7 +5,6 @@ from clutchest.vehicle.text import dump_vehicle
 from clutchest.vehicle.vehicle import (
     BusSignal,
     Estimation,
-    HealthyGain,
     ParameterValue,
     SignalMap,
     SmoothError,
@@ -16,7 +15,6 @@ from clutchest.vehicle.vehicle import (
 __all__ = [
     "BusSignal",
     "Estimation",
-    "HealthyGain",
     "ParameterValue",
     "SignalMap",
     "SmoothError",
