@@ -51,7 +51,7 @@ def test_what_can_be_looked_for_is_taken_once(tmp_path):
         ("-0.5, 0.5),)", "-0.5, 0.5),); scales = {'x': 'sise'}", "'sise', expected one of size"),
         ("    parameters", "    def __init__(self): 1 / 0\n    parameters", "class Own cannot be"),
     ],
-)  # fmt: skip
+)
 def test_a_class_that_declares_something_else_is_refused(tmp_path, old, new, words):
     source = OWN.replace(old, new)
     if new.startswith("["):

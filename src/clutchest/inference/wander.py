@@ -25,7 +25,7 @@ def random_walk(t: Floats, density: float) -> Floats:
     since, whole = t - t[0], max(t[-1] - t[0], 1e-9)
     rate = (np.arange(TERMS) + 0.5) * np.pi / whole
     walk = np.outer(since, rate)
-    np.sin(walk, out=walk)  # in place: of an hour, 100 MiB
+    np.sin(walk, out=walk)  # in place: of an hour, 25 MiB
     walk *= density * np.sqrt(2.0 / whole) / rate
     return walk
 
