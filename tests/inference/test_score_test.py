@@ -14,7 +14,7 @@ from scipy.stats import binomtest, kstest, norm
 
 from clutchest.discovery.search import LEVEL
 from clutchest.inference.objective import Linearisation
-from clutchest.inference.score_test import DRAWS, ScoreTest, score_test
+from clutchest.inference.score_test import DRAWS, GROUPS, ScoreTest, resampled_scores, score_test
 from clutchest.signals import Floats
 
 NUISANCES = 5
@@ -141,6 +141,24 @@ def test_null_draws_have_the_tails_of_the_innovations():
     far = np.mean(np.abs(found.null / found.std) > 4.0, axis=0)
     assert far[0] == pytest.approx(np.mean(np.abs(r - r.mean()) > 4.0), abs=3e-3)
     assert far[0] > 10 * far[1]
+
+
+def test_readings_of_a_long_record_are_drawn_in_groups_and_scatter_as_alone():
+    """Columns that vary slowly, as curves over a covariate do, and one that one reading tells of;
+    innovations with tails, and a mean that their number makes visible."""
+    rng, readings, draws = np.random.default_rng(6), 5 * GROUPS + 17, 20_000
+    along = np.linspace(-1.0, 1.0, readings)
+    columns = np.column_stack([np.exp(-(((along - at) / 0.2) ** 2)) for at in (-0.9, 0.0, 0.3)])
+    columns = np.column_stack([columns, np.arange(readings) == 7])
+    r = 0.01 + rng.standard_t(3, readings) / np.sqrt(3)
+    null = resampled_scores(r, columns, draws, rng)
+    white = np.linalg.solve(np.linalg.cholesky(columns.T @ columns * np.mean(r**2)), null.T)
+    off = white[:3] @ white[:3].T / draws - np.eye(3)
+    assert np.all(np.abs(off) < 4 * np.sqrt((1 + np.eye(3)) * (1 / draws + 1 / GROUPS)))
+    assert np.all(np.abs(white[:3].mean(axis=1)) < 4 * np.sqrt(1 / draws + 1 / GROUPS))
+    far = np.mean(np.abs(white) > 4.0, axis=1)
+    assert far[3] == pytest.approx(np.mean(np.abs(r) > 4.0 * r.std()), abs=3e-3)
+    assert far[3] > 10 * far[0]
 
 
 def test_draws_repeat_themselves():

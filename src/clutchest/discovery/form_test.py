@@ -30,7 +30,7 @@ from clutchest.discovery.search import Search
 from clutchest.inference.covariates import at_rest, hats, knots
 from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
-from clutchest.inference.score_test import ABSENT, projected_out
+from clutchest.inference.score_test import ABSENT, Projection
 from clutchest.signals import Floats
 
 LEVEL = 0.01  # p-value of a form, over all drivers of the effect, below which it is refuted
@@ -141,7 +141,7 @@ def _deviation(at: _At, beside: Nuisances, table: CandidateCurve) -> FormDeviati
     objective = at.search.objective
     ((columns, _),) = derivatives_of(objective, at.fit, at.values, [table])
     gram = columns.T @ columns
-    of = projected_out(beside.at, beside.free, beside.prior, columns)
+    of = Projection.of(beside.at, beside.free, beside.prior).out_of(columns)
     blocks = objective.problem.blocks(block_time(objective.problem))
     return deviation(
         of.pure, beside.at.r, of.score, of.information, blocks, NEGLIGIBLE * gram, INEXACT
@@ -205,7 +205,7 @@ def _explained(beside: Nuisances, gain: int) -> float:
     """By how much a gain improves the fit beside all else, 2 Δ ln L, to first order."""
     column = beside.at.psi[:, [gain]].copy()
     rest = beside.free[beside.free != gain]
-    of = projected_out(beside.at, rest, beside.prior, column)
+    of = Projection.of(beside.at, rest, beside.prior).out_of(column)
     information = max(float(of.information[0, 0]), ABSENT)
     return float(beside.at.theta[gain] + of.score[0] / information) ** 2 * information
 

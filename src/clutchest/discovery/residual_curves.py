@@ -21,7 +21,7 @@ from clutchest.inference.covariates import TIME_KNOTS, at_rest, covariates, hats
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
-from clutchest.inference.score_test import family_wise, projected_out, resampled_scores
+from clutchest.inference.score_test import Projection, family_wise, resampled_scores
 from clutchest.inference.unknowns import UnknownGain
 from clutchest.models.error_term_effects import PREFIX
 from clutchest.models.error_terms import ErrorTerm
@@ -145,20 +145,22 @@ def tested(
     choices = Counter(table.equation for table in tables)
     results, most = [], np.full(DRAWS, -np.inf)
     blocks = objective.problem.blocks(block_time(objective.problem))
+    projection = Projection.of(beside.at, beside.free, beside.prior)
     for derivatives, some in derivatives_of(objective, fit, values, tables):
-        whole = [derivatives[:, columns].T @ derivatives[:, columns] for _, columns in some]
-        c = projected_out(beside.at, beside.free, beside.prior, derivatives)
+        gram = derivatives.T @ derivatives
+        c = projection.out_of(derivatives)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
         null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
         null += resampled_scores(beside.at.r, c.pure, DRAWS, rng)
-        for (table, columns), gram in zip(some, whole, strict=True):
-            pure, information = c.pure[:, columns], c.information[np.ix_(columns, columns)]
+        for table, columns in some:
+            own = np.ix_(columns, columns)
+            pure, information = c.pure[:, columns], c.information[own]
             score = c.score[columns]
             covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
             rank = float(np.trace(covariance @ information))
             if rank < 0.1:
                 continue
-            rare, negligible = 2.0 * np.log(choices[table.equation]), table.negligible * gram
+            rare, negligible = 2.0 * np.log(choices[table.equation]), table.negligible * gram[own]
             most = np.maximum(most, evidence(null[:, columns], information, negligible) - rare)
             best, dispersion = covariance @ score, 1.0
             if evidence(score, information, negligible) > 0.0:

@@ -19,13 +19,7 @@ from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.objective import SAME, Linearisation, Objective
 from clutchest.inference.problem import NO_DERIVATIVES, Problem
-from clutchest.inference.score_test import (
-    ABSENT,
-    NOT_EXCLUDED,
-    ScoreTest,
-    projected_out,
-    score_test,
-)
+from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest, score_test
 from clutchest.inference.unknowns import InitialState
 from clutchest.progress import Progress
 from clutchest.signals import Floats
@@ -300,6 +294,7 @@ def _distant_starts(
     than the slope at 0; their scores ``z`` (C) become those of the secants."""
     free, objective = search.free(parent.causes), search.objective
     fit, begins = objective.linearise_at(parent.fit.theta, parent.fit.shapes, free), {}
+    projection = Projection.of(fit, free, objective.prior)
     for i, cause in enumerate(others):
         for size in cause.gain.trials:
             theta = fit.theta.copy()
@@ -307,7 +302,7 @@ def _distant_starts(
             shapes = {**settings((cause,)), **fit.shapes}
             there = objective.linearise_at(theta, shapes, NO_DERIVATIVES)
             secant = (there.r - fit.r)[:, None]
-            of = projected_out(fit, free, objective.prior, secant)
+            of = projection.out_of(secant)
             (score,), ((information,),) = of.score, of.information
             if score > max(z[i], 0.0) * (std := max(information, ABSENT) ** 0.5):
                 z[i], begins[i] = score / std, there.bare
