@@ -33,7 +33,7 @@ SCALES = np.array(
 )  # standard deviations of coefficients, in units of an error
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
-ENTRIES = 5e6  # of derivatives, held at a time
+ENTRIES = 1e7  # of derivatives, held at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,13 +307,10 @@ def derivatives_of(
         bases.clear()  # room for the derivatives
         derivatives = objective.modulated(fit, thetas, modulations)
         derivatives *= np.repeat([table.unit for table in some], counts)
-        yield (
-            derivatives,
-            [
-                (table, np.arange(end - len(table.at), end))
-                for table, end in zip(some, np.cumsum(counts), strict=True)
-            ],
-        )
+        ends = np.cumsum(counts)
+        each = [(t, np.arange(e - len(t.at), e)) for t, e in zip(some, ends, strict=True)]
+        yield derivatives, each
+        del derivatives  # before the next ones are made
 
 
 def _portions(tables: Sequence[CandidateCurve], held: int) -> Iterator[list[CandidateCurve]]:
