@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import sqlite3
+from contextlib import nullcontext
 from struct import pack
 
 import numpy as np
@@ -157,6 +158,9 @@ def block(kind: bytes, *links: int) -> bytes:
           block(b"##CG", 136, 0, 0, 0, 0, 0)], 136),
         ([block(b"##HD", 0, 136, 0, 0, 0, 0), block(b"##FH", 136, 0)], 136),
         ([block(b"##HD", 10**15, 0, 0, 0, 0, 0)], None),
+        ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"none", 0, 192, 0, 0),
+          block(b"none", 192)], 192),
+        ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"none", 136)], 136),
     ],
 )  # fmt: skip
 def test_chains_that_return_are_found(tmp_path, blocks, place):
@@ -164,6 +168,19 @@ def test_chains_that_return_are_found(tmp_path, blocks, place):
     path.write_bytes(b"\0" * 64 + b"".join(blocks))
     with path.open("rb") as file:
         assert returning(file) == place
+
+
+def test_blocks_count_as_often_as_they_are_reached(tmp_path):
+    def conversions(count):  # each refers twice to the next
+        places = [136 + 72 * k for k in range(count)]
+        return [block(b"##CC", 0, 0, 0, 0, p + 72, p + 72) for p in places]
+
+    path = tmp_path / "x.mf4"
+    head = block(b"##HD", 0, 0, 136, 0, 0, 0)
+    for count, many in ((15, False), (40, True)):
+        path.write_bytes(b"\0" * 64 + head + b"".join(conversions(count)))
+        with path.open("rb") as file, pytest.raises(OverflowError) if many else nullcontext():
+            assert returning(file) is None
 
 
 def drive(rows=600) -> pd.DataFrame:
