@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from io import StringIO
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import clutchest
 from clutchest.errors import ClutchestError
@@ -15,6 +17,7 @@ from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Estimate, Innovations
 from clutchest.record.report import markdown
+from clutchest.record.terminal import print_run
 
 GOOD = 0.7  # |z| of the innovations of a right model
 
@@ -36,6 +39,12 @@ def mended(signals, **changes):
         for name, change in changes.items()
     }
     return replace(signals, signals={**signals.signals, **new})
+
+
+def printed(run):
+    console = Console(file=StringIO(), width=200)
+    print_run(run, console)
+    return console.file.getvalue()
 
 
 def judge(model):
@@ -165,6 +174,15 @@ def test_a_wrong_sign_makes_every_state_invalid_everywhere(demo, healthy):
     np.testing.assert_array_equal(
         again.tracks[0].states["friction"].value, healthy.tracks[0].states["friction"].value
     )
+
+
+def test_no_life_and_no_heat_follow_from_signals_that_contradict_the_model(demo, healthy):
+    assert "of heat" in printed(healthy) and "Remaining life" in printed(healthy)
+    assert healthy.summary["wear"] and healthy.summary["slip_energy_J"] > 0.0
+    run = replay(mended(demo, slave_position=lambda x: np.full_like(x, x[0])), "truck")
+    assert run.summary["contradiction"] and run.summary["engagements"]
+    assert run.summary["wear"] is run.summary["slip_energy_J"] is None
+    assert "of heat" not in printed(run) and "life" not in printed(run)
 
 
 def test_a_state_file_with_an_impossible_value_is_damaged(demo, healthy):

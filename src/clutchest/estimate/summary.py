@@ -56,7 +56,9 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         names = f"all {len(vehicle.guessed)}" if every else ", ".join(vehicle.guessed)
         warnings.append(f"guessed parameters, by {vehicle.path.name}: {names}")
     warnings += vehicle.notes
-    end, energy = parts[-1], tracks[-1].slip_energy
+    end, believed = parts[-1], not tracks[-1].contradiction
+    energy = tracks[-1].slip_energy if believed else None
+    trend = wear_trend(vehicle, end.compiled, end.final, end.history) if believed else None
     return {
         "vehicle": vehicle.name,
         "contradiction": _contradiction(tracks),
@@ -66,7 +68,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "drives": len(tracks),
         "modes_s": _modes(tracks),
         "states": _states(vehicle, tracks, end),
-        "wear": wear_trend(vehicle, end.compiled, end.final, end.history),
+        "wear": trend,
         "sensors": _sensors(tracks),
         "engagements": _engagements(vehicle, tracks, parts),
         "tracking": _tracking(vehicle, tracks),

@@ -101,8 +101,10 @@ def _slip_events(run: Run) -> str:
     # Parameters are the same in every event: their errors add up rather than average out.
     spread = sum(event.energy_std_J for event in events)
     seconds = sum(event.duration_s for event in events)
-    heat = plus_minus(Quantity("energy", "J"), energy, spread)
-    words = f"{len(events)} {event_words(run)[len(events) > 1]} in {seconds:.1f} s, {heat} of heat"
+    words = f"{len(events)} {event_words(run)[len(events) > 1]} in {seconds:.1f} s"
+    if any(track.contradiction for track in run.tracks):
+        return f"{words}."
+    words += f", {plus_minus(Quantity('energy', 'J'), energy, spread)} of heat"
     peaks = [event.peak_temp_disc for event in events if np.isfinite(event.peak_temp_disc)]
     return f"{words}, {hottest_words(run)} at most {max(peaks):.0f} °C." if peaks else f"{words}."
 
