@@ -222,12 +222,14 @@ STEP = 1e-5  # m of free play, from drive to drive
 @pytest.fixture(scope="module")
 def runs():
     """Three drives of a differential, each from the state that the one before left."""
-    left, runs = None, []
+    left, runs, begin = None, [], 0
     for k in range(3):
         effects = {"free_play_growth": {"growth": (k + 1) * STEP}}
         short = {"duration": 6.0, "nominal": True}
         drive = clutchest.simulate("alsd_rig", "rig-steps", 5, effects, **short)
-        runs.append(clutchest.replay(after_days(drive, k), "alsd_rig", state=left))
+        begin = begin or drive.start_ns  # the date of a simulation follows its effects
+        drive = after_days(replace(drive, start_ns=begin), k)
+        runs.append(clutchest.replay(drive, "alsd_rig", state=left))
         left = json.loads(json.dumps(runs[-1].final))
     return runs
 
@@ -241,6 +243,7 @@ class TestFromDriveToDrive:
         assert "--state" in wear["words"][1]
 
     def test_trend_and_remaining_life(self, runs):
+        assert [run.summary["contradiction"] for run in runs] == [None] * 3
         energy = [run.final["history"]["slip_energy_J"] / 1e6 for run in runs]
         for k in (1, 2):
             wear, true = runs[k].summary["wear"], k * STEP / (energy[k] - energy[0])

@@ -108,10 +108,11 @@ def rms_of(track: Track, names: frozenset[str] | None = None) -> float:
 
 
 def _best(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> Remedy | None:
-    """The most probable of the explanations that fit."""
+    """The most probable of the explanations that fit; None where the signals fit as they were read,
+    as they may where the state of an earlier drive does not."""
     short = _shortened(signals)
     as_read = _fit(short, vehicle, 1.0, "")
-    if as_read is None:
+    if as_read is None or (as_read.rms <= FITS and not as_read.contradicted):
         return None
     tried = list(_explanations(short, vehicle))
     signs_and_swaps = [each for each in tried if each.kind != "unit"]
