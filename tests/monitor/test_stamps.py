@@ -11,10 +11,10 @@ S = 10**9
 START = 1_700_000_000 * S
 
 
-def batch(stamps, at):
+def batch(stamps, at, more=False):
     frames = Frames.empty(len(stamps))
     frames.t_ns[:] = stamps
-    return Received(frames, at)
+    return Received(frames, at, more=more)
 
 
 class Clock:
@@ -25,11 +25,11 @@ class Clock:
         self.stamps = Stamps(lambda: self.at, lambda: START)
         self.used = []
 
-    def run(self, seconds, late=0):
+    def run(self, seconds, late=0, more=False):
         for _ in range(round(10 * seconds)):
             self.at += S // 10
             raw = self.first + self.at + self.shift - np.arange(10)[::-1] * S // 100
-            self.used.append(self.stamps.used(batch(raw, self.at + late)).t_ns)
+            self.used.append(self.stamps.used(batch(raw, self.at + late, more)).t_ns)
         return np.concatenate(self.used)
 
 
@@ -59,6 +59,17 @@ def test_frames_that_are_late_are_no_jump():
     used = clock.run(5.0)
     assert not clock.stamps.jumps
     assert np.array_equal(np.diff(used), np.full(len(used) - 1, S // 100))
+
+
+@pytest.mark.parametrize("more", [True, False])
+def test_frames_that_waited_in_the_socket_are_no_jump_however_long_they_take(more):
+    clock = Clock()
+    clock.run(5.0)
+    clock.run(20.0, late=60 * S, more=more)
+    used = clock.run(5.0)
+    assert bool(clock.stamps.jumps) == (not more)
+    if more:
+        assert np.array_equal(np.diff(used), np.full(len(used) - 1, S // 100))
 
 
 def test_a_clock_of_a_device_becomes_absolute():

@@ -64,6 +64,18 @@ def test_a_malformed_datagram_costs_no_frame(buses, what):
     assert (frames, malformed) == (2, 1)
 
 
+def test_frames_that_others_keep_waiting_are_said_to_come(buses, monkeypatch):
+    monkeypatch.setattr("clutchest.can.udp.MOST", 5)
+    sender, listening = buses
+    listening.set_filters([{"can_id": 0x7, "can_mask": 0x7FF, "extended": False}])
+    reader = reader_of(listening)
+    for number in [*[0x8] * 5, 0x7]:
+        sender.send(can.Message(arbitration_id=number, data=b"1", is_extended_id=False))
+    first, second = reader.read(5.0), reader.read(5.0)
+    assert first.more and not len(first.frames)
+    assert not second.more and second.frames.id.tolist() == [0x7]
+
+
 def test_nothing_leaves_this_machine_unless_an_interface_is_named(buses):
     from clutchest.can.bus import sockets_of
     from clutchest.can.multicast import is_own, this_machine_only

@@ -102,12 +102,13 @@ def drops_of(sock: socket.socket) -> int:
 class Received:
     """Frames with the stamps of the interface; when they were handed over, ns on the monotonic
     clock; how many the kernel has ``dropped`` so far, None where that is not known; what was
-    ``malformed`` so far, by kind."""
+    ``malformed`` so far, by kind; whether ``more`` may have been waiting already."""
 
     frames: Frames
     at_ns: int
     dropped: int | None = 0
     malformed: Mapping[str, int] = field(default_factory=dict)
+    more: bool = False
 
 
 class BusReader:
@@ -126,7 +127,8 @@ class BusReader:
         messages = [message]
         while len(messages) < MOST and (message := self.bus.recv(0)) is not None:
             messages.append(message)
-        return Received(frames_of(messages), time.monotonic_ns(), None)
+        more = len(messages) >= MOST
+        return Received(frames_of(messages), time.monotonic_ns(), None, more=more)
 
     def count(self) -> None:
         """Bring ``dropped`` up to date, where no frame says it."""
@@ -167,7 +169,8 @@ class SocketReader(BusReader):
             sent.append(bool(flags & socket.MSG_DONTROUTE))
         if not payloads:
             return None
-        return Received(_kernel_frames(payloads, stamps, sent), time.monotonic_ns(), self.dropped)
+        frames, more = _kernel_frames(payloads, stamps, sent), len(payloads) >= MOST
+        return Received(frames, time.monotonic_ns(), self.dropped, more=more)
 
     def count(self) -> None:
         """As :meth:`BusReader.count`."""

@@ -47,13 +47,14 @@ class UdpReader(BusReader):
         self._room = socket.CMSG_SPACE(16) + socket.CMSG_SPACE(4)
 
     def read(self, timeout: float) -> Received | None:
-        """As :meth:`BusReader.read`; also where nothing but malformed datagrams came."""
+        """As :meth:`BusReader.read`; also where nothing but malformed datagrams came, or so many of
+        others that more may be waiting: what comes then is not later than now."""
         import select
 
         if not select.select([self.socket], [], [], timeout)[0]:
             return None
         messages: list[can.Message] = []
-        before = self.malformed.total()
+        before, more = self.malformed.total(), False
         for _ in range(MOST):
             try:
                 given = self.socket.recvmsg(LARGEST, self._room, socket.MSG_DONTWAIT)
@@ -78,10 +79,13 @@ class UdpReader(BusReader):
                 self.malformed[defect] += 1
             elif self.bus._matches_filters(message):
                 messages.append(message)
-        if not messages and self.malformed.total() == before:
+        else:
+            more = True
+        if not messages and not more and self.malformed.total() == before:
             return None
+        malformed = dict(self.malformed)
         return Received(
-            frames_of(messages), time.monotonic_ns(), self.dropped, dict(self.malformed)
+            frames_of(messages), time.monotonic_ns(), self.dropped, malformed, more=more
         )
 
     def count(self) -> None:

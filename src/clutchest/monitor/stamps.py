@@ -12,7 +12,7 @@ from clutchest.can.bus import Received
 from clutchest.can.frames import Frames
 
 JUMP_NS = 1_000_000_000  # a clock that differs by more from one moment to the next was set
-LATE_NS = 5_000_000_000  # frames are received late for at most so long without a break
+LATE_NS = 5_000_000_000  # frames are late for at most so long once none is waiting any more
 TICK_NS = 1000  # stamps are whole µs, no two equal, as in a candump log
 ABSOLUTE_NS = 10**18  # September 2001; a clock below counts from its own start
 _FORGET = 0.01  # share by which the difference of two clocks follows each batch
@@ -48,7 +48,7 @@ class Stamps:
         if np.any(np.abs(steps) > JUMP_NS):  # set within the batch: the last stamp counts
             steps = np.where((steps > JUMP_NS) | (steps < 0), TICK_NS, steps)
             raw = raw[-1] - np.concatenate((np.cumsum(steps[::-1])[::-1], [0]))
-        self._follow(int(raw[0]), int(raw[-1]), at)
+        self._follow(int(raw[0]), int(raw[-1]), at, received.more)
         t = (raw + self._correction) // TICK_NS
         order = np.arange(len(t))
         least = max(self._last, self._floor) // TICK_NS + 1
@@ -69,15 +69,16 @@ class Stamps:
     def _at(self, monotonic_ns: int) -> int:
         return max(self._last, self._floor, self._last + monotonic_ns - self._last_at)
 
-    def _follow(self, first: int, last: int, at: int) -> None:
-        """Distinguish a clock that was set from frames that are late."""
+    def _follow(self, first: int, last: int, at: int, more: bool) -> None:
+        """Distinguish a clock that was set from frames that are late, as those are that waited in
+        the socket while the process was stopped, and those behind them (``more``)."""
         if self._offset is None:
             self._offset = last - at
             if last < ABSOLUTE_NS:
                 self._correction = self._clock_ns() - last
             return
         off = last - at - self._offset
-        if off > -JUMP_NS:
+        if off > -JUMP_NS or more:
             self._late_since = None
         elif self._late_since is None:
             self._late_since = at
