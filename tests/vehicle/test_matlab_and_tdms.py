@@ -264,6 +264,18 @@ def test_a_damaged_one_is_refused_in_a_line(truck, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("kind", [8, 11, 19, 1033, 27263])
+def test_elements_of_no_kind_are_refused(truck, tmp_path, kind):
+    """scipy takes what stands beside its table of kinds for a type, and crashes."""
+    path = tmp_path / "drive.mat"
+    savemat(path, {"drive": {"time": TIME, "engine_speed": SPEED}})
+    doubles, content = struct.pack("<II", 9, TIME.nbytes), path.read_bytes()
+    assert content.count(doubles) == 2
+    path.write_bytes(content.replace(doubles, struct.pack("<II", kind, TIME.nbytes), 1))
+    with pytest.raises(ClutchestError, match=f"damaged, an element of kind {kind}"):
+        read_log(path, truck)
+
+
 def test_inspect_drafts_a_vehicle_of_them(tmp_path):
     savemat(tmp_path / "m.mat", {"time": TIME, "engine_speed": SPEED, "M": SPEED})
     found = inspect_tables([tmp_path / "m.mat"], "dry_clutch")

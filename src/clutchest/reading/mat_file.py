@@ -24,6 +24,9 @@ DEEPEST = 12  # structs within structs
 MOST_PARTS = 100_000
 _MATRIX, _COMPRESSED = 14, 15
 _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE = 1, 2, 3, 4, 5
+_NUMBERS, _OTHERS = range(6, 16), (16, 17)  # those of all widths; functions and opaque objects
+_COMPLEX = 0x800  # flag of an array
+_KINDS = {*range(1, 8), 9, *range(12, 19)}  # of elements, that scipy looks up without a check
 
 
 def contents(path: Path) -> dict[str, Any]:
@@ -53,16 +56,21 @@ def _of_version_5(path: Path, head: bytes) -> dict[str, Any]:
     return {n: v for n, v in ((n, _plain(v)) for n, v in found.items()) if v is not None}
 
 
-def _check(path: Path, data: memoryview, order: str, depth: int, left: list[int]) -> None:
-    """Raises ClutchestError where arrays claim more elements than they have bytes, are nested too
-    deeply, or inflate beyond the budget, of which so many bytes are ``left``."""
-    at = 0
+def _check(path: Path, data: memoryview, order: str, depth: int, left: list[int]) -> list[int]:
+    """The kinds of the elements in ``data``.
+
+    Raises ClutchestError where arrays claim more elements than they have bytes, hold other kinds or
+    numbers of them than scipy takes for granted, are nested too deeply, or inflate beyond the
+    budget, of which so many bytes are ``left``.
+    """
+    at, kinds = 0, []
     while at + 8 <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, at)
         if kind >> 16:  # up to four bytes stand in the tag itself
-            at += 8
-            continue
+            kind, size = kind & 0xFFFF, 0
         body = data[at + 8 : at + 8 + size]
+        if depth and (kind not in _KINDS or len(body) < size):
+            raise ClutchestError(f"{path}: damaged, an element of kind {kind}")
         if kind == _COMPRESSED and depth == 0:
             inflater = zlib.decompressobj()
             whole = inflater.decompress(body, max(left[0], 1))
@@ -71,22 +79,38 @@ def _check(path: Path, data: memoryview, order: str, depth: int, left: list[int]
                 raise ClutchestError(
                     f"{path}: holds more than {budgets.UNPACKED_BYTES >> 20} MiB compressed"
                 )
-            _check(path, memoryview(whole), order, 1, left)
+            if _check(path, memoryview(whole), order, 1, left) != [_MATRIX]:
+                raise ClutchestError(f"{path}: damaged, no array in a compressed element")
         elif kind == _MATRIX and size:
             _check_array(path, body, order, depth + 1, left)
+        kinds.append(kind)
         at += 8 + (size if kind == _COMPRESSED else size + -size % 8)
+    if depth > 1 and at != len(data):
+        raise ClutchestError(f"{path}: damaged, elements do not fill their array")
+    return kinds
 
 
 def _check_array(path: Path, body: memoryview, order: str, depth: int, left: list[int]) -> None:
     flags, _, _, many = struct.unpack_from(f"{order}IIII", body, 8)
     shape = struct.unpack_from(f"{order}{many // 4}i", body, 24)
-    elements = 1
+    what, elements = flags & 0xFF, 1
     for each in shape:
         elements *= max(each, 0)
-    if depth > DEEPEST or (elements > len(body) and flags & 0xFF != _SPARSE):
+    if depth > DEEPEST or (elements > len(body) and what != _SPARSE):
         raise ClutchestError(f"{path}: damaged, or nested in more than {DEEPEST} levels")
-    if flags & 0xFF in (_CELL, _STRUCT, _OBJECT):
-        _check(path, body[24 + many + -many % 8 :], order, depth, left)
+    kinds = _check(path, body, order, depth, left)
+    parts = kinds.count(_MATRIX)
+    if what == _CELL:
+        sound = parts == elements
+    elif what in (_STRUCT, _OBJECT):
+        sound = parts % elements == 0 if elements else parts == 0
+    elif what in _NUMBERS or what in (_CHAR, _SPARSE):
+        most = 6 if what == _SPARSE else 4  # flags, shape, name, values; rows and columns
+        sound = parts == 0 and len(kinds) == most + (flags & _COMPLEX > 0)
+    else:
+        sound = what in _OTHERS
+    if not sound:
+        raise ClutchestError(f"{path}: damaged, an array of {elements} elements holds {len(kinds)}")
 
 
 def _plain(value: Any) -> Any:
