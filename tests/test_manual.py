@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,18 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 
 def test_there_are_four_notebooks() -> None:
     assert [path.stem for path in NOTEBOOKS] == ["diagnose", "discover", "fleet", "replay"]
+
+
+def test_every_table_of_the_results_names_the_command_that_made_it() -> None:
+    """One that is there, in the table's section."""
+    page = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    _, *sections = re.split(r"(?m)^##+ ", page)
+    assert len(sections) > 15
+    for section in sections:
+        if re.search(r"(?m)^\|", section):
+            named = re.findall(r"(?:python|pytest)[^`\n|]*?((?:benchmarks|tests)[\w/.]*)", section)
+            assert named, section.splitlines()[0]
+            assert all((ROOT / path).exists() for path in named), named
 
 
 @pytest.mark.slow
