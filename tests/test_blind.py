@@ -322,7 +322,7 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says():
 
         @property
         def vehicle(self):
-            return replace(super().vehicle, estimation={}, smooth_errors=())
+            return replace(super().vehicle, estimation={}, healthy=(), smooth_errors=())
 
     effects, off = machine_of("dry_clutch").effects, []
     for seed, gain in enumerate(gains, 20):
@@ -357,7 +357,7 @@ def test_what_an_extension_gains_is_what_it_explains(tmp_path):
 
         @property
         def vehicle(self):
-            return replace(super().vehicle, estimation={}, smooth_errors=())
+            return replace(super().vehicle, estimation={}, healthy=(), smooth_errors=())
 
     drive = Drive(2, "ar05")
     size = 3.0 / Oracle(Exact(2, "ar05")).per_largest("friction_level.change") * 0.5

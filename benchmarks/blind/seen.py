@@ -39,11 +39,12 @@ class Truck:
     """A truck's ``own`` numbers, and ``nuisances``: what a vehicle file leaves open, by name, with
     the standard deviations of its priors; ``wanders``: of its states that are random walks, the
     density in unit/√s; ``curve``: how far its torque curve is off, as a share of the torque, and
-    over which length in mm that changes."""
+    over which length in mm that changes; ``healthy``: what effects there are, 1 σ each."""
 
     own: Own
     nuisances: Mapping[str, float]
     wanders: Mapping[str, float]
+    healthy: Sequence[Effects] = ()
     curve: tuple[float, float] | None = None
 
     @classmethod
@@ -62,7 +63,8 @@ class Truck:
             if (error.error_term, error.covariate) != ("torque", "slave_position"):
                 raise ValueError(f"an error of {error.error_term} is not known here")
         curve = [(error.std / 100.0, error.length) for error in vehicle.smooth_errors]
-        return cls(own, {**spreads, **starts, **late}, wanders, *curve)
+        healthy = [{gain.effect: {gain.key: gain.std}} for gain in vehicle.healthy]
+        return cls(own, {**spreads, **starts, **late}, wanders, healthy, *curve)
 
     def replay(
         self, recorded: Recorded, z: Vector, effects: Effects, walks: Mapping[str, Floats] = STEADY
@@ -177,12 +179,14 @@ class Seen:
 
     @cached_property
     def _wandered(self) -> list[tuple[Floats, Floats]]:
-        """Directions (K, d) in which wander and an error of the curve scatter misfits, white
-        without these, and by what share (d,) each counts for less; none where nothing does."""
+        """Directions (K, d) in which wander, an error of the curve and a healthy truck's effects
+        scatter misfits, white without these, and by what share (d,) each counts for less; none
+        where nothing does."""
         raw = [
             (self.misfit(self.nought, NONE, {state: SMALL * walk}) - self._raw) / SMALL
             for state, walk in (*self._walks(), *self._bends())
         ]
+        raw += [self.misfit(self.nought, healthy) - self._raw for healthy in self.truck.healthy]
         return [_scattering(self._still(np.column_stack(raw)))] if raw else []
 
     def _walks(self) -> Iterator[tuple[str, Floats]]:

@@ -41,7 +41,7 @@ def _sizes_in(verdict: SearchVerdict, h: CauseSet) -> dict[tuple[str, str], Size
     search, spread = verdict.search, verdict.spreads[h.names]
     problem = search.problem
     fit = search.objective.linearise_at(h.fit.theta, h.fit.shapes)
-    # of a signal that is late, the tolerance is part of its delay
+    # what a healthy vehicle has of an effect is part of its size
     within = problem.tolerances(c.index for c in h.causes)
     free = np.setdiff1d(search.free(h.causes), within)
     std = np.sqrt(np.diag(covariance(search.objective, fit, free)) + spread.variance[free])

@@ -79,8 +79,8 @@ def carried(search: Search, fit: Linearisation, other: Problem) -> Floats:
     """θ of another problem, with the vehicle's unknowns as in a fit of the first one."""
     theta = np.zeros(len(other.thetas))
     theta[: other.shared] = fit.theta[: search.problem.shared]
-    if late := len(search.problem.delayed):
-        theta[-late:] = fit.theta[-late:]
+    if last := len(search.problem.tolerated):
+        theta[-last:] = fit.theta[-last:]
     return theta
 
 

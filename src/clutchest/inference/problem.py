@@ -17,6 +17,7 @@ from clutchest.inference.preparation import prepared
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.smooth_errors import acting
 from clutchest.inference.unknowns import (
+    HealthyPart,
     InitialState,
     Shapes,
     SignalDelay,
@@ -87,8 +88,9 @@ class Problem:
     file has it: first the ``shared`` ones of all drives.  ``nuisances`` are indices of those with a
     prior, of variance 1; ``gains`` of the rest, the gains of ``effects``, which are absent at 0.
     ``usable``: the signals of which every drive has readings; ``delayed``: indices of gains that
-    are the delay of a signal; ``discrepancies``: what the equations of a healthy machine are off
-    by.
+    are the delay of a signal; ``tolerated``: of the last thetas, each of which acts as a gain does
+    and has a prior, the index of this gain; ``discrepancies``: what else the equations of a healthy
+    machine are off by.
     """
 
     vehicle: Vehicle
@@ -98,6 +100,7 @@ class Problem:
     thetas: tuple[Unknown, ...]
     shared: int
     delayed: Mapping[int, str]
+    tolerated: tuple[int, ...]
     drives: tuple[PreparedDrive, ...]
     nuisances: NDArray[np.int64]
     discrepancies: tuple[Discrepancy, ...]
@@ -113,8 +116,8 @@ class Problem:
         discrepant: bool = False,
     ) -> Problem:
         """Of all drives of ``signals``, with candidate ``effects``; where ``discrepant``, states
-        wander, and equations with an error term among the effects are off, as far as they may in a
-        healthy vehicle."""
+        wander, effects act, and equations with an error term among the effects are off, as far as
+        they may in a healthy vehicle."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = vehicle.machine.to_fit(usable)
@@ -138,10 +141,13 @@ class Problem:
         shared = [t for t in known if isinstance(t, UnknownParameter | StatedGain | UnknownGain)]
         starts = [t for t in known if isinstance(t, InitialState)]
         delayed = _delayed(shared, sought)
+        places = {str(t): i for i, t in enumerate(shared) if isinstance(t, UnknownGain)}
+        healthy = [h for h in vehicle.healthy if discrepant and h.std > 0.0 and h.gain in places]
         thetas = (
             *shared,
             *(replace(t, drive=i) for i in range(len(drives)) for t in starts),
             *(SignalDelay(name, _delay_spread(vehicle, name)) for name in delayed.values()),
+            *(HealthyPart(h.effect, h.key, h.std) for h in healthy),
         )
         units = np.array([t.unit for t in (*shared, *starts)])
         exact = [isinstance(t, StatedGain) and t.exact for t in thetas]
@@ -154,6 +160,7 @@ class Problem:
             thetas,
             len(shared),
             delayed,
+            (*delayed, *(places[h.gain] for h in healthy)),
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
             np.flatnonzero(~np.array(exact) & ~np.array(gains)),
             (*wanders, *(errors if discrepant else ())),
@@ -199,9 +206,9 @@ class Problem:
         return float(CLOCK * np.sqrt((1.0 + ar) / (1.0 - ar)))
 
     def tolerances(self, gains: Iterable[int]) -> NDArray[np.int64]:
-        """Indices of the small delays that the signals delayed by these ``gains`` may have too."""
-        first, wanted = len(self.thetas) - len(self.delayed), set(gains)
-        return np.array([first + i for i, k in enumerate(self.delayed) if k in wanted], np.int64)
+        """Indices of the thetas that act as these ``gains`` do, to a small extent."""
+        first, wanted = len(self.thetas) - len(self.tolerated), set(gains)
+        return np.array([first + i for i, k in enumerate(self.tolerated) if k in wanted], np.int64)
 
     def blocks(self, seconds: float) -> NDArray[np.int64]:
         """The number, from 0, of the block of so many ``seconds`` of a drive in which each reading
@@ -221,7 +228,7 @@ class Problem:
             match t:
                 case UnknownParameter(key):
                     p[keys.index(key)] += value * t.unit
-                case UnknownGain(effect, key) | StatedGain(effect, key):
+                case UnknownGain(effect, key) | StatedGain(effect, key) | HealthyPart(effect, key):
                     g[rows[effect, key]] += value * t.unit
                 case InitialState(state) if t.drive == drive:
                     x[c.model.state(state)] += value * t.unit
@@ -246,8 +253,8 @@ class Problem:
         """
         wanted = np.ones(len(theta), bool) if active is None else np.zeros(len(theta), bool)
         wanted[slice(None) if active is None else active] = True
-        delays = np.arange(len(self.thetas) - len(self.delayed), len(self.thetas))
-        wanted[list(self.delayed)] |= wanted[delays]
+        for k, of in enumerate(self.tolerated, len(theta) - len(self.tolerated)):
+            wanted[of] |= wanted[k]
         points = [drive.at_nominal for drive in self.drives] if at is None else at
         return tuple(
             self._of_drive(i, self.numbers(theta, shapes, i), wanted, point)
@@ -288,11 +295,10 @@ class Problem:
         table = np.zeros((len(derivatives), 1 + len(active)))
         table[:, 0] = innovations / std
         table[:, 1 + place[columns]] = derivatives
-        first = len(self.thetas) - len(self.delayed)
-        for k, of in enumerate(self.delayed, first):
+        for k, of in enumerate(self.tolerated, len(self.thetas) - len(self.tolerated)):
             if wanted[k]:
-                per_delay = table[:, 1 + place[of]] / units[of]
-                table[:, 1 + place[k]] = per_delay * units[k]
+                by_unit = table[:, 1 + place[of]] / units[of]
+                table[:, 1 + place[k]] = by_unit * units[k]
         return NormalisedInnovations(table, len(wanted), implied, None if wanted.all() else active)
 
     def modulated(

@@ -84,6 +84,18 @@ class SignalDelay:
 
 
 @dataclass(frozen=True, slots=True)
+class HealthyPart:
+    """As far as an effect acts in a healthy vehicle: a part of its gain that has a prior."""
+
+    effect: str
+    key: str
+    unit: float
+
+    def __str__(self) -> str:
+        return f"healthy {self.effect}.{self.key}"
+
+
+@dataclass(frozen=True, slots=True)
 class InputNoise:
     """What an input is off by, where states without readings of their own take it in; never a
     number of a fit, but a direction in which readings scatter."""
@@ -112,6 +124,7 @@ Unknown = (
     | UnknownGain
     | InitialState
     | SignalDelay
+    | HealthyPart
     | InputNoise
     | StateWander
 )

@@ -5,6 +5,7 @@ from clutchest.vehicle.text import dump_vehicle
 from clutchest.vehicle.vehicle import (
     BusSignal,
     Estimation,
+    HealthyGain,
     ParameterValue,
     SignalMap,
     SmoothError,
@@ -15,6 +16,7 @@ from clutchest.vehicle.vehicle import (
 __all__ = [
     "BusSignal",
     "Estimation",
+    "HealthyGain",
     "ParameterValue",
     "SignalMap",
     "SmoothError",

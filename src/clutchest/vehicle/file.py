@@ -13,11 +13,11 @@ from clutchest.models import machine_in_file, machine_of
 from clutchest.shipped import locate
 from clutchest.vehicle.columns_section import read_columns
 from clutchest.vehicle.curves import PATCH, read_curves
+from clutchest.vehicle.discrepancy_sections import read_healthy_gains, read_smooth_errors
 from clutchest.vehicle.effects_section import read_effects
 from clutchest.vehicle.named_files import NamedFiles
 from clutchest.vehicle.plausible import unlikely
 from clutchest.vehicle.signals_section import read_signals
-from clutchest.vehicle.smooth_errors_section import read_smooth_errors
 from clutchest.vehicle.toml import TomlFile
 from clutchest.vehicle.trust import check_trusted
 from clutchest.vehicle.vehicle import Estimation, ParameterValue, Vehicle
@@ -43,6 +43,7 @@ _TOP = (
     "effects",
     "effects_spread",
     "estimation",
+    "healthy",
     "smooth_errors",
     "modes",
     "limits",
@@ -107,6 +108,7 @@ def _vehicle(file: TomlFile, trust: bool) -> Vehicle:
             if (spread := {key: n.spread for key, n in of.items() if n.spread > 0.0})
         },
         estimation=_estimation(file, machine.states),
+        healthy=read_healthy_gains(file, machine),
         smooth_errors=read_smooth_errors(file, machine),
         modes={key: quantity.value for key, quantity in thresholds.items()},
         limits=limits,

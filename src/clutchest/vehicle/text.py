@@ -105,6 +105,7 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
         lines += ["", f"[effects.{key}]", *_curve(curve)]
     section("effects_spread", vehicle.effects_spread, dict)
     section("estimation", vehicle.estimation, record)
+    section("healthy", _healthy(vehicle), dict)
     for term, over in _smooth_errors(vehicle).items():
         section(f"smooth_errors.{_toml(term)}", over, dict)
     section("modes", vehicle.modes, float)
@@ -117,6 +118,14 @@ def vehicle_text(vehicle: Vehicle, target: Path, heading: str = "") -> str:
 def _database(file: DatabaseFile, name: str) -> str | dict[str, Any]:
     """One entry of ``dbc``."""
     return name if file.channel is None else {"file": name, "channel": file.channel}
+
+
+def _healthy(vehicle: Vehicle) -> dict[str, dict[str, float]]:
+    """Effect → gain → how far it goes in a healthy vehicle."""
+    table: dict[str, dict[str, float]] = {}
+    for gain in vehicle.healthy:
+        table.setdefault(gain.effect, {})[gain.key] = gain.std
+    return table
 
 
 def _smooth_errors(vehicle: Vehicle) -> dict[str, dict[str, dict[str, float]]]:

@@ -122,6 +122,21 @@ class Estimation:
 
 
 @dataclass(frozen=True, slots=True)
+class HealthyGain:
+    """How far an effect goes in a healthy vehicle: the standard deviation ``std`` of one of its
+    gains, in the gain's unit."""
+
+    effect: str
+    key: str
+    std: float
+
+    @property
+    def gain(self) -> str:
+        """The gain's name."""
+        return f"{self.effect}.{self.key}"
+
+
+@dataclass(frozen=True, slots=True)
 class SmoothError:
     """How far an equation of a healthy machine may be off, smoothly, over one ``covariate``: the
     error of ``error_term`` has a standard deviation ``std`` (in the unit that the term is told in)
@@ -159,6 +174,7 @@ class Vehicle:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effects_spread: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     estimation: Mapping[str, Estimation] = field(default_factory=dict)
+    healthy: tuple[HealthyGain, ...] = ()
     smooth_errors: tuple[SmoothError, ...] = ()
     modes: Mapping[str, float] = field(default_factory=dict)  # thresholds, SI and mm
     limits: Mapping[str, ParameterValue] = field(default_factory=dict)

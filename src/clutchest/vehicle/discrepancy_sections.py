@@ -1,5 +1,5 @@
-"""Smooth errors of a vehicle file: ``[smooth_errors.torque]`` with a covariate, how far off and
-over which length."""
+"""What the equations of a healthy vehicle may be off by: ``[healthy]``, gains of effects, and
+``[smooth_errors.torque]``, a covariate, how far off and over which length."""
 
 from __future__ import annotations
 
@@ -8,13 +8,27 @@ from typing import TYPE_CHECKING, Any
 from clutchest.models.declarations import ENERGY
 from clutchest.models.effects.effect import TIME
 from clutchest.vehicle.toml import Keys, TomlFile
-from clutchest.vehicle.vehicle import SmoothError
+from clutchest.vehicle.vehicle import HealthyGain, SmoothError
 
 if TYPE_CHECKING:
     from clutchest.models.machine import Machine
 
-SECTION = "smooth_errors"
+HEALTHY, SECTION = "healthy", "smooth_errors"
 SHORTEST = 1e-9  # unit of the covariate
+
+
+def read_healthy_gains(file: TomlFile, machine: Machine) -> tuple[HealthyGain, ...]:
+    """How far effects go in a healthy vehicle.  Raises ClutchestError with file and line."""
+    table = file.table((HEALTHY,), file.data.get(HEALTHY, {}))
+    file.known((HEALTHY,), table, machine.effects, "effect")
+    gains = []
+    for effect, value in table.items():
+        stated = file.table((HEALTHY, effect), value)
+        keys = [number.key for number in machine.effects[effect].gains]
+        file.known((HEALTHY, effect), stated, keys, f"gain of '{effect}'")
+        for key, std in stated.items():
+            gains.append(HealthyGain(effect, key, file.number((HEALTHY, effect, key), std, 0.0)))
+    return tuple(gains)
 
 
 def read_smooth_errors(file: TomlFile, machine: Machine) -> tuple[SmoothError, ...]:
