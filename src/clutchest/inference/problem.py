@@ -193,6 +193,18 @@ class Problem:
         """Indices of the gains of candidate effects."""
         return np.flatnonzero([isinstance(t, UnknownGain) for t in self.thetas])
 
+    @property
+    def spreads(self) -> NDArray[np.int64]:
+        """Indices of the nuisances whose prior is the spread of a parameter in the vehicle file:
+        parameters, and first states that one of them is about."""
+        of_states = {state.name for state in self.compiled.model.states if state.prior}
+        scatter = [
+            isinstance(t, UnknownParameter)
+            or (isinstance(t, InitialState) and t.state in of_states)
+            for t in self.thetas
+        ]
+        return np.intersect1d(self.nuisances, np.flatnonzero(scatter))
+
     def index(self, name: str) -> int:
         """Where an unknown stands in θ, by its name: ``str`` of it."""
         return next(i for i, t in enumerate(self.thetas) if str(t) == name)
