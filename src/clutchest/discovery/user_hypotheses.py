@@ -56,11 +56,13 @@ def _of(effect: Effect, verdict: SearchVerdict, said: str, causes: Sequence[Caus
 
 def _sizes(search: Search, alone: CauseSet) -> dict[str, Size]:
     """Of one cause alone, with its standard deviation as far as all is linear."""
-    (cause,), fit, free = alone.causes, alone.fit, search.free(alone.causes)
-    unit = float(search.problem.units[cause.index])
+    (cause,), fit, problem = alone.causes, alone.fit, search.problem
+    # what a healthy vehicle has of an effect is part of its size
+    free = np.setdiff1d(search.free(alone.causes), problem.tolerances([cause.index]))
+    unit = float(problem.units[cause.index])
     variance = np.diag(covariance(search.objective, fit, free))[free == cause.index][0]
     noise = float(np.sqrt(variance)) * unit
-    std = float(np.hypot(noise, search.problem.clock(cause.index)))
+    std = float(np.hypot(noise, problem.clock(cause.index)))
     value = Size(float(fit.theta[cause.index]) * unit, std)
     return {cause.gain.key: value, **{key: Size(shape, 0.0) for key, shape in cause.shapes}}
 
