@@ -6,7 +6,7 @@ import pytest
 
 import clutchest
 from clutchest.discovery.discover import discover
-from clutchest.discovery.search import LOOSE, UNUSUAL, WIDER, begin
+from clutchest.discovery.search import LOOSE, UNUSUAL, begin
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
 from clutchest.models import machine_of
@@ -22,9 +22,7 @@ def test_where_a_hot_clutch_starts_is_known_less_well():
     assert states == {"temp_body", "temp_disc"}
     for i, t in enumerate(search.problem.thetas):
         if isinstance(t, InitialState):
-            stated = {"zero_position": WIDER}  # by the spread of a parameter
-            loose = LOOSE if t.state in states else stated.get(t.state, 1.0)
-            less = 1.0 / loose**2
+            less = 1.0 / LOOSE**2 if t.state in states else 1.0
             assert search.objective.prior[i] == less
             assert t.state in states or abs(search.null.fit.theta[i]) < UNUSUAL
 

@@ -195,15 +195,9 @@ class Problem:
 
     @property
     def spreads(self) -> NDArray[np.int64]:
-        """Indices of the nuisances whose prior is the spread of a parameter in the vehicle file:
-        parameters, and first states that one of them is about."""
-        of_states = {state.name for state in self.compiled.model.states if state.prior}
-        scatter = [
-            isinstance(t, UnknownParameter)
-            or (isinstance(t, InitialState) and t.state in of_states)
-            for t in self.thetas
-        ]
-        return np.intersect1d(self.nuisances, np.flatnonzero(scatter))
+        """Indices of the nuisances whose prior is a parameter's spread in the vehicle file."""
+        parameters = [isinstance(t, UnknownParameter) for t in self.thetas]
+        return np.intersect1d(self.nuisances, np.flatnonzero(parameters))
 
     def index(self, name: str) -> int:
         """Where an unknown stands in θ, by its name: ``str`` of it."""
