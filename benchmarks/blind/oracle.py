@@ -63,12 +63,12 @@ class Oracle:
         self.effects = {name: effect for name, effect in library.items() if name in EFFECTS}
         shown, own = record(drive.request(scenario=scenario))
         self.truck = Truck.of(drive, own)
-        self.clean = Seen(drive, self.truck, shown)
+        self.clean = Seen(drive, self.truck, shown, own)
 
     def twin(self, effects: Effects | None = None, outsider: Outsider | None = None) -> Seen:
         """The drive with a cause in it and no noise: driver and control unit react to it."""
-        shown, _ = record(self.drive.request(effects, outsider, scenario=self.scenario))
-        return Seen(self.drive, self.truck, shown)
+        shown, own = record(self.drive.request(effects, outsider, scenario=self.scenario))
+        return Seen(self.drive, self.truck, shown, own)
 
     # --- distances ---------------------------------------------------------------------------
 
@@ -78,7 +78,7 @@ class Oracle:
         begin = self._fit(twin)
         if not causes:
             return begin.distance
-        # from the truck's own numbers, and from those that come nearest without a cause
+        # from where the drive began, and from the numbers that come nearest without a cause
         return min(self._fit(twin, causes, begin=z).distance for z in (None, begin.z))
 
     def nearest(
@@ -197,11 +197,11 @@ class Oracle:
         shapes: Shapes = NOMINAL,
         begin: Floats | None = None,
     ) -> Fit:
-        """The most probable numbers with the gains of ``causes`` free: Levenberg–Marquardt from the
-        truck's own numbers on, or those of ``begin`` (m), every cost that of a whole replay;
-        derivatives follow by Broyden's rule while they serve."""
+        """The most probable numbers with the gains of ``causes`` free: Levenberg–Marquardt from
+        where the drive began, or from ``begin`` (m), every cost that of a whole replay; derivatives
+        follow by Broyden's rule while they serve."""
         lowest, damping, fresh = self._lowest(causes), 0.0, True
-        fit = Fit(seen.nought if begin is None else begin, np.zeros(len(lowest)), 0.0)
+        fit = Fit(seen.begun if begin is None else begin, np.zeros(len(lowest)), 0.0)
         r = self._residual(seen, fit, causes, shapes)
         fit = replace(fit, cost=float(r @ r + fit.z @ fit.z))
         own, columns = self._derivatives(seen, fit, causes, shapes)

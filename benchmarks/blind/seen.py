@@ -39,12 +39,14 @@ class Truck:
     """A truck's ``own`` numbers, and ``nuisances``: what a vehicle file leaves open, by name, with
     the standard deviations of its priors; ``wanders``: of its states that are random walks, the
     density in unit/√s; ``curve``: how far its torque curve is off, as a share of the torque, and
-    over which length in mm that changes; ``healthy``: what effects there are, 1 σ each."""
+    over which length in mm that changes; ``healthy``: effects and their gains that are nuisances
+    too, as far as they act in a healthy truck, by name; ``least``: the least plausible gains."""
 
     own: Own
     nuisances: Mapping[str, float]
     wanders: Mapping[str, float]
-    healthy: Sequence[Effects] = ()
+    healthy: Mapping[str, tuple[str, str]]
+    least: Mapping[str, float]
     curve: tuple[float, float] | None = None
 
     @classmethod
@@ -63,8 +65,14 @@ class Truck:
             if (error.error_term, error.covariate) != ("torque", "slave_position"):
                 raise ValueError(f"an error of {error.error_term} is not known here")
         curve = [(error.std / 100.0, error.length) for error in vehicle.smooth_errors]
-        healthy = [{gain.effect: {gain.key: gain.std}} for gain in vehicle.healthy]
-        return cls(own, {**spreads, **starts, **late}, wanders, healthy, *curve)
+        acts = {gain.gain: gain.std for gain in vehicle.healthy}
+        healthy = {gain.gain: (gain.effect, gain.key) for gain in vehicle.healthy}
+        effects = machine_of(vehicle.model).effects
+        least = {
+            name: next(n.lower for n in effects[effect].gains if n.key == key)
+            for name, (effect, key) in healthy.items()
+        }
+        return cls(own, {**spreads, **starts, **late, **acts}, wanders, healthy, least, *curve)
 
     def replay(
         self, recorded: Recorded, z: Vector, effects: Effects, walks: Mapping[str, Floats] = STEADY
@@ -73,14 +81,19 @@ class Truck:
         names = list(self.nuisances)
         by = {n: s * u for n, s, u in zip(names, z, self.nuisances.values(), strict=True)}
         late = {name: by[name] for name in LATE}
-        return replay(recorded, self.own.moved(by), effects, late, walks)
+        acting = {name: dict(numbers) for name, numbers in effects.items()}
+        for name, (effect, key) in self.healthy.items():
+            if by[name]:
+                numbers, least = acting.setdefault(effect, {}), self.least[name]
+                numbers[key] = max(numbers.get(key, 0.0) + by[name], least)
+        return replay(recorded, self.own.moved(by), acting, late, walks)
 
 
 class Seen:
-    """A recorded drive, looked at as a drive of ``truck``."""
+    """A recorded drive, looked at as a drive of ``truck``; it began with the numbers ``own``."""
 
-    def __init__(self, drive: Drive, truck: Truck, recorded: Recorded) -> None:
-        self.truck, self.recorded = truck, recorded
+    def __init__(self, drive: Drive, truck: Truck, recorded: Recorded, own: Own) -> None:
+        self.truck, self.recorded, self._own = truck, recorded, own
         vehicle = drive.vehicle
         database = load_database(vehicle)
         kept = 1.0 - NOISES[drive.noise].outliers
@@ -128,6 +141,12 @@ class Seen:
     def nought(self) -> Vector:
         """The truck's own numbers."""
         return np.zeros(len(self.truck.nuisances))
+
+    @property
+    def begun(self) -> Vector:
+        """The truck's own numbers, but the drive's own start: what rests is warm from a cause."""
+        own, truck, std = self._own.start, self.truck.own.start, self.truck.nuisances
+        return np.array([(own[k] - truck[k]) / std[k] if k in own else 0.0 for k in std])
 
     def misfit(self, z: Vector, effects: Effects, walks: Mapping[str, Floats] = STEADY) -> Floats:
         """Readings less what the truck with numbers ``z``, ``walks`` of these and ``effects`` would
@@ -179,14 +198,12 @@ class Seen:
 
     @cached_property
     def _wandered(self) -> list[tuple[Floats, Floats]]:
-        """Directions (K, d) in which wander, an error of the curve and a healthy truck's effects
-        scatter misfits, white without these, and by what share (d,) each counts for less; none
-        where nothing does."""
+        """Directions (K, d) in which wander and an error of the curve scatter misfits, white
+        without these, and by what share (d,) each counts for less; none where nothing does."""
         raw = [
             (self.misfit(self.nought, NONE, {state: SMALL * walk}) - self._raw) / SMALL
             for state, walk in (*self._walks(), *self._bends())
         ]
-        raw += [self.misfit(self.nought, healthy) - self._raw for healthy in self.truck.healthy]
         return [_scattering(self._still(np.column_stack(raw)))] if raw else []
 
     def _walks(self) -> Iterator[tuple[str, Floats]]:
