@@ -40,13 +40,13 @@ class Truck:
     the standard deviations of its priors; ``wanders``: of its states that are random walks, the
     density in unit/√s; ``curve``: how far its torque curve is off, as a share of the torque, and
     over which length in mm that changes; ``healthy``: effects and their gains that are nuisances
-    too, as far as they act in a healthy truck, by name; ``least``: the least plausible gains."""
+    too, as far as they act in a healthy truck, by name; ``bounds``: their plausible sizes."""
 
     own: Own
     nuisances: Mapping[str, float]
     wanders: Mapping[str, float]
     healthy: Mapping[str, tuple[str, str]]
-    least: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]]
     curve: tuple[float, float] | None = None
 
     @classmethod
@@ -68,11 +68,11 @@ class Truck:
         acts = {gain.gain: gain.std for gain in vehicle.healthy}
         healthy = {gain.gain: (gain.effect, gain.key) for gain in vehicle.healthy}
         effects = machine_of(vehicle.model).effects
-        least = {
-            name: next(n.lower for n in effects[effect].gains if n.key == key)
+        bounds = {
+            name: next((n.lower, n.upper) for n in effects[effect].gains if n.key == key)
             for name, (effect, key) in healthy.items()
         }
-        return cls(own, {**spreads, **starts, **late, **acts}, wanders, healthy, least, *curve)
+        return cls(own, {**spreads, **starts, **late, **acts}, wanders, healthy, bounds, *curve)
 
     def replay(
         self, recorded: Recorded, z: Vector, effects: Effects, walks: Mapping[str, Floats] = STEADY
@@ -84,8 +84,8 @@ class Truck:
         acting = {name: dict(numbers) for name, numbers in effects.items()}
         for name, (effect, key) in self.healthy.items():
             if by[name]:
-                numbers, least = acting.setdefault(effect, {}), self.least[name]
-                numbers[key] = max(numbers.get(key, 0.0) + by[name], least)
+                numbers = acting.setdefault(effect, {})
+                numbers[key] = float(np.clip(numbers.get(key, 0.0) + by[name], *self.bounds[name]))
         return replay(recorded, self.own.moved(by), acting, late, walks)
 
 
