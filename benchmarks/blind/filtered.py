@@ -47,6 +47,7 @@ def detection(records: Sequence[Record]) -> list[Row]:
     one_sided = {r["cause"]: r["one_sided"] for r in seen}
     oracle = np.array([norm.isf(NOMINAL / (1 if one_sided[c] else 2)) for c in causes])
     ratio = np.exp(half) / oracle
+    alike, _ = logistic(np.zeros_like(of), d - np.log(oracle[of]), hit, 1)
     worst = int(np.argmax(ratio))
     low, high = (
         float(np.exp(limit) / oracle[worst])
@@ -59,6 +60,12 @@ def detection(records: Sequence[Record]) -> list[Row]:
     median = float(np.median(ratio))
     return [
         Row("detection: median ratio", "≤ 1.6", len(seen), median, passed=median <= 1.6),
+        Row(
+            "detection: ratio, if it were that of all effects",
+            "",
+            len(seen),
+            float(np.exp(alike[0])),
+        ),
         Row(
             f"detection: worst ratio, {causes[worst]}",
             "lower bound ≤ 2.0",
