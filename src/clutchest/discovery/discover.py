@@ -43,6 +43,7 @@ from clutchest.discovery.sentences import (
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
+from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
 from clutchest.memory import give_back
@@ -123,6 +124,7 @@ class _Task:
         """Some drives, and all that is unknown of them."""
         drives = segmented(signals, self.vehicle)
         problem = Problem.of(drives, self.vehicle, self.effects, self.progress, discrepant=True)
+        problem = with_fitted_gains(problem)
         give_back()  # of an hour, preparing it took 200 MiB for a moment
         return problem
 

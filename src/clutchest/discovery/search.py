@@ -191,7 +191,7 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     if progress:
         progress("fitting the model without a cause", None)
     wide = Objective.of(problem).with_prior(problem.spreads, WIDER)
-    objective, fit = settle(wide, np.zeros(len(problem.thetas)))
+    objective, fit = settle(wide, problem.near)
     unusual = _unusual_starts(problem, fit.theta)
     if len(unusual):
         objective, fit = settle(objective.with_prior(unusual, LOOSE), fit.theta)

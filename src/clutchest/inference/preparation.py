@@ -80,6 +80,15 @@ def prepared(
     return replace(drive, readings=replace(drive.readings, input_noise=directions))
 
 
+def with_gains_at(drive: PreparedDrive, numbers: ModelNumbers, vehicle: Vehicle) -> PreparedDrive:
+    """The drive with the gains that the filter has at these numbers of the equations."""
+    response, gains = filtered(drive, numbers, drive.at_nominal, np.zeros(0, np.int64))
+    readings = replace(drive.readings, std=np.sqrt(gains.variance)[drive.readings.event])
+    drive = replace(drive, gains=gains, readings=readings, at_nominal=response.implied)
+    directions = input_noise_directions(drive, numbers, vehicle)
+    return replace(drive, readings=replace(readings, input_noise=directions))
+
+
 def at_file(drive: PreparedDrive) -> ModelNumbers:
     """The numbers of the vehicle file."""
     return ModelNumbers(drive.compiled.p, drive.compiled.g, drive.nominal, {})

@@ -13,7 +13,7 @@ from clutchest.inference.discrepancy import Discrepancy, directions_of
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
-from clutchest.inference.preparation import prepared
+from clutchest.inference.preparation import prepared, with_gains_at
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.smooth_errors import acting
 from clutchest.inference.unknowns import (
@@ -90,7 +90,8 @@ class Problem:
     ``usable``: the signals of which every drive has readings; ``delayed``: indices of gains that
     are the delay of a signal; ``tolerated``: of the last thetas, each of which acts as a gain does
     and has a prior, the index of this gain; ``discrepancies``: what else the equations of a healthy
-    machine are off by.
+    machine are off by; ``near`` (m): θ of the gains by which states are tracked, near which fits
+    begin.
     """
 
     vehicle: Vehicle
@@ -104,6 +105,7 @@ class Problem:
     drives: tuple[PreparedDrive, ...]
     nuisances: NDArray[np.int64]
     discrepancies: tuple[Discrepancy, ...]
+    near: Floats
 
     @classmethod
     def of(
@@ -164,7 +166,16 @@ class Problem:
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
             np.flatnonzero(~np.array(exact) & ~np.array(gains)),
             (*wanders, *(errors if discrepant else ())),
+            np.zeros(len(thetas)),
         )
+
+    def with_gains_at(self, theta: Floats) -> Problem:
+        """The same with states tracked by the gains that the filter has at ``theta`` (m)."""
+        drives = tuple(
+            with_gains_at(drive, self.numbers(theta, {}, i), self.vehicle)
+            for i, drive in enumerate(self.drives)
+        )
+        return replace(self, drives=drives, near=theta)
 
     def holding(self, *names: str) -> Problem:
         """The same with these unknowns, by name (``str`` of each), taken for exact."""

@@ -1,0 +1,57 @@
+"""Gains by which states are tracked, where those at the file's numbers belong to another motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.map_fit import settle
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import NO_DERIVATIVES, Problem
+
+
+@pytest.fixture(scope="module")
+def rig() -> Problem:
+    """Fast ramps, of a specimen that is unlike the file."""
+    signals = clutchest.simulate("alsd_rig", "rig-ramps", 5, duration=14.0)
+    return Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ())
+
+
+def _innovations(problem: Problem, theta: np.ndarray) -> np.ndarray:
+    return problem.linearise(theta, {}, NO_DERIVATIVES)[0].r
+
+
+def test_a_machine_of_which_nothing_is_tracked_throughout_is_left_as_it_is():
+    truck = clutchest.load_vehicle("truck")
+    problem = Problem.of(clutchest.simulate(truck, "launches", 1, duration=30.0), truck, ())
+    assert with_fitted_gains(problem) is problem
+    assert not problem.near.any()
+
+
+@pytest.mark.slow
+def test_gains_at_the_files_numbers_are_those_of_the_prepared_drive(rig):
+    again = rig.with_gains_at(rig.near).drives[0]
+    np.testing.assert_allclose(again.gains.gain, rig.drives[0].gains.gain, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(again.readings.std, rig.drives[0].readings.std, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_gains_are_those_of_the_numbers_near_which_fits_begin(rig):
+    fitted = with_fitted_gains(rig)
+    assert np.abs(fitted.near[rig.nuisances]).max() > 0.5
+    own = rig.with_gains_at(fitted.near)
+    np.testing.assert_allclose(own.drives[0].gains.gain, fitted.drives[0].gains.gain, atol=1e-6)
+    before, near = (np.mean(_innovations(p, fitted.near) ** 2) for p in (rig, fitted))
+    assert near < before
+    assert near < 2.0  # noise of one standard deviation
+
+
+@pytest.mark.slow
+def test_slow_ramps_in_which_a_motor_creeps_are_fitted():
+    """With gains at the file's numbers, at which it sticks, no fit of these ended."""
+    signals = clutchest.simulate("alsd_rig", "rig-ramps", 901, duration=60.0)
+    problem = with_fitted_gains(Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ()))
+    _, fit = settle(Objective.of(problem), problem.near)
+    assert np.mean(_innovations(problem, fit.theta) ** 2) < 1.5
