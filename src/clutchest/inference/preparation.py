@@ -81,8 +81,11 @@ def prepared(
 
 
 def with_gains_at(drive: PreparedDrive, numbers: ModelNumbers, vehicle: Vehicle) -> PreparedDrive:
-    """The drive with the gains that the filter has at these numbers of the equations."""
+    """The drive with the gains that the filter has at these numbers of the equations; with those
+    that it has where the filter runs away there, so that they are of no use."""
     response, gains = filtered(drive, numbers, drive.at_nominal, np.zeros(0, np.int64))
+    if not np.all(gains.variance > 0.0):
+        return drive
     readings = replace(drive.readings, std=np.sqrt(gains.variance)[drive.readings.event])
     drive = replace(drive, gains=gains, readings=readings, at_nominal=response.implied)
     directions = input_noise_directions(drive, numbers, vehicle)
