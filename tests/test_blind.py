@@ -296,7 +296,7 @@ def test_noise_is_as_the_vehicle_file_states(short):
 
 
 @pytest.mark.slow
-def test_scores_are_as_far_from_nought_as_the_oracle_says(monkeypatch):
+def test_scores_are_as_far_from_nought_as_the_oracle_says():
     """Of causes that act at once and of causes that act by way of temperatures: in drives with
     noise, the score of what is hidden scatters by one standard deviation around its d′."""
     from dataclasses import replace
@@ -324,7 +324,6 @@ def test_scores_are_as_far_from_nought_as_the_oracle_says(monkeypatch):
         def vehicle(self):
             return replace(super().vehicle, estimation={}, healthy=(), smooth_errors=())
 
-    monkeypatch.setattr(search, "WIDER", 1.0)  # the oracle takes spreads as stated
     effects, off = machine_of("dry_clutch").effects, []
     for seed, gain in enumerate(gains, 20):
         drive, (name, key) = Steady(seed, ("white", "ar05", "quantised")[seed % 3]), gain.split(".")

@@ -22,9 +22,6 @@ class Reducible:
     def released(self, h):
         return h
 
-    def with_stated_spreads(self, tied):
-        return self, list(tied)
-
 
 DOUBTFUL, SURELY = 1e-3, 1e-12  # chances of noise
 

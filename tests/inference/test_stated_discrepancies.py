@@ -18,7 +18,6 @@ from clutchest.models.error_term_effects import error_term_effects
 from clutchest.vehicle import HealthyGain, SmoothError, Vehicle, dump_vehicle, load_vehicle
 
 TRUCK = clutchest.load_vehicle("truck")
-WITHOUT = replace(TRUCK, smooth_errors=())
 STATED = SmoothError("torque", "slave_position", 1.0, 0.8)
 
 
@@ -48,7 +47,7 @@ def test_any_curve_as_smooth_as_stated_lies_within_their_directions() -> None:
     """Of what such a curve does to innovations, by the equations with the curve in them, next to
     nothing is left beside the directions."""
     signals = clutchest.simulate(TRUCK, "launches", 5, duration=120.0)
-    problem = problem_of(signals, replace(WITHOUT, estimation={}, smooth_errors=(STATED,)))
+    problem = problem_of(signals, replace(TRUCK, estimation={}, smooth_errors=(STATED,)))
     at, nought = [drive.at_nominal for drive in problem.drives], np.zeros(len(problem.thetas))
     ((along,),) = problem.discrepancy_directions(nought, NO_SHAPES, at)
     knots = np.linspace(38.0, 48.0, 60)
@@ -56,7 +55,7 @@ def test_any_curve_as_smooth_as_stated_lies_within_their_directions() -> None:
     curve = ErrorCurve("torque", "slave_position", tuple(knots), tuple(values))
     curved = problem_of(
         signals,
-        replace(WITHOUT, curves={"curve_1": curve}, effects={"curve_1": {"size": 1.0}}),
+        replace(TRUCK, curves={"curve_1": curve}, effects={"curve_1": {"size": 1.0}}),
     )
     (plain,), (off,) = (
         each.linearise(np.zeros(len(each.thetas)), NO_SHAPES, np.zeros(0, np.int64))
@@ -70,9 +69,9 @@ def test_any_curve_as_smooth_as_stated_lies_within_their_directions() -> None:
 
 def test_without_an_error_term_among_the_effects_there_is_none() -> None:
     signals = clutchest.simulate(TRUCK, "launches", 5, duration=120.0)
-    problem = Problem.of(signals, TRUCK, (), discrepant=True)
-    assert STATED not in problem.discrepancies
-    assert STATED in problem_of(signals, TRUCK).discrepancies
+    stated = replace(TRUCK, smooth_errors=(STATED,))
+    assert STATED not in Problem.of(signals, stated, (), discrepant=True).discrepancies
+    assert STATED in problem_of(signals, stated).discrepancies
 
 
 def test_a_healthy_part_acts_as_the_gain_and_takes_its_share_of_the_information() -> None:
@@ -80,7 +79,7 @@ def test_a_healthy_part_acts_as_the_gain_and_takes_its_share_of_the_information(
     becomes I / (1 + s² I), wherever the nuisances stand."""
     signals = clutchest.simulate(TRUCK, "launches", 5, duration=120.0)
     effect = TRUCK.machine.effects["heat_split"]
-    stated = replace(WITHOUT, estimation={}, healthy=(HealthyGain("heat_split", "fraction", 0.3),))
+    stated = replace(TRUCK, estimation={}, healthy=(HealthyGain("heat_split", "fraction", 0.3),))
     problem = Problem.of(signals, stated, (effect,), discrepant=True)
     (gain,), theta = problem.gains, np.zeros(len(problem.thetas))
     theta[problem.nuisances] = np.random.default_rng(1).normal(0.0, 0.5, len(problem.nuisances))
@@ -111,4 +110,4 @@ def test_a_healthy_part_acts_as_the_gain_and_takes_its_share_of_the_information(
 def test_a_curve_that_is_off_is_a_finding_unless_so_much_is_stated() -> None:
     signals, wide = bent(3, 900.0), replace(STATED, std=6.0, length=2.0)
     assert clutchest.discover(signals, replace(TRUCK, smooth_errors=(wide,))).verdict == "none"
-    assert clutchest.discover(signals, WITHOUT).verdict != "none"
+    assert clutchest.discover(signals, TRUCK).verdict != "none"

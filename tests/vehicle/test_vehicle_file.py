@@ -222,32 +222,35 @@ WRONG = [
         r"unknown role 'adaptiv'; did you mean 'adaptive'\?",
     ),
     (
-        ("heat_split = {", "heat_splt = {"),
+        ("[limits]", "[healthy]\nheat_splt = { fraction = 0.05 }\n\n[limits]"),
         "heat_splt",
         r"unknown effect 'heat_splt'; did you mean 'heat_split'",
     ),
     (
-        ("{ fraction = 0.05 }", "{ fracton = 0.05 }"),
+        ("[limits]", "[healthy]\nheat_split = { fracton = 0.05 }\n\n[limits]"),
         "heat_split",
         r"unknown gain of 'heat_split' 'fracton'; did you mean 'fraction'\?",
     ),
     (
-        ("[smooth_errors.torque]", "[smooth_errors.torqe]"),
+        ("[limits]", "[smooth_errors.torqe]\n\n[limits]"),
         "torqe",
         r"unknown error term 'torqe'; did you mean 'torque' or ",
     ),
     (
-        ("slave_position = { std", "slave_positon = { std"),
+        ("[limits]", "[smooth_errors.torque]\nslave_positon = {}\n\n[limits]"),
         "slave_positon",
         r"unknown covariate 'slave_positon'; did you mean 'slave_position' or ",
     ),
     (
-        ("{ std = 1.0, length = 0.8 }", "{ std = 1.0 }"),
+        ("[limits]", "[smooth_errors.torque]\nslave_position = { std = 1.0 }\n\n[limits]"),
         "slave_position = { std",
         r"smooth_errors\.torque\.slave_position has no 'length'",
     ),
     (
-        ("length = 0.8 }", "length = 0.0 }"),
+        (
+            "[limits]",
+            "[smooth_errors.torque]\nslave_position = { std = 1, length = 0 }\n\n[limits]",
+        ),
         "slave_position = { std",
         r"smooth_errors\.torque\.slave_position\.length",
     ),

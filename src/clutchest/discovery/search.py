@@ -30,9 +30,6 @@ MOST = 3  # causes acting together
 CLOSE = 10.0  # of 2 Δ ln L: by how much a cause may lag by first order to be fitted
 STRONG = 2.0 * CLOSE  # of a score, squared: from here on, the first order is not exact
 INEXACT = 2e-4  # of what causes explain: equations that are 1 % off leave as much of it
-# Times the stated spread of a parameter, as which causes are judged: a spread is its author's guess
-# and no population is normal, and a cause must not be a finding about a guess.
-WIDER = 1.5
 RELEASED = 1.25  # of its largest plausible size: the bound of an established gain
 UNUSUAL, LOOSE = 3.0, 3.0  # standard deviations of the state at rest: further off, the log begins
 # in the middle of a drive, and the standard deviation of its start is so many times larger
@@ -107,20 +104,6 @@ class Search:
             fit = improve(objective.with_bounds(RELEASED), fit, free)
         return replace(h, fit=fit.without_derivatives)
 
-    def with_stated_spreads(self, tied: Sequence[CauseSet]) -> tuple[Search, list[CauseSet]]:
-        """The search, its best and sets ``tied`` with it where parameters scatter as stated: once
-        causes have been judged, their sizes are estimated by what is known."""
-        objective = self.objective.with_prior(self.problem.spreads, 1.0)
-        search = replace(self, objective=objective)
-
-        def estimated(h: CauseSet) -> CauseSet:
-            free = self.free(h.causes)
-            fit = objective.linearise_at(h.fit.theta, h.fit.shapes, free)
-            return search.released(replace(h, fit=improve(objective, fit, free).bare))
-
-        null, best = estimated(self.null).bare, estimated(self.best)
-        return replace(search, null=null, best=best), [estimated(h).bare for h in tied]
-
     def without(self, cause: CandidateCause, of: CauseSet) -> CauseSet:
         """A cause set less one of its causes."""
         return self.fitted(tuple(c for c in of.causes if c is not cause), of.fit)
@@ -190,8 +173,7 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     """The model without a cause, fitted to its priors, and the score of every candidate."""
     if progress:
         progress("fitting the model without a cause", None)
-    wide = Objective.of(problem).with_prior(problem.spreads, WIDER)
-    objective, fit = settle(wide, problem.near)
+    objective, fit = settle(Objective.of(problem), problem.near)
     unusual = _unusual_starts(problem, fit.theta)
     if len(unusual):
         objective, fit = settle(objective.with_prior(unusual, LOOSE), fit.theta)

@@ -140,10 +140,10 @@ def _verdict(
     if several:  # those of the leading equation first
         leading = several[0][0].equation
         errors = sorted(errors, key=lambda curve: curve.equation != leading)
-    search, tied = replace(search, best=best).with_stated_spreads(tied)
+    search = replace(search, best=best)
     return SearchVerdict(
         search,
-        search.best,
+        best,
         tied,
         rejected,
         limit,

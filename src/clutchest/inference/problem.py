@@ -204,12 +204,6 @@ class Problem:
         """Indices of the gains of candidate effects."""
         return np.flatnonzero([isinstance(t, UnknownGain) for t in self.thetas])
 
-    @property
-    def spreads(self) -> NDArray[np.int64]:
-        """Indices of the nuisances whose prior is a parameter's spread in the vehicle file."""
-        parameters = [isinstance(t, UnknownParameter) for t in self.thetas]
-        return np.intersect1d(self.nuisances, np.flatnonzero(parameters))
-
     def index(self, name: str) -> int:
         """Where an unknown stands in θ, by its name: ``str`` of it."""
         return next(i for i, t in enumerate(self.thetas) if str(t) == name)
