@@ -95,6 +95,13 @@ def test_a_long_dbc_with_a_quote_that_does_not_close_is_refused(tmp_path):
     assert "are too many for a DBC" in refusal(load, [path])
 
 
+@pytest.mark.parametrize("text", ["", "\ufeff", " \n\n"])
+def test_an_empty_dbc_is_refused(tmp_path, text):
+    path = tmp_path / "x.dbc"
+    path.write_text(text, encoding="utf-8")
+    assert "the file is empty" in refusal(load, [path])
+
+
 def test_a_long_dbc_is_not_repaired_without_end(tmp_path, monkeypatch):
     monkeypatch.setattr(dbc, "REPAIRED_BYTES", 5 * len(DBC))
     path = tmp_path / "x.dbc"
@@ -154,15 +161,23 @@ def block(kind: bytes, *links: int) -> bytes:
     [
         ([block(b"##HD", 112, 0, 0, 0, 0, 0), block(b"##DG", 0, 0, 0, 0)], None),
         ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"##DG", 136, 0, 0, 0)], 136),
-        ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"##DG", 0, 192, 0, 0),
-          block(b"##CG", 136, 0, 0, 0, 0, 0)], 136),
+        (
+            [
+                block(b"##HD", 136, 0, 0, 0, 0, 0),
+                block(b"##DG", 0, 192, 0, 0),
+                block(b"##CG", 136, 0, 0, 0, 0, 0),
+            ],
+            136,
+        ),
         ([block(b"##HD", 0, 136, 0, 0, 0, 0), block(b"##FH", 136, 0)], 136),
         ([block(b"##HD", 10**15, 0, 0, 0, 0, 0)], None),
-        ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"none", 0, 192, 0, 0),
-          block(b"none", 192)], 192),
+        (
+            [block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"none", 0, 192, 0, 0), block(b"none", 192)],
+            192,
+        ),
         ([block(b"##HD", 136, 0, 0, 0, 0, 0), block(b"none", 136)], 136),
     ],
-)  # fmt: skip
+)
 def test_chains_that_return_are_found(tmp_path, blocks, place):
     path = tmp_path / "x.mf4"
     path.write_bytes(b"\0" * 64 + b"".join(blocks))
@@ -185,12 +200,14 @@ def test_blocks_count_as_often_as_they_are_reached(tmp_path):
 
 def drive(rows=600) -> pd.DataFrame:
     time = np.arange(rows) * 0.1
-    return pd.DataFrame({
-        "time": time,
-        "engine_speed": 100.0 + np.sin(time),
-        "engine_torque": 500.0 + 100.0 * np.sin(time),
-        "input_shaft_speed": 100.0 + np.sin(time),
-    })  # fmt: skip
+    return pd.DataFrame(
+        {
+            "time": time,
+            "engine_speed": 100.0 + np.sin(time),
+            "engine_torque": 500.0 + 100.0 * np.sin(time),
+            "input_shaft_speed": 100.0 + np.sin(time),
+        }
+    )
 
 
 @pytest.mark.parametrize("late", [1e7, 1e9, 1e300, -1e300])

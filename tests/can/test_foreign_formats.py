@@ -12,6 +12,7 @@ import pytest
 
 from clutchest.can.files import read_frames
 from clutchest.can.frames import LENGTH_CODE, Flag, Frames
+from clutchest.errors import ClutchestError
 from clutchest.reading.table_formats import is_table
 from samples import random_frames
 
@@ -163,6 +164,22 @@ def test_what_another_tool_writes(name, tmp_path):
     same(read_frames(written(tmp_path / "any.txt", write(frames))), frames, lost)
     two_byte = written(tmp_path / "wide.txt", write(frames).encode("utf-16"))
     same(read_frames(two_byte), frames, lost)
+
+
+HEADERS = {
+    "gvret": "Time Stamp,ID,Extended,Bus,LEN,D1" + ";x" * 20,
+    "spy": "Line,Abs Time(Sec),Arb ID,Xtd,B1,B2" + ",x" * 2000 + ";x" * 3000,
+    "named": "time;id;data" + ";x" * 2500 + ",x" * 4000,
+}
+
+
+@pytest.mark.parametrize("name", HEADERS)
+def test_a_header_that_only_seems_to_be_one_is_refused_in_one_line(name, tmp_path):
+    """It has more of another separator, some behind the bytes by which the format was known."""
+    path = written(tmp_path / "a.csv", HEADERS[name] + "\n1;2;3\n")
+    with pytest.raises(ClutchestError, match=r"a\.csv: .*expected") as caught:
+        read_frames(path)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["gvret.csv", "canalyzer.csv", "a.crtd", "busmaster.log"])

@@ -7,11 +7,12 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from time import sleep
 
 import pytest
 
 from clutchest.can import log_source
-from fuzz.__main__ import fuzz
+from fuzz.__main__ import Record, fuzz
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="no alarm to end a hang")
 
@@ -41,7 +42,9 @@ def test_a_damaged_mf4_is_read_or_refused(tmp_path, capfd):
 
 
 MORE = {".json": 300, ".parquet": 1000, ".toml": 500, ".dbc": 100, ".table.csv": 500}
-OTHERS = {".toml": 20, ".dbc": 3, ".table.csv": 30, ".py": 100, ".datagram": 1000}
+MORE |= {".v73.mat": 1000, ".mat": 1000, ".xlsx": 500, ".tdms": 500, ".kcd": 500, ".sym": 500}
+OTHERS = {".toml": 20, ".dbc": 20, ".table.csv": 30, ".py": 100, ".datagram": 1000}
+OTHERS |= {".v73.mat": 30, ".mat": 30, ".xlsx": 15, ".tdms": 30, ".kcd": 30, ".sym": 30}
 
 
 @pytest.mark.parametrize("suffix", OTHERS)
@@ -49,13 +52,42 @@ def test_damaged_inputs_of_other_kinds_are_read_or_refused(suffix, tmp_path, cap
     inputs = OTHERS[suffix]
     results = fuzz(inputs, seed=7, formats=[suffix], seconds=20, keep=tmp_path)
     assert results[f"{suffix} refused"] + results[f"{suffix} read"] == inputs
-    assert capfd.readouterr().out == ""
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_run_that_is_ended_says_its_counts_and_goes_on(tmp_path):
+    """By its record: the same inputs, one after another, as of a run that nobody ended."""
+    record = tmp_path / "fuzz.json"
+    given = {"seed": 3, "formats": [".datagram"]}
+    command = ["--seed", "3", "--formats", ".datagram", "--inputs", "1000000000", "--record"]
+    path = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
+    run = subprocess.Popen(
+        [sys.executable, "-m", "fuzz", *command, str(record)],
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    while not record.exists() and run.poll() is None:
+        sleep(0.05)
+    run.send_signal(signal.SIGTERM)
+    said = run.communicate(timeout=60)[0]
+    begun = Record(record, given)
+    done = begun.results.total()
+    assert run.returncode == 0 and f"\n{done} inputs, " in said
+
+    def first(inputs, record=None):
+        return fuzz(inputs, **given, seconds=20, keep=tmp_path, record=record)
+
+    assert first(done + 50, begun).total() == done + 50
+    assert Record(record, given).results == first(done + 50)
+    with pytest.raises(SystemExit, match="of another run"):
+        Record(record, {**given, "seed": 4})
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "inputs"),
-    [*((s, 3000) for s in (*TEXT, ".db")), (".mf4", 600), (".json", 300), (".parquet", 1000)],
+    [*((s, 3000) for s in (*TEXT, ".db")), (".mf4", 600), *MORE.items()],
 )
 def test_many_more_damaged_logs(suffix, inputs, tmp_path):
     assert fuzz(inputs, seed=11, formats=[suffix], seconds=20, keep=tmp_path).total() == inputs

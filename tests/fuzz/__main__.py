@@ -1,20 +1,26 @@
 """Feeds damaged inputs to every reader: PYTHONPATH=tests python -m fuzz [--inputs 100000]
 
-Logs, vehicle files, DBCs, states, decoded tables, effects files, datagrams; --formats names some by
-their suffix.  Each input must give what is sound, or a ClutchestError in one line, within --seconds
-of processor time (and ten times as long by the clock, for what waits) and without growing the
-process beyond --mebibytes.  An input that does otherwise is kept in --keep
-and ends the run.  With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every index of the
-compiled readers is checked too.
+Logs, vehicle files, databases, states, decoded tables, effects files, datagrams; --formats names
+some by their suffix.  Each input must give what is sound, or a ClutchestError in one line, within
+--seconds of processor time (and ten times as long by the clock, for what waits) and without growing
+the process beyond --mebibytes.  An input that does otherwise is kept in --keep and ends the run.
+With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every index of the compiled readers is
+checked too.
+
+Input k of a seed is always the same.  SIGINT and SIGTERM end a run with its counts; with --record
+FILE they are kept there, also while it runs, and the next run with that file goes on behind them.
 """
 
 from __future__ import annotations
 
 import argparse
+import faulthandler
+import json
 import resource
 import signal
 import sys
 from collections import Counter
+from collections.abc import Callable
 from io import BytesIO
 from math import inf
 from pathlib import Path
@@ -31,9 +37,9 @@ from clutchest.can.frames import Frames
 from clutchest.can.log_source import LogSource
 from clutchest.errors import ClutchestError
 from fuzz import kinds
-from fuzz.mutate import mutated, packed, zipped
+from fuzz.mutate import packed, zipped
 
-SEEDS = Path(__file__).parent / "seeds"
+OFTEN = 1000  # inputs, after which the counts are kept
 
 
 def sound(frames: Frames) -> None:
@@ -52,7 +58,7 @@ def sound(frames: Frames) -> None:
 def damaged(seeds: dict[str, bytes], random: Random) -> tuple[str, bytes]:
     """(name of the seed, content) of the next input."""
     name = random.choice(list(seeds))
-    content = mutated(seeds[name], list(seeds.values()), random)
+    content = kinds.damaged(name, seeds[name], list(seeds.values()), random)
     if name.endswith(".blf"):
         content = packed(content, random)
     if random.random() < 0.05:
@@ -101,29 +107,66 @@ def _too_slow(signum: int, frame: FrameType | None) -> None:
     raise TimeoutError("took too long")
 
 
+def seeds_of(formats: list[str]) -> dict[str, bytes]:
+    """Name → content of the sound inputs of these formats, of all if none is named."""
+    every = {path.name: path.read_bytes() for path in sorted(kinds.SEEDS.iterdir())}
+    wanted = set(formats)
+    if not wanted or wanted & set(kinds.KINDS):
+        every |= kinds.seeds(wanted)
+    return {n: c for n, c in every.items() if not wanted or _suffix(n) in wanted}
+
+
+class Stop:
+    """Whether SIGINT or SIGTERM came; they end a run behind the input under way."""
+
+    def __init__(self) -> None:
+        self.came = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._come)
+
+    def _come(self, signum: int, frame: FrameType | None) -> None:
+        self.came = True
+
+
+class Record:
+    """The counts of a run so far, in a file if there is one."""
+
+    def __init__(self, path: Path | None, given: dict[str, object]) -> None:
+        self.path, self.given, self.results = path, given, Counter[str]()
+        if path is not None and path.exists():
+            kept = json.loads(path.read_text())
+            if kept["of"] != given:
+                raise SystemExit(f"{path}: of another run, {kept['of']}; expected {given}")
+            self.results.update(kept["results"])
+
+    def keep(self) -> None:
+        """Write the file, whole or not at all."""
+        if self.path is not None:
+            part = self.path.with_name(self.path.name + ".part")
+            part.write_text(json.dumps({"of": self.given, "results": self.results}, indent=1))
+            part.replace(self.path)
+
+
 def fuzz(
     inputs: int,
     seed: int,
     formats: list[str],
     seconds: float,
     keep: Path,
-    minutes: float = inf,
     mebibytes: float = 600.0,
+    record: Record | None = None,
+    ended: Callable[[], bool] = lambda: False,
 ) -> Counter[str]:
-    """What became of ``inputs`` by format, or of as many as ``minutes`` are enough for.
+    """What became of ``inputs`` by format, or of those until it ``ended``, with those that are in
+    the ``record`` already.
 
     Raises the first thing that is not allowed: what a reader should not let through, more than so
     many ``seconds`` of an input, or ``mebibytes`` of a process that has not held as much before.
     """
     allowed = max(mebibytes, peak_MiB())
-    end = perf_counter() + 60.0 * minutes
     log_source.BLOCK = 1 << 14  # so that files have several, and little memory to clear
-    every = {path.name: path.read_bytes() for path in sorted(SEEDS.iterdir())}
-    wanted = set(formats)
-    if not wanted or wanted & set(kinds.KINDS):
-        every |= kinds.seeds(wanted)
-    seeds = {n: c for n, c in every.items() if not wanted or _suffix(n) in wanted}
-    random, results = Random(seed), Counter[str]()
+    seeds, record = seeds_of(formats), record or Record(None, {})
+    results = record.results
     for number in (signal.SIGPROF, signal.SIGALRM):
         signal.signal(number, _too_slow)
     with TemporaryDirectory() as folder:
@@ -131,10 +174,10 @@ def fuzz(
         for name, content in seeds.items():  # as they are; also compiles
             assert _judged(path, name, content) in ("frames", "read"), name
         assert judged(path, b"no log at all") == "refused"
-        for i in range(inputs):
-            if perf_counter() > end:
+        for i in range(results.total(), inputs):
+            if ended():
                 break
-            name, content = damaged(seeds, random)
+            name, content = damaged(seeds, Random(f"{seed} {i}"))
             _within(seconds)
             try:
                 result = _judged(path, name, content)
@@ -148,6 +191,9 @@ def fuzz(
                 raise
             _within(0)
             results[f"{_suffix(name)} {result}"] += 1
+            if i % OFTEN == 0:
+                record.keep()
+    record.keep()
     return results
 
 
@@ -162,23 +208,31 @@ def main() -> None:
     parser.add_argument("--mebibytes", type=float, default=600.0)
     parser.add_argument("--minutes", type=float, default=inf, help="stop after so many")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-findings"))
+    parser.add_argument("--record", type=Path, metavar="FILE")
     given = parser.parse_args()
-    begin = perf_counter()
-    results = fuzz(
-        given.inputs,
-        given.seed,
-        given.formats,
-        given.seconds,
-        given.keep,
-        given.minutes,
-        given.mebibytes,
-    )
-    for what, count in sorted(results.items()):
-        print(f"{what:16s} {count:9d}")
-    print(
-        f"{results.total()} inputs in {perf_counter() - begin:.0f} s, "
-        f"peak memory {peak_MiB():.0f} MiB"
-    )
+    faulthandler.enable()
+    stop, begin = Stop(), perf_counter()
+    record = Record(given.record, {"seed": given.seed, "formats": given.formats})
+    before = record.results.total()
+    try:
+        fuzz(
+            given.inputs,
+            given.seed,
+            given.formats,
+            given.seconds,
+            given.keep,
+            given.mebibytes,
+            record,
+            lambda: stop.came or perf_counter() > begin + 60.0 * given.minutes,
+        )
+    finally:
+        for what, count in sorted(record.results.items()):
+            print(f"{what:20s} {count:9d}")
+        print(
+            f"{record.results.total()} inputs, {record.results.total() - before} of them in "
+            f"{perf_counter() - begin:.0f} s, peak memory {peak_MiB():.0f} MiB",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -7,8 +7,10 @@ from collections.abc import Callable, Collection, Mapping
 from functools import cache
 from io import BytesIO
 from pathlib import Path
+from random import Random
 from typing import Any
 
+import h5py
 import msgpack
 import numpy as np
 import pandas as pd
@@ -22,10 +24,12 @@ from clutchest.errors import ClutchestError
 from clutchest.models.effects import effects_of_file
 from clutchest.reading.tables import read_table
 from clutchest.record.files import read_state
-from clutchest.shipped import locate, shipped
+from clutchest.shipped import locate
 from clutchest.signals import Signals
 from clutchest.vehicle import load_vehicle
+from fuzz.mutate import member_damaged, mutated, stored
 
+SEEDS = Path(__file__).parent / "seeds"  # the others
 EFFECT = """
 from clutchest.machine import Effect, Number
 class Humidity(Effect):
@@ -60,11 +64,16 @@ def seeds(wanted: Collection[str]) -> dict[str, bytes]:
     time = np.arange(50) * 0.1
     speed = 100.0 + np.sin(time)
     table = pd.DataFrame(
-        {"time": time, "engine_speed": speed, "engine_torque": 500.0 + speed,
-         "input_shaft_speed": speed}
-    )  # fmt: skip
-    columns = BytesIO()
+        {
+            "time": time,
+            "engine_speed": speed,
+            "engine_torque": 500.0 + speed,
+            "input_shaft_speed": speed,
+        }
+    )
+    columns, sheets = BytesIO(), BytesIO()
     table.to_parquet(columns)
+    table.head(8).to_excel(sheets, index=False)
     state: dict[str, Any] = {}
     if not wanted or ".json" in wanted:
         state = {**clutchest.replay(drive(), "truck").final, "time_ns": None}  # of no time
@@ -73,18 +82,35 @@ def seeds(wanted: Collection[str]) -> dict[str, bytes]:
     savemat(matlab, {"drive": numbers, "pairs": table[["time", "engine_speed"]].to_numpy()})
     with TdmsWriter(waveforms) as writer:
         writer.write_segment([ChannelObject("drive", name, numbers[name]) for name in numbers])
-    dbc = next(path for path in shipped("dbc").values() if "hdt" in path.name)
     return {
         "vehicle.toml": locate("truck", "vehicles").read_bytes(),
-        "bus.dbc": dbc.read_bytes(),
         "state.json": json.dumps(state).encode(),
         "decoded.table.csv": table.to_csv(index=False).encode(),
         "decoded.parquet": columns.getvalue(),
+        "decoded.xlsx": stored(sheets.getvalue()),
         "decoded.mat": matlab.getvalue(),
+        "decoded.v73.mat": matlab_7_3(numbers),
         "decoded.tdms": waveforms.getvalue(),
         "own.py": EFFECT.encode(),
         "frame.datagram": msgpack.packb(FRAME),
     }
+
+
+def matlab_7_3(numbers: Mapping[str, np.ndarray]) -> bytes:
+    """A struct of vectors, text and a cell array, as MATLAB's -v7.3 lays them out."""
+    content = BytesIO()
+    with h5py.File(content, "w", userblock_size=512) as file:
+        struct = file.create_group("drive")
+        for name, values in numbers.items():
+            struct[name] = values[None, :]
+            struct[name].attrs["MATLAB_class"] = np.bytes_("double")
+        struct["driver"] = np.frombuffer("nobody".encode("utf-16-le"), np.uint16)[:, None]
+        struct["driver"].attrs["MATLAB_class"] = np.bytes_("char")
+        file["#refs#/a"] = np.arange(4.0)
+        file["cells"] = np.array([[file["#refs#/a"].ref, file["drive/time"].ref]], h5py.ref_dtype)
+        file["cells"].attrs["MATLAB_class"] = np.bytes_("cell")
+        file.create_dataset("packed", data=numbers["time"], chunks=(10,), compression="gzip")
+    return b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + content.getvalue()[128:]
 
 
 def _vehicle(path: Path) -> None:
@@ -118,10 +144,14 @@ def _datagram(path: Path) -> None:
 KINDS: Mapping[str, Callable[[Path], None]] = {
     ".toml": _vehicle,
     ".dbc": _dbc,
+    ".kcd": _dbc,
+    ".sym": _dbc,
     ".json": _state,
     ".table.csv": _table,
     ".parquet": _table,
+    ".v73.mat": _table,
     ".mat": _table,
+    ".xlsx": _table,
     ".tdms": _table,
     ".py": _effects,
     ".datagram": _datagram,
@@ -131,6 +161,13 @@ KINDS: Mapping[str, Callable[[Path], None]] = {
 def kind_of(name: str) -> str:
     """The end of the name by which an input is judged; empty for a log."""
     return next((end for end in KINDS if name.endswith(end)), "")
+
+
+def damaged(name: str, content: bytes, others: list[bytes], random: Random) -> bytes:
+    """``content`` with damage; to a workbook mostly within one of its files, as it is packed."""
+    if name.endswith(".xlsx") and random.random() < 0.8:
+        return member_damaged(content, others, random)
+    return mutated(content, others, random)
 
 
 def judged(folder: Path, name: str, content: bytes) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import gzip
 import struct
 import zlib
+from io import BytesIO
 from random import Random
+from zipfile import ZipFile
 
 # Pieces that mean something to some reader, and numbers at the edges.
 WORDS = [
@@ -140,3 +142,26 @@ def zipped(content: bytes, random: Random) -> bytes:
     """Gzipped, and now and then damaged after that."""
     whole = gzip.compress(content, 1)
     return mutated(whole, [whole], random) if random.random() < 0.5 else whole
+
+
+def stored(archive: bytes) -> bytes:
+    """A zip archive again, without compression, so that damage stays where it is."""
+    with ZipFile(BytesIO(archive)) as held:
+        return _archive({name: held.read(name) for name in held.namelist()})
+
+
+def _archive(members: dict[str, bytes]) -> bytes:
+    content = BytesIO()
+    with ZipFile(content, "w") as whole:
+        for name, member in members.items():
+            whole.writestr(name, member)
+    return content.getvalue()
+
+
+def member_damaged(archive: bytes, others: list[bytes], random: Random) -> bytes:
+    """A sound zip archive, one of whose members is damaged."""
+    with ZipFile(BytesIO(archive)) as held:
+        members = {name: held.read(name) for name in held.namelist()}
+    name = random.choice(list(members))
+    members[name] = mutated(members[name], others, random)
+    return _archive(members)

@@ -6,7 +6,7 @@ A format finds its header in the head of a file, and says how times and ids are 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -41,6 +41,7 @@ from clutchest.can.text_scan import (
     line_end,
     undated,
 )
+from clutchest.errors import ClutchestError
 
 SKIP, TIME, ID, IS_EXTENDED, IS_REMOTE, IS_ERROR, IS_SENT, CHANNEL, LENGTH, DATA, BYTE = range(11)
 _NAMED = {
@@ -124,6 +125,15 @@ def headers(head: bytes) -> Iterator[Header]:
             names = tuple(name.strip().strip('"') for name in text.split(separator))
             yield Header(begin, end, names, separator)
         begin = end
+
+
+def header_of(source: LogSource, wanted: Callable[[Header], bool]) -> Header:
+    """The first ``wanted`` header of a file.  Raises ClutchestError where there is none: what only
+    looked like one may be cut where a format looked, or have more of another separator."""
+    for header in headers(source.head):
+        if wanted(header):
+            return header
+    raise ClutchestError(f"{source.path}: expected one line that names time, id and data bytes")
 
 
 def frames_of(

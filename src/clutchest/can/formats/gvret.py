@@ -17,7 +17,7 @@ _HEADER = rb"Time ?Stamp,ID,Extended,"
 
 def read(source: LogSource) -> Iterator[Frames]:
     """Frames of such a log; lines that cannot be read are counted in ``rejected``."""
-    header = next(h for h in csv_frames.headers(source.head) if h.names[1:3] == ("ID", "Extended"))
+    header = csv_frames.header_of(source, lambda h: h.names[1:3] == ("ID", "Extended"))
     return csv_frames.frames_of(source, header, 1_000)
 
 

@@ -18,21 +18,15 @@ from clutchest.can.log_source import LogSource
 _OTHERS = (of_python_can, gvret, vehicle_spy)
 
 
-def _header(head: bytes) -> csv_frames.Header | None:
+def _sniff(head: bytes) -> int | None:
     if any(other.FORMAT.sniff(head) is not None for other in _OTHERS):
         return None
-    return next((h for h in csv_frames.headers(head) if h.holds_frames()), None)
-
-
-def _sniff(head: bytes) -> int | None:
-    header = _header(head)
-    return None if header is None else header.begin
+    return next((h.begin for h in csv_frames.headers(head) if h.holds_frames()), None)
 
 
 def read(source: LogSource) -> Iterator[Frames]:
     """Frames of such a log; lines that cannot be read are counted in ``rejected``."""
-    header = _header(source.head)
-    assert header is not None
+    header = csv_frames.header_of(source, csv_frames.Header.holds_frames)
     first = 0 if "bus" in (name.lower() for name in header.names) else 1
     return csv_frames.frames_of(source, header, header.unit_ns(), first_channel=first)
 

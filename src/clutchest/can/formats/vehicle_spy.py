@@ -10,22 +10,19 @@ from clutchest.can.log_format import LogFormat
 from clutchest.can.log_source import LogSource
 
 
-def _header(head: bytes) -> csv_frames.Header | None:
-    for header in csv_frames.headers(head):
-        if {"Arb ID", "Xtd", "B1"} <= set(header.names) and header.holds_frames():
-            return header
-    return None
+def _is_own(header: csv_frames.Header) -> bool:
+    return {"Arb ID", "Xtd", "B1"} <= set(header.names) and header.holds_frames()
 
 
 def _sniff(head: bytes) -> int | None:
-    header = _header(head) if b"Arb ID" in head else None
-    return None if header is None else header.begin
+    if b"Arb ID" not in head:
+        return None
+    return next((h.begin for h in csv_frames.headers(head) if _is_own(h)), None)
 
 
 def read(source: LogSource) -> Iterator[Frames]:
     """Frames of such a log; lines that cannot be read are counted in ``rejected``."""
-    header = _header(source.head)
-    assert header is not None
+    header = csv_frames.header_of(source, _is_own)
     return csv_frames.frames_of(source, header, 1_000_000_000)
 
 

@@ -164,6 +164,8 @@ def parsed(text: str) -> tuple[Database, list[str]]:
     import cantools.database
     from textparser import ParseError, TokenizeError
 
+    if not text.strip():
+        raise Irreparable(0, "the file is empty; expected a DBC, ARXML, KCD or SYM")
     _check_numbers(text)
     given, strict = _Text(text.splitlines()), True
     most = min(_MOST, REPAIRED_BYTES // max(len(text), 1) + 2)
