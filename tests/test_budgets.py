@@ -119,6 +119,13 @@ def test_a_range_of_all_numbers_is_no_defect(tmp_path):
     assert load([path]).messages
 
 
+def test_an_error_is_one_line_whatever_it_quotes(tmp_path):
+    assert (
+        str(ClutchestError("x.dbc: unused entries:\n    VAL_ 1\n"))
+        == "x.dbc: unused entries: VAL_ 1"
+    )
+
+
 VIEWS = {
     "endless": "CREATE VIEW messages AS WITH RECURSIVE r(ts) AS (SELECT 0 UNION ALL SELECT ts + 1 "
     "FROM r) SELECT ts, 1, 0, 0, 0, 8, x'00' FROM r",

@@ -10,8 +10,12 @@ from pathlib import Path
 class ClutchestError(Exception):
     """Bad input, in one line: where, what was expected, and the nearest valid thing.
 
-    The command line prints it without a traceback and ends with exit code 1.
+    The command line prints it without a traceback and ends with exit code 1.  What it quotes of a
+    library or a file may have several lines; they become one.
     """
+
+    def __init__(self, said: str) -> None:
+        super().__init__(" ".join(line.strip() for line in said.splitlines()))
 
 
 def nearest(given: str, valid: Iterable[str]) -> str:

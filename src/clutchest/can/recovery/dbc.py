@@ -181,7 +181,7 @@ def parsed(text: str) -> tuple[Database, list[str]]:
             except TokenizeError as error:
                 given.leave_out(whole.count("\n", 0, error.offset), _INVALID)
             except cantools.database.Error as error:
-                strict = given.accept(str(error), strict)
+                strict = given.accept(" ".join(str(error).split()), strict)
             except Exception as error:  # cantools lets its own lookups fail
                 if not given.leave_out_references():
                     why = f"not a DBC that can be read ({type(error).__name__}: {error})"
