@@ -17,11 +17,14 @@ REPAIRED_BYTES = 64 << 20  # of a DBC that is read anew after each repair, all t
 UNPACKED_BYTES = 256 << 20  # of a compressed file that can only be read whole
 TEXT_BYTES = 2 << 30  # of a compressed table, inflated block by block
 LINE_BYTES = 16 << 20  # of one line of a table
+LOG_FRAMES = 20_000_000  # of a log, or as many as its file has bytes
+LOG_RATIO = (4 << 30, 100)  # bytes of an inflated log, or so many times its file's
+HELD_BYTES = (192 << 20, 2)  # of a log's frames held together, or so many times its file's
 TABLE_CELLS = 30_000_000  # numbers of a table, or as many as its file has bytes
 XLSX_CELLS = 5_000_000  # of the first sheet of a workbook; 7 µs and a hundred bytes for each
 XLSX_SHEET = (512 << 20, 4 * XLSX_CELLS)  # bytes and elements of a sheet, inflated
 XLSX_STRINGS = (64 << 20, 4_000_000)  # of the strings that its cells refer to
-XLSX_PART = (16 << 20, 200_000)  # of any other part of a workbook
+XLSX_PART = (64 << 20, 200_000)  # of any other part of a workbook
 XLSX_ROW = 1 << 18  # elements of the file between one row and the next
 XLSX_CELL_BYTES = 1 << 20  # between one tag and the next
 SQLITE_STEPS = (10_000_000, 50)  # of SQLite's machine: so many, and per byte of the file
@@ -39,6 +42,11 @@ def within(path: Path, bytes_: int, what: str) -> None:
         raise ClutchestError(
             f"{path}: {size >> 20} MiB are too many for {what}, expected at most {bytes_ >> 20}"
         )
+
+
+def by_size(path: Path, budget: tuple[int, int]) -> int:
+    """So many bytes, or so many times those of the file at ``path``."""
+    return max(budget[0], budget[1] * path.stat().st_size)
 
 
 def cells(path: Path) -> int:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import gzip
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
+from clutchest import budgets
 from clutchest.can import log_source
 from clutchest.can.formats import log_formats
 from clutchest.can.frames import Frames
@@ -22,6 +23,7 @@ from clutchest.can.log_format import LogFormat
 from clutchest.can.log_source import LogSource
 from clutchest.errors import ClutchestError, nearest
 
+_BESIDE = 15  # bytes of a frame beside its data
 _FIRST = 4096  # bytes in which most formats show; to search all of the head takes milliseconds
 
 
@@ -30,10 +32,36 @@ def read_blocks(path: Path) -> Iterator[Frames]:
 
     Lines or objects that cannot be read are counted in ``Frames.rejected`` of their block; all
     blocks agree on ``absolute``.  Raises ClutchestError for a file that does not exist, is empty,
-    or holds no frame at all.
+    holds no frame at all, or inflates beyond its budget.
     """
-    with log_source.opened(Path(path)) as source:
-        yield from blocks_of(source)
+    path = Path(path)
+    seen = 0
+    with log_source.opened(path) as source:
+        most = max(budgets.LOG_FRAMES, path.stat().st_size)
+        most_bytes = budgets.by_size(path, budgets.LOG_RATIO)
+        for block in blocks_of(source):
+            seen += len(block)
+            if seen > most or source.position > most_bytes:
+                raise _too_many(path, most)
+            yield block
+
+
+def held(path: Path, blocks: Iterable[Frames]) -> Iterator[Frames]:
+    """``blocks`` of a log that are to be held together.  Raises ClutchestError beyond the budget of
+    its file."""
+    frames, width, budget = 0, 0, budgets.by_size(path, budgets.HELD_BYTES)
+    for block in blocks:
+        frames, width = frames + len(block), max(width, block.data.shape[1])
+        if frames * (width + _BESIDE) > budget:
+            raise _too_many(path, budget // (width + _BESIDE))
+        yield block
+
+
+def _too_many(path: Path, most: int) -> ClutchestError:
+    return ClutchestError(
+        f"{path}: holds more than {most / 1e6:.3g} million frames; expected fewer of a file of "
+        f"{path.stat().st_size / 1e6:.3g} MB: unpack it, or cut it into drives"
+    )
 
 
 def blocks_of(source: LogSource) -> Iterator[Frames]:

@@ -14,6 +14,7 @@ from clutchest.can.j1939_names import group_of
 
 GAP = 3.0  # periods; a longer distance of two frames is a gap
 COUNTS = 0.9  # of the frames that go on by the same step, in a byte that is a counter
+_NO_DATA = np.uint64(1) << np.uint64(63)  # behind every channel and id
 MOST_FRAMES = 20_000  # of an id, by which its bytes are judged
 
 
@@ -60,16 +61,15 @@ class IdStatistics:
 
 def survey(frames: Frames, databases: Sequence[Database] = ()) -> list[IdStatistics]:
     """One :class:`IdStatistics` per channel and id of the data frames, by channel, kind and id."""
-    data = np.flatnonzero((frames.flags & (Flag.REMOTE | Flag.ERROR)) == 0)
-    extended = (frames.flags[data] & Flag.EXTENDED).astype(np.uint64)
-    key = (
-        frames.channel[data].astype(np.uint64) << np.uint64(33)
-        | extended << np.uint64(32)
-        | frames.id[data].astype(np.uint64)
-    )
-    order = np.lexsort((frames.t_ns[data], key))
-    data, key = data[order], key[order]
-    starts = np.flatnonzero(np.diff(key)) + 1
+    frames = frames.sorted()
+    key = frames.id.astype(np.uint64)
+    key |= (frames.flags & Flag.EXTENDED != 0).astype(np.uint64) << np.uint64(32)
+    key |= frames.channel.astype(np.uint64) << np.uint64(33)
+    key[(frames.flags & (Flag.REMOTE | Flag.ERROR)) != 0] = _NO_DATA
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    data = order[: np.searchsorted(key, _NO_DATA)]
+    starts = np.flatnonzero(np.diff(key[: len(data)])) + 1
     groups = np.split(data, starts) if len(data) else []
     return [_row(frames, group, databases) for group in groups]
 

@@ -145,7 +145,7 @@ def inspect_logs(
     logs = tuple(locate(str(path), "logs") for path in paths)
     if not logs:
         raise ClutchestError("no log to inspect")
-    read = [window.of_frames(files.read_frames(path).sorted(), (str(path),)) for path in logs]
+    read = [window.of_frames(_frames(path), (str(path),)) for path in logs]
     parts = _in_sequence([frames for frames in read if len(frames)])
     if not parts:
         raise ClutchestError(f"{' '.join(map(str, logs))}: no data in the time window")
@@ -183,6 +183,11 @@ def inspect_logs(
         (*frames.notes, *(warning for database in databases for warning in database.warnings)),
         model_file,
     )
+
+
+def _frames(path: Path) -> Frames:
+    """All frames of a log, in order of time."""
+    return Frames.concatenate(files.held(path, files.read_blocks(path))).sorted()
 
 
 def _databases(sources: Sequence[DatabaseFile]) -> list[Database]:

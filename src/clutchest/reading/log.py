@@ -231,8 +231,8 @@ def _table(given: Path | Any, vehicle: Vehicle) -> _Piece:
 def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
     """The frames of a log that carry ``wanted`` messages; the log may be larger than memory."""
     needed = FrameFilter(wanted, int(SPLIT_S * 1e9))
-    kept = _in_pieces(needed.kept(block) for block in files.read_blocks(path))
-    frames = Frames.concatenate(kept)
+    kept = (needed.kept(block) for block in files.read_blocks(path))
+    frames = Frames.concatenate(_in_pieces(files.held(path, kept)))
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
     back = np.concatenate([np.zeros(1, np.int64), *(s[s < 0] for _, s in frames.steps())])[1:]
     warning = (

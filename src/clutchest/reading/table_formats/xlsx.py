@@ -96,7 +96,7 @@ def _rows(path: Path) -> list[list[Any]]:
             width, last = max(width, len(row)), len(rows) if row else last
             if len(rows) * max(width, 1) > budgets.XLSX_CELLS:
                 raise ClutchestError(
-                    f"{path}: its first sheet has more than {budgets.XLSX_CELLS / 1e6:.0f} million "
+                    f"{path}: its first sheet has more than {budgets.XLSX_CELLS / 1e6:g} million "
                     "cells; save so large a table as csv or Parquet"
                 )
     finally:
