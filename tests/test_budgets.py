@@ -19,6 +19,7 @@ from clutchest.can.files import read_frames
 from clutchest.can.recovery import dbc
 from clutchest.can.recovery.mf4_links import returning
 from clutchest.errors import ClutchestError
+from clutchest.reading.inspection import inspect_logs
 from clutchest.record.files import read_state
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle import load_vehicle
@@ -203,6 +204,23 @@ def test_blocks_count_as_often_as_they_are_reached(tmp_path):
         path.write_bytes(b"\0" * 64 + head + b"".join(conversions(count)))
         with path.open("rb") as file, pytest.raises(OverflowError) if many else nullcontext():
             assert returning(file) is None
+
+
+CANDUMP = b"(1700000000.%06d) can0 0CF00400#F07D7D102700F07D\n"
+
+
+@pytest.mark.parametrize("budget", ["LOG_FRAMES", "LOG_RATIO", "HELD_BYTES"])
+@pytest.mark.parametrize("read", [inspect_logs, clutchest.read_log])
+def test_a_log_that_inflates_to_too_many_frames_is_refused(tmp_path, monkeypatch, budget, read):
+    path = tmp_path / "x.log.gz"
+    path.write_bytes(gzip.compress(b"".join(CANDUMP % (k // 100) for k in range(2000)), mtime=0))
+    assert path.stat().st_size < 1000
+    small = {"LOG_FRAMES": 1000, "LOG_RATIO": (50_000, 1), "HELD_BYTES": (23_000, 1)}
+    monkeypatch.setattr(budgets, budget, small[budget])
+    arguments = ([path],) if read is inspect_logs else (path, "truck")
+    assert "million frames; expected fewer of a file of" in refusal(read, *arguments)
+    path.with_suffix("").write_bytes(gzip.decompress(path.read_bytes()))
+    assert read(*([path.with_suffix("")] if k == 0 else a for k, a in enumerate(arguments)))
 
 
 def drive(rows=600) -> pd.DataFrame:

@@ -20,7 +20,9 @@ LINE_BYTES = 16 << 20  # of one line of a table
 LOG_FRAMES = 20_000_000  # of a log, or as many as its file has bytes
 LOG_RATIO = (4 << 30, 100)  # bytes of an inflated log, or so many times its file's
 HELD_BYTES = (192 << 20, 2)  # of a log's frames held together, or so many times its file's
-TABLE_CELLS = 30_000_000  # numbers of a table, or as many as its file has bytes
+TABLE_CELLS = 30_000_000  # numbers of a table, or one for so many bytes of its file:
+TEXT_CELL, BINARY_CELL = 2, 4  # of a text, of a binary file
+TABLE_WORDS = 128 << 20  # bytes of all texts of a column
 XLSX_CELLS = 5_000_000  # of the first sheet of a workbook; 7 µs and a hundred bytes for each
 XLSX_SHEET = (512 << 20, 4 * XLSX_CELLS)  # bytes and elements of a sheet, inflated
 XLSX_STRINGS = (64 << 20, 4_000_000)  # of the strings that its cells refer to
@@ -49,6 +51,6 @@ def by_size(path: Path, budget: tuple[int, int]) -> int:
     return max(budget[0], budget[1] * path.stat().st_size)
 
 
-def cells(path: Path) -> int:
-    """How many numbers a table in the file at ``path`` may hold."""
-    return max(TABLE_CELLS, path.stat().st_size)
+def cells(path: Path, per_cell: int) -> int:
+    """How many numbers a table in the file at ``path`` may hold, of so many bytes each."""
+    return max(TABLE_CELLS, path.stat().st_size // per_cell)

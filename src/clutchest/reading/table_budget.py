@@ -26,13 +26,14 @@ def read_csv(path: Path, options: Mapping[str, Any]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    parts, left = [], budgets.cells(path)
+    most = budgets.cells(path, budgets.TEXT_CELL)
+    parts, left = [], most
     with log_source.opened(path) as source:
         bounded: Any = _Bounded(source, path)
         for part in pd.read_csv(bounded, chunksize=PORTION, **options):
             left -= part.size
             if left < 0:
-                raise too_large(path)
+                raise too_large(path, most)
             parts.append(part)
         if source.truncated:
             raise ClutchestError(f"{path}: {log_source.GZIP_TRUNCATED}")
@@ -41,14 +42,14 @@ def read_csv(path: Path, options: Mapping[str, Any]) -> pd.DataFrame:
 
 def check_cells(path: Path, cells: int) -> None:
     """Raises ClutchestError for a table that says that it holds too many numbers."""
-    if cells > budgets.cells(path):
-        raise too_large(path)
+    if cells > (most := budgets.cells(path, budgets.BINARY_CELL)):
+        raise too_large(path, most)
 
 
-def too_large(path: Path) -> ClutchestError:
-    """What is said of a table beyond its budget."""
+def too_large(path: Path, most: int) -> ClutchestError:
+    """What is said of a table of more than so many numbers."""
     return ClutchestError(
-        f"{path}: holds more than {budgets.cells(path) / 1e6:.0f} million numbers, or a line "
+        f"{path}: holds more than {most / 1e6:.0f} million numbers, or a line "
         "without an end; expected a table of one drive"
     )
 
@@ -72,6 +73,6 @@ class _Bounded(RawIOBase):
         end = given.rfind(b"\n") + 1
         self.line = len(given) - end if end else self.line + len(given)
         if self.left < 0 or self.line > budgets.LINE_BYTES:
-            raise too_large(self.path)
+            raise too_large(self.path, budgets.cells(self.path, budgets.TEXT_CELL))
         buffer[: len(given)] = given
         return len(given)

@@ -30,6 +30,7 @@ _MAGICS = {  # first bytes → (byte order, ns of a unit of time)
 }
 _SECTION = b"\x0a\x0d\x0d\x0a"
 _INTERFACE, _SIMPLE, _ENHANCED = 1, 3, 6  # kinds of blocks
+_HEADER = 16  # bytes before each packet
 _FD_SIZE = 72  # bytes of a CAN FD frame as Linux has it
 _LARGEST = 1 << 18  # bytes of a packet or block
 _NO_FRAME, _CUT, _TOO_LARGE = "no CAN frame in this packet", "packet is cut off", "file is damaged"
@@ -68,7 +69,7 @@ class _Packets:
         self.t_ns.append(t_ns)
         self.channel.append(channel & 0xFF)
         self.link.append(link)
-        self.size += len(data)
+        self.size += _HEADER + len(data)
 
     def frames(self, rejected: Counter[str]) -> Frames:
         """The frames in them, with what was ``rejected``, which is emptied."""
@@ -111,7 +112,7 @@ def _of_pcap(source: LogSource, rejected: Counter[str]) -> Iterator[Packet]:
     if len(header) < 24:
         return
     link = _Link(struct.unpack(order + "I", header[20:24])[0] & 0xFFFF, unit_ns, order == ">")
-    while len(head := source.read(16)) == 16:
+    while len(head := source.read(_HEADER)) == _HEADER:
         seconds, fraction, length, _ = struct.unpack(order + "IIII", head)
         if length > _LARGEST:
             rejected[_TOO_LARGE] += 1

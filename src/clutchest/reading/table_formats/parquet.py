@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clutchest import budgets
 from clutchest.errors import ClutchestError
 from clutchest.paths import named_in_utf8
 from clutchest.reading.signal_table import Frame, of_frame
@@ -38,23 +39,83 @@ def with_units(schema: pa.Schema, units: Mapping[str, str]) -> Any:
 
 
 def read(path: Path) -> Frame:
-    """The table, with the units in the metadata of its fields."""
-    import pandas as pd
+    """The table, with the units in the metadata of its fields; lists, structs, bytes and times of a
+    day, which are no signals, are left out.
+
+    Raises ClutchestError for a table beyond its budget.
+    """
     import pyarrow.parquet as pq
 
     with named_in_utf8(path) as file:
         schema = pq.read_schema(file)
         if b"clutchest" in (schema.metadata or {}):
             raise ClutchestError(f"{path}: is a result of clutchest, expected a log")
+        kept = [column for column in schema if _may_be_signal(column.type)]
         about = pq.read_metadata(file)
-        check_cells(path, about.num_rows * about.num_columns)
-        frame = pd.read_parquet(file)
+        check_cells(path, about.num_rows * len(kept))
+        words = [column.name for column in kept if _is_text(column.type)]
+        names = [column.name for column in kept]
+        with pq.ParquetFile(file, read_dictionary=words) as given:
+            table = given.read(names)
+    for name in dict.fromkeys(words):
+        _check_words(path, table, name)
+    table = table.cast(_plain(table.schema))
+    frame = table.to_pandas(split_blocks=True, self_destruct=True)
     stated = {}
-    for column in schema:
+    for column in kept:
         metadata = column.metadata or {}
         unit = next((metadata[k] for k in (b"unit", b"units", b"Unit") if k in metadata), b"")
         stated[column.name] = unit.decode("utf-8", "replace")
     return of_frame(str(path), frame, stated)
+
+
+def _may_be_signal(kind: pa.DataType) -> bool:
+    import pyarrow.types as is_a
+
+    return not (
+        is_a.is_nested(kind)
+        or is_a.is_time(kind)
+        or is_a.is_binary(kind)
+        or is_a.is_large_binary(kind)
+        or is_a.is_fixed_size_binary(kind)
+    )
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    import pyarrow.types as is_a
+
+    return bool(is_a.is_string(kind) or is_a.is_large_string(kind) or is_a.is_string_view(kind))
+
+
+def _check_words(path: Path, table: pa.Table, name: str) -> None:
+    """Raises ClutchestError for a column of texts that a dictionary keeps small, and pandas would
+    not."""
+    import pyarrow.compute as pc
+
+    bytes_ = 0
+    for column in (
+        c for c, field in zip(table.columns, table.schema, strict=True) if field.name == name
+    ):
+        for chunk in column.chunks:
+            of_each = pc.binary_length(chunk.dictionary)
+            bytes_ += pc.sum(of_each.take(chunk.indices)).as_py() or 0
+    if bytes_ > budgets.TABLE_WORDS:
+        raise ClutchestError(
+            f"{path}: column '{name}' holds {bytes_ >> 20} MiB of text, expected at most "
+            f"{budgets.TABLE_WORDS >> 20}"
+        )
+
+
+def _plain(schema: pa.Schema) -> pa.Schema:
+    """The schema with texts and numbers of kinds that pandas has."""
+    import pyarrow as pa
+
+    def plain(kind: pa.DataType) -> pa.DataType:
+        if pa.types.is_dictionary(kind):
+            return kind.value_type
+        return pa.float64() if pa.types.is_decimal(kind) else kind
+
+    return pa.schema([f.with_type(plain(f.type)) for f in schema], schema.metadata)
 
 
 FORMAT = TableKind(

@@ -1,0 +1,70 @@
+"""Parquet beyond what a signal may be: lists, bytes, texts that a dictionary keeps small."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from clutchest import budgets
+from clutchest.errors import ClutchestError
+from clutchest.reading.table_formats import load_table
+
+ROWS = 1000
+
+
+def written(path, **more):
+    given = pa.table({"time": np.arange(ROWS) * 0.01, "speed": np.full(ROWS, 7.0), **more})
+    pq.write_table(given, path, compression="zstd")
+    return path
+
+
+def test_what_is_no_signal_is_left_out(tmp_path):
+    path = written(
+        tmp_path / "x.parquet",
+        lists=pa.array([[0.0] * 500] * ROWS),
+        struct=pa.array([{"a": 1}] * ROWS),
+        bytes=pa.array([b"x"] * ROWS),
+        clock=pa.array([1] * ROWS, pa.time64("us")),
+    )
+    table = load_table(path)
+    assert list(table.units) == ["time", "speed"] and table.rows == ROWS
+
+
+def test_numbers_and_texts_of_all_kinds(tmp_path):
+    kinds = {
+        "decimal": pa.array([Decimal("1.5"), None] * (ROWS // 2)),
+        "comma": pa.array(["1,5", "2,5"] * (ROWS // 2)),
+        "large": pa.array(["1.5", None] * (ROWS // 2), pa.large_string()),
+        "coded": pa.array(["1.5", "2.5"] * (ROWS // 2)).dictionary_encode(),
+        "whole": pa.array([1, None] * (ROWS // 2), pa.int16()),
+        "flag": pa.array([True, None] * (ROWS // 2)),
+    }
+    table = load_table(written(tmp_path / "x.parquet", **kinds))
+    first = {name: table.column(name).value[:2].tolist() for name in kinds}
+    np.testing.assert_array_equal(first["decimal"], [1.5, np.nan])
+    np.testing.assert_array_equal(first["comma"], [1.5, 2.5])
+    np.testing.assert_array_equal(first["large"], [1.5, np.nan])
+    np.testing.assert_array_equal(first["coded"], [1.5, 2.5])
+    np.testing.assert_array_equal(first["whole"], [1.0, np.nan])
+    np.testing.assert_array_equal(first["flag"], [1.0, np.nan])
+
+
+def test_texts_that_inflate_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(budgets, "TABLE_WORDS", 1 << 20)
+    path = written(tmp_path / "x.parquet", words=pa.array(["x" * 4000] * ROWS))
+    assert path.stat().st_size < 50_000
+    with pytest.raises(ClutchestError, match=r"x\.parquet: column 'words' holds 3 MiB of text"):
+        load_table(path)
+
+
+def test_numbers_that_inflate_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(budgets, "TABLE_CELLS", 2000)
+    monkeypatch.setattr(budgets, "BINARY_CELL", 8)
+    load_table(written(tmp_path / "x.parquet"))
+    path = written(tmp_path / "x.parquet", zero=np.zeros(ROWS))
+    with pytest.raises(ClutchestError, match="million numbers"):
+        load_table(path)
