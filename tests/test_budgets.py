@@ -23,6 +23,7 @@ from clutchest.reading.inspection import inspect_logs
 from clutchest.record.files import read_state
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle import load_vehicle
+from fuzz.kinds import SEEDS
 
 TRUCK = locate("truck", "vehicles").read_text(encoding="utf-8")
 DBC = (
@@ -94,6 +95,54 @@ def test_a_long_dbc_with_a_quote_that_does_not_close_is_refused(tmp_path):
     assert "a quote that does not close" in refusal(load, [path])
     path.write_text(DBC + "\n" * budgets.DBC_BYTES, encoding="utf-8")
     assert "are too many for a DBC" in refusal(load, [path])
+
+
+BUS = {kind: (SEEDS / f"bus.{kind}").read_text(encoding="utf-8") for kind in ("dbc", "sym", "kcd")}
+GIANTS = {
+    "sym length": ("sym", "Len=8", "Len=200000000"),
+    "sym signal": ("sym", "unsigned 16", "unsigned\n2000000000"),
+    "sym place": ("sym", '"EngineSpeed" 24', '"EngineSpeed" 2000000000'),
+    "kcd length": ("kcd", 'length="8"', 'length="200000000"'),
+    "kcd signal": ("kcd", 'length="16"', "length\n=\n'2000000000'"),
+    "kcd place": ("kcd", 'offset="24"', 'offset="&#50;000000000"'),
+    "dbc place": ("dbc", "24|16@1+", "\n2000000000|16@1+"),
+}
+
+
+@pytest.mark.parametrize("what", GIANTS)
+def test_places_beyond_any_message_are_refused_with_their_line(tmp_path, what):
+    kind, old, new = GIANTS[what]
+    path = tmp_path / f"x.{kind}"
+    path.write_text(BUS[kind], encoding="utf-8")
+    assert load([path]).messages
+    path.write_text(BUS[kind].replace(old, new, 1), encoding="utf-8")
+    assert old in BUS[kind] and f"x.{kind}, line " in refusal(load, [path])
+
+
+LEFT_OUT = {
+    "length": ("Branched: 8", "Branched: 200000000", {"EEC1"}),
+    "length in a line of its own": ("Branched: 8", "Branched:\n200000000", {"EEC1"}),
+    "range": ("2-3, 5-5", "2-3000000000", {"EEC1", "Branched"}),
+    "many ranges": ("2-3, 5-5", "0-99999, " * 9 + "0-1", {"EEC1", "Branched"}),
+    "digits": ("2-3, 5-5", "2-" + "9" * 5000, {"EEC1", "Branched"}),
+    "only words": ('CM_ "all of it"', 'CM_ "BO_ 9 X: 200000000 SG_ A : 9999999|1@1+ (1,0)"', None),
+}
+
+
+@pytest.mark.parametrize("what", LEFT_OUT)
+def test_what_a_dbc_has_too_large_is_left_out_and_said(tmp_path, what):
+    old, new, left = LEFT_OUT[what]
+    path = tmp_path / "x.dbc"
+    path.write_text(BUS["dbc"].replace(old, new, 1), encoding="utf-8")
+    database = load([path])
+    assert old in BUS["dbc"] and set(database.messages) == (left or {"EEC1", "Branched"})
+    assert any("left out: " in warning for warning in database.warnings) == (left is not None)
+
+
+def test_a_dbc_of_which_nothing_is_left_is_refused(tmp_path):
+    path = tmp_path / "x.dbc"
+    path.write_text('BO_ 256\n X:\n 200000000 Y\n SG_ A : 0|8@1+ (1,0) [0|0] "" Y')
+    refusal(load, [path])
 
 
 @pytest.mark.parametrize("text", ["", "\ufeff", " \n\n"])

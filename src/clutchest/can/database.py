@@ -253,7 +253,7 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
     except Irreparable as error:
         if not error.line:
             raise ClutchestError(f"{path}: {error}") from None
-        line = text.splitlines()[error.line - 1].strip()
+        line = "".join(text.splitlines()[error.line - 1 : error.line]).strip()
         raise ClutchestError(f"{path}, line {error.line}: {error}: {line[:80]!r}") from None
     if not database.messages:
         why = f"; {complaints[0]}" if complaints else ""
@@ -296,7 +296,9 @@ def _other(text: str, kind: str) -> cantools_can.Database:
 
     from clutchest.can.log_source import quiet
     from clutchest.can.recovery.dbc import Irreparable
+    from clutchest.can.recovery.places import check_places
 
+    check_places(text, kind)
     try:
         with quiet("cantools"):
             database: Any = load_string(text, database_format=kind, strict=False)

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from clutchest.budgets import LARGEST, MESSAGE_BITS, REPAIRED_BYTES
+from clutchest.budgets import LARGEST, LONGEST_RANGE, MESSAGE_BITS, REPAIRED_BYTES
 from clutchest.can.log_source import quiet
 
 if TYPE_CHECKING:
@@ -25,7 +25,11 @@ _REFERENCE = re.compile(
     r"SG_MUL_VAL_|SIG_GROUP_|BO_TX_BU_)\s+(?P<id>\d+)\s*:?\s*(?P<signal>[A-Za-z_]\w*)?"
 )
 _OF_SIGNALS = re.compile(r"\s*(CM_\s+SG_|BA_\s+\"[^\"]*\"\s+SG_|VAL_|SIG_VALTYPE_|SG_MUL_VAL_)\s")
-_PLACE = re.compile(r"\s*SG_\s+[^:\"]*:\s*(\d+)\s*\|\s*(\d+)\s*@[^(\"]*(\([^)\"]*)")
+_PLACE = re.compile(r"\bSG_\s+[^:\"]*:\s*(\d+)\s*\|\s*(\d+)\s*@[^(\"]*(\([^)\"]*)")
+_LENGTH = re.compile(r"\bBO_\s[^:\"]*:\s*(\d+)")
+_RANGES = re.compile(r"\bSG_MUL_VAL_\s[^;\"]*")
+_RANGE = re.compile(r"(\d+)\s*-\s*(\d+)")
+_WORDS = re.compile(r'"[^"]*"')
 _DIGITS, _LONGEST_NUMBER, _LONG = 9, 310, 1 << 20
 _EXTENDED = 1 << 31
 _INVALID = "not valid in a DBC"
@@ -110,6 +114,28 @@ class _Text:
             raise Irreparable(0, why)
         return strict
 
+    def leave_out_giants(self) -> str:
+        """Empty messages longer than any, and ranges of more values than cantools may write out;
+        the text that is left."""
+        bare = _without_words("\n".join(self.lines))
+        for length in _LENGTH.finditer(bare):
+            if not _at_most(length[1], MESSAGE_BITS // 8):
+                self._leave_out(length, f"a message has at most {MESSAGE_BITS // 8} bytes")
+        values = 0
+        for ranges in _RANGES.finditer(bare):
+            for low, high in _RANGE.findall(ranges[0]):
+                own = int(high) - int(low) + 1 if _at_most(high, LONGEST_RANGE) else LONGEST_RANGE
+                values += max(own, 1)
+            if values >= LONGEST_RANGE:
+                self._leave_out(ranges, "its ranges hold too many values")
+                values = 0
+        return "\n".join(self.lines) + "\n"
+
+    def _leave_out(self, match: re.Match[str], why: str) -> None:
+        number = match.string.count("\n", 0, match.start())
+        if self.lines[number]:
+            self.leave_out(number, why)
+
     def leave_out_references(self) -> bool:
         """Empty what refers to a message or signal that is not there; whether there was any."""
         known: dict[str, set[str]] = {}
@@ -134,11 +160,10 @@ class _Text:
 def _check_numbers(text: str) -> None:
     """Raises Irreparable for places and numbers beyond any message, and for a long text whose
     quotes do not close: what cantools does with them takes all memory."""
-    for number, line in enumerate(text.splitlines(), 1):
-        place = _PLACE.match(line)
-        if place is None:
-            continue
-        if any(len(digits) > _DIGITS or int(digits) > MESSAGE_BITS for digits in place.group(1, 2)):
+    bare = _without_words(text)
+    for place in _PLACE.finditer(bare):
+        number = bare.count("\n", 0, place.start()) + 1
+        if not all(_at_most(digits, MESSAGE_BITS) for digits in place.group(1, 2)):
             raise Irreparable(number, f"a signal begins and ends within {MESSAGE_BITS} bits")
         for words in re.findall(r"[-+.\w]+", place[3]):
             if len(words) > _LONGEST_NUMBER or not _fits(words):
@@ -147,6 +172,16 @@ def _check_numbers(text: str) -> None:
                 )
     if len(text) > _LONG and text.count('"') % 2:
         raise Irreparable(text.count("\n", 0, text.rindex('"')) + 1, "a quote that does not close")
+
+
+def _at_most(digits: str, most: int) -> bool:
+    """Whether a whole number, of however many digits, is not larger."""
+    return len(digits) <= _DIGITS and int(digits) <= most
+
+
+def _without_words(text: str) -> str:
+    """A text with blanks instead of what is quoted, so that places in it stay."""
+    return _WORDS.sub(lambda words: '"' + re.sub(r"[^\n]", " ", words[0][1:-1]) + '"', text)
 
 
 def _fits(number: str) -> bool:
@@ -166,12 +201,12 @@ def parsed(text: str) -> tuple[Database, list[str]]:
 
     if not text.strip():
         raise Irreparable(0, "the file is empty; expected a DBC, ARXML, KCD or SYM")
-    _check_numbers(text)
     given, strict = _Text(text.splitlines()), True
     most = min(_MOST, REPAIRED_BYTES // max(len(text), 1) + 2)
     with quiet("cantools"):
         for _ in range(most):
-            whole = "\n".join(given.lines) + "\n"
+            whole = given.leave_out_giants()
+            _check_numbers(whole)
             database = cantools.database.can.Database(strict=strict)
             try:
                 database.add_dbc_string(whole)
