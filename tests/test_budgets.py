@@ -105,6 +105,9 @@ GIANTS = {
     "kcd length": ("kcd", 'length="8"', 'length="200000000"'),
     "kcd signal": ("kcd", 'length="16"', "length\n=\n'2000000000'"),
     "kcd place": ("kcd", 'offset="24"', 'offset="&#50;000000000"'),
+    "power of ten": ("dbc", "INT 0 65535", "INT 0 61e3085535"),
+    "power in quotes": ("dbc", '"GenMsgCycleTime" 100', '"GenMsgCycleTime" "1e99999999"'),
+    "digits": ("dbc", '"GenMsgCycleTime" 100', f'"GenMsgCycleTime" {"9" * 100_000}'),
     "dbc place": ("dbc", "24|16@1+", "\n2000000000|16@1+"),
 }
 
@@ -125,6 +128,7 @@ LEFT_OUT = {
     "range": ("2-3, 5-5", "2-3000000000", {"EEC1", "Branched"}),
     "many ranges": ("2-3, 5-5", "0-99999, " * 9 + "0-1", {"EEC1", "Branched"}),
     "digits": ("2-3, 5-5", "2-" + "9" * 5000, {"EEC1", "Branched"}),
+    "a word like a number": ("all of it", "part 12E10000 of 1e10000 and 1", None),
     "only words": ('CM_ "all of it"', 'CM_ "BO_ 9 X: 200000000 SG_ A : 9999999|1@1+ (1,0)"', None),
 }
 

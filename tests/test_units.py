@@ -27,6 +27,9 @@ FACTORS = {
     "deg": (constants.degree, NONE),
     "%": (0.01, NONE),
     "rev": (6.283185307179586, NONE),
+    "kNm": (1000.0, J),
+    "lbft": (constants.lbf * constants.foot, J),
+    "mph": (constants.mph, M - S),
     "kg": (1.0, KG),
     "m": (1.0, M),
     "mm": (constants.milli, M),
@@ -89,6 +92,15 @@ COMPOSED = {
     ("N m", "J"): 1.0,
     ("Nm/rad", "Nm"): 1.0,
     ("ohm", "V/A"): 1.0,
+    ("sec", "msec"): 1000.0,
+    ("/min", "min-1"): 1.0,
+    ("min^-1", "min⁻¹"): 1.0,
+    ("U/min", "r/min"): 1.0,
+    ("tr/min", "rev/min"): 1.0,
+    ("ft-lb", "lb-ft"): 1.0,
+    ("ft lb", "lb ft"): 1.0,
+    ("lbf ft", "lbf·ft"): 1.0,
+    ("lbf·ft", "Nm"): 1.3558179483314004,
 }
 # (value, unit, value, unit): the same temperature
 TEMPERATURES = [
@@ -145,3 +157,17 @@ def test_what_cannot_be_converted_is_refused():
         units.parse("kmm/h")
     with pytest.raises(ClutchestError, match="one division only"):
         units.parse("W/m/K")
+
+
+@pytest.mark.parametrize(
+    "unit", ["0 s", "s/0", "1e999 s", "s/1e400", "1e300^9 s", "1e-300^9 s", f"s^{'9' * 5000}"]
+)
+def test_a_unit_of_nothing_or_without_bounds_is_refused(unit):
+    with pytest.raises(ClutchestError, match="zero, or beyond any unit") as caught:
+        units.convert(1.0, unit, "s")
+    assert len(str(caught.value)) < 150
+
+
+@pytest.mark.parametrize("unit", ["1/min", "min-1", "min^-1", "min⁻¹", "U/min", "r/min", "rev/min"])
+def test_revolutions_per_minute_in_all_notations(unit):
+    assert units.convert(60.0, unit, "rad/s") == pytest.approx(2 * pi)

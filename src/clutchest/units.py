@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import lru_cache
-from math import pi
+from math import inf, pi
 from typing import Any, overload
 
 import numpy as np
@@ -53,6 +53,8 @@ _SYMBOLS = {
     "N": Unit(1.0, (1, 1, -2, 0, 0)),
     "kN": Unit(1e3, (1, 1, -2, 0, 0)),
     "Nm": Unit(1.0, (1, 2, -2, 0, 0)),
+    "kNm": Unit(1e3, (1, 2, -2, 0, 0)),
+    "lbft": Unit(0.45359237 * 9.80665 * 0.3048, (1, 2, -2, 0, 0)),
     "J": Unit(1.0, (1, 2, -2, 0, 0)),
     "kJ": Unit(1e3, (1, 2, -2, 0, 0)),
     "MJ": Unit(1e6, (1, 2, -2, 0, 0)),
@@ -65,6 +67,7 @@ _SYMBOLS = {
     "mH": Unit(1e-3, (1, 2, -2, 0, -2)),
     "Pa": Unit(1.0, (1, -1, -2, 0, 0)),
     "GPa": Unit(1e9, (1, -1, -2, 0, 0)),
+    "mph": Unit(0.44704, (0, 1, -1, 0, 0)),
     "rpm": Unit(2 * pi / 60, (0, 0, -1, 0, 0)),
     "°C": Unit(1.0, (0, 0, 0, 1, 0)),  # inside, temperatures are in °C: differences are K
     "°F": Unit(5 / 9, (0, 0, 0, 1, 0), -160 / 9),
@@ -83,6 +86,21 @@ _ALIASES = {
     "deg F": "°F",
     "RPM": "rpm",
     "1/min": "rpm",
+    "/min": "rpm",
+    "min-1": "rpm",
+    "min^-1": "rpm",
+    "min⁻¹": "rpm",
+    "U/min": "rpm",
+    "r/min": "rpm",
+    "tr/min": "rpm",
+    "sec": "s",
+    "msec": "ms",
+    "ft-lb": "lbft",
+    "lb-ft": "lbft",
+    "ft lb": "lbft",
+    "lb ft": "lbft",
+    "lbf ft": "lbft",
+    "lbf·ft": "lbft",
     "N.m": "Nm",
     "N m": "Nm",
     "percent": "%",
@@ -101,7 +119,18 @@ _FACTOR = re.compile(
 
 @lru_cache(maxsize=512)
 def parse(text: str) -> Unit:
-    """The unit that ``text`` names.  Raises ClutchestError for one that is not known."""
+    """The unit that ``text`` names.  Raises ClutchestError for one that is not known, or is zero or
+    without bounds."""
+    try:
+        unit = _parsed(text)
+    except (ArithmeticError, ValueError):
+        unit = None
+    if unit is None or not 0.0 < unit.scale < inf:
+        raise ClutchestError(f"unit '{text[:60]}': its number is zero, or beyond any unit")
+    return unit
+
+
+def _parsed(text: str) -> Unit:
     source = _ALIASES.get(text.strip(), text.strip())
     source = re.sub(r"[⁻⁰¹²³⁴-⁹]+", lambda m: "^" + m.group().translate(_SUPERSCRIPTS), source)
     source = re.sub(r"[·*]", " ", source)

@@ -45,7 +45,8 @@ def test_compact_layout_by_hand():
         b"(1436509053.2) can0 7FF#R\n"
         b"(1436509053.200001) can0 1ABCDEF0#R4\n"
         b"(1436509053.200002) can0 20000080#0000000000000000\n"
-        b"(1436509053.200003) can0 123#11223344_9"
+        b"(1436509053.200003) can0 123#11223344_9\n"
+        b"(1436509053.200004) can0 123#R8_B"
     )
     s = 1436509053 * 10**9
     assert rows(frames) == [
@@ -56,6 +57,7 @@ def test_compact_layout_by_hand():
         (s + 200001000, 0, 0x1ABCDEF0, Flag.EXTENDED | Flag.REMOTE, 4),
         (s + 200002000, 0, 0x80, Flag.ERROR, bytes(8)),
         (s + 200003000, 0, 0x123, Flag(0), b"\x11\x22\x33\x44"),
+        (s + 200004000, 0, 0x123, Flag.REMOTE, 8),
     ]
     assert frames.absolute and frames.rejected == () and frames.data.shape[1] == 8
 

@@ -97,14 +97,23 @@ def peak_MiB() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+class TooSlow(BaseException):
+    """An input takes too long; no Exception, which a reader may take for a parser's."""
+
+
 def _within(seconds: float) -> None:
-    """So much processor time from now on, on a busy machine too; 0 ends it."""
+    """So much processor time from now on, on a busy machine too; 0 ends it.  Where compiled code
+    does not let go, the process ends with its stack; the record says among which inputs."""
     signal.setitimer(signal.ITIMER_PROF, seconds)
     signal.setitimer(signal.ITIMER_REAL, 10 * seconds)
+    if seconds:
+        faulthandler.dump_traceback_later(20 * seconds, exit=True)
+    else:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _too_slow(signum: int, frame: FrameType | None) -> None:
-    raise TimeoutError("took too long")
+    raise TooSlow("took too long")
 
 
 def seeds_of(formats: list[str]) -> dict[str, bytes]:

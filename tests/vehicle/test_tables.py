@@ -359,3 +359,42 @@ def test_a_vehicle_without_a_bus_is_simulated_as_a_table(truck, tmp_path):
     assert 60.0 < np.median(signals["engine_speed"].value) < 110.0
     with pytest.raises(ClutchestError, match="maps no message"):
         write_simulation(tmp_path / "a.log", vehicle, "launches", 1, duration=10.0)
+
+
+PREAMBLES = {
+    "comments": "# logger 4711; of 2024\n# made by hand, twice\n",
+    "excel": "sep=;\n",
+    "words": "Measurement of today\n\n",
+    "none": "",
+}
+
+
+@pytest.mark.parametrize("what", PREAMBLES)
+def test_lines_before_the_header(truck, tmp_path, what):
+    frame = pd.DataFrame({"time [s]": TIME, "engine_speed [rpm]": SPEED / RPM})
+    text = PREAMBLES[what] + frame.to_csv(index=False, sep=";", decimal=",")
+    (tmp_path / "a.csv").write_text(text)
+    np.testing.assert_allclose(read_log(tmp_path / "a.csv", truck)["engine_speed"].value, SPEED)
+    rows = text.splitlines()
+    rows[-1] = "x" + rows[-1]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    assert f"row {len(rows)}" in " ".join(read_log(tmp_path / "a.csv", truck).warnings)
+
+
+CLOCKS = {
+    "%d.%m.%Y %H:%M:%S.%f": True,
+    "%d.%m.%Y %H:%M:%S,%f": True,
+    "%H:%M:%S.%f": False,
+    "%Y-%m-%d %H:%M:%S.%f": True,
+}
+
+
+@pytest.mark.parametrize("style", CLOCKS)
+def test_dates_and_times_of_day_go_on_behind_midnight(truck, tmp_path, style):
+    stamps = pd.Timestamp("2024-02-29 23:59:59.500") + pd.to_timedelta(TIME, unit="s")
+    frame = pd.DataFrame({"time": stamps.strftime(style), "engine_speed": SPEED})
+    frame.to_csv(tmp_path / "a.csv", index=False, sep=";")
+    log = read_log(tmp_path / "a.csv", truck)
+    begin = 0.0 if CLOCKS[style] else 86_399.5  # of a day that is not stated
+    np.testing.assert_allclose(log["engine_speed"].time - begin, TIME, atol=2e-6)
+    assert log.start_ns == (stamps[0].value if CLOCKS[style] else None)

@@ -127,8 +127,7 @@ class BusReader:
         messages = [message]
         while len(messages) < MOST and (message := self.bus.recv(0)) is not None:
             messages.append(message)
-        more = len(messages) >= MOST
-        return Received(frames_of(messages), time.monotonic_ns(), None, more=more)
+        return _received(frames_of(messages), None)
 
     def count(self) -> None:
         """Bring ``dropped`` up to date, where no frame says it."""
@@ -169,12 +168,16 @@ class SocketReader(BusReader):
             sent.append(bool(flags & socket.MSG_DONTROUTE))
         if not payloads:
             return None
-        frames, more = _kernel_frames(payloads, stamps, sent), len(payloads) >= MOST
-        return Received(frames, time.monotonic_ns(), self.dropped, more=more)
+        return _received(_kernel_frames(payloads, stamps, sent), self.dropped)
 
     def count(self) -> None:
         """As :meth:`BusReader.count`."""
         self.dropped = max(self.dropped or 0, drops_of(self.socket))
+
+
+def _received(frames: Frames, dropped: int | None) -> Received:
+    """Frames that have been taken just now; there may be more of them."""
+    return Received(frames, time.monotonic_ns(), dropped, more=len(frames) >= MOST)
 
 
 def _kernel_frames(payloads: Sequence[bytes], stamps: list[int], sent: list[bool]) -> Frames:

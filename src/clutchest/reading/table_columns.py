@@ -20,6 +20,7 @@ _TIMES = ("time", "t", "timestamp", "timestamps", "zeit", "zeitstempel", "temps"
 _DATES = ("date", "datetime", "date_time", "datum", "utc")
 _HEADER = re.compile(r"^(?P<name>.*?\S)\s*[\[(]\s*(?P<unit>[^\[\]()]*)\s*[\])]$")
 _SUFFIX = re.compile(r"^(?P<name>t|time|timestamp|zeit)_(?P<unit>s|ms|us|ns)$", re.IGNORECASE)
+_DAY_S = 86_400.0
 _NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "sec": 1e9, "seconds": 1e9}
 _EPOCH = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))  # stamps since 1970 beyond, and their unit, s
 
@@ -168,12 +169,25 @@ def _seconds(table: Frame, column: str, unit: str) -> tuple[Floats, list[str]]:
         return (cells / pd.Timedelta(seconds=1)).to_numpy(np.float64), []
     numbers = table.column(column)
     if numbers.given.any() and not np.isfinite(numbers.value).any():
-        dates = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
-        if dates.notna().any():
-            since = dates.dt.tz_localize(None) - pd.Timestamp(0)
-            return (since / pd.Timedelta(seconds=1)).to_numpy(np.float64), []
+        written = cells.astype(str).str.replace(",", ".", regex=False)
+        for style in ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S"):
+            dates = pd.to_datetime(written, errors="coerce", utc=True, format=style)
+            if dates.notna().any():
+                since = dates.dt.tz_localize(None) - pd.Timestamp(0)
+                return (since / pd.Timedelta(seconds=1)).to_numpy(np.float64), []
+        clock = pd.to_timedelta(written, errors="coerce") / pd.Timedelta(seconds=1)
+        if clock.notna().any():
+            return _past_midnight(np.array(clock, np.float64)), []
     words = not_numbers(table, column, column, numbers)
     return numbers.value * _unit_s(table, column, unit, numbers), words
+
+
+def _past_midnight(clock: Floats) -> Floats:
+    """Times of day, s, that go on behind midnight."""
+    known = np.flatnonzero(np.isfinite(clock))
+    back = np.diff(clock[known], prepend=clock[known[0]]) < -_DAY_S / 2
+    clock[known] += _DAY_S * np.cumsum(back)
+    return clock
 
 
 def _unit_s(table: Frame, column: str, unit: str, numbers: Cells) -> float:

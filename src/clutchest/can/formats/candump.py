@@ -216,8 +216,8 @@ def _compact(text: Bytes, i: int, n: int, flag: int, out: Table) -> int:
             out.data[n, count] = high * 16 + low
             count += 1
             i += 2
-        if text[i] == 95 and HEX[text[i + 1]] > 8:
-            i += 2  # _9 … _F: a raw length code above 8
+    if text[i] == 95 and HEX[text[i + 1]] > 8:
+        i += 2  # _9 … _F: a raw length code above 8
     i = blanks(text, i)
     if text[i] == 84 or text[i] == 82:  # the direction
         if text[i] == 84:

@@ -29,6 +29,10 @@ _PLACE = re.compile(r"\bSG_\s+[^:\"]*:\s*(\d+)\s*\|\s*(\d+)\s*@[^(\"]*(\([^)\"]*
 _LENGTH = re.compile(r"\bBO_\s[^:\"]*:\s*(\d+)")
 _RANGES = re.compile(r"\bSG_MUL_VAL_\s[^;\"]*")
 _RANGE = re.compile(r"(\d+)\s*-\s*(\d+)")
+# Numbers of thousands of digits: to write one out takes hours.
+_LONG_NUMBER = r"[-+]?(?:\d[\d.]*[eE]\+?\d{4,}|\d{400,})"
+_ENDLESS = re.compile(rf"(?<![\w.]){_LONG_NUMBER}")
+_ENDLESS_WORD = re.compile(rf'"\s*{_LONG_NUMBER}\s*"')  # the value of an attribute
 _WORDS = re.compile(r'"[^"]*"')
 _DIGITS, _LONGEST_NUMBER, _LONG = 9, 310, 1 << 20
 _EXTENDED = 1 << 31
@@ -161,6 +165,11 @@ def _check_numbers(text: str) -> None:
     """Raises Irreparable for places and numbers beyond any message, and for a long text whose
     quotes do not close: what cantools does with them takes all memory."""
     bare = _without_words(text)
+    for number in (_ENDLESS.search(bare), _ENDLESS_WORD.search(text)):
+        if number:
+            words = number[0].strip('" ')[:20]
+            line = text.count("\n", 0, number.start()) + 1
+            raise Irreparable(line, f"the number {words}, expected at most {LARGEST:g}")
     for place in _PLACE.finditer(bare):
         number = bare.count("\n", 0, place.start()) + 1
         if not all(_at_most(digits, MESSAGE_BITS) for digits in place.group(1, 2)):

@@ -6,6 +6,8 @@ Written without units, for which there is no place.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,9 @@ from clutchest.reading.units_row import of_cells
 if TYPE_CHECKING:
     import pandas as pd
 
+_SEPARATORS = ",;\t"
+_PREAMBLE = 40  # lines at most before the header
+
 
 def write(table: pd.DataFrame, path: Path) -> None:
     """Write ``table``."""
@@ -26,25 +31,39 @@ def write(table: pd.DataFrame, path: Path) -> None:
 
 
 def read(path: Path) -> Frame:
-    """The table in a text of whatever encoding, with points or commas in its numbers."""
-    head = _head(path)
-    first = head.splitlines()[0] if head.splitlines() else ""
-    separator = max(",;\t", key=first.count) if first else ","
+    """The table in a text of whatever encoding, with points or commas in its numbers; behind lines
+    of a comment, Excel's ``sep=;`` or words without a separator."""
+    lines = _head(path).splitlines()
+    separator, before = _layout(lines)
     options: dict[str, Any] = {
         "sep": separator,
+        "skiprows": before,
         "skipinitialspace": True,
         "low_memory": False,
-        "decimal": "," if separator == ";" and not _points(head) else ".",
+        "decimal": "," if separator == ";" and not _points(lines[before:]) else ".",
     }
     try:
-        return of_cells(str(path), read_csv(path, {"encoding": "utf-8-sig", **options}))
+        table = of_cells(str(path), read_csv(path, {"encoding": "utf-8-sig", **options}))
     except UnicodeDecodeError:
-        return of_cells(str(path), read_csv(path, {"encoding": "latin-1", **options}))
+        table = of_cells(str(path), read_csv(path, {"encoding": "latin-1", **options}))
+    return replace(table, first_row=table.first_row + before)
 
 
-def _points(head: str) -> bool:
+def _layout(lines: Sequence[str]) -> tuple[str, int]:
+    """The separator, and how many lines stand before the header."""
+    for before, line in enumerate(lines[:_PREAMBLE]):
+        if not _is_comment(line) and any(separator in line for separator in _SEPARATORS):
+            return max(_SEPARATORS, key=line.count), before
+    return ",", 0
+
+
+def _is_comment(line: str) -> bool:
+    return line.startswith(("#", "%", "//")) or bool(re.fullmatch(r"sep=.", line.strip()))
+
+
+def _points(lines: Sequence[str]) -> bool:
     """Whether numbers in the rows have a decimal point, not a comma."""
-    rows = "\n".join(head.splitlines()[1:50])
+    rows = "\n".join(lines[1:50])
     return len(re.findall(r"\d\.\d", rows)) > len(re.findall(r"\d,\d", rows))
 
 
