@@ -165,10 +165,10 @@ def _check_numbers(text: str) -> None:
     """Raises Irreparable for places and numbers beyond any message, and for a long text whose
     quotes do not close: what cantools does with them takes all memory."""
     bare = _without_words(text)
-    for number in (_ENDLESS.search(bare), _ENDLESS_WORD.search(text)):
-        if number:
-            words = number[0].strip('" ')[:20]
-            line = text.count("\n", 0, number.start()) + 1
+    for endless in (_ENDLESS.search(bare), _ENDLESS_WORD.search(text)):
+        if endless:
+            words = endless[0].strip('" ')[:20]
+            line = text.count("\n", 0, endless.start()) + 1
             raise Irreparable(line, f"the number {words}, expected at most {LARGEST:g}")
     for place in _PLACE.finditer(bare):
         number = bare.count("\n", 0, place.start()) + 1
