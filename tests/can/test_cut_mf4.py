@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import gzip
 import struct
 import tracemalloc
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ import clutchest
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
+from clutchest.reading.inspection import inspect_logs
 from clutchest.shipped import locate
 from logger_mf4 import PER_BLOCK, logged
 from samples import random_frames
@@ -95,6 +98,21 @@ def test_replay_says_what_was_lost(tmp_path):
     (reason,) = [why for why in signals.counts.rejected if "ends early" in why]
     assert signals.counts.frames + signals.counts.rejected[reason] == len(frames)
     assert 0.4 < signals.end / 240 < 0.6
+
+
+@pytest.mark.parametrize("end", [70, 200, 14_700, -5, None])
+@pytest.mark.filterwarnings("error")
+def test_nothing_is_heard_of_a_file_that_was_refused(tmp_path, end, capfd):
+    """Neither by its reader nor, once it is forgotten, by the library's destructor."""
+    path = tmp_path / "a.mf4"
+    content = logged(random_frames(N, seed=3), path, "deflated")[0]
+    damaged = content[:300] + b"\xff" * 400 + content[700:] if end is None else content[:end]
+    path.write_bytes(damaged)
+    for read in (lambda: clutchest.read_log(path, "truck"), lambda: inspect_logs([path])):
+        with suppress(ClutchestError):
+            read()
+        gc.collect()
+    assert capfd.readouterr().err == ""
 
 
 def test_more_frames_than_there_are_take_no_room(tmp_path):

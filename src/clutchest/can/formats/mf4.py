@@ -8,7 +8,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from io import BytesIO, StringIO
 from pathlib import Path
-from traceback import walk_tb
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from clutchest.budgets import UNPACKED_BYTES
 from clutchest.can.frames import LENGTHS, Flag, Frames
 from clutchest.can.log_format import LogFormat, begins_with
 from clutchest.can.log_source import LogSource, quiet
+from clutchest.can.recovery.half_read import opened
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
@@ -114,7 +114,7 @@ def _of_file(source: LogSource, file: IO[bytes]) -> Iterator[Frames]:
 
 
 def _groups(file: Any) -> Iterator[Frames]:
-    with _opened(file) as mdf:
+    with opened(file, **_RAW) as mdf:
         mdf.configure(read_fragment_size=_TOGETHER)
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
@@ -159,23 +159,6 @@ def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
             left = None if now.all() else replace(head.take(~now), rejected=())
             heads[k] = next(parts[k], None) if left is None else left
         yield Frames.concatenate(ready).sorted()
-
-
-def _opened(file: Any) -> MDF:
-    from asammdf import MDF
-    from asammdf.blocks.mdf_v4 import MDF4
-
-    try:
-        return MDF(file, **_RAW)
-    except Exception as error:
-        for frame, _ in walk_tb(error.__traceback__):
-            half_read = frame.f_locals.get("self")
-            if isinstance(half_read, MDF4):
-                # Its destructor needs these; without them it prints a traceback of its own.
-                for name in ("header", "identification"):
-                    half_read.__dict__.setdefault(name, None)
-                half_read.close()
-        raise
 
 
 def _read_group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Iterator[Frames]:

@@ -99,16 +99,14 @@ def holds(path: Path) -> bool:
 
 
 def _mdf(path: Path) -> Any:
-    from asammdf import MDF
-
     from clutchest.can.log_source import quiet
+    from clutchest.can.recovery.half_read import opened
     from clutchest.can.recovery.mf4_links import check_links
 
     with path.open("rb") as file:
         check_links(path, file)
     with quiet("asammdf"):
-        options: dict[str, Any] = {"process_bus_logging": False}
-        return MDF(path, **options)
+        return opened(path, process_bus_logging=False)
 
 
 def read(path: Path) -> Channels:
