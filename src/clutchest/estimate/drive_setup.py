@@ -232,8 +232,10 @@ def _cleaned_times(
 def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
     """Process noise, variance per s, of every state in every regime; shape (rows of flags, 2n)."""
     Q = np.tile(process_noise(vehicle, model), (len(flags), 1))
-    for name, (flag, noise) in (*model.renewed.items(), *model.tracked.items()):
-        Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = noise**2
+    renewed = ((name, {flag: noise}) for name, (flag, noise) in model.renewed.items())
+    for name, noises in (*renewed, *model.tracked.items()):
+        for flag, noise in noises.items():
+            Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = noise**2
     return Q
 
 

@@ -64,7 +64,9 @@ def filtered(
     gains."""
     events, tracked = drive.tracked.rate.shape
     gains = FrozenGains(np.zeros((events, tracked)), np.ones(events))
-    return _linearised(drive, numbers, at, active, gains, frozen=False), gains
+    response = _linearised(drive, numbers, at, active, gains, frozen=False)
+    gains.gain[~drive.tracked.corrected] = 0.0
+    return response, gains
 
 
 def modulated(

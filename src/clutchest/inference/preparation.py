@@ -165,7 +165,17 @@ def _tracked(
         values = [deadband(t[k], z[k], np.ones(len(k), bool)) for k in pieces]
         rate[:, j] = np.interp(line.t, t, np.concatenate(rates))
         value[:, j] = np.interp(line.t, t, np.concatenate(values))
-    return TrackedStates(which, act, rate, value, _settling(model))
+    return TrackedStates(which, act, rate, value, _corrected(model, line, which), _settling(model))
+
+
+def _corrected(model: Model, line: Timeline, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether a reading corrects each tracked state (K, c): none what an input settles at once,
+    nor what sticks while it stands, which its noise would shake, and let creep."""
+    corrected = np.ones((len(line.t), len(which)), bool)
+    corrected[:, _settling(model)] = False
+    for name, flag in model.uncorrected.items():
+        corrected[:, model.state(name)] = line.W[line.row, model.regime.index(flag)] > 0.0
+    return corrected[:, which]
 
 
 def _inputs(

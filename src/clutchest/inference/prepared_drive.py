@@ -55,17 +55,25 @@ class PreparedInputs:
 class TrackedStates:
     """States that readings renew: ``which`` (n) they are, where their equations ``act`` (K), their
     measured ``rate`` (K, c) and their ``value`` (K, c) without the noise of their readings;
-    ``settling``: indices of those that an input settles at once."""
+    ``corrected`` (K, c): where readings correct them; ``settling``: indices of those that an input
+    settles at once."""
 
     which: NDArray[np.bool_]
     act: NDArray[np.bool_]
     rate: Floats
     value: Floats
+    corrected: NDArray[np.bool_]
     settling: NDArray[np.int64]
 
     def first(self, count: int) -> TrackedStates:
         """Those of so many events."""
-        return replace(self, act=self.act[:count], rate=self.rate[:count], value=self.value[:count])
+        return replace(
+            self,
+            act=self.act[:count],
+            rate=self.rate[:count],
+            value=self.value[:count],
+            corrected=self.corrected[:count],
+        )
 
 
 @dataclass(frozen=True, slots=True)

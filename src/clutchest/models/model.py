@@ -113,8 +113,9 @@ class Model:
     that the pieces read; ``outputs``: quantities that results hold.  ``renewed`` names states that
     are a plain random walk while a regime flag is 0: state → (flag, noise in state unit/√s).
     ``tracked`` names states that a fit corrects by readings all the time, as a filter does, because
-    no number that is the same throughout a drive says where they are: state → (flag, noise in state
-    unit/√s while it is 0); ``exact`` names parameters that
+    no number that is the same throughout a drive says where they are: state → flag → noise in state
+    unit/√s while it is 0, that of a later flag first; ``uncorrected`` names those of them that no
+    reading corrects while a flag is 0: what sticks would be shaken, and creep; ``exact`` names parameters that
     it takes as they are, whatever their spread, because no log holds anything of them.
     ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
     sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
@@ -140,7 +141,8 @@ class Model:
     longest: tuple[float, float] = (0.02, 0.5)
     doubted: tuple[str, ...] = ()
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-    tracked: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    tracked: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    uncorrected: Mapping[str, str] = field(default_factory=dict)
     exact: tuple[str, ...] = ()
     unobservable: Mapping[str, str] = field(default_factory=dict)
     implied: Mapping[str, str] = field(default_factory=dict)

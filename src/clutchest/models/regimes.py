@@ -37,17 +37,23 @@ class Regimes:
 
     ``free_running``: the equations of states that are a random walk otherwise
     (:attr:`~clutchest.models.model.Model.renewed`) hold; ``sliding``: power is dissipated, so that
-    bends of the inputs between readings matter; ``engaged``: power could be dissipated unseen.
+    bends of the inputs between readings matter; ``engaged``: power could be dissipated unseen;
+    ``moving``: what a fit tracks does not stand still, ``fast``: nor does it creep; both hold where
+    a machine does not tell.
     """
 
     mode: NDArray[np.uint8]
     free_running: NDArray[np.bool_]
     sliding: NDArray[np.bool_]
     engaged: NDArray[np.bool_]
+    moving: NDArray[np.bool_] | None = None
+    fast: NDArray[np.bool_] | None = None
 
     def flags(self, names: Sequence[str]) -> NDArray[np.bool_]:
         """The flags of these names, shape (n, len(names))."""
-        columns = [getattr(self, name) for name in names]
+        everywhere = np.ones(len(self.mode), bool)
+        flags = (getattr(self, name) for name in names)
+        columns = [everywhere if flag is None else flag for flag in flags]
         return np.stack(columns, axis=1) if columns else np.zeros((len(self.mode), 0), bool)
 
 

@@ -93,8 +93,4 @@ MACHINE = Machine(
     generate=_generate,
     scenarios=_scenarios,
     template="alsd_rig",
-    unsupported={
-        "discover": "noise of its tracked motor passes for an error in slow ramps, "
-        "and hidden effects have not been tried"
-    },
 )

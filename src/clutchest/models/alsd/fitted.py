@@ -29,12 +29,12 @@ from clutchest.models.model import Model
 from clutchest.models.symbols import State
 
 # Process noise, state unit/√s, of what is tracked: what is between the samples of the voltage,
-# while the pack is pressed, and while the motor runs freely.
+# while the pack is pressed and the motor turns, while it creeps, and while it runs freely.
 NOISE = {
-    "current": (1.0, 1.0),
-    "motor_speed": (1.0, 1.4),
-    "motor_angle": (1e-3, 1e-3),
-    "motor_bristle": (1e-3, 1e-3),
+    "current": (1.0, 1.0, 1.0),
+    "motor_speed": (1.2, 0.4, 1.4),
+    "motor_angle": (1e-3, 1e-3, 1e-3),
+    "motor_bristle": (1e-3, 4e-4, 1e-3),
 }
 BRISTLE = State(
     "motor_bristle",
@@ -95,9 +95,10 @@ FITTED = replace(
     pieces=PIECES,
     doubted=(),
     longest=(2.5e-4, 2.5e-4),
-    tracked={name: ("engaged", noise) for name, (_, noise) in NOISE.items()},
+    tracked={n: {"engaged": free, "fast": creeps} for n, (_, creeps, free) in NOISE.items()},
+    uncorrected={"motor_speed": "moving", "motor_bristle": "moving"},
     exact=("armature_inductance",),  # samples come ten times as far apart as the current settles
-    regime=("engaged",),  # noise is of another kind while the pack is pressed
+    regime=("engaged", "moving", "fast"),
 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ TOUCHING = 20.0  # Nm, of a measured torque: surfaces are pressed together
 CREEPING = 0.01  # rad/s: at a slower slip pressed surfaces may stick
 WOUND = 0.5  # of the slip: where more than this winds up the structure, surfaces may stick
 TORQUE_FLOOR = 5.0  # Nm; a clutch that could carry less counts as open
+STANDING, TURNING = 0.1, 1.0  # rad/s: at a slower speed the motor stands, or creeps
+OVER = 0.1  # s, of which the motor's speed is the mean
 SLIDES = 0.98  # of the friction potential; surfaces that carry less are held by their bristles
 
 
@@ -35,9 +38,14 @@ def judge(observed: Observed) -> Regimes:
     if slip is None and left is not None and right is not None:  # half-shafts wind up as well
         slip = (left - right) / 2
         compliance += 0.5 / p["halfshaft_stiffness"]
-    return pressing(
+    regimes = pressing(
         observed.time, torque, slip, compliance, observed.lost, observed.thresholds.guard
     )
+    angle = at("motor_angle")
+    if angle is None:
+        return regimes
+    speed = _speed(observed.time, angle)
+    return replace(regimes, moving=speed > STANDING, fast=speed > TURNING)
 
 
 def refine(mode: NDArray[np.uint8], outputs: Outputs, inputs: Container[str]) -> NDArray[np.uint8]:
@@ -74,6 +82,12 @@ def pressing(
     mode = np.where(lost, Mode.unknown, np.where(parted, Mode.open, mode))
     engaged = np.ones(len(time), bool) if torque is None else ~parted
     return Regimes(mode.astype(np.uint8), ~lost, ~lost, engaged & ~lost)
+
+
+def _speed(time: Floats, angle: Floats) -> Floats:
+    """The motor's mean speed around each time, rad/s, without its sign, by its measured angle."""
+    before, after = (np.interp(time + end, time, angle) for end in (-OVER / 2, OVER / 2))
+    return np.abs(after - before) / OVER
 
 
 def _winding(time: Floats, twist: Floats, slip: Floats, over: float) -> NDArray[np.bool_]:
