@@ -108,3 +108,22 @@ def test_a_car_takes_its_slip_from_the_wheels():
 
 def _state(name):
     return next(state for state in FITTED.states if state.name == name)
+
+
+@pytest.mark.slow
+def test_a_motor_that_stands_is_not_shaken_until_it_creeps():
+    """Shaken by its readings' noise, it would give way to its load: up at home, down while
+    pressed."""
+    signals = clutchest.simulate(RIG, "rig-slow", 31, duration=40.0, nominal=True)
+    problem = Problem.of(signals, RIG, ())
+    drive = problem.drives[0]
+    model, readings = drive.compiled.model, drive.readings
+    r = problem.linearise(np.zeros(len(problem.thetas)), {}, NO_DERIVATIVES)[0].r
+    flags = drive.line.W[readings.row]
+    stands = flags[:, model.regime.index("moving")] == 0.0
+    stands &= readings.sensor == model.sensor("motor_angle")
+    pressed = flags[:, model.regime.index("engaged")] > 0.0
+    up, down = r[stands & ~pressed], r[stands & pressed]
+    error = np.sqrt(np.var(up) / len(up) + np.var(down) / len(down))
+    assert min(len(up), len(down)) > 1000
+    assert abs(np.mean(up) - np.mean(down)) < 3.0 * error

@@ -89,7 +89,6 @@ STATES = (
         5e-6,
         "an engagement",
         slip_noise=1e-10,
-        healthy_std=1e-5,
         prior="free_play",
     ),
     State(
@@ -101,7 +100,6 @@ STATES = (
         0.15,
         0.05,
         "an engagement with slip",
-        healthy_std=0.03,
         factor=True,
         prior="friction_coefficient",
         possible=(0.02, 2.5),
