@@ -1,42 +1,51 @@
-"""The active differential: what `discover` says of healthy runs, and of one hidden effect each.
+"""The differential: what `discover` says of healthy specimens, and of one hidden effect each.
 
-    python benchmarks/alsd_discovery.py --out DIR [--scenarios rig-steps …] [--first 911]
-                                        [--seeds 4] [--effect NAME:KEY=VALUE] [--duration 60]
-    python benchmarks/alsd_discovery.py --out DIR --table
+    python benchmarks/alsd_discovery.py null --out DIR [--first 1001] [--seeds 8] [--shard 1/2]
+    python benchmarks/alsd_discovery.py effect --out DIR [--first 2001] [--seeds 1] [--shard 1/2]
+    python benchmarks/alsd_discovery.py table --out DIR
 
-Every run is one line of JSON in DIR, and is not run again.
+Every seed draws a specimen and its noise.  An effect is hidden in the scenario that shows it
+best, TIMES as large as one that is detected in half of the logs; which one that is, and how large,
+healthy runs of the seed SIZED tell, which is used for nothing else.  Every run is one line of JSON
+in DIR, and is not run again.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 from clutchest.discovery.discover import discover
+from clutchest.errors import ClutchestError
+from clutchest.models import machine_of
 from clutchest.simulated import simulate
 
 VEHICLES = {"car": "alsd_car"}
-SCENARIOS = ("rig-steps", "rig-slow", "rig-ramps", "car")
-RECORDS = "records.jsonl"
+SCENARIOS = ("rig-steps", "rig-slow", "rig-ramps", "car", "slip-oil-sweep", "coast")
+DURATION = 60.0  # s
+SIZED = 902
+TIMES = 2.0
+SHOWN = 3  # tests of the residuals that a record keeps
+Hidden = Mapping[str, Mapping[str, float]]
 
 
-def judged(
-    scenario: str, seed: int, effects: dict[str, dict[str, float]], duration: float
-) -> dict[str, Any]:
+def judged(scenario: str, seed: int, effects: Hidden) -> dict[str, Any]:
     """What `discover` says of one run, and how it came to it."""
     vehicle = VEHICLES.get(scenario, "alsd_rig")
-    signals = simulate(vehicle, scenario, seed, effects, duration=duration)
+    record: dict[str, Any] = {"scenario": scenario, "seed": seed, "effects": effects}
+    signals = simulate(vehicle, scenario, seed, effects, duration=DURATION)
     begun = process_time()
-    found = discover(signals, vehicle)
-    return {
-        "scenario": scenario,
-        "seed": seed,
-        "effects": effects,
+    try:
+        found = discover(signals, vehicle)
+    except ClutchestError as error:
+        return record | {"verdict": "error", "sentence": str(error)}
+    return record | {
         "verdict": found.verdict,
         "sentence": found.sentence,
         "sets": [sorted(names) for names in found.sets],
@@ -46,60 +55,104 @@ def judged(
             for key, size in cause.parameters.items()
         },
         "fit": found.fit.p_value,
-        "tests": [test.words for test in found.fit.tests[:3]],
-        "detectable": {each.effect: each.detectable_size for each in found.identifiability},
+        "tests": [test.words for test in found.fit.tests[:SHOWN]],
+        "detectable": {
+            each.effect: [each.detectable_size, each.plausible_size]
+            for each in found.identifiability
+        },
         "seconds": process_time() - begun,
     }
 
 
-def records(out: Path) -> Iterator[dict[str, Any]]:
+def records(out: Path) -> list[dict[str, Any]]:
     """What has been run."""
-    path = out / RECORDS
-    lines = path.read_text().splitlines() if path.exists() else []
-    return map(json.loads, lines)
+    lines = [line for path in sorted(out.glob("*.jsonl")) for line in path.read_text().splitlines()]
+    return [json.loads(line) for line in lines]
+
+
+def nulls(first: int, seeds: int) -> Iterator[tuple[str, int, Hidden]]:
+    """Healthy specimens."""
+    for seed in range(first, first + seeds):
+        for scenario in SCENARIOS:
+            yield scenario, seed, {}
+
+
+def hidden(out: Path, first: int, seeds: int) -> Iterator[tuple[str, int, Hidden]]:
+    """Specimens with one effect each, where it shows best."""
+    sized = {r["scenario"]: r for r in records(out) if r["seed"] == SIZED and not r["effects"]}
+    missing = [name for name in SCENARIOS if name not in sized]
+    if missing:
+        sys.exit(f"sizes: run `null --first {SIZED} --seeds 1` first, without {', '.join(missing)}")
+    for number, (name, effect) in enumerate(sorted(machine_of("alsd").effects.items())):
+        shares = {}
+        for scenario, record in sized.items():
+            size, plausible = record["detectable"].get(name, (None, 0.0))
+            if size is not None and TIMES * size <= plausible:
+                shares[scenario] = size / plausible
+        if not shares:
+            print(f"{name}: no scenario shows it at a plausible size", file=sys.stderr)
+            continue
+        scenario = min(shares, key=lambda each: shares[each])
+        size = TIMES * sized[scenario]["detectable"][name][0]
+        for k in range(seeds):
+            yield scenario, first + seeds * number + k, {name: {effect.gains[0].key: size}}
 
 
 def table(out: Path) -> None:
     """Healthy runs by scenario and verdict, then every run with an effect."""
-    healthy = Counter[tuple[str, str]]()
+    healthy, right = Counter[tuple[str, str]](), Counter[str]()
     for record in records(out):
-        if record["effects"]:
-            sets = " or ".join("+".join(names) for names in record["sets"])
-            print(record["scenario"], record["effects"], record["verdict"], sets, record["sizes"])
-        else:
+        if record["seed"] == SIZED:
+            continue
+        if not record["effects"]:
             healthy[record["scenario"], record["verdict"]] += 1
+            continue
+        (name,) = record["effects"]
+        ((key, size),) = record["effects"][name].items()
+        sets = " or ".join("+".join(names) for names in record.get("sets", ()))
+        value, std = record.get("sizes", {}).get(f"{name}.{key}", (float("nan"),) * 2)
+        right[_judged(name, record)] += 1
+        print(
+            f"{name} {size:.3g} in {record['scenario']} ({record['seed']}): {record['verdict']} "
+            f"{sets} {value:.3g} ± {std:.2g}: {_judged(name, record)}"
+        )
     for (scenario, verdict), count in sorted(healthy.items()):
-        print(f"{scenario}: {verdict} {count} times")
+        print(f"healthy, {scenario}: {verdict} {count}")
+    print(", ".join(f"{what} {count}" for what, count in sorted(right.items())))
+
+
+def _judged(name: str, record: Mapping[str, Any]) -> str:
+    if record["verdict"] in ("none", "unknown", "error"):
+        return str(record["verdict"])
+    own = [names for names in record["sets"] if name in names]
+    if not own:
+        return "wrong"
+    return "named" if len(record["sets"]) == 1 and len(own[0]) == 1 else "in the set"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="discovery on the differential")
+    parser.add_argument("what", choices=("null", "effect", "table"))
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--scenarios", nargs="+", default=SCENARIOS)
-    parser.add_argument("--first", type=int, default=911)
-    parser.add_argument("--seeds", type=int, default=4)
-    parser.add_argument("--duration", type=float, default=60.0)
-    parser.add_argument("--effect", help="NAME:KEY=VALUE to hide")
-    parser.add_argument("--table", action="store_true", help="only the table of what was run")
+    parser.add_argument("--first", type=int, default=1001)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--shard", default="1/1", metavar="i/n")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    if given.table:
+    if given.what == "table":
         table(given.out)
         return
-    hidden: dict[str, dict[str, float]] = {}
-    if given.effect:
-        name, number = given.effect.split(":")
-        key, value = number.split("=")
-        hidden = {name: {key: float(value)}}
+    cases = nulls if given.what == "null" else lambda *drawn: hidden(given.out, *drawn)
+    part, parts = map(int, given.shard.split("/"))
+    path = given.out / f"{given.what}-{part}.jsonl"
     done = [(r["scenario"], r["seed"], r["effects"]) for r in records(given.out)]
-    for seed in range(given.first, given.first + given.seeds):
-        for scenario in given.scenarios:
-            if (scenario, seed, hidden) in done:
-                continue
-            record = judged(scenario, seed, hidden, given.duration)
-            with (given.out / RECORDS).open("a") as file:
-                file.write(json.dumps(record) + "\n")
-            print(scenario, seed, record["verdict"], record["sentence"], flush=True)
+    for case in list(cases(given.first, given.seeds))[part - 1 :: parts]:
+        if case in done:
+            continue
+        record = judged(*case)
+        with path.open("a") as file:
+            file.write(json.dumps(record) + "\n")
+        print(*case, record["verdict"], record["sentence"], flush=True)
 
 
 if __name__ == "__main__":
