@@ -1,13 +1,14 @@
 """The differential: what `discover` says of healthy specimens, and of one hidden effect each.
 
+    python benchmarks/alsd_discovery.py size --out DIR
     python benchmarks/alsd_discovery.py null --out DIR [--first 1001] [--seeds 8] [--shard 1/2]
     python benchmarks/alsd_discovery.py effect --out DIR [--first 2001] [--seeds 1] [--shard 1/2]
     python benchmarks/alsd_discovery.py table --out DIR
 
 Every seed draws a specimen and its noise.  An effect is hidden in the scenario that shows it
 best, TIMES as large as one that is detected in half of the logs; which one that is, and how large,
-healthy runs of the seed SIZED tell, which is used for nothing else.  Every run is one line of JSON
-in DIR, and is not run again.
+`size` takes from scores of a healthy specimen, whose seed SIZED is used for nothing else.  Every
+run is one line of JSON in DIR, and is not run again.
 """
 
 from __future__ import annotations
@@ -21,15 +22,21 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+import numpy as np
+
+from clutchest import load_vehicle
 from clutchest.discovery.discover import discover
+from clutchest.discovery.search import LEVEL, begin
 from clutchest.errors import ClutchestError
+from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.simulated import simulate
 
 VEHICLES = {"car": "alsd_car"}
 SCENARIOS = ("rig-steps", "rig-slow", "rig-ramps", "car", "slip-oil-sweep", "coast")
 DURATION = 60.0  # s
-SIZED = 902
+SIZED, SIZES = 902, "sizes.json"
 TIMES = 2.0
 SHOWN = 3  # tests of the residuals that a record keeps
 Hidden = Mapping[str, Mapping[str, float]]
@@ -56,10 +63,6 @@ def judged(scenario: str, seed: int, effects: Hidden) -> dict[str, Any]:
         },
         "fit": found.fit.p_value,
         "tests": [test.words for test in found.fit.tests[:SHOWN]],
-        "detectable": {
-            each.effect: [each.detectable_size, each.plausible_size]
-            for each in found.identifiability
-        },
         "seconds": process_time() - begun,
     }
 
@@ -77,33 +80,48 @@ def nulls(first: int, seeds: int) -> Iterator[tuple[str, int, Hidden]]:
             yield scenario, seed, {}
 
 
+def sizes(scenario: str) -> dict[str, dict[str, list[float]]]:
+    """Effect → gain → what is detected in half of the runs of this scenario, its numbers of shape
+    as the effect has them by default, and the largest plausible size."""
+    vehicle = load_vehicle(VEHICLES.get(scenario, "alsd_rig"))
+    signals = simulate(vehicle, scenario, SIZED, duration=DURATION)
+    effects = machine_of("alsd").effects
+    problem = with_fitted_gains(
+        Problem.of(signals, vehicle, tuple(effects.values()), discrepant=True)
+    )
+    search = begin(problem)
+    scores, found = search.null_scores, dict[str, dict[str, list[float]]]()
+    for cause, size in zip(search.candidates, scores.threshold(LEVEL) / scores.std, strict=True):
+        shapes = {number.key: number.default for number in cause.effect.parameters if number.shape}
+        if np.isfinite(size) and dict(cause.shapes) == shapes:
+            detected = float(size * problem.units[cause.index])
+            found.setdefault(cause.name, {})[cause.gain.key] = [detected, cause.gain.upper]
+    return found
+
+
 def hidden(out: Path, first: int, seeds: int) -> Iterator[tuple[str, int, Hidden]]:
     """Specimens with one effect each, where it shows best."""
-    sized = {r["scenario"]: r for r in records(out) if r["seed"] == SIZED and not r["effects"]}
-    missing = [name for name in SCENARIOS if name not in sized]
-    if missing:
-        sys.exit(f"sizes: run `null --first {SIZED} --seeds 1` first, without {', '.join(missing)}")
-    for number, (name, effect) in enumerate(sorted(machine_of("alsd").effects.items())):
-        shares = {}
-        for scenario, record in sized.items():
-            size, plausible = record["detectable"].get(name, (None, 0.0))
-            if size is not None and TIMES * size <= plausible:
-                shares[scenario] = size / plausible
+    sized = json.loads((out / SIZES).read_text())
+    for number, name in enumerate(sorted(machine_of("alsd").effects)):
+        shares = {
+            (scenario, key): size / plausible
+            for scenario, of in sized.items()
+            for key, (size, plausible) in of.get(name, {}).items()
+            if TIMES * size <= plausible
+        }
         if not shares:
             print(f"{name}: no scenario shows it at a plausible size", file=sys.stderr)
             continue
-        scenario = min(shares, key=lambda each: shares[each])
-        size = TIMES * sized[scenario]["detectable"][name][0]
+        scenario, key = min(shares, key=lambda each: shares[each])
+        size = TIMES * sized[scenario][name][key][0]
         for k in range(seeds):
-            yield scenario, first + seeds * number + k, {name: {effect.gains[0].key: size}}
+            yield scenario, first + seeds * number + k, {name: {key: size}}
 
 
 def table(out: Path) -> None:
     """Healthy runs by scenario and verdict, then every run with an effect."""
     healthy, right = Counter[tuple[str, str]](), Counter[str]()
     for record in records(out):
-        if record["seed"] == SIZED:
-            continue
         if not record["effects"]:
             healthy[record["scenario"], record["verdict"]] += 1
             continue
@@ -132,7 +150,7 @@ def _judged(name: str, record: Mapping[str, Any]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="discovery on the differential")
-    parser.add_argument("what", choices=("null", "effect", "table"))
+    parser.add_argument("what", choices=("size", "null", "effect", "table"))
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--first", type=int, default=1001)
     parser.add_argument("--seeds", type=int, default=1)
@@ -141,6 +159,10 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     if given.what == "table":
         table(given.out)
+        return
+    if given.what == "size":
+        found = {scenario: sizes(scenario) for scenario in SCENARIOS}
+        (given.out / SIZES).write_text(json.dumps(found, indent=1))
         return
     cases = nulls if given.what == "null" else lambda *drawn: hidden(given.out, *drawn)
     part, parts = map(int, given.shard.split("/"))

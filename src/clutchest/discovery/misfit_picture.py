@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from clutchest.discovery.residuals import Bins, Misfit
+from clutchest.models.declarations import Comparison
 from clutchest.models.machine import Machine
 from clutchest.models.quantities import quantity_of
 from clutchest.pictures import Picture
@@ -59,20 +60,24 @@ def most_significant(bins: Sequence[Bins], covariate: str | None) -> Bins | None
 
 
 def draw_misfit(misfit: Misfit, machine: Machine, driver: str | None, extended: bool) -> Picture:
-    """Torque over the worst slip, of the ``extended`` model too where there is one; binned
-    residuals over their ``driver``, over what they correlate with most if None."""
-    figure = Picture(figsize=(10, 3.6), layout="constrained")
+    """The compared pair over the worst slip, of the ``extended`` model too where there is one, if
+    the machine has such a pair; binned residuals over their ``driver``, over what they correlate
+    with most if None."""
+    compared = machine.compared
+    figure = Picture(figsize=(10 if compared else 5, 3.6), layout="constrained")
     FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
-    _draw_torque(misfit, machine, extended, left)
-    _draw_bins(misfit, machine, driver, extended, right)
+    if compared is None:
+        residuals = figure.subplots()
+    else:
+        pair, residuals = figure.subplots(1, 2, width_ratios=(3, 2))
+        _draw_compared(misfit, compared, extended, pair)
+    _draw_bins(misfit, machine, driver, extended, residuals)
     return figure
 
 
-def _draw_torque(misfit: Misfit, machine: Machine, extended: bool, axes: Axes) -> None:
+def _draw_compared(misfit: Misfit, compared: Comparison, extended: bool, axes: Axes) -> None:
     worst = worst_stretch(misfit)
-    compared = machine.compared
-    if worst is None or compared is None:
+    if worst is None:
         _say(axes, "no open-loop comparison")
         return
     drive, piece = worst

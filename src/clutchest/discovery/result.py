@@ -155,9 +155,10 @@ class Where:
 class Identifiable:
     """Identifiability of an effect in a log, before anything is fitted.
 
-    ``detectable_size``: detected in half of such logs, in the unit of the first gain (None: no size
-    is); ``plausible_size`` its largest plausible size; ``nearest`` the effect that resembles it
-    most, and the separability of both in standard deviations.
+    ``detectable_size``: detected in half of such logs, in the ``unit`` of its gain that shows
+    soonest (None: no size is); ``plausible_size`` the largest plausible one of this gain;
+    ``nearest`` the effect that resembles it most, and the separability of both in standard
+    deviations.
     """
 
     effect: str

@@ -99,7 +99,6 @@ class Machine:
     numbers, times (k,) s, parameters by key) that gives the inputs by name, (k,) each, as the bus
     reports them.  ``template``: the shipped vehicle whose numbers a drafted one takes as guesses,
     ``car_template`` that for a log of a bus that is not J1939, if another.
-    ``unsupported``: verb → why it cannot be applied to this machine.
     """
 
     name: str
@@ -147,7 +146,6 @@ class Machine:
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
     template: str = ""
     car_template: str = ""
-    unsupported: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
 
     def __post_init__(self) -> None:
         for piece, wrong in defects(self):
@@ -217,8 +215,6 @@ class Machine:
 
     def supports(self, verb: str) -> None:
         """Raises ClutchestError where this ``verb`` cannot be asked of the machine."""
-        if verb in self.unsupported:
-            raise ClutchestError(f"{verb}: not for '{self.name}': {self.unsupported[verb]}")
         for lacking in (words for piece, words in NEEDED.get(verb, ()) if not piece(self)):
             raise ClutchestError(f"{verb}: machine '{self.name}' declares no {lacking}")
 

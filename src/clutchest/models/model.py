@@ -115,8 +115,9 @@ class Model:
     ``tracked`` names states that a fit corrects by readings all the time, as a filter does, because
     no number that is the same throughout a drive says where they are: state → flag → noise in state
     unit/√s while it is 0, that of a later flag first; ``uncorrected`` names those of them that no
-    reading corrects while a flag is 0: what sticks would be shaken, and creep; ``exact`` names parameters that
-    it takes as they are, whatever their spread, because no log holds anything of them.
+    reading corrects while a flag is 0: what sticks would be shaken, and creep; ``exact`` names
+    parameters that it takes as they are, whatever their spread, because no log holds anything of
+    them.
     ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
     sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
     of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
