@@ -22,8 +22,6 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
-import numpy as np
-
 from clutchest import load_vehicle
 from clutchest.discovery.discover import discover
 from clutchest.discovery.search import LEVEL, begin
@@ -93,7 +91,7 @@ def sizes(scenario: str) -> dict[str, dict[str, list[float]]]:
     scores, found = search.null_scores, dict[str, dict[str, list[float]]]()
     for cause, size in zip(search.candidates, scores.threshold(LEVEL) / scores.std, strict=True):
         shapes = {number.key: number.default for number in cause.effect.parameters if number.shape}
-        if np.isfinite(size) and dict(cause.shapes) == shapes:
+        if size > 0.0 and dict(cause.shapes) == shapes:  # 0 where nothing excites it
             detected = float(size * problem.units[cause.index])
             found.setdefault(cause.name, {})[cause.gain.key] = [detected, cause.gain.upper]
     return found
