@@ -1,0 +1,30 @@
+"""Discovery on the differential, whose motor is tracked."""
+
+from __future__ import annotations
+
+import pytest
+
+import clutchest
+
+DURATION = 30.0
+
+
+@pytest.mark.slow
+def test_a_healthy_specimen_has_no_error():
+    signals = clutchest.simulate("alsd_rig", "rig-steps", 41, duration=DURATION)
+    found = clutchest.discover(signals, "alsd_rig")
+    assert found.verdict == "none"
+    assert not found.fit.rejects
+    excited = {each.effect for each in found.identifiability if each.excited}
+    assert {"current_gain", "supply_drop", "motor_friction"} <= excited
+
+
+@pytest.mark.slow
+def test_a_current_sensor_that_reads_high_is_named():
+    hidden = {"current_gain": {"change": 0.12}}
+    signals = clutchest.simulate("alsd_rig", "rig-steps", 42, hidden, duration=DURATION)
+    found = clutchest.discover(signals, "alsd_rig")
+    assert (found.verdict, found.sets) == ("named", (("current_gain",),))
+    size = found.causes[0].parameters["change"]
+    assert size.value == pytest.approx(0.12, abs=3.0 * size.std)
+    assert found.gain is not None and found.gain.ci95[0] > 0.0
