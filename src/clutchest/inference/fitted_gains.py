@@ -2,16 +2,20 @@
 
 Gains stay as they are while a fit goes on, so that innovations are a smooth function of θ.  Those
 at the vehicle file's numbers may be of another motion: where a motor sticks there and creeps in
-truth, a reading that it lags behind seems to have bent its bristle, on and on.
+truth, a reading that it lags behind seems to have bent its bristle, on and on.  A fit that ends far
+from them, or nowhere, has met another motion still, and says nothing.
 """
 
 from __future__ import annotations
+
+import numpy as np
 
 from clutchest.inference.map_fit import cooled, improve
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 
 PARTS = (0.0625, 0.25, 1.0)  # of a drive's time, fitted one after the other: errors sum up
+FAR = 6.0  # standard deviations of its spread, that no number of a specimen is off
 
 
 def with_fitted_gains(problem: Problem) -> Problem:
@@ -25,5 +29,8 @@ def with_fitted_gains(problem: Problem) -> Problem:
         if near.any():
             part = part.with_gains_at(near)
         objective = Objective.of(part)
-        near = improve(objective, cooled(objective, objective.linearise_at(near), free), free).theta
+        begun = cooled(objective, objective.linearise_at(near), free)
+        fitted = improve(objective, begun, free).theta
+        if np.all(np.abs(fitted[free]) < FAR):
+            near = fitted
     return problem.with_gains_at(near)

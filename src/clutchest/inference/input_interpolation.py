@@ -25,7 +25,8 @@ class InterpolatedInput:
     """``value`` (k) at ``time`` (k) s, without the fastest noise, and the second derivative by
     which it ``bends`` (k) there, where that shows.  ``integral``: lines between values at other
     times are to have its integral, otherwise these are its own values.  ``shakes`` (k): the noise
-    in what is read, as far as it can be told, 0 where the input moves; None where it is not sought.
+    in what is read, as far as ``WINDOW`` s tell, and ``at_rest`` (k), as far as ``value`` does; 0
+    where the input moves, None where it is not sought.
 
     A pedal let go takes 20 ms: straight lines between samples 10 ms apart, and again between
     events, lose or make a thousandth of a slip's heat there.
@@ -36,6 +37,7 @@ class InterpolatedInput:
     bends: Floats
     integral: bool = True
     shakes: Floats | None = None
+    at_rest: Floats | None = None
 
     @classmethod
     def straight(cls, time: Floats, value: Floats) -> InterpolatedInput:
@@ -65,8 +67,8 @@ class InterpolatedInput:
         close, smooth = _parabolas(read, CLOSE, noise), savgol_filter(read, count, 2)
         off = maximum_filter1d(np.abs(close - smooth), CLOSE) > CALM * noise
         value = np.where(off, close, adaptive_mean(time, read, noise, ar))
-        bends = _second(time, read, period, noise)
-        return cls(time, value, bends, integral=False, shakes=np.where(off, 0.0, read - smooth))
+        shakes, at_rest = (np.where(off, 0.0, read - each) for each in (smooth, value))
+        return cls(time, value, _second(time, read, period, noise), False, shakes, at_rest)
 
     def at(self, t: Floats, spacing: Floats) -> Floats:
         """Values at ``t`` (K) whose straight connections have the input's integral; ``spacing`` (K)

@@ -98,13 +98,17 @@ def at_file(drive: PreparedDrive) -> ModelNumbers:
 
 
 def _calmed(line: Timeline, inputs: PreparedInputs, compiled: Compiled, at: Floats) -> Timeline:
-    """The drive as driven by smooth inputs where they are calm: shaken by their noise, a motor that
-    sticks would creep.  Readings of what an input settles at once keep that noise, as ``at`` these
-    states (n) it would stand in them, so that their noise is the same throughout."""
+    """The drive as driven by smooth inputs where they are calm, the smoother while what they drive
+    stands: shaken by their noise, a motor that sticks would creep.  Readings of what an input
+    settles at once keep that noise, as ``at`` these states (n) it would stand in them, so that
+    their noise is the same throughout."""
     model, noise = compiled.model, np.zeros_like(line.u)
+    flags = [model.regime.index(flag) for flag in set(model.uncorrected.values())]
+    stands = (line.W[line.row][:, flags] == 0.0).any(axis=1)
     for j, each in enumerate(inputs.interpolated):
-        if each.shakes is not None:
-            noise[:, j] = np.interp(line.t, each.time, each.shakes)
+        if each.shakes is not None and each.at_rest is not None:
+            moving, at_rest = (np.interp(line.t, each.time, n) for n in (each.shakes, each.at_rest))
+            noise[:, j] = np.where(stands, at_rest, moving)
     if not noise.any():
         return line
     n, nu = len(at), len(model.inputs)
