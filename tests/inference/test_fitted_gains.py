@@ -15,8 +15,8 @@ from clutchest.inference.problem import NO_DERIVATIVES, Problem
 
 @pytest.fixture(scope="module")
 def rig() -> Problem:
-    """Fast ramps, of a specimen that is unlike the file."""
-    signals = clutchest.simulate("alsd_rig", "rig-ramps", 5, duration=14.0)
+    """Steps, of a specimen that is unlike the file."""
+    signals = clutchest.simulate("alsd_rig", "rig-steps", 5, duration=14.0)
     return Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ())
 
 
@@ -63,3 +63,12 @@ def test_slow_ramps_in_which_a_motor_creeps_are_fitted():
     problem = with_fitted_gains(Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ()))
     _, fit = settle(Objective.of(problem), problem.near)
     assert np.mean(_innovations(problem, fit.theta) ** 2) < 1.5
+
+
+@pytest.mark.slow
+def test_a_part_whose_fit_ends_beyond_any_specimen_is_passed_over():
+    """A sixteenth of this run, of one engagement, is fitted best by a negative static friction."""
+    signals = clutchest.simulate("alsd_rig", "rig-slow", 1003, duration=60.0)
+    problem = Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ())
+    near = with_fitted_gains(problem).near
+    assert 0.5 < np.abs(near[problem.nuisances]).max() < 6.0

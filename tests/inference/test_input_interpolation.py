@@ -72,3 +72,12 @@ def test_what_moves_is_followed_as_it_is_read():
     course = followed(read + 0.01 * np.random.default_rng(4).standard_normal(len(t)))
     assert not course.shakes[moves].any()
     assert course.shakes[t < 0.9].any()
+
+
+def test_at_rest_an_input_is_smoother_than_while_it_acts():
+    t = np.arange(0.0, 10.0, 0.005)
+    read = 1.0 + 0.01 * np.random.default_rng(4).standard_normal(len(t))
+    course = InterpolatedInput.at_samples(t, read, 0.01, 0.0)
+    acting, resting = read - course.shakes, read - course.at_rest
+    assert np.std(np.diff(resting)) < 0.2 * np.std(np.diff(acting))
+    assert np.std(resting) < 0.5 * np.std(acting)

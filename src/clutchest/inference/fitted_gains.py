@@ -29,8 +29,9 @@ def with_fitted_gains(problem: Problem) -> Problem:
         if near.any():
             part = part.with_gains_at(near)
         objective = Objective.of(part)
-        begun = cooled(objective, objective.linearise_at(near), free)
-        fitted = improve(objective, begun, free).theta
+        with np.errstate(over="ignore", invalid="ignore"):  # of a fit that leads nowhere
+            begun = cooled(objective, objective.linearise_at(near), free)
+            fitted = improve(objective, begun, free).theta
         if np.all(np.abs(fitted[free]) < FAR):
             near = fitted
     return problem.with_gains_at(near)
