@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.errors import ClutchestError
 from clutchest.inference.linear_solve import solved
 from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
 from clutchest.inference.unknowns import Shapes
@@ -57,7 +58,8 @@ def settle(
 ) -> tuple[Objective, Linearisation]:
     """The most probable nuisances, and ``gains`` (indices) where some are free too, others as in
     ``theta``; and an objective with the noise model of what is left: a step for the one, an
-    estimate of the other, alternately, so many ``turns`` at most."""
+    estimate of the other, alternately, so many ``turns`` at most.  Raises as
+    :func:`with_noise_estimated` does."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
     begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
     lin = improve(objective, begin, free)
@@ -75,8 +77,14 @@ def with_noise_estimated(
     objective: Objective, lin: Linearisation
 ) -> tuple[Objective, Linearisation]:
     """The objective with the noise model estimated at a linearisation, and that with every
-    derivative."""
-    lin = objective.relinearise(lin, lin.theta)
+    derivative.  Raises ClutchestError where the equations run away there."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        lin = objective.relinearise(lin, lin.theta)
+    if not (np.isfinite(lin.cost) and np.isfinite(lin.psi).all()):
+        raise ClutchestError(
+            "no numbers near the vehicle file's bring the model near these data; is it this "
+            "machine?  A file of `clutchest identify`, or another log, may be nearer"
+        )
     objective = objective.with_noise_of(lin)
     lin = lin.as_measured  # room for the white ones
     return objective, objective.whitened(lin)
