@@ -7,6 +7,7 @@ import pytest
 import clutchest
 
 DURATION = 30.0
+RESERVATION = clutchest.load_vehicle("alsd_rig").machine.reservations["discover"]
 
 
 @pytest.mark.slow
@@ -15,6 +16,7 @@ def test_a_healthy_specimen_has_no_error():
     found = clutchest.discover(signals, "alsd_rig")
     assert found.verdict == "none"
     assert not found.fit.rejects
+    assert RESERVATION in found.warnings
     excited = {each.effect for each in found.identifiability if each.excited}
     assert {"current_gain", "supply_drop", "motor_friction"} <= excited
 

@@ -291,7 +291,13 @@ def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
     """In words, what the vehicle file says of itself, which parts of the log and which effects
     could not be tested; and where a drive starts unlike one at rest, as the ``best`` has it."""
     problem = search.problem
-    words = [*task.vehicle.notes, *task.signals.warnings, *untested_effects(problem, task.testable)]
+    reserved = task.vehicle.machine.reservations.get("discover")
+    words = [
+        *([reserved] if reserved else []),
+        *task.vehicle.notes,
+        *task.signals.warnings,
+        *untested_effects(problem, task.testable),
+    ]
     if more := len(problem.drives) - len(task.signals.drives):
         words.append(
             f"{more} gap(s) in which heat may have been generated unobserved: "

@@ -99,6 +99,8 @@ class Machine:
     numbers, times (k,) s, parameters by key) that gives the inputs by name, (k,) each, as the bus
     reports them.  ``template``: the shipped vehicle whose numbers a drafted one takes as guesses,
     ``car_template`` that for a log of a bus that is not J1939, if another.
+
+    ``reservations``: verb → what is to be kept in mind of its answers, in words.
     """
 
     name: str
@@ -121,6 +123,7 @@ class Machine:
     inverse: Inverse | None = None
     wear: Wear | None = None
     limits: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
+    reservations: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     error_terms: Mapping[str, ErrorTerm] = field(default_factory=lambda: _EMPTY)
     covariates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     rates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
