@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +30,38 @@ def test_every_table_of_the_results_names_the_command_that_made_it() -> None:
             named = re.findall(r"(?:python|pytest)[^`\n|]*?((?:benchmarks|tests)[\w/.]*)", section)
             assert named, section.splitlines()[0]
             assert all((ROOT / path).exists() for path in named), named
+
+
+def heading(line: str) -> str:
+    """What a link to a heading calls it."""
+    return re.sub(r"[^\w\- ]", "", line.lstrip("# ").lower()).replace(" ", "-")
+
+
+def test_one_command_measures_every_table_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it runs is there, and so is the heading where the numbers go."""
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    results = importlib.import_module("results")
+    assert len({table.name for table in results.TABLES}) == len(results.TABLES)
+    for table in results.TABLES:
+        for command in table.command.split(" && "):
+            (path,) = re.findall(r"(?:benchmarks|tests)[\w/.]*", command)
+            assert (ROOT / path).exists(), command
+        lines = table.page.read_text(encoding="utf-8").splitlines()
+        headings = {heading(line) for line in lines if line.startswith("#")}
+        assert table.place.partition("#")[2] in headings | {""}, table.place
+
+
+def test_what_was_printed_stands_between_the_marks_of_its_page() -> None:
+    results = runpy.run_path(str(ROOT / "benchmarks" / "results.py"))
+    table, written = results["TABLES"][0], results["written"]
+    page = f"before\n{table.mark}\nold\n<!-- end -->\nafter\n"
+    new = written(page, table, "a  1\n\n")
+    assert new == (
+        f"before\n{table.mark}\n```text\n$ {table.command}\na  1\n```\n<!-- end -->\nafter\n"
+    )
+    assert written(new, table, "a  1\n") == new and written("none\n", table, "x") == "none\n"
+    with pytest.raises(ValueError, match="no <!-- end -->"):
+        written(page.replace("<!-- end -->", ""), table, "x")
 
 
 @pytest.mark.slow
