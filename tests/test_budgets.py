@@ -97,7 +97,7 @@ def test_a_long_dbc_with_a_quote_that_does_not_close_is_refused(tmp_path):
     assert "are too many for a DBC" in refusal(load, [path])
 
 
-BUS = {kind: (SEEDS / f"bus.{kind}").read_text(encoding="utf-8") for kind in ("dbc", "sym", "kcd")}
+BUS = {path.suffix[1:]: path.read_text(encoding="utf-8") for path in SEEDS.glob("bus.*")}
 GIANTS = {
     "sym length": ("sym", "Len=8", "Len=200000000"),
     "sym signal": ("sym", "unsigned 16", "unsigned\n2000000000"),
@@ -105,6 +105,14 @@ GIANTS = {
     "kcd length": ("kcd", 'length="8"', 'length="200000000"'),
     "kcd signal": ("kcd", 'length="16"', "length\n=\n'2000000000'"),
     "kcd place": ("kcd", 'offset="24"', 'offset="&#50;000000000"'),
+    "kcd entities": ("kcd", "<NetworkD", '<!DOCTYPE n [<!ENTITY a "9">]>\n<NetworkD'),
+    "arxml frame": ("arxml", "<FRAME-LENGTH>8<", "<FRAME-LENGTH>200000000<"),
+    "arxml pdu": ("arxml", "<LENGTH>8<", "<LENGTH>2e8<"),
+    "arxml signal": ("arxml", "<LENGTH>16<", "<LENGTH>0x77359400<"),
+    "arxml place": ("arxml", "POSITION>24<", "POSITION><![CDATA[2000000000]]><"),
+    "arxml place with a child": ("arxml", "POSITION>24<", "POSITION>20000<!-- -->00000<X/><"),
+    "arxml selector": ("arxml", "FIELD-LENGTH>8<", "FIELD-LENGTH>&#50;000000000<"),
+    "arxml entities": ("arxml", "<AUTOSAR", '<!DOCTYPE n [<!ENTITY a "9">]>\n<AUTOSAR'),
     "power of ten": ("dbc", "INT 0 65535", "INT 0 61e3085535"),
     "power in quotes": ("dbc", '"GenMsgCycleTime" 100', '"GenMsgCycleTime" "1e99999999"'),
     "digits": ("dbc", '"GenMsgCycleTime" 100', f'"GenMsgCycleTime" {"9" * 100_000}'),
@@ -120,6 +128,22 @@ def test_places_beyond_any_message_are_refused_with_their_line(tmp_path, what):
     assert load([path]).messages
     path.write_text(BUS[kind].replace(old, new, 1), encoding="utf-8")
     assert old in BUS[kind] and f"x.{kind}, line " in refusal(load, [path])
+
+
+def test_an_arxml_whose_parts_lead_to_each_other_without_end_is_refused(tmp_path):
+    """Each of thirty multiplexed PDUs refers twice to the next one: a thousand million ways."""
+    start = BUS["arxml"].index("<MULTIPLEXED-I-PDU>")
+    end = BUS["arxml"].index("</MULTIPLEXED-I-PDU>") + len("</MULTIPLEXED-I-PDU>")
+    one = BUS["arxml"][start:end].replace("I-SIGNAL-I-PDU", "MULTIPLEXED-I-PDU")
+    levels = [
+        one.replace("BranchedPdu", "BranchedPdu" if level == 0 else f"Level{level}")
+        .replace("GearPdu", f"Level{level + 1}")
+        .replace("PositionPdu", f"Level{level + 1}")
+        for level in range(30)
+    ]
+    path = tmp_path / "x.arxml"
+    path.write_text(BUS["arxml"][:start] + "".join(levels) + BUS["arxml"][end:])
+    assert "refer to each other in more than" in refusal(load, [path])
 
 
 LEFT_OUT = {

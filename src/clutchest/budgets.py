@@ -34,6 +34,7 @@ SQLITE_VALUE_BYTES = 1 << 16  # of one value in an SQLite file
 MF4_BLOCKS = 400_000  # blocks that describe an MDF4 file; asammdf takes 1.3 kB, 60 µs for each
 MESSAGE_BITS = 1785 * 8  # of the longest message, one of J1939's transport protocol
 FRAME_BITS = 1 << 17  # of the longest message of a database that is no DBC
+ARXML_PDUS = 200_000  # PDUs that are read, each as often as others refer to it
 LONGEST_RANGE = 1 << 18  # multiplexer values of all signals of a DBC together
 LARGEST = 1e30  # of a number that a person states
 LONGEST_DELAY_S = 60.0  # of a signal behind the others

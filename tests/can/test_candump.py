@@ -14,6 +14,7 @@ from clutchest.can.files import read_frames
 from clutchest.can.formats import candump
 from clutchest.can.frames import Flag, Frames
 from clutchest.can.log_source import LogSource
+from clutchest.errors import ClutchestError
 from samples import random_frames
 
 
@@ -250,3 +251,45 @@ def test_stamps_since_the_first_frame_are_taken_as_they_are():
     us[250] -= 400  # once out of order
     lines = [f" ({t // 10**6:03d}.{t % 10**6:06d})  can0  1F0   [0]\n" for t in us]
     assert read("".join(lines).encode()).t_ns.tolist() == (us * 1000).tolist()
+
+
+def test_bytes_that_are_swapped_or_in_bits():
+    """-S, -i and both; a single byte looks the same."""
+    frames = read(
+        b" (1.000001)  can0  123   [3]  33`22`11\n"
+        b" (1.000002)  can0  123   [3]  33`22`11   '3\"`'\n"
+        b" (1.000003)  can0  00000123   [1]  7F\n"
+        b" (1.000004)  can0  123   [2]  00010001 10000010\n"
+        b" (1.000005)  can0  123   [2]  10000010`00010001\n"
+        b" (1.000006)  can0  123  [12]  " + b"`".join(b"%02X" % k for k in range(12, 0, -1)) + b"\n"
+        b" (1.000007)  can0  123   [0]\n"
+        b" (1.000008)  can0  123   [3]  22`11\n"
+        b" (1.000009)  can0  123   [2]  00010001\n"
+        b" (1.000010)  can0  123   [2]  33`2\n"
+        b" (1.000011)  can0  123   [2]  33`22`11\n"
+        b" (1.000012)  can0  123   [2]  00010001 1000001"
+    )
+    assert [bytes(d[:n]) for d, n in zip(frames.data, frames.length, strict=True)] == [
+        b"\x11\x22\x33",
+        b"\x11\x22\x33",
+        b"\x7f",
+        b"\x11\x82",
+        b"\x11\x82",
+        bytes(range(1, 13)),
+        b"",
+    ]
+    assert sum(count for _, count in frames.rejected) == 5
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "  can0  18FEF100   [8]  00 11 22 33 44 55 66 77",
+        "vcan1 123#1122",
+        "  can0  TX - -  7FF [0] ",
+    ],
+)
+def test_a_log_without_time_stamps_says_how_to_record_one(line, tmp_path):
+    (tmp_path / "a.log").write_text(f"{line}\n" * 5)
+    with pytest.raises(ClutchestError, match=r"a\.log: a candump without time stamps.*candump -l"):
+        read_frames(tmp_path / "a.log")

@@ -300,6 +300,16 @@ def test_databases_of_other_kinds(kind, tmp_path):
                 )
 
 
+def test_xml_is_known_by_its_first_element_whatever_its_prefix(tmp_path):
+    prefixed = _ARXML.replace("<", "<AR:").replace("<AR:/", "</AR:").replace("<AR:?", "<?")
+    prefixed = prefixed.replace("xmlns=", "xmlns:AR=").replace("?>", f"?><!-- {'word ' * 2000}-->")
+    (tmp_path / "a.arxml").write_text(prefixed)
+    assert list(load([tmp_path / "a.arxml"]).messages) == ["Motor"]
+    (tmp_path / "a.xml").write_text('<?xml version="1.0"?>\n<fx:FIBEX xmlns:fx="x"/>')
+    with pytest.raises(ClutchestError, match=r"a\.xml: <FIBEX> is no database; expected"):
+        load([tmp_path / "a.xml"])
+
+
 @pytest.mark.parametrize(
     "text", ["<AUTOSAR><broken", "<NetworkDefinition", 'FormatVersion=6.0 // nothing\nTitle="x"\n']
 )

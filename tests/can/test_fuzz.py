@@ -43,8 +43,10 @@ def test_a_damaged_mf4_is_read_or_refused(tmp_path, capfd):
 
 MORE = {".json": 300, ".parquet": 1000, ".toml": 500, ".dbc": 100, ".table.csv": 500}
 MORE |= {".v73.mat": 1000, ".mat": 1000, ".xlsx": 500, ".tdms": 500, ".kcd": 500, ".sym": 500}
+MORE |= {".arxml": 500, ".table.mf4": 300}
 OTHERS = {".toml": 20, ".dbc": 20, ".table.csv": 30, ".py": 100, ".datagram": 1000}
 OTHERS |= {".v73.mat": 30, ".mat": 30, ".xlsx": 15, ".tdms": 30, ".kcd": 30, ".sym": 30}
+OTHERS |= {".arxml": 30, ".table.mf4": 20}
 
 
 @pytest.mark.parametrize("suffix", OTHERS)

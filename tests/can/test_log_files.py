@@ -2,10 +2,11 @@ from __future__ import annotations
 
 import gc
 import gzip
+import re
 import sqlite3
 from contextlib import closing
 from dataclasses import replace
-from datetime import datetime
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -207,6 +208,43 @@ def test_asc_date_makes_time_absolute(tmp_path):
     assert frames.flags.tolist() == [Flag.EXTENDED, Flag.SENT, Flag.REMOTE, Flag.ERROR]
     assert frames.channel.tolist() == [0, 1, 0, 0]
     assert frames.absolute and frames.rejected == ()
+
+
+@pytest.mark.parametrize(
+    "date",
+    [
+        "2023-11-20 10:13:20.250",
+        "2023-11-20T10:13:20.25",
+        "2023/11/20 10:13:20,250",
+        "Mon 2023-11-20 10:13:20.250",
+        "20.11.2023 10:13:20.250",
+        "11/20/2023 10:13:20.250 am",
+        "20/11/2023 10:13:20.250",
+        "Mo Nov 20 10:13:20.250 2023",
+        "2023-11-20T10:13:20.250Z",
+        "2023-11-20 11:13:20.250 +01:00",
+        "2023-11-20T04:43:20.250-0530",
+    ],
+)
+def test_asc_dates_in_numbers(date, tmp_path):
+    path = tmp_path / "a.asc"
+    path.write_text(ASC.replace("Mon Nov 20 10:13:20.250 am 2023", date))
+    zone = UTC if re.search(r"(Z|[+-]\d\d:?\d\d)$", date) else None
+    frames = read_frames(path)
+    start = round(datetime(2023, 11, 20, 10, 13, 20, 250000, zone).timestamp() * 1000) * 10**6
+    assert frames.absolute and not frames.notes
+    assert ((frames.t_ns - start) / 1e6).tolist() == [100, 200, 300, 400]
+
+
+@pytest.mark.parametrize(
+    "date", ["05/04/2023 10:13:20", "sometime in May", "2023-13-20 10:13:20", "20.11.23 10:13:20"]
+)
+def test_an_asc_date_that_cannot_be_read_is_said(date, tmp_path):
+    path = tmp_path / "a.asc"
+    path.write_text(ASC.replace("Mon Nov 20 10:13:20.250 am 2023", date))
+    frames = read_frames(path)
+    assert not frames.absolute and len(frames) == 4
+    assert len(frames.notes) == 1 and date in frames.notes[0]
 
 
 def test_asc_stamps_from_line_to_line_are_added_up(tmp_path):

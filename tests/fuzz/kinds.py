@@ -8,6 +8,7 @@ from functools import cache
 from io import BytesIO
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import h5py
@@ -22,12 +23,14 @@ from clutchest.can.database import load
 from clutchest.can.udp import message_in
 from clutchest.errors import ClutchestError
 from clutchest.models.effects import effects_of_file
+from clutchest.reading.table_formats import is_table
+from clutchest.reading.table_formats.mf4 import write
 from clutchest.reading.tables import read_table
 from clutchest.record.files import read_state
 from clutchest.shipped import locate
 from clutchest.signals import Signals
 from clutchest.vehicle import load_vehicle
-from fuzz.mutate import member_damaged, mutated, stored
+from fuzz.mutate import member_damaged, mutated, stored, tree_damaged
 
 SEEDS = Path(__file__).parent / "seeds"  # the others
 EFFECT = """
@@ -91,9 +94,20 @@ def seeds(wanted: Collection[str]) -> dict[str, bytes]:
         "decoded.mat": matlab.getvalue(),
         "decoded.v73.mat": matlab_7_3(numbers),
         "decoded.tdms": waveforms.getvalue(),
+        "decoded.table.mf4": measurement(table),
         "own.py": EFFECT.encode(),
         "frame.datagram": msgpack.packb(FRAME),
     }
+
+
+def measurement(table: pd.DataFrame) -> bytes:
+    """Channel groups of a measurement: one of all rows, one of some, one of words."""
+    some = table["engine_torque"].where(table.index % 5 == 0)
+    words = np.where(table["time"] < 2.0, "1", "neutral")
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "whole.mf4"
+        write(table.assign(engine_torque=some, gear=words), path)
+        return path.read_bytes()
 
 
 def matlab_7_3(numbers: Mapping[str, np.ndarray]) -> bytes:
@@ -130,6 +144,11 @@ def _table(path: Path) -> None:
     read_table(path, vehicle.machine.units, vehicle)
 
 
+def _measurement(path: Path) -> None:
+    is_table(path)  # else it is a log, which is another kind
+    _table(path)
+
+
 def _effects(path: Path) -> None:
     effects_of_file(path)
 
@@ -144,6 +163,7 @@ def _datagram(path: Path) -> None:
 KINDS: Mapping[str, Callable[[Path], None]] = {
     ".toml": _vehicle,
     ".dbc": _dbc,
+    ".arxml": _dbc,
     ".kcd": _dbc,
     ".sym": _dbc,
     ".json": _state,
@@ -153,6 +173,7 @@ KINDS: Mapping[str, Callable[[Path], None]] = {
     ".mat": _table,
     ".xlsx": _table,
     ".tdms": _table,
+    ".table.mf4": _measurement,
     ".py": _effects,
     ".datagram": _datagram,
 }
@@ -164,9 +185,12 @@ def kind_of(name: str) -> str:
 
 
 def damaged(name: str, content: bytes, others: list[bytes], random: Random) -> bytes:
-    """``content`` with damage; to a workbook mostly within one of its files, as it is packed."""
+    """``content`` with damage; to a workbook mostly within one of its files, as it is packed, to
+    XML mostly to its elements."""
     if name.endswith(".xlsx") and random.random() < 0.8:
         return member_damaged(content, others, random)
+    if name.endswith((".arxml", ".kcd")) and random.random() < 0.8:
+        return tree_damaged(content, random)
     return mutated(content, others, random)
 
 

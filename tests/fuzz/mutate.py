@@ -5,8 +5,10 @@ from __future__ import annotations
 import gzip
 import struct
 import zlib
+from copy import deepcopy
 from io import BytesIO
 from random import Random
+from xml.etree import ElementTree
 from zipfile import ZipFile
 
 # Pieces that mean something to some reader, and numbers at the edges.
@@ -165,3 +167,26 @@ def member_damaged(archive: bytes, others: list[bytes], random: Random) -> bytes
     name = random.choice(list(members))
     members[name] = mutated(members[name], others, random)
     return _archive(members)
+
+
+def tree_damaged(content: bytes, random: Random) -> bytes:
+    """A sound XML file, some of whose elements are wrong, moved or missing."""
+    root = ElementTree.fromstring(content)
+    for _ in range(1 << random.randrange(4)):
+        every = list(root.iter())
+        one, other = random.choice(every), random.choice(every)
+        kind = random.randrange(6)
+        if kind == 0:
+            one.text = other.text
+        elif kind == 1:
+            one.text = str(random.choice(NUMBERS))
+        elif kind == 2:
+            one.text = random.choice(WORDS).decode("latin-1")
+        elif kind == 3 and len(one):
+            one.remove(random.choice(list(one)))
+        elif kind == 4:
+            one.insert(random.randrange(len(one) + 1), deepcopy(other))
+        elif kind == 5 and other.attrib:
+            name = random.choice(list(other.attrib))
+            other.set(name, random.choice([str(random.choice(NUMBERS)), one.text or ""]))
+    return ElementTree.tostring(root)[: 1 << 16]

@@ -18,8 +18,12 @@ from clutchest.errors import ClutchestError, nearest
 if TYPE_CHECKING:
     import cantools.database.can as cantools_can
 
+_HEAD = 1 << 16  # characters in which the kind of a database shows
 # What is read of a DBC depends on these.
-_READERS = [Path(__file__).parent / name for name in ("database.py", "j1939.py", "recovery/dbc.py")]
+_READERS = [
+    Path(__file__).parent / name
+    for name in ("database.py", "j1939.py", "recovery/dbc.py", "recovery/places.py")
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,8 +251,8 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
     from clutchest.can.recovery.dbc import Irreparable, parsed
 
     text = _text(content)
-    kind = _kind(text)
     try:
+        kind = _kind(text)
         database, complaints = parsed(text) if kind == "dbc" else (_other(text, kind), [])
     except Irreparable as error:
         if not error.line:
@@ -281,12 +285,21 @@ def _read(path: Path, content: bytes) -> tuple[list[Message], list[str]]:
 
 
 def _kind(text: str) -> str:
-    """The format of a database, by its content: a DBC unless another one shows."""
-    head = text[:5000]
-    if "<AUTOSAR" in head:
-        return "arxml"
-    if "<NetworkDefinition" in head:
-        return "kcd"
+    """The format of a database, by its content: a DBC unless another one shows.
+
+    Raises Irreparable for XML of another kind.
+    """
+    from clutchest.can.recovery.dbc import Irreparable
+
+    head = text[:_HEAD]
+    if head.lstrip().startswith("<"):
+        roots = {"AUTOSAR": "arxml", "NetworkDefinition": "kcd"}
+        elements = re.findall(r"<(?:[\w.-]+:)?([A-Za-z_][\w.-]*)", head)
+        known = next((roots[name] for name in elements if name in roots), None)
+        if known is None:
+            what = f"<{elements[0][:40]}>" if elements else "XML"
+            raise Irreparable(0, f"{what} is no database; expected a DBC, ARXML, KCD or SYM")
+        return known
     return "sym" if re.search(r"^\s*FormatVersion\s*=", head, re.MULTILINE) else "dbc"
 
 
@@ -296,9 +309,9 @@ def _other(text: str, kind: str) -> cantools_can.Database:
 
     from clutchest.can.log_source import quiet
     from clutchest.can.recovery.dbc import Irreparable
-    from clutchest.can.recovery.places import check_places
+    from clutchest.can.recovery.places import check
 
-    check_places(text, kind)
+    check(text, kind)
     try:
         with quiet("cantools"):
             database: Any = load_string(text, database_format=kind, strict=False)

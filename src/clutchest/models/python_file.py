@@ -7,6 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
+from warnings import catch_warnings
 
 from clutchest.errors import ClutchestError, file_like
 
@@ -32,7 +33,8 @@ def load_module(path: Path, name: str, expected: str, digest: str = "") -> Modul
     module.__file__ = str(path)
     sys.modules[name] = module  # where dataclasses look up annotations
     try:
-        exec(compile(source, str(path.absolute()), "exec", dont_inherit=True), module.__dict__)
+        with catch_warnings(action="ignore"):  # of its syntax and its imports: not ours to print
+            exec(compile(source, str(path.absolute()), "exec", dont_inherit=True), module.__dict__)
     except BaseException as error:  # the user's code may raise anything, SystemExit too
         raise ClutchestError(f"{path}:{_line(error, path)} {_words(error)}") from error
     return module

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
+from clutchest.reading.written_numbers import numbers_of
 from clutchest.signals import Floats
 
 if TYPE_CHECKING:
@@ -58,7 +59,8 @@ class SignalTable(Protocol):
 
 @dataclass(frozen=True)
 class Frame:
-    """A table of pandas'; ``first_row`` is the number of its first row in the file."""
+    """A table of pandas'; ``first_row`` is the number of its first row in the file, ``comma``
+    whether its numbers have decimal commas."""
 
     source: str
     frame: pd.DataFrame
@@ -66,6 +68,7 @@ class Frame:
     first_row: int = 2
     start_ns: int | None = None
     notes: tuple[str, ...] = ()
+    comma: bool = False
 
     @property
     def units(self) -> Mapping[str, str]:
@@ -82,14 +85,14 @@ class Frame:
         import pandas as pd
 
         cells = self.cells(name)
-        if pd.api.types.is_string_dtype(cells.dtype) or cells.dtype == object:
-            cells = cells.replace(r"^\s*$", None, regex=True)
-        value = pd.to_numeric(cells, errors="coerce").to_numpy(np.float64, na_value=np.nan)
-        given = cells.notna().to_numpy()
-        if not np.isfinite(value[given]).any() and given.any():
-            comma = cells.astype(str).str.replace(",", ".", regex=False)
-            value = pd.to_numeric(comma, errors="coerce").to_numpy(np.float64, na_value=np.nan)
-        return Cells(value, given)
+        if not pd.api.types.is_string_dtype(cells.dtype):
+            value = pd.to_numeric(cells, errors="coerce").to_numpy(np.float64, na_value=np.nan)
+            return Cells(value, cells.notna().to_numpy())
+        written = cells.astype(object).reset_index(drop=True).replace(r"^\s*$", None, regex=True)
+        try:
+            return Cells(numbers_of(written, self.comma), written.notna().to_numpy())
+        except ClutchestError as problem:
+            raise ClutchestError(f"{self.source}: column '{name}': {problem}") from None
 
     def cells(self, name: str) -> pd.Series:
         """The cells of a column as they are."""

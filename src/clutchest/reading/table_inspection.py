@@ -183,7 +183,9 @@ def _surveyed(table: SignalTable, warnings: list[str]) -> _Surveyed:
         _, unit = split_header(header)
         try:
             column = table.column(header)
-        except ClutchestError:  # a channel of words
+        except ClutchestError as problem:
+            if isinstance(table, Frame):  # else a channel of words
+                warnings.append(str(problem))
             continue
         if isinstance(table, Frame):
             wrong = not_numbers(table, header, header, column)

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings
 
 import numpy as np
 
@@ -77,7 +78,8 @@ def read_patch(path: Path) -> EarlierPatch | None:
     if _MARK not in text:
         return None
     try:
-        return _stated(text)
+        with catch_warnings(action="ignore"):  # of its syntax
+            return _stated(text)
     except (SyntaxError, LookupError, TypeError, ValueError, StopIteration):  # another file's form
         return None
     except (RecursionError, MemoryError):  # nested without end

@@ -2,7 +2,8 @@
 
 Compact: ``(1436509052.249713) can0 18FEF100#FF00``, CAN FD ``ID##<flags>DATA``, remote ``ID#R8``,
 error frames with bit 29 of the id set, an ``R`` or ``T`` for the direction behind.
-Console: ``(000.005580)  can0  18E0FF00   [8]  00 FF …``, ``remote request``, ``ERRORFRAME``.
+Console: ``(000.005580)  can0  18E0FF00   [8]  00 FF …``, ``remote request``, ``ERRORFRAME``; bytes
+in bits (-i), and with ` between them, the last one first (-S).
 Stamps are s since 1970 (-ta), a local date and time (-tA), s since the first frame (-tz) or since
 the frame before (-td).
 """
@@ -34,6 +35,7 @@ from clutchest.can.text_scan import (
     NO_FRAME,
     REMOTE,
     SENT,
+    TOO_SHORT,
     WIDE,
     Bytes,
     Ints,
@@ -50,6 +52,7 @@ from clutchest.can.text_scan import (
     undated,
 )
 from clutchest.can.time_stamps import EPOCH_NS
+from clutchest.errors import ClutchestError
 
 FEW = 32  # frames that are written sooner one by one than column by column
 
@@ -58,12 +61,25 @@ _PLAIN, _DELTAS, _DATES = range(3)  # kinds of stamps
 _KIND, _NOW = range(2)  # what a clock holds: the kind, and the last time
 _STAMP = re.compile(rb"^[ \t]*\((-?\d+\.\d+)\)", re.MULTILINE)
 _DATE = rb"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+"
+_stamped = has_line(rb"[ \t]*\((-?\d+\.\d+|" + _DATE + rb")\)[ \t]+\S+[ \t]")
+_unstamped = has_line(
+    rb"[ \t]*[A-Za-z][\w.-]*[ \t]+((TX|RX)[ \tBE-]+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
+    rb"([ \t]+\[\d\d?\][ \t\r\n]|#)"
+)
 _OFTEN, _FEWEST = 0.2, 5  # share of steps back, of so many stamps, that times since the start lack
 _HOUR_NS = 3_600_000_000_000
 
 
 def read(source: LogSource) -> Iterator[Frames]:
-    """Frames of a candump log; lines that cannot be read are counted in ``rejected``."""
+    """Frames of a candump log; lines that cannot be read are counted in ``rejected``.
+
+    Raises ClutchestError for a log without time stamps.
+    """
+    if _stamped(source.head) is None and _unstamped(source.head) is not None:
+        raise ClutchestError(
+            f"{source.path}: a candump without time stamps, of which no drive can be made; "
+            "expected one recorded with `candump -l can0` or `candump -ta can0`"
+        )
     clock = np.array([_kind(source.head), 0], np.int64)
 
     def scan(text: Bytes, out: Table, counts: Ints) -> int:
@@ -245,11 +261,50 @@ def _console(text: Bytes, i: int, n: int, flag: int, out: Table) -> int:
     if text[i] == 114:  # remote request
         flag |= REMOTE
     else:
-        i = spaced_bytes(text, i, stated, 16, out, n)
+        i = _payload(text, i, stated, out, n)
         if i < 0:
             return i
     out.flags[n], out.length[n] = flag, stated
     return line_end(text, i)
+
+
+@compiled
+def _payload(text: Bytes, i: int, count: int, out: Table, n: int) -> int:
+    """``count`` bytes into row ``n``: hexadecimal, in bits (-i), or with ` between them the last
+    one first (-S); behind them, or why not."""
+    at = i
+    while text[at] == 48 or text[at] == 49:
+        at += 1
+    if at - i == 8:
+        return _unusual(text, i, count, 2, text[at] == 96, out, n)
+    at = i
+    while HEX[text[at]] >= 0:
+        at += 1
+    if at - i == 2 and text[at] == 96:
+        return _unusual(text, i, count, 16, True, out, n)
+    return spaced_bytes(text, i, count, 16, out, n)
+
+
+@compiled
+def _unusual(
+    text: Bytes, i: int, count: int, base: int, last_first: bool, out: Table, n: int
+) -> int:
+    if count > out.data.shape[1]:
+        return WIDE
+    for byte in range(count):
+        if byte > 0:
+            if text[i] != (96 if last_first else 32):
+                return TOO_SHORT if text[i] <= 32 else BAD_DATA
+            i += 1
+        value = 0
+        for _ in range(2 if base == 16 else 8):
+            digit = HEX[text[i]]
+            if digit < 0 or digit >= base:
+                return BAD_DATA
+            value = value * base + digit
+            i += 1
+        out.data[n, count - 1 - byte if last_first else byte] = value
+    return i if text[i] <= 32 else BAD_DATA
 
 
 def write(frames: Frames) -> Iterator[bytes]:
@@ -295,11 +350,17 @@ def _plain(frames: Frames, places: int, digits: int) -> Iterator[bytes]:
         yield f"{stamp} can{channel} {name}#{data[:length].tobytes().hex().upper()}\n".encode()
 
 
+def _sniff(head: bytes) -> int | None:
+    at = _stamped(head)
+    return at if at is not None else _unstamped(head)
+
+
 FORMAT = LogFormat(
     title="candump (.log)",
-    about="candump: compact `id#data`, FD `id##…`, console `id [n] …`; stamps -ta, -tA, -tz, -td",
+    about="candump: compact `id#data`, FD `id##…`, console `id [n] …`, bytes also as -S and -i; "
+    "stamps -ta, -tA, -tz, -td",
     suffix=".log",
-    sniff=has_line(rb"[ \t]*\((-?\d+\.\d+|" + _DATE + rb")\)[ \t]+\S+[ \t]"),
+    sniff=_sniff,
     read=read,
     lines=write,
 )

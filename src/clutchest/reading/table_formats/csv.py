@@ -46,7 +46,8 @@ def read(path: Path) -> Frame:
         table = of_cells(str(path), read_csv(path, {"encoding": "utf-8-sig", **options}))
     except UnicodeDecodeError:
         table = of_cells(str(path), read_csv(path, {"encoding": "latin-1", **options}))
-    return replace(table, first_row=table.first_row + before)
+    comma = options["decimal"] == ","
+    return replace(table, first_row=table.first_row + before, comma=comma)
 
 
 def _layout(lines: Sequence[str]) -> tuple[str, int]:

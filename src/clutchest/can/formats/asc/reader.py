@@ -3,9 +3,9 @@
 ``   0.100000 1  18FEF100x  Rx   d 2 FF 01`` and
 ``   0.100000 CANFD  1 Rx  300  Name  1 0 8 8 01 …``; a name after the id may be missing.
 
-The date in the header, or of a ``Begin Triggerblock`` further down, makes the stamps absolute.  It
-has no zone and is taken as local time.  Stamps that begin at the date's own time of day count from
-midnight, as BusMaster has it; stamps before a trigger are negative.
+The date in the header, or of a ``Begin Triggerblock`` further down, makes the stamps absolute;
+without a zone it is taken as local time.  Stamps that begin at the date's own time of day count
+from midnight, as BusMaster has it; stamps before a trigger are negative.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from datetime import datetime
 
 import numpy as np
 
+from clutchest.can.formats.asc.dates import date_of
 from clutchest.can.frames import LENGTHS, Frames
 from clutchest.can.log_source import LogSource
 from clutchest.can.text_scan import (
@@ -50,39 +50,14 @@ from clutchest.can.text_scan import (
     tables,
     word,
 )
-from clutchest.can.time_stamps import EPOCH_NS, LAST_S
+from clutchest.can.time_stamps import EPOCH_NS
 
 _DATE = re.compile(
-    r"(?:date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w+)\.?\s+(?P<day>\d+)\s+"
-    r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+)(?:\.(?P<part>\d+))?\s*"
-    r"(?P<half>am|pm)?\s+(?P<year>\d{4})",
-    re.IGNORECASE,
+    r"^\s*(?P<head>date|begin\s+triggerblock)\b[ \t]*(?P<words>.*)$", re.IGNORECASE | re.MULTILINE
 )
 _BASE = re.compile(
     r"base\s+(?P<base>hex|dec)\w*(?:\s+timestamps\s+(?P<stamps>\w+))?", re.IGNORECASE
 )
-# English, and what Vector's tools write in German
-_MONTHS = {
-    name: number
-    for number, names in enumerate(
-        (
-            "jan",
-            "feb",
-            "mar mär mrz",
-            "apr",
-            "may mai",
-            "jun",
-            "jul",
-            "aug",
-            "sep",
-            "oct okt",
-            "nov",
-            "dec dez",
-        ),
-        1,
-    )
-    for name in names.split()
-}
 _FIRST_STAMP = re.compile(r"^\s*(\d+\.\d+)\s", re.MULTILINE)
 _CLOSE_S = 60.0  # s from the date's time of day in which the first frame of a log is expected
 _MOST_HEADERS = 10_000  # more of them are no headers
@@ -97,10 +72,11 @@ _ERROR_FRAME, _CANFD = (np.frombuffer(w, np.uint8) for w in (b"errorframe", b"ca
 @dataclass(slots=True)
 class _Clock:
     """The state that the header lines so far define, in the form that the compiled scan takes;
-    ``by_day``: stamps count from midnight."""
+    ``by_day``: stamps count from midnight; ``notes``: what could not be read, in words."""
 
     now: Ints
     by_day: bool = False
+    notes: tuple[str, ...] = ()
 
     def scan(self, text: Bytes, out: Table, counts: Ints) -> int:
         before = self.now.copy()
@@ -123,56 +99,36 @@ class _Clock:
         if base := _BASE.match(words):
             self.now[_DECIMAL] = base["base"].lower() == "dec"
             self.now[_DELTAS] = (base["stamps"] or "").lower() == "relative"
-        elif (date := _DATE.match(words)) and (start := _epoch_ns(date)) is not None:
-            self.now[_START] = start - _since_midnight_ns(date) * self.by_day
+        elif line_of_date := _DATE.match(words):
+            self._take_date(line_of_date["words"].strip())
 
-
-def _hour(date: re.Match[str]) -> int:
-    hour = int(date["hour"])
-    if date["half"] and hour <= 12:
-        hour = hour % 12 + 12 * (date["half"].lower() == "pm")
-    return hour
-
-
-def _since_midnight_ns(date: re.Match[str]) -> int:
-    seconds = 3600 * _hour(date) + 60 * int(date["minute"]) + int(date["second"])
-    return seconds * 10**9 + int((date["part"] or "0")[:9].ljust(9, "0"))
+    def _take_date(self, words: str) -> None:
+        if date := date_of(words):
+            self.now[_START] = date.epoch_ns - date.since_midnight_ns * self.by_day
+        elif words and not self.notes:
+            self.notes = (
+                f"the date {words[:60]!r} is not read, times count from the log's start: expected "
+                "one such as 'Mon Nov 20 10:13:20.250 2023' or '2023-11-20 10:13:20.250'",
+            )
 
 
 def _counts_by_day(head: bytes) -> bool:
     """Whether the first stamp is the time of day of the date before it, as BusMaster writes it."""
     words = head.decode("latin-1")
-    date, stamp = _DATE.search(words), _FIRST_STAMP.search(words)
+    found = (date_of(line["words"]) for line in _DATE.finditer(words))
+    date, stamp = next((date for date in found if date), None), _FIRST_STAMP.search(words)
     if date is None or stamp is None:
         return False
-    begin = _since_midnight_ns(date) / 1e9
+    begin = date.since_midnight_ns / 1e9
     return begin > _CLOSE_S and -1.0 <= float(stamp[1]) - begin <= _CLOSE_S
-
-
-def _epoch_ns(date: re.Match[str]) -> int | None:
-    """The date in ns since 1970, by the clock of this machine; None if there is no such day."""
-    hour, month = _hour(date), _MONTHS.get(date["month"].lower()[:3])
-    try:
-        whole = datetime(
-            int(date["year"]),
-            month or 0,
-            int(date["day"]),
-            hour,
-            int(date["minute"]),
-            int(date["second"]),
-        ).timestamp()
-    except (ValueError, OverflowError, OSError):
-        return None
-    if not 0 <= whole < LAST_S:
-        return None
-    return round(whole) * 10**9 + int((date["part"] or "0")[:9].ljust(9, "0"))
 
 
 def read(source: LogSource) -> Iterator[Frames]:
     """Frames of an asc log; lines that cannot be read are counted in ``rejected``."""
     clock = _Clock(np.zeros(5, np.int64), _counts_by_day(source.head))
     for frames in tables(source, clock.scan):
-        yield replace(frames, absolute=bool(clock.now[_START] >= EPOCH_NS))
+        absolute = bool(clock.now[_START] >= EPOCH_NS)
+        yield replace(frames, absolute=absolute, notes=clock.notes)
 
 
 @compiled
