@@ -116,7 +116,7 @@ def test_mf4_is_read_in_blocks(bytes_together, tmp_path, monkeypatch):
     """Groups of data, remote and error frames, however many at a time, come by time and whole."""
     whole = of_all_kinds(300)
     write_frames(whole, tmp_path / "a.mf4")
-    monkeypatch.setattr("clutchest.can.formats.mf4._TOGETHER", bytes_together)
+    monkeypatch.setattr("clutchest.can.recovery.mf4_channels.TOGETHER", bytes_together)
     blocks = list(read_blocks(tmp_path / "a.mf4"))
     assert_equal(Frames.concatenate(blocks), whole)
     assert max(map(len, blocks)) <= 3 * max(bytes_together // 70, 1)

@@ -18,6 +18,8 @@ from clutchest.can.frames import LENGTHS, Flag, Frames
 from clutchest.can.log_format import LogFormat, begins_with
 from clutchest.can.log_source import LogSource, quiet
 from clutchest.can.recovery.half_read import opened
+from clutchest.can.recovery.mf4_channels import OPTIONS, read_channels
+from clutchest.can.recovery.mf4_conversions import physical
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
@@ -25,10 +27,7 @@ from clutchest.extras import required
 if TYPE_CHECKING:
     from asammdf import MDF, Signal
 
-_TOGETHER = 1 << 21  # bytes of a group's records
-_LONGEST = 1 << 16  # bytes of one record
 _EPOCH_S = 1e8  # an earlier start of the measurement is no date
-_RAW: dict[str, Any] = {"process_bus_logging": False}  # which reads the whole file first
 _CHANNELS = (
     "BusChannel",
     "ID",
@@ -43,8 +42,6 @@ _CHANNELS = (
 )
 _FLAGS = {"EDL": Flag.FD, "BRS": Flag.BITRATE_SWITCH, "ESI": Flag.ERROR_STATE, "Dir": Flag.SENT}
 _OPTIONAL = ("BusChannel", *_FLAGS)  # 0 where invalid, and the frame is kept
-_LAST_NUMERIC = 6  # cc_type; those above make texts, or numbers of texts
-_ALL_INVALID, _MAY_BE_INVALID = 1, 2  # cn_flags
 _KINDS = {"CAN_DataFrame": Flag(0), "CAN_RemoteFrame": Flag.REMOTE, "CAN_ErrorFrame": Flag.ERROR}
 _DLC = np.array([*range(9), *np.repeat(range(9, 16), (4, 4, 4, 4, 8, 16, 16))], np.uint8)
 
@@ -114,8 +111,7 @@ def _of_file(source: LogSource, file: IO[bytes]) -> Iterator[Frames]:
 
 
 def _groups(file: Any) -> Iterator[Frames]:
-    with opened(file, **_RAW) as mdf:
-        mdf.configure(read_fragment_size=_TOGETHER)
+    with opened(file, **OPTIONS) as mdf:
         start_s = mdf.header.start_time.timestamp()
         absolute = start_s > _EPOCH_S
         start_ns = round(start_s * 1e6) * 1000 if absolute else 0
@@ -162,89 +158,36 @@ def _merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
 
 
 def _read_group(mdf: MDF, index: int, kind: str, start_ns: int, absolute: bool) -> Iterator[Frames]:
-    """The frames of one kind in one group, some at a time; what is damaged behind them is counted.
-
-    As asammdf's own bus logging does it: its public functions read a group as a whole.
-    """
-    inner: Any = mdf._mdf
-    group = inner.groups[index]
+    """The frames of one kind in a group, some at a time; what is damaged behind them is counted."""
+    group: Any = mdf.groups[index]
     present = {channel.name: place for place, channel in enumerate(group.channels)}
-    named = [name for name in _CHANNELS if f"{kind}.{name}" in present]
+    named = {name: present[f"{kind}.{name}"] for name in _CHANNELS if f"{kind}.{name}" in present}
     left = group.channel_group.cycles_nr
-    wanted = [group.channels[present[f"{kind}.{name}"]] for name in named]
-    master = group.channels[inner.masters_db[index]]
     try:
-        _within(group, [*wanted, master])
-        for records in inner._load_data(group):
-            inner._set_temporary_master(None)  # it keeps the times of what was read before
-            times = inner.get_master(index, data=records)
-            inner._set_temporary_master(times)
-            samples = {
-                name: inner.get(
-                    group=index,
-                    index=present[f"{kind}.{name}"],
-                    data=records,
-                    samples_only=True,
-                    raw=not (name == "DataLength" and _is_number(group, present[f"{kind}.{name}"])),
-                    ignore_invalidation_bits=True,
-                )[0]
-                for name in named
-            }
-            invalid = np.zeros(len(times), bool)
-            for channel in (group.channels[present[kind]], master, *wanted):
-                if (mask := _invalid(group, channel, records)) is None:
-                    continue
-                name = channel.name.removeprefix(f"{kind}.")
+        for part in read_channels(mdf, index, list(named.values()), [present[kind]]):
+            samples = {name: part.samples[place] for name, place in named.items()}
+            if "DataLength" in named:
+                conversion = group.channels[named["DataLength"]].conversion
+                length, known = physical(samples["DataLength"], conversion)
+                samples["DataLength"] = length if known.all() else np.where(known, length, -1)
+            invalid = np.zeros(len(part.times), bool)
+            names = {place: name for name, place in named.items()}
+            for place, mask in part.invalid.items():
+                name = names.get(place, "")
                 if name in _OPTIONAL:
                     samples[name] = np.where(mask, np.zeros(1, samples[name].dtype), samples[name])
                 else:
                     invalid |= mask
-            frames = _frames(kind, times, samples, invalid, start_ns, absolute)
-            left -= len(times)
+            frames = _frames(kind, part.times, samples, invalid, start_ns, absolute)
+            left -= len(part.times)
             yield frames
     except Exception as error:  # asammdf has no errors of its own
         yield Frames.empty(absolute=absolute, rejected=((_damaged(error), max(left, 1)),))
-    finally:
-        inner._set_temporary_master(None)
-
-
-def _is_number(group: Any, place: int) -> bool:
-    """Whether a channel's conversion makes numbers, as of a length code and a value table."""
-    conversion = group.channels[place].conversion
-    return conversion is not None and conversion.conversion_type <= _LAST_NUMERIC
 
 
 def _damaged(error: Exception) -> str:
     """asammdf's message in one line, whatever the file has put into it."""
     return f"the file is damaged ({type(error).__name__}: {' '.join(str(error).split())})"
-
-
-def _within(group: Any, channels: Sequence[Any]) -> None:
-    """Raise ValueError for records that no frame needs, and for channels beyond their end: asammdf
-    would make room for the one and read there for the other."""
-    size = group.channel_group.samples_byte_nr
-    if size + group.channel_group.invalidation_bytes_nr > _LONGEST:
-        raise ValueError(f"records of {size} bytes")
-    for channel in channels:
-        if 8 * (size - channel.byte_offset) < channel.bit_offset + channel.bit_count:
-            raise ValueError(f"{channel.name} ends beyond its records of {size} bytes")
-
-
-def _invalid(group: Any, channel: Any, records: Any) -> NDArray[np.bool_] | None:
-    """In which records (n,) a channel is invalid, by its bit or all of it (ASAM MDF 4, cn_flags);
-    None where it has neither."""
-    n = records.record_count
-    size, extra = group.channel_group.samples_byte_nr, group.channel_group.invalidation_bytes_nr
-    if channel.flags & _ALL_INVALID:
-        return np.ones(n, bool)
-    place, bit = divmod(channel.pos_invalidation_bit, 8)
-    if not channel.flags & _MAY_BE_INVALID or place >= extra:
-        return None
-    if records.invalidation_data is not None:
-        bits = np.frombuffer(records.invalidation_data, np.uint8).reshape(n, extra)
-    else:
-        bits = np.frombuffer(records.data, np.uint8).reshape(n, size + extra)[:, size:]
-    return (bits[:, place] >> bit & 1) != 0
 
 
 def _lengths(samples: Mapping[str, NDArray], is_fd: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -7,7 +7,10 @@ the times at which it has a value.  Names (the mode, the log) are numbers with a
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from datetime import UTC, datetime
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +28,9 @@ if TYPE_CHECKING:
 
 _BUS_LOGGING = re.compile(r"^(CAN|LIN|FLX|ETH|MOST)_\w*Frame$")
 _EPOCH_S = 1e8  # an earlier start of a measurement is no date
+_LAST_NUMBER = 5  # cn_data_type: integers and floating point
+_OF_VARYING_LENGTH = (1, 5)  # cn_type
+_NO_NUMBERS = ValueError("holds no numbers")
 
 
 def write(table: pd.DataFrame, path: Path) -> None:
@@ -91,30 +97,35 @@ def holds(path: Path) -> bool:
     """Whether an MDF file holds channels and no frames; one that cannot be read has neither."""
     required("asammdf")
     try:
-        with _mdf(path) as mdf:
+        with _opened(path) as mdf:
             names = [channel.name for group in mdf.groups for channel in group.channels]
     except Exception:  # its frames may be recovered
         return False
     return bool(names) and not any(_BUS_LOGGING.match(name) for name in names)
 
 
-def _mdf(path: Path) -> Any:
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """The file, once its links are known to end."""
     from clutchest.can.log_source import quiet
     from clutchest.can.recovery.half_read import opened
+    from clutchest.can.recovery.mf4_channels import OPTIONS
     from clutchest.can.recovery.mf4_links import check_links
 
-    with path.open("rb") as file:
+    with path.open("rb") as file, quiet("asammdf"), redirect_stdout(StringIO()):
         check_links(path, file)
-    with quiet("asammdf"):
-        return opened(path, process_bus_logging=False)
+        with opened(file, **OPTIONS) as mdf:
+            yield mdf
 
 
 def read(path: Path) -> Channels:
     """The channels of a measurement, each with the times of its group."""
+    from clutchest.can.recovery.mf4_conversions import unit_of
+
     places: dict[str, tuple[int, int]] = {}
     stated: dict[str, str] = {}
     rows = 0
-    with _mdf(path) as mdf:
+    with _opened(path) as mdf:
         masters = mdf._mdf.masters_db
         for number, group in enumerate(mdf.groups):
             cycles = group.channel_group.cycles_nr
@@ -124,8 +135,7 @@ def read(path: Path) -> Channels:
                 if not cycles or masters.get(number) == index or channel.name in places:
                     continue
                 places[channel.name] = (number, index)
-                conversion = channel.conversion
-                stated[channel.name] = channel.unit or (conversion.unit if conversion else "")
+                stated[channel.name] = unit_of(channel)
         start_s = mdf.header.start_time.timestamp()
     if not places:
         raise ClutchestError(f"{path}: no channel with samples")
@@ -133,28 +143,36 @@ def read(path: Path) -> Channels:
     start_ns = round(start_s * 1e6) * 1000 if absolute else None
 
     return Channels(
-        str(path), stated, start_ns, rows, lambda name: _channel(path, name, places[name])
+        str(path), stated, start_ns, rows, lambda name: _channel(path, name, *places[name])
     )
 
 
-def _channel(path: Path, name: str, place: tuple[int, int]) -> Cells:
-    """One channel, by the numbers of its group and within it."""
-    group, index = place
+def _channel(path: Path, name: str, number: int, place: int) -> Cells:
+    """One channel, by the number of its group and its place within that."""
+    from clutchest.can.recovery.mf4_channels import read_channels
+    from clutchest.can.recovery.mf4_conversions import physical
+
+    parts = []
     try:
-        with _mdf(path) as mdf:
-            signal = mdf.get(group=group, index=index)
-            if signal.samples.dtype.kind == "S":  # words for numbers, such as a gear
-                signal = mdf.get(group=group, index=index, raw=True)
+        with _opened(path) as mdf:
+            group = mdf.groups[number]
+            channel = group.channels[place]
+            varies = channel.channel_type in _OF_VARYING_LENGTH
+            if varies or channel.data_type > _LAST_NUMBER or group.channel_dependencies[place]:
+                raise _NO_NUMBERS
+            for part in read_channels(mdf, number, [place]):
+                value, given = physical(part.samples[place], channel.conversion)
+                if value.ndim != 1 or value.dtype.kind not in "iufb":
+                    raise _NO_NUMBERS
+                for mask in part.invalid.values():
+                    given = given & ~mask
+                parts.append((value.astype(np.float64), given, part.times.astype(np.float64)))
     except Exception as problem:  # asammdf has no errors of its own
-        words = " ".join(str(problem).split())[:200]
+        words = " ".join(str(problem).split())[:200] or type(problem).__name__
         raise ClutchestError(f"{path}: channel '{name}': {words}") from None
-    if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "iufb":
-        raise ClutchestError(f"{path}: channel '{name}' holds no numbers")
-    value = signal.samples.astype(np.float64)
-    given = np.ones(len(value), bool)
-    if signal.invalidation_bits is not None:
-        given = ~np.asarray(signal.invalidation_bits, bool)
-    return Cells(value, given, np.asarray(signal.timestamps, np.float64))
+    if not parts:
+        raise ClutchestError(f"{path}: channel '{name}': no samples")
+    return Cells(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 FORMAT = TableKind(
