@@ -12,6 +12,7 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from tempfile import TemporaryFile
+from threading import Lock
 from weakref import WeakSet, finalize
 
 import numpy as np
@@ -30,6 +31,7 @@ class _Map(mmap.mmap):
 
 
 _maps: WeakSet[_Map] = WeakSet()
+_lock = Lock()  # of these: a drive is filtered by two threads
 _held: dict[int, int] = {}  # bytes of large arrays in memory, by their identity
 _room: list[tuple[NDArray[np.uint8], int]] = []  # the last segment, and how much of it is taken
 
@@ -72,7 +74,9 @@ def portions(n: int) -> list[slice]:
 
 def release_memory() -> None:
     """Free the memory of all mapped files."""
-    for mapped in list(_maps):
+    with _lock:
+        maps = list(_maps)
+    for mapped in maps:
         mapped.madvise(mmap.MADV_DONTNEED)
 
 
@@ -111,6 +115,7 @@ def _segment(size: int) -> NDArray[np.uint8] | None:
         with TemporaryFile(dir=folder) as file:
             os.posix_fallocate(file.fileno(), 0, size)  # so that a full disk is an error here
             mapped = _Map(file.fileno(), size)
-        _maps.add(mapped)
+        with _lock:
+            _maps.add(mapped)
         return np.frombuffer(mapped, np.uint8)
     return None

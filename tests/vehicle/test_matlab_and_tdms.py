@@ -19,7 +19,7 @@ from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.reading.table_formats import is_table
 from clutchest.reading.table_inspection import inspect_tables
-from clutchest.record.terminal import print_table_inspection
+from clutchest.record.inspection_terminal import print_table_inspection
 from clutchest.vehicle import TableColumn, load_vehicle
 
 RPM = np.pi / 30

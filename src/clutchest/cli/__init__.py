@@ -5,6 +5,7 @@ Whatever is heavy is imported by the verb that needs it, so that ``--help`` answ
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Annotated
@@ -30,6 +31,8 @@ from clutchest.cli.trust import trust
 from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
 from clutchest.extras import EXTRAS, missing
+
+_OBJECTS = 200_000  # made before Python searches for circles among them: in vain after imports
 
 app = typer.Typer(
     add_completion=False,
@@ -62,6 +65,7 @@ def main() -> None:
     """Run the command line.  Bad input ends in one line on stderr and exit code 1; so does what
     nobody foresaw, with a file to send."""
     printable()
+    gc.set_threshold(_OBJECTS)
     try:
         try:
             app()

@@ -38,8 +38,9 @@ def estimated(
     before = None if source.state is None else read_state(source.state)
     show("reading", None)
     signals = read_log(source.logs, car, window.parse(), traffic=traffic)
-    if installed("rerun"):
-        meanwhile("clutchest.record.rerun")  # not earlier: two that import only take turns
+    recording = ["clutchest.record.rerun"] if installed("rerun") else []
+    # not earlier: two that import only take turns
+    meanwhile("pyarrow.parquet", *recording, "clutchest.record.terminal")
     try:
         return replay(
             signals,

@@ -97,7 +97,7 @@ def _database(given: str) -> DatabaseFile:
 
 def _show(inspection: Inspection | TableInspection, console: Console) -> None:
     from clutchest.reading.inspection import Inspection
-    from clutchest.record.terminal import print_inspection, print_table_inspection
+    from clutchest.record.inspection_terminal import print_inspection, print_table_inspection
 
     if isinstance(inspection, Inspection):
         print_inspection(inspection, console)

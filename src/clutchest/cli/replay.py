@@ -89,11 +89,11 @@ def replay(
     """
     with progress() as show:
         show("loading", None)
+        run = estimated(source, window, show, rate=rate, smooth=smooth, engine=engine)
+        show("writing", None)
         from clutchest.record.files import write_run
         from clutchest.record.terminal import print_run
 
-        run = estimated(source, window, show, rate=rate, smooth=smooth, engine=engine)
-        show("writing", None)
         written = write_run(run, out, extra.innovations, extra.formats or (), extra.report)
     names = [path.name for path in written]
     answer(run.summary, as_json, lambda console: print_run(run, console), out, names)

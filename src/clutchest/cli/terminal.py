@@ -78,10 +78,15 @@ def progress() -> Iterator[Progress]:
         yield show
 
 
-def meanwhile(module: str) -> None:
+def meanwhile(*modules: str) -> None:
     """Load what is needed in the end while compiled code, which leaves Python alone, does its
     work."""
-    Thread(target=import_module, args=(module,)).start()
+
+    def load() -> None:
+        for module in modules:
+            import_module(module)
+
+    Thread(target=load).start()
 
 
 def print_json(value: Any, indent: int | None = 2) -> None:

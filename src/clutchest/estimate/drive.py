@@ -44,6 +44,18 @@ MARGIN = 1.0  # s more of the past than anything needs
 
 
 @dataclass(frozen=True, slots=True)
+class Stretch:
+    """What became certain, not filtered yet: the events of ``line``, ``signals`` their new samples;
+    ``released_ns`` as :class:`Piece` has it."""
+
+    assembled: Assembled
+    line: Timeline
+    signals: Mapping[str, Signal]
+    last: bool
+    released_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class Piece:
     """What became certain: a ``track`` of the rows behind those of the piece before, and what the
     filter made of them.
@@ -113,6 +125,14 @@ class Drive:
     ) -> Piece | None:
         """Filter what ``new`` samples make certain, everything where they are the ``last``; each
         signal is complete up to when it is ``settled``, s."""
+        stretch = self.ready(new, settled, last)
+        return None if stretch is None else self.filtered(stretch)
+
+    def ready(
+        self, new: Mapping[str, Signal], settled: Mapping[str, float], last: bool = False
+    ) -> Stretch | None:
+        """What :meth:`take` filters.  It needs nothing that the filter makes, so that a stretch can
+        be made ready while the one before it is filtered."""
         begins = not self.samples
         even = self.clocks.take(new)
         for name, signal in new.items():
@@ -130,7 +150,7 @@ class Drive:
         end = max(settled.values())
         if last:
             end = max(end, float(present[self.setting.model.anchor].time[-1]))
-        if self.belief is None:
+        if self.done == -np.inf:
             self.begin = max(0.0, min(float(s.time[0]) for s in present.values()))
         since = max(self.begin, self.done - self.back)
         assembled = assemble(
@@ -142,10 +162,10 @@ class Drive:
             return None
         signals = {name: Signal.joined(parts) for name, parts in self.unseen.items()}
         self.unseen = {}
-        piece = self._filter(assembled, line, signals, last)
+        released = self._released_ns(float(line.t[-1]), assembled)
         self.done = before
         self._forget()
-        return piece
+        return Stretch(assembled, line, signals, last, released)
 
     def _may_tell(self, settled: Mapping[str, float]) -> bool:
         """Whether enough samples have come for a new row, were all of them good: quick to say."""
@@ -250,29 +270,28 @@ class Drive:
                 moments.append(float(time[place]))
         return (self.start_ns or 0) + round(max(moments) * 1e9)
 
-    def _filter(
-        self, assembled: Assembled, line: Timeline, signals: Mapping[str, Signal], last: bool
-    ) -> Piece:
-        begins = self.belief is None
+    def filtered(self, stretch: Stretch) -> Piece:
+        """The estimates over a stretch; those before it have been filtered."""
+        line, begins = stretch.line, self.belief is None
         warnings: list[str] = []
         if self.belief is None:
             self.belief, warnings = begun(
-                self.vehicle, self.compiled, assembled.line, self.state, self.start_ns
+                self.vehicle, self.compiled, stretch.assembled.line, self.state, self.start_ns
             )
             self.start = copied(self.belief)
             self.first_s = float(line.t[0])
         filtered = self.filter(self.compiled, line, self.belief, gained=self.gained)
         self.belief, self.last = filtered.final, line
         rows = Rows.of(self.compiled, line, filtered)
-        events = self._slips(rows, last)
+        events = self._slips(rows, stretch.last)
         track = track_of(
             self.vehicle, self.compiled, line, filtered, rows, events, self.gained_before
         )
         track = self.consistency.take(track)
         if len(rows.time):
             self.gained_before, self.own = filtered.gained[-1], filtered.P[-1].diagonal()
-        released = self._released_ns(float(line.t[-1]), assembled)
-        return Piece(track, line, filtered, signals, begins, released, tuple(warnings))
+        new, released_ns = stretch.signals, stretch.released_ns
+        return Piece(track, line, filtered, new, begins, released_ns, tuple(warnings))
 
     def _slips(self, rows: Rows, last: bool) -> tuple[Engagement, ...]:
         """The slip events that are over."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,11 +17,12 @@ from clutchest import __version__, memory_mapped
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency, all_invalid
 from clutchest.estimate.delay_equalisation import evenly_late
-from clutchest.estimate.drive import Drive, begun
+from clutchest.estimate.drive import Drive, Stretch, begun
 from clutchest.estimate.drive_setup import Unusable, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.explanation import explained
 from clutchest.estimate.initial_state import History, contradicted, leave
+from clutchest.estimate.made_ahead import made_ahead
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.run import Run, Track
 from clutchest.estimate.smooth import smoothed
@@ -32,7 +33,7 @@ from clutchest.estimate.tracking import responses, unmeasured_band
 from clutchest.estimate.whole_log import compile_model, delays
 from clutchest.progress import Progress
 from clutchest.reading import Logs, as_signals
-from clutchest.signals import HEAD, Signals
+from clutchest.signals import HEAD, Signal, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
 STRETCH = 600.0  # s that are filtered together
@@ -138,20 +139,12 @@ def _in_stretches(
     stops = np.arange(max(latest + HEAD, STRETCH), signals.end - HEAD, STRETCH)
     tracks: list[Track] = []
     recent: list[Track] = []
-    done = -np.inf
-    for stop in (*stops.tolist(), np.inf):
+    for stretch in made_ahead(_stretches(drive, usable, (*stops.tolist(), np.inf), signals.end)):
         if progress:
-            progress("filtering", max(done, 0.0) / max(signals.end, 1e-9))
-        last = stop == np.inf
-        new = {
-            name: signal.take(slice(*np.searchsorted(signal.time, (done, stop))))
-            for name, signal in usable.items()
-        }
-        piece = drive.take(new, dict.fromkeys(new, signals.end if last else stop), last)
-        if piece is not None:
-            recent.append(piece.track)
-            warnings += piece.warnings
-        done = stop
+            progress("filtering", max(float(stretch.line.t[0]), 0.0) / max(signals.end, 1e-9))
+        piece = drive.filtered(stretch)
+        recent.append(piece.track)
+        warnings += piece.warnings
         if len(recent) == TOGETHER:
             tracks, recent = [*tracks, joined(recent)], []
         memory_mapped.release_memory()
@@ -163,6 +156,25 @@ def _in_stretches(
         signals, drive.compiled, drive.span_s, drive.belief, drive.own, warnings, drive.past
     )
     return joined([*tracks, *recent]), part, left
+
+
+def _stretches(
+    drive: Drive, usable: Mapping[str, Signal], stops: Sequence[float], end: float
+) -> Iterator[Stretch]:
+    """The stretches of a drive up to each of ``stops``, s, the last one infinite; its signals
+    ``end`` there."""
+    done = -np.inf
+    for stop in stops:
+        last = stop == np.inf
+        new = {
+            name: signal.take(slice(*np.searchsorted(signal.time, (done, stop))))
+            for name, signal in usable.items()
+        }
+        stretch = drive.ready(new, dict.fromkeys(new, end if last else stop), last)
+        memory_mapped.release_memory()
+        if stretch is not None:
+            yield stretch
+        done = stop
 
 
 def _whole(

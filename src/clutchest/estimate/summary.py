@@ -24,7 +24,7 @@ from clutchest.estimate.tracking import during
 from clutchest.estimate.wear import wear_trend
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.symbols import State
-from clutchest.signals import Counts, Floats, Signals
+from clutchest.signals import Counts, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
 
@@ -94,14 +94,16 @@ def _engagements(
     """Slip events, each with its peak slip and gear, and the figures of its actuation where the
     machine declares some."""
     tracking, entries = vehicle.machine.tracking, []
+    names = vehicle.machine.event.slip if vehicle.machine.event else ()
     for number, track in enumerate(tracks):
         drive = parts[number].drive
-        slip = vehicle.machine.event.slip if vehicle.machine.event else ()
+        slip = [drive[name].only_valid() for name in names if name in drive]
+        slip = slip if len(slip) == len(names) else []
         events = [
             {
                 "drive": number,
                 **asdict(event),
-                "peak_slip": _peak_slip(drive, slip, event),
+                "peak_slip": _peak_slip(slip, event),
                 **_gear(drive, event),
             }
             for event in track.engagements
@@ -113,17 +115,20 @@ def _engagements(
     return entries
 
 
-def _peak_slip(drive: Signals, names: Sequence[str], event: Engagement) -> float | None:
-    """The largest slip in an event, rad/s, single spikes left out; None without its signals."""
-    if not names or any(name not in drive for name in names):
+def _peak_slip(signals: Sequence[Signal], event: Engagement) -> float | None:
+    """The largest slip in an event, rad/s, single spikes left out, by the valid samples of its
+    signals; None without these."""
+    start, end = event.start_s, event.start_s + event.duration_s
+    if not signals or any(len(signal) == 0 for signal in signals):
         return None
-    first, *other = (drive[name].only_valid() for name in names)
-    inside = (first.time >= event.start_s) & (first.time <= event.start_s + event.duration_s)
-    if np.count_nonzero(inside) < 3 or any(len(signal) == 0 for signal in other):
+    first, *other = signals
+    a, b = np.searchsorted(first.time, start), np.searchsorted(first.time, end, side="right")
+    if b - a < 3:
         return None
-    time, slip = first.time[inside], first.value[inside]
+    time, slip = first.time[a:b], first.value[a:b]
     for signal in other:
-        slip = slip - signal.at(time)
+        a, b = np.searchsorted(signal.time, start, side="right"), np.searchsorted(signal.time, end)
+        slip = slip - signal.take(slice(max(a - 1, 0), b + 1)).at(time)
     middle = np.median(np.stack([slip[:-2], slip[1:-1], slip[2:]]), axis=0)
     return float(np.abs(middle).max())
 

@@ -125,7 +125,7 @@ def assemble(
     fast = [name for name in setup.fast(signals) if name in signals]
     grid = _grid(setup.rate, interval)
     anchor = signals[model.anchor].time
-    stamps = np.unique(np.concatenate([anchor, grid, *(signals[name].time for name in fast)]))
+    stamps = _united([anchor, grid, *(signals[name].time for name in fast)])
     stamps = stamps[(stamps >= interval.since) & (stamps <= interval.end)]
     regime = regimes(stamps, signals, setup.vehicle, fast)
     # kinks of the inputs while they matter, and the times of outputs
@@ -167,6 +167,14 @@ def _grid(rate: float, interval: Interval) -> Floats:
     first, last = np.ceil(interval.since * rate), np.floor((interval.end + 1e-9) * rate)
     grid = np.arange(first, last + 1) / rate
     return grid if len(grid) else np.array([interval.end])
+
+
+def _united(times: Sequence[Floats]) -> Floats:
+    """All ``times``, ascending and each once.  What is in order within each of them is merged, a
+    tenth of the time of a sort."""
+    every = np.concatenate(times)
+    every.sort(kind="stable")
+    return every[np.diff(every, prepend=-np.inf) > 0.0]
 
 
 def _readings(

@@ -256,7 +256,8 @@ def _write_tables(
     units: Mapping[str, str] | None = None,
 ) -> None:
     """Columns, portion after portion, as Parquet; ``provenance`` joins the metadata, one key
-    each, and every field has its unit."""
+    each, and every field has its unit.  Numbers that hardly repeat have no dictionary: to look for
+    one takes longer than to write them."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -268,5 +269,7 @@ def _write_tables(
             table = pa.table(dict(columns))
             if writer is None:
                 schema = with_units(table.schema, units or {}).with_metadata(dict(provenance))
-                writer = stack.enter_context(pq.ParquetWriter(path, schema))
-            writer.write_table(table.cast(schema))
+                few = [field.name for field in schema if not pa.types.is_floating(field.type)]
+                kept = pq.ParquetWriter(path, schema, use_dictionary=few)
+                writer = stack.enter_context(kept)
+            writer.write_table(pa.Table.from_arrays(table.columns, schema=schema))

@@ -1,4 +1,4 @@
-"""A run, or the inspection of a log, in a terminal in a few lines."""
+"""A run in a terminal in a few lines."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from rich.table import Table
 
 from clutchest.estimate.run import Run
 from clutchest.quantity import Quantity
-from clutchest.reading.inspection import Inspection
-from clutchest.reading.table_inspection import TableInspection
 from clutchest.record.quantities import states_of
 from clutchest.record.report import (
     BITS,
@@ -107,97 +105,3 @@ def _slip_events(run: Run) -> str:
     words += f", {plus_minus(Quantity('energy', 'J'), energy, spread)} of heat"
     peaks = [event.peak_temp_disc for event in events if np.isfinite(event.peak_temp_disc)]
     return f"{words}, {hottest_words(run)} at most {max(peaks):.0f} °C." if peaks else f"{words}."
-
-
-def print_table_inspection(inspection: TableInspection, console: Console) -> None:
-    """Print the columns of tables, those that could serve, and what is missing."""
-    columns = Table(
-        "column",
-        "unit",
-        "numbers",
-        "every [ms]",
-        "from",
-        "to",
-        "could be",
-        title=f"{len(inspection.columns)} columns, {inspection.duration_s:.1f} s",
-        title_justify="left",
-    )
-    for column in inspection.columns:
-        likely = [
-            name
-            for name, found in inspection.candidates.items()
-            if column.column in {each.column for each in found}
-        ]
-        period = column.period_s
-        columns.add_row(
-            escape(column.column),
-            column.unit,
-            str(column.count),
-            "" if period is None else f"{1e3 * period:.4g}",
-            "–" if column.low is None else f"{column.low:.4g}",
-            "–" if column.high is None else f"{column.high:.4g}",
-            ", ".join(likely),
-        )
-    console.print(columns)
-    for what in inspection.missing:
-        console.print(f"missing: {escape(what)}")
-    print_warnings(inspection.warnings, "inspect.json", console)
-
-
-def print_inspection(inspection: Inspection, console: Console) -> None:
-    """Print the ids of a log, the signals that could serve, and what is missing."""
-    ids = Table(
-        "channel",
-        "id",
-        "PGN",
-        "message",
-        "frames",
-        "Hz",
-        "jitter [ms]",
-        "largest gap [s]",
-        "bytes",
-        title=f"{inspection.frames} frames in {inspection.duration_s:.1f} s",
-        title_justify="left",
-    )
-    for row in inspection.rows:
-        ids.add_row(
-            str(row.channel),
-            f"{row.id:08X}" if row.extended else f"{row.id:03X}",
-            "" if row.pgn is None else str(row.pgn),
-            row.message or (row.group or "").partition(":")[0],
-            str(row.count),
-            "" if row.rate_hz is None else f"{row.rate_hz:.3g}",
-            "" if row.jitter_s is None else f"{1e3 * row.jitter_s:.2g}",
-            "" if row.gap_s is None else f"{row.gap_s:.3g}",
-            "/".join(map(str, row.lengths)),
-        )
-    console.print(ids)
-    signals = Table(
-        "quantity",
-        "could be",
-        "from",
-        "to",
-        "unit",
-        title_justify="left",
-        title="signals that may be those of the estimator",
-    )
-    for name, candidates in inspection.candidates.items():
-        for candidate in candidates[:3]:
-            low, high = candidate.low, candidate.high
-            signals.add_row(
-                name,
-                candidate.where,
-                "–" if low is None else f"{low:.4g}",
-                "–" if high is None else f"{high:.4g}",
-                candidate.unit,
-            )
-    console.print(signals)
-    for reason, count in inspection.rejected.items():
-        console.print(f"not read: {count} × {reason}")
-    for words in inspection.draft.driveline.words():
-        console.print(escape(words))
-    for what in inspection.missing:
-        console.print(f"missing: {escape(what)}")
-    for what in inspection.draft.guesses():
-        console.print(f"guessed: {escape(what)}")
-    print_warnings(inspection.warnings, "inspect.json", console)

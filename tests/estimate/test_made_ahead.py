@@ -1,0 +1,49 @@
+"""Items are made ahead of their use, in order, and their errors are not lost."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from clutchest.estimate.made_ahead import made_ahead
+
+
+def test_the_next_item_is_made_while_one_is_used() -> None:
+    second = threading.Event()
+
+    def items() -> Iterator[int]:
+        yield 1
+        second.set()
+        yield 2
+
+    taken = []
+    for item in made_ahead(items()):
+        assert second.wait(30.0)  # the use of the first does not end before
+        taken.append(item)
+    assert taken == [1, 2]
+
+
+def test_no_more_than_one_item_waits() -> None:
+    made: list[int] = []
+
+    def items() -> Iterator[int]:
+        for k in range(5):
+            made.append(k)
+            yield k
+
+    for item in made_ahead(items()):
+        assert len(made) <= item + 2
+    assert made == list(range(5))
+
+
+def test_what_making_an_item_raises_is_raised_here() -> None:
+    def items() -> Iterator[int]:
+        yield 1
+        raise ValueError("no second")
+
+    taken = made_ahead(items())
+    assert next(taken) == 1
+    with pytest.raises(ValueError, match="no second"):
+        next(taken)
