@@ -107,7 +107,7 @@ def test_numbers_that_are_held_stay(ramps):
 
 def test_bounds_are_those_of_the_equations(ramps):
     problem = problem_of(ramps, TRUCK)
-    objective = Objective.of(problem).with_parameter_bounds()
+    objective = Objective.of(problem)
     low, high = objective.low, objective.high
     at = problem.index("torque_cubic")
     assert high[at] == pytest.approx(21.0 / 0.42) and low[at] == -np.inf  # the curve rises

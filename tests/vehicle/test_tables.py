@@ -87,26 +87,6 @@ def test_semicolons_with_decimal_points_tabs_and_encodings(encoding, truck, tmp_
         np.testing.assert_array_equal(read_log(path, truck)["engine_speed"].value, SPEED)
 
 
-def test_iso_times_are_absolute(truck, tmp_path):
-    times = pd.Timestamp("2024-01-18T10:30:00+01:00") + pd.to_timedelta(TIME, "s")
-    rows = [f"{t.isoformat()},{v!r}" for t, v in zip(times, SPEED.tolist(), strict=True)]
-    signals = read_log(written(tmp_path, "\n".join(["Timestamp,engine_speed", *rows])), truck)
-    assert signals.start_ns == pd.Timestamp("2024-01-18T09:30:00Z").value
-    np.testing.assert_allclose(signals["engine_speed"].time, TIME, atol=1e-6)
-
-
-@pytest.mark.parametrize("factor", [1.0, 1e3, 1e6, 1e9])
-def test_stamps_since_1970_in_any_unit(factor, truck, tmp_path):
-    start = 1.7e9
-    rows = [
-        f"{(start + t) * factor:.0f},{v!r}" if factor > 1 else f"{start + t!r},{v!r}"
-        for t, v in zip(TIME.tolist(), SPEED.tolist(), strict=True)
-    ]
-    signals = read_log(written(tmp_path, "\n".join(["timestamp,engine_speed", *rows])), truck)
-    assert signals.start_ns == pytest.approx(1_700_000_000_000_000_000, abs=1e3)
-    np.testing.assert_allclose(signals["engine_speed"].time, TIME, atol=1e-6)
-
-
 def test_a_vehicle_file_of_columns_alone(truck, tmp_path):
     vehicle = only_columns(
         truck,
@@ -379,22 +359,3 @@ def test_lines_before_the_header(truck, tmp_path, what):
     rows[-1] = "x" + rows[-1]
     (tmp_path / "a.csv").write_text("\n".join(rows))
     assert f"row {len(rows)}" in " ".join(read_log(tmp_path / "a.csv", truck).warnings)
-
-
-CLOCKS = {
-    "%d.%m.%Y %H:%M:%S.%f": True,
-    "%d.%m.%Y %H:%M:%S,%f": True,
-    "%H:%M:%S.%f": False,
-    "%Y-%m-%d %H:%M:%S.%f": True,
-}
-
-
-@pytest.mark.parametrize("style", CLOCKS)
-def test_dates_and_times_of_day_go_on_behind_midnight(truck, tmp_path, style):
-    stamps = pd.Timestamp("2024-02-29 23:59:59.500") + pd.to_timedelta(TIME, unit="s")
-    frame = pd.DataFrame({"time": stamps.strftime(style), "engine_speed": SPEED})
-    frame.to_csv(tmp_path / "a.csv", index=False, sep=";")
-    log = read_log(tmp_path / "a.csv", truck)
-    begin = 0.0 if CLOCKS[style] else 86_399.5  # of a day that is not stated
-    np.testing.assert_allclose(log["engine_speed"].time - begin, TIME, atol=2e-6)
-    assert log.start_ns == (stamps[0].value if CLOCKS[style] else None)

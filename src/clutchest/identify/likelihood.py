@@ -96,9 +96,7 @@ def most_probable(problem: Problem, progress: Progress | None = None) -> Posteri
         progress("fitting", None)
     free = problem.nuisances
     objective, fit = settle(Objective.of(problem), np.zeros(len(problem.thetas)))
-    objective = objective.with_parameter_bounds()
-    begin = objective.relinearise(fit, objective.within_bounds(fit.theta, free), active=free)
-    fit = improve(objective, begin, free, FINE)
+    fit = improve(objective, fit, free, FINE)
     fit = objective.relinearise(fit, fit.theta)
     psi = objective.in_span(fit.psi[:, free])
     inverse = np.asarray(np.linalg.inv(psi.T @ psi + np.eye(len(free))), np.float64)

@@ -115,7 +115,8 @@ class Objective:
     ``weights`` (K) of each drive's readings, 0 where one does not count; ``scatter`` (K, c):
     directions in which the inputs' noise and discrepancies scatter each drive's innovations, and
     ``scattered``: how, where these are white; ``span`` (K, q): orthonormal, None for all there is;
-    ``prior`` (m) precisions, 0 of gains; gains stay within ``low`` and ``high`` (m).
+    ``prior`` (m) precisions, 0 of gains; between ``low`` and ``high`` (m) gains are plausible, and
+    parameters what the equations allow.
     """
 
     problem: Problem
@@ -139,9 +140,14 @@ class Objective:
         prior = np.zeros(len(problem.thetas))
         prior[problem.nuisances] = 1.0
         low, high = np.full(len(prior), -np.inf), np.full(len(prior), np.inf)
+        allowed = {p.key: p for p in problem.compiled.model.parameters}
         for i, t in enumerate(problem.thetas):
             if isinstance(t, UnknownGain):
                 low[i], high[i] = t.lower, t.upper
+            elif isinstance(t, UnknownParameter):
+                value = problem.vehicle.parameters[t.key].value
+                low[i] = (allowed[t.key].lower - value) / t.unit
+                high[i] = (allowed[t.key].upper - value) / t.unit
         scatter = [drive.readings.input_noise for drive in problem.drives]
         scattered = white_covariances(stretches, white, weights, scatter)
         return cls(problem, stretches, white, weights, scatter, scattered, None, prior, low, high)
@@ -163,17 +169,9 @@ class Objective:
 
     def with_bounds(self, times: float) -> Objective:
         """One that lets gains go so many ``times`` as far as is plausible."""
-        return replace(self, low=times * self.low, high=times * self.high)
-
-    def with_parameter_bounds(self) -> Objective:
-        """One in which parameters stay where the equations allow them."""
+        gains = self.problem.gains
         low, high = self.low.copy(), self.high.copy()
-        allowed = {p.key: p for p in self.problem.compiled.model.parameters}
-        for i, t in enumerate(self.problem.thetas):
-            if isinstance(t, UnknownParameter):
-                value = self.problem.vehicle.parameters[t.key].value
-                low[i] = (allowed[t.key].lower - value) / t.unit
-                high[i] = (allowed[t.key].upper - value) / t.unit
+        low[gains], high[gains] = times * low[gains], times * high[gains]
         return replace(self, low=low, high=high)
 
     def with_prior(self, which: NDArray[np.int64], std: float) -> Objective:

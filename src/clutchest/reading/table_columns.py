@@ -23,6 +23,12 @@ _SUFFIX = re.compile(r"^(?P<name>t|time|timestamp|zeit)_(?P<unit>s|ms|us|ns)$", 
 _DAY_S = 86_400.0
 _NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "sec": 1e9, "seconds": 1e9}
 _EPOCH = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))  # stamps since 1970 beyond, and their unit, s
+_DAYS = (  # first and last of such numbers, their 1970-01-01, and who counts so
+    (30_000.0, 55_000.0, 25_569.0, "as Excel counts them"),
+    (700_000.0, 770_000.0, 719_529.0, "as MATLAB counts them"),
+    (0.0, 2.0, 0.0, "parts of a day, as Excel has a time of day"),
+)
+_DAY_STEP = 5e-5  # from time to time, below which numbers are no seconds (20 kHz) but days (4 s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +185,23 @@ def _seconds(table: Frame, column: str, unit: str) -> tuple[Floats, list[str]]:
         if clock.notna().any():
             return _past_midnight(np.array(clock, np.float64)), []
     words = not_numbers(table, column, column, numbers)
-    return numbers.value * _unit_s(table, column, unit, numbers), words
+    scale = _unit_s(table, column, unit, numbers)
+    if (not unit or scale == _DAY_S) and (days := _days(numbers.value, scale == _DAY_S)):
+        zero, how = days
+        if not unit:
+            words.append(f"{_file(table)}: {column} is taken for days, {how}")
+        return (numbers.value - zero) * _DAY_S, words
+    return numbers.value * scale, words
+
+
+def _days(value: Floats, stated: bool) -> tuple[float, str] | None:
+    """(their 1970-01-01, who counts so) of numbers that are days: so ``stated``, or too close to
+    each other to be seconds."""
+    known = np.unique(value[np.isfinite(value)])
+    if len(known) < 2 or not (stated or known[-1] - known[0] < _DAY_STEP * (len(known) - 1)):
+        return None
+    counts = (row for row in _DAYS if row[0] <= known[0] and known[-1] <= row[1])
+    return next(((zero, how) for _, _, zero, how in counts), None)
 
 
 def _past_midnight(clock: Floats) -> Floats:

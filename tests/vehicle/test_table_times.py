@@ -1,0 +1,96 @@
+"""Times of a table's rows: dates, times of day, stamps since 1970, days since 1900."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from clutchest.reading import read_log
+from clutchest.vehicle import load_vehicle
+
+N = 400
+TIME = 0.01 * np.arange(N)
+SPEED = 100.0 + 60.0 * np.sin(np.arange(N) / 60.0)  # rad/s
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return load_vehicle("truck")
+
+
+def written(folder: Path, text: str) -> Path:
+    (folder / "a.csv").write_text(text)
+    return folder / "a.csv"
+
+
+def test_iso_times_are_absolute(truck, tmp_path):
+    times = pd.Timestamp("2024-01-18T10:30:00+01:00") + pd.to_timedelta(TIME, "s")
+    rows = [f"{t.isoformat()},{v!r}" for t, v in zip(times, SPEED.tolist(), strict=True)]
+    signals = read_log(written(tmp_path, "\n".join(["Timestamp,engine_speed", *rows])), truck)
+    assert signals.start_ns == pd.Timestamp("2024-01-18T09:30:00Z").value
+    np.testing.assert_allclose(signals["engine_speed"].time, TIME, atol=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1e3, 1e6, 1e9])
+def test_stamps_since_1970_in_any_unit(factor, truck, tmp_path):
+    start = 1.7e9
+    rows = [
+        f"{(start + t) * factor:.0f},{v!r}" if factor > 1 else f"{start + t!r},{v!r}"
+        for t, v in zip(TIME.tolist(), SPEED.tolist(), strict=True)
+    ]
+    signals = read_log(written(tmp_path, "\n".join(["timestamp,engine_speed", *rows])), truck)
+    assert signals.start_ns == pytest.approx(1_700_000_000_000_000_000, abs=1e3)
+    np.testing.assert_allclose(signals["engine_speed"].time, TIME, atol=1e-6)
+
+
+CLOCKS = {
+    "%d.%m.%Y %H:%M:%S.%f": True,
+    "%d.%m.%Y %H:%M:%S,%f": True,
+    "%H:%M:%S.%f": False,
+    "%Y-%m-%d %H:%M:%S.%f": True,
+}
+
+
+@pytest.mark.parametrize("style", CLOCKS)
+def test_dates_and_times_of_day_go_on_behind_midnight(truck, tmp_path, style):
+    stamps = pd.Timestamp("2024-02-29 23:59:59.500") + pd.to_timedelta(TIME, unit="s")
+    frame = pd.DataFrame({"time": stamps.strftime(style), "engine_speed": SPEED})
+    frame.to_csv(tmp_path / "a.csv", index=False, sep=";")
+    log = read_log(tmp_path / "a.csv", truck)
+    begin = 0.0 if CLOCKS[style] else 86_399.5  # of a day that is not stated
+    np.testing.assert_allclose(log["engine_speed"].time - begin, TIME, atol=2e-6)
+    assert log.start_ns == (stamps[0].value if CLOCKS[style] else None)
+
+
+NOON = pd.Timestamp("2026-02-28 12:00")
+DAYS = {  # numbers of noon on that day, and what is said of them
+    "Excel": (46_081.5, NOON),
+    "MATLAB": (740_041.5, NOON),
+    "parts of a day": (0.5, None),
+}
+
+
+@pytest.mark.parametrize("who", DAYS)
+@pytest.mark.parametrize("header", ["time", "time [d]"])
+def test_days_as_numbers(truck, tmp_path, who, header):
+    first, noon = DAYS[who]
+    rows = [f"{first + t / 86_400:.12f},{v}" for t, v in zip(TIME, SPEED, strict=True)]
+    log = read_log(written(tmp_path, "\n".join([f"{header},engine_speed", *rows])), truck)
+    begin = 43_200.0 if noon is None else 0.0
+    np.testing.assert_allclose(log["engine_speed"].time - begin, TIME, atol=2e-5)
+    assert (log.start_ns is None) == (noon is None)
+    if noon is not None:
+        assert log.start_ns == pytest.approx(noon.value, abs=2e4)
+    said = any(f"days, {who}" in w or f"as {who}" in w for w in log.warnings)
+    assert said == (header == "time")
+
+
+@pytest.mark.parametrize("first", [0.0, 0.5, 46_081.5, 740_041.5])
+def test_seconds_that_look_like_days_stay_seconds(truck, tmp_path, first):
+    times = first + 1e-4 * np.arange(N)  # the fastest that a logger of such signals samples
+    rows = [f"{t:.6f},{v}" for t, v in zip(times, SPEED, strict=True)]
+    log = read_log(written(tmp_path, "\n".join(["time,engine_speed", *rows])), truck)
+    np.testing.assert_allclose(log["engine_speed"].time, times, atol=1e-6)
