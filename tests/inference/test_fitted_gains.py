@@ -53,7 +53,7 @@ def test_where_the_filter_runs_away_gains_stay(rig):
     keys = [parameter.key for parameter in rig.compiled.model.parameters]
     parameters = there.parameters.copy()
     parameters[keys.index("motor_inertia")] *= -1.0
-    assert with_gains_at(drive, there._replace(parameters=parameters), rig.vehicle) is drive
+    assert with_gains_at(drive, there._replace(parameters=parameters)) is drive
 
 
 @pytest.mark.slow

@@ -329,12 +329,14 @@ def _experiment(task: _Task, verdict: SearchVerdict) -> Experiment:
     sized = [[(c, float(h.fit.theta[c.index])) for c in h.causes] for h in verdict.sets]
     rivals = [next((one for one in each if one[0].index not in common), each[0]) for each in sized]
     beside = [one for one in sized[0] if one[0].index in common and one not in rivals]
+    vehicle = task.vehicle
+    effects = list({c.effect.name: c.effect for c, _ in (*rivals, *beside)}.values())
     return propose(
         rivals,
         beside,
-        task.vehicle.machine,
-        lambda name: simulate(task.vehicle, name, 1, nominal=True),
-        task.problem,
+        vehicle.machine,
+        lambda name: simulate(vehicle, name, 1, nominal=True),
+        lambda drive: Problem.of(segmented(drive, vehicle), vehicle, effects, discrepant=True),
         task.progress,
     )
 

@@ -34,4 +34,4 @@ def with_fitted_gains(problem: Problem) -> Problem:
             fitted = improve(objective, begun, free).theta
         if np.all(np.abs(fitted[free]) < FAR):
             near = fitted
-    return problem.with_gains_at(near)
+    return problem.with_gains_at(near).with_input_noise_at(near)

@@ -140,14 +140,9 @@ class Objective:
         prior = np.zeros(len(problem.thetas))
         prior[problem.nuisances] = 1.0
         low, high = np.full(len(prior), -np.inf), np.full(len(prior), np.inf)
-        allowed = {p.key: p for p in problem.compiled.model.parameters}
         for i, t in enumerate(problem.thetas):
-            if isinstance(t, UnknownGain):
+            if isinstance(t, UnknownGain | UnknownParameter):
                 low[i], high[i] = t.lower, t.upper
-            elif isinstance(t, UnknownParameter):
-                value = problem.vehicle.parameters[t.key].value
-                low[i] = (allowed[t.key].lower - value) / t.unit
-                high[i] = (allowed[t.key].upper - value) / t.unit
         scatter = [drive.readings.input_noise for drive in problem.drives]
         scattered = white_covariances(stretches, white, weights, scatter)
         return cls(problem, stretches, white, weights, scatter, scattered, None, prior, low, high)

@@ -76,20 +76,28 @@ def prepared(
     response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)))
     drive = replace(drive, gains=gains, at_nominal=response.implied)
     drive = replace(drive, readings=_readings(drive, response, units, signals, vehicle))
-    directions = input_noise_directions(drive, at_file(drive), vehicle)
-    return replace(drive, readings=replace(drive.readings, input_noise=directions))
+    return with_input_noise_at(drive, at_file(drive), vehicle)
 
 
-def with_gains_at(drive: PreparedDrive, numbers: ModelNumbers, vehicle: Vehicle) -> PreparedDrive:
+def with_gains_at(drive: PreparedDrive, numbers: ModelNumbers) -> PreparedDrive:
     """The drive with the gains that the filter has at these numbers of the equations; with those
-    that it has where the filter runs away there, so that they are of no use."""
+    that it has where the filter runs away there, so that they are of no use.  What noise of its
+    inputs does to the readings stays as it was."""
     response, gains = filtered(drive, numbers, drive.at_nominal, np.zeros(0, np.int64))
     if not np.all(gains.variance > 0.0):
         return drive
-    readings = replace(drive.readings, std=np.sqrt(gains.variance)[drive.readings.event])
-    drive = replace(drive, gains=gains, readings=readings, at_nominal=response.implied)
+    readings, std = drive.readings, np.sqrt(gains.variance)[drive.readings.event]
+    scatter = readings.input_noise * (readings.std / std)[:, None]
+    readings = replace(readings, std=std, input_noise=scatter)
+    return replace(drive, gains=gains, readings=readings, at_nominal=response.implied)
+
+
+def with_input_noise_at(
+    drive: PreparedDrive, numbers: ModelNumbers, vehicle: Vehicle
+) -> PreparedDrive:
+    """The drive with what noise of its inputs does to the readings at these numbers."""
     directions = input_noise_directions(drive, numbers, vehicle)
-    return replace(drive, readings=replace(readings, input_noise=directions))
+    return replace(drive, readings=replace(drive.readings, input_noise=directions))
 
 
 def at_file(drive: PreparedDrive) -> ModelNumbers:

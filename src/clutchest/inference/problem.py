@@ -13,7 +13,7 @@ from clutchest.inference.discrepancy import Discrepancy, directions_of
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
-from clutchest.inference.preparation import prepared, with_gains_at
+from clutchest.inference.preparation import prepared, with_gains_at, with_input_noise_at
 from clutchest.inference.prepared_drive import PreparedDrive
 from clutchest.inference.smooth_errors import acting
 from clutchest.inference.unknowns import (
@@ -170,12 +170,20 @@ class Problem:
         )
 
     def with_gains_at(self, theta: Floats) -> Problem:
-        """The same with states tracked by the gains that the filter has at ``theta`` (m)."""
+        """The same with states tracked by the gains that the filter has at ``theta`` (m); what
+        noise of the inputs does to the readings stays as it was."""
         drives = tuple(
-            with_gains_at(drive, self.numbers(theta, {}, i), self.vehicle)
-            for i, drive in enumerate(self.drives)
+            with_gains_at(drive, self.numbers(theta, {}, i)) for i, drive in enumerate(self.drives)
         )
         return replace(self, drives=drives, near=theta)
+
+    def with_input_noise_at(self, theta: Floats) -> Problem:
+        """The same with what noise of the inputs does to the readings at ``theta`` (m)."""
+        drives = tuple(
+            with_input_noise_at(drive, self.numbers(theta, {}, i), self.vehicle)
+            for i, drive in enumerate(self.drives)
+        )
+        return replace(self, drives=drives)
 
     def holding(self, *names: str) -> Problem:
         """The same with these unknowns, by name (``str`` of each), taken for exact."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import inf
 
 from clutchest.estimate.whole_log import Compiled
 from clutchest.models.effects import Effect
@@ -18,10 +19,13 @@ Shapes = Mapping[tuple[str, str], float]  # (effect, key of a shape) → value
 
 @dataclass(frozen=True, slots=True)
 class UnknownParameter:
-    """A parameter of the vehicle file that has a spread, which is its prior."""
+    """A parameter of the vehicle file that has a spread, which is its prior; the equations allow
+    what lies between ``lower`` and ``upper``, in its unit."""
 
     key: str
     unit: float
+    lower: float = -inf
+    upper: float = inf
 
     def __str__(self) -> str:
         return self.key
@@ -133,9 +137,14 @@ Unknown = (
 def of_compiled(compiled: Compiled, sought: Mapping[str, Effect]) -> Iterator[Unknown]:
     """The unknowns that the thetas of a compiled model are, in their order; ``sought``: candidate
     effects by name, other effects are those of the vehicle file."""
+    parameters = compiled.model.parameters
+    values = {p.key: (p, at) for p, at in zip(parameters, compiled.p.tolist(), strict=True)}
     for (owner, key), spread in zip(compiled.thetas, compiled.spread.tolist(), strict=True):
         if owner == PARAMETER:
-            yield UnknownParameter(key, spread)
+            allowed, at = values[key]
+            yield UnknownParameter(
+                key, spread, (allowed.lower - at) / spread, (allowed.upper - at) / spread
+            )
         elif owner == START:
             yield InitialState(key, spread)
         elif owner == INPUT_NOISE:

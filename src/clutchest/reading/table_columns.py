@@ -22,6 +22,7 @@ _HEADER = re.compile(r"^(?P<name>.*?\S)\s*[\[(]\s*(?P<unit>[^\[\]()]*)\s*[\])]$"
 _SUFFIX = re.compile(r"^(?P<name>t|time|timestamp|zeit)_(?P<unit>s|ms|us|ns)$", re.IGNORECASE)
 _DAY_S = 86_400.0
 _NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "sec": 1e9, "seconds": 1e9}
+_NS |= {"min": 60e9, "h": 3600e9} | dict.fromkeys(("d", "day", "days"), 1e9 * _DAY_S)
 _EPOCH = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))  # stamps since 1970 beyond, and their unit, s
 _DAYS = (  # first and last of such numbers, their 1970-01-01, and who counts so
     (30_000.0, 55_000.0, 25_569.0, "as Excel counts them"),
