@@ -241,9 +241,9 @@ def _located(search: Search) -> list[Curve]:
         fit = improve(own, own.whitened(at), free)
         fit = replace(fit, raw=())
         for curve in curves(own, fit, Nuisances(fit, free, own.prior), seed=3):
-            told = replace(curve, evidence=curve.evidence + less)
-            key = told.error_term, told.covariate, len(told.at)
-            best[key] = max(best.get(key, told), told, key=lambda each: each.evidence)
+            lowered = replace(curve, evidence=curve.evidence + less)
+            key = lowered.error_term, lowered.covariate, len(lowered.at)
+            best[key] = max(best.get(key, lowered), lowered, key=lambda each: each.evidence)
     return sorted(best.values(), key=lambda curve: -curve.evidence)
 
 

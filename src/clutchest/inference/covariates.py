@@ -63,11 +63,11 @@ def _without_noise(drive: PreparedDrive, states: Floats) -> Floats:
     """States (K, n), of those that readings correct all the time their adaptive means: what the
     filter makes of a reading's noise is in its innovation as well.  One that an input settles at
     once has the slow noise of a smooth input."""
-    model, calm = drive.compiled.model, states.copy()
+    model, smoothed = drive.compiled.model, states.copy()
     for i in {model.state(name) for name in model.tracked} - {*drive.tracked.settling}:
         noise = median_std(np.diff(states[:, i])) / np.sqrt(2.0)
-        calm[:, i] = adaptive_mean(drive.line.t, states[:, i], noise, 0.0)
-    return calm
+        smoothed[:, i] = adaptive_mean(drive.line.t, states[:, i], noise, 0.0)
+    return smoothed
 
 
 def at_rest(drive: PreparedDrive, at: OperatingPoint) -> set[str]:

@@ -208,6 +208,6 @@ def located(error: Unsupported, function: Source) -> Unsupported:
     if getattr(error, "placed", False):
         return error
     line, code = getattr(error, "line", 0), function.code
-    told = Unsupported(f"{code.co_filename}:{line}: in '{function.name}': {error}")
-    told.placed = True  # type: ignore[attr-defined]
-    return told
+    refusal = Unsupported(f"{code.co_filename}:{line}: in '{function.name}': {error}")
+    refusal.placed = True  # type: ignore[attr-defined]
+    return refusal

@@ -131,7 +131,7 @@ def clock_of(table: Frame, mapped: Mapping[str, TableColumn]) -> Clock:
     beyond = int(np.count_nonzero(np.abs(seconds) > LAST_S))
     if beyond:
         seconds = np.where(np.abs(seconds) > LAST_S, np.nan, seconds)
-        warnings.append(f"{_file(table)}: {beyond} times beyond {LAST_S:g} s, which are not told")
+        warnings.append(f"{_file(table)}: {beyond} times beyond {LAST_S:g} s, which are not used")
     known = np.isfinite(seconds)
     if not known.any():
         reason = "".join(f"; {warning}" for warning in warnings[-1:])

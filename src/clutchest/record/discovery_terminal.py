@@ -46,8 +46,8 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
     for name, numbers, why in rivals_rows(discovery.rivals):
         console.print(escape(f"rejected: {name} ({numbers}), {why}"))
     for name, numbers, z, rival, why in hypotheses_rows(discovery):
-        told = "; ".join(words for words in (numbers, z and f"z {z}", rival, why) if words)
-        console.print(escape(f"your {name}: {told}"))
+        details = "; ".join(words for words in (numbers, z and f"z {z}", rival, why) if words)
+        console.print(escape(f"your {name}: {details}"))
     if discovery.gain:
         console.print(escape(gain_words(discovery.gain, discovery.vehicle.machine.compared)))
     elif discovery.verdict != "none":

@@ -121,9 +121,9 @@ def _disengaged(
     standing, rolling with the engine slower than the shaft, or slowing down beside a faster engine,
     which a clutch that slips would drive."""
     rests = np.abs(shaft) < RESTS
-    calm = average(time, shaft, SLOWING_S)
+    averaged = average(time, shaft, SLOWING_S)
     before, after = (
-        np.interp(time + shift, time, calm) for shift in (-SLOWING_S / 2, SLOWING_S / 2)
+        np.interp(time + shift, time, averaged) for shift in (-SLOWING_S / 2, SLOWING_S / 2)
     )
     slows = after - before < -SLOWING * SLOWING_S
     idle = ~locked & (rests | (slip < -thresholds.lock_slip) | slows)
