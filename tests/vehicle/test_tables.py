@@ -265,7 +265,7 @@ def test_a_measurement_in_mf4(truck, tmp_path):
     np.testing.assert_allclose(signals["engine_speed"].time, TIME, atol=1e-9)
     assert len(signals["coolant_temp"]) == N // 10 and signals["coolant_temp"].value[0] == 85.0
     assert signals.start_ns == pd.Timestamp("2024-01-18T09:30:00Z").value
-    with pytest.raises(ClutchestError, match="channel 'state' holds no numbers"):
+    with pytest.raises(ClutchestError, match="channel 'state': holds no numbers"):
         read_log(tmp_path / "m.mf4", only_columns(truck, engine_speed=TableColumn("state")))
 
 
