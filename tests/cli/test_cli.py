@@ -115,6 +115,7 @@ def test_every_verb_has_an_example(run, verb):
     assert f"Example:\n    clutchest {verb} " in out
     assert not set("{}") & set(out.split("Options:")[0]), "arguments as they are typed"
     assert "list[" not in out and "<str>" not in out
+    assert all(len(line) <= 80 for line in out.splitlines())
 
 
 def test_help_names_scenarios_and_vehicles(run):

@@ -48,7 +48,7 @@ def discover(
 
     \b
     Example:
-      clutchest discover monday.log --vehicle truck --holdout tuesday.log --out result
+      clutchest discover monday.log --vehicle truck --holdout tuesday.log
       clutchest replay wednesday.log --vehicle result/extended.toml
     """
     with progress() as show:

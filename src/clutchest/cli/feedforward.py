@@ -33,7 +33,7 @@ def feedforward(
     \b
     Example:
       clutchest feedforward request.csv --vehicle alsd_rig --out plan
-      clutchest feedforward request.csv --vehicle alsd_rig --state results/state.json
+      clutchest feedforward request.csv --vehicle alsd_rig --state out/state.json
     """
     with progress() as show:
         show("loading", None)

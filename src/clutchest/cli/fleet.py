@@ -69,7 +69,7 @@ def fleet(
     \b
     Example:
       clutchest fleet trucks --vehicle truck --out result
-      clutchest fleet 'logs/2024-*/**/*.blf' --vehicle truck --scheduler tcp://10.0.0.5:8786
+      clutchest fleet 'logs/**/*.blf' --vehicle truck --scheduler tcp://host:8786
     """
     with progress() as show:
         show("loading", None)

@@ -67,9 +67,10 @@ def identify(
     \b
     Example:
       clutchest identify noise monday.log --vehicle truck --out tuned
-      clutchest identify disc ramps.log --holdout tuesday.log --vehicle tuned/vehicle.toml
+      clutchest identify disc ramps.log --holdout tuesday.log \\
+          --vehicle tuned/vehicle.toml
       clutchest replay wednesday.log --vehicle tuned/vehicle.toml
-      clutchest identify I1 held.log --bench rotor-held --vehicle alsd_rig --out motor
+      clutchest identify I1 held.log --bench rotor-held --vehicle alsd_rig
     """
     with progress() as show:
         show("loading", None)

@@ -145,7 +145,8 @@ def simulate(
     Example:
       clutchest simulate --vehicle truck --scenario city --seed 1 -o city.log
       clutchest simulate --vehicle truck --scenario launches --seed 2 \\
-          --effect wear:amount=0.5,rate=0.02 --disturb friction_walk=5e-4 -o worn.mf4
+          --effect wear:amount=0.5,rate=0.02 \\
+          --disturb friction_walk=5e-4 -o worn.mf4
       clutchest simulate --vehicle truck --scenario city --seed 3 \\
           --effects own.py --effect cold_lining:loss=0.1 -o rehearsal.log
     """

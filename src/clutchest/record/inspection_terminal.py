@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from clutchest.reading.inspection import Inspection
 from clutchest.reading.table_inspection import TableInspection
 from clutchest.record.terminal import print_warnings
 
 
+def _table(title: str, head: Sequence[str]) -> Table:
+    """A narrow one, in which a long name goes on in the next line rather than being cut."""
+    columns = [Column(escape(words), overflow="fold") for words in head]
+    table = Table(*columns, title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.padding = (0, 1, 0, 0)
+    return table
+
+
 def print_table_inspection(inspection: TableInspection, console: Console) -> None:
     """Print the columns of tables, those that could serve, and what is missing."""
-    columns = Table(
-        "column",
-        "unit",
-        "numbers",
-        "every [ms]",
-        "from",
-        "to",
-        "could be",
-        title=f"{len(inspection.columns)} columns, {inspection.duration_s:.1f} s",
-        title_justify="left",
+    columns = _table(
+        f"{len(inspection.columns)} columns, {inspection.duration_s:.1f} s",
+        ("column", "unit", "numbers", "every [ms]", "from", "to", "could be"),
     )
     for column in inspection.columns:
         likely = [
@@ -48,24 +52,18 @@ def print_table_inspection(inspection: TableInspection, console: Console) -> Non
 
 def print_inspection(inspection: Inspection, console: Console) -> None:
     """Print the ids of a log, the signals that could serve, and what is missing."""
-    ids = Table(
-        "channel",
-        "id",
-        "PGN",
-        "message",
-        "frames",
-        "Hz",
-        "jitter [ms]",
-        "largest gap [s]",
-        "bytes",
-        title=f"{inspection.frames} frames in {inspection.duration_s:.1f} s",
-        title_justify="left",
+    several = len({row.channel for row in inspection.rows}) > 1
+    j1939 = any(row.pgn is not None for row in inspection.rows)
+    channel, pgn = ("channel",) * several, ("PGN",) * j1939
+    ids = _table(
+        f"{inspection.frames} frames in {inspection.duration_s:.1f} s",
+        (*channel, "id", *pgn, "message", "frames", "Hz", "jitter [ms]", "gap [s]", "bytes"),
     )
     for row in inspection.rows:
         ids.add_row(
-            str(row.channel),
+            *(str(row.channel),) * several,
             f"{row.id:08X}" if row.extended else f"{row.id:03X}",
-            "" if row.pgn is None else str(row.pgn),
+            *("" if row.pgn is None else str(row.pgn),) * j1939,
             row.message or (row.group or "").partition(":")[0],
             str(row.count),
             "" if row.rate_hz is None else f"{row.rate_hz:.3g}",
@@ -74,14 +72,9 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
             "/".join(map(str, row.lengths)),
         )
     console.print(ids)
-    signals = Table(
-        "quantity",
-        "could be",
-        "from",
-        "to",
-        "unit",
-        title_justify="left",
-        title="signals that may be those of the estimator",
+    signals = _table(
+        "signals that may be those of the estimator",
+        ("quantity", "could be", "from", "to", "unit"),
     )
     for name, candidates in inspection.candidates.items():
         for candidate in candidates[:3]:

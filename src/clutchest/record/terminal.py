@@ -8,7 +8,7 @@ import numpy as np
 from rich.box import SIMPLE
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from clutchest.estimate.run import Run
 from clutchest.quantity import Quantity
@@ -69,9 +69,13 @@ def _print_tracking(run: Run, console: Console) -> None:
     if not rows:
         return
     table = Table(
-        *tracking_head(run),
+        *(
+            Column(escape(words.replace(" [", "\n[")), justify="right")
+            for words in tracking_head(run)
+        ),
         title="tracking",
         box=SIMPLE,
+        padding=(0, 1, 0, 0),
         title_justify="left",
         caption=tracking_note(run),
         caption_justify="left",
