@@ -15,22 +15,28 @@ FILES = {"emps": "DATA_EMPS.mat", "emps_pulses": "DATA_EMPS_PULSES.mat"}  # disc
 WIDTH, EVERY = 21, 10  # samples of 1 ms: the smoothing window, and one reading out of so many
 
 
-def table(path: Path) -> pd.DataFrame:
-    """``time`` s, ``position`` m, ``speed`` m/s, ``force`` N at 100 Hz of a record at 1 kHz.
+def filtered(
+    time: np.ndarray, position: np.ndarray, force: np.ndarray, every: int = EVERY
+) -> pd.DataFrame:
+    """``time`` s, ``position`` m, ``speed`` m/s, ``force`` N: one of ``every`` samples at 1 kHz.
 
     Position and force pass the same filter (a Hann window forwards and back, no delay), as in
     identification by inverse dynamics: the balance of forces holds for the filtered signals too.
     """
-    record = loadmat(path)
-    time, position = record["t"].ravel(), record["qm"].ravel()
-    force = record["vir"].ravel() * record["gtau"].item()
     window = hann(WIDTH + 2)[1:-1]
     window /= window.sum()
     position, force = (filtfilt(window, [1.0], each) for each in (position, force))
     speed = np.gradient(position, time)
-    rows = slice(WIDTH, -WIDTH, EVERY)
+    rows = slice(WIDTH, -WIDTH, every)
     columns = {"time": time, "position": position, "speed": speed, "force": force}
     return pd.DataFrame({name: value[rows] for name, value in columns.items()})
+
+
+def table(path: Path) -> pd.DataFrame:
+    """A record at 1 kHz as a table at 100 Hz."""
+    record = loadmat(path)
+    time, position, voltage = (record[name].ravel() for name in ("t", "qm", "vir"))
+    return filtered(time, position, voltage * record["gtau"].item())
 
 
 def convert(data: Path, out: Path) -> list[Path]:

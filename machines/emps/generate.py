@@ -51,7 +51,8 @@ def record(rng: np.random.Generator, duration: float, pulses: bool) -> dict[str,
             x += PERIOD / STEPS * v
     time = PERIOD * np.arange(len(goal))
     columns = {"t": time, "qm": positions, "qg": goal, "vir": voltages}
-    return {"gtau": GAIN, **{k: np.reshape(c, (-1, 1)) for k, c in columns.items()}}
+    known = {"gtau": GAIN, "kp": PROPORTIONAL, "kv": DERIVATIVE}
+    return known | {k: np.reshape(c, (-1, 1)) for k, c in columns.items()}
 
 
 def generate(folder: Path, seed: int = 0, duration: float = 24.8) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from types import ModuleType
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
 from clutchest.discovery.holdout_gain import BLOCK, FEWEST, LEAST, block_length
 from clutchest.errors import ClutchestError
@@ -33,7 +35,7 @@ def module(machine: str, name: str) -> ModuleType:
     path = MACHINES / machine / f"{name}.py"
     spec = importlib.util.spec_from_file_location(f"{machine}_{name}", path)
     assert spec is not None and spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
+    made = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # as dataclasses need
     spec.loader.exec_module(made)
     return made
 
@@ -115,6 +117,44 @@ def test_the_carriage_moves_by_its_filtered_force(made_up, tmp_path):
     made = 95.0 * change + 180.0 * table["speed"] + 20.0 - 3.0
     assert moving.sum() > 20
     assert np.std((table["force"] - made)[moving]) < 3.0
+
+
+def test_the_carriage_is_disturbed_under_its_controller(made_up, tmp_path):
+    """It follows the goal, and what the model leaves of the force is the disturbance."""
+    car, tools = vehicle("emps"), module("emps", "closed_loop")
+    own, *_ = paths = module("emps", "convert").convert(made_up, tmp_path)
+    fitted = FittedMachine.of(read_log(paths[:1], car), car)
+    loop = tools.Loop.of(made_up / "DATA_EMPS.mat", fitted)
+    push = 3.0 * np.sin(2 * np.pi * 2.0 * loop.time)
+    alone, pushed = (loop.moved(each, 0.0 * push) for each in (0.0 * push, push))
+    assert np.abs(pushed["position"] - pd.read_parquet(own)["position"]).max() < 1e-3
+    errors = [tools.force_error(fitted, tools.motion(table)) for table in (alone, pushed)]
+    expected, moves = np.interp(alone["time"], loop.time, push), alone["speed"].abs() > 0.02
+    assert (errors[0] - errors[1])[moves] == pytest.approx(expected[moves], abs=0.3)
+
+
+def test_disturbances_of_a_draw_are_of_moves_alone(made_up, tmp_path):
+    car, tools = vehicle("emps"), module("emps", "closed_loop")
+    paths = module("emps", "convert").convert(made_up, tmp_path)
+    loop = tools.Loop.of(made_up / "DATA_EMPS.mat", FittedMachine.of(read_log(paths[:1], car), car))
+    assert max(np.abs(piece).max() for piece in loop.disturbances) < 15.0  # at rest up to 20 N
+    first, again, other = (loop.record(np.random.default_rng(seed)) for seed in (1, 1, 2))
+    pd.testing.assert_frame_equal(first, again)
+    assert np.std(first["force"] - other["force"]) > 0.1
+
+
+def test_a_polynomial_narx_finds_a_linear_filter():
+    """The terms that made a record are chosen on two thirds of it, and simulate another."""
+    rivals = runpy.run_path(str(MACHINES.parent / "benchmarks" / "rivals.py"))
+    rng = np.random.default_rng(0)
+
+    def record() -> object:
+        u = rng.standard_normal(150)
+        return rivals["Record"](u, lfilter([0.0, 0.3], [1.0, -0.8], u), 1.0)
+
+    task = rivals["Task"](record(), record(), 1.0, "V", np.abs, False)
+    _, own, held_out, *_ = rivals["judged"](task, rivals["narx"])
+    assert max(float(own), float(held_out)) < 1e-6
 
 
 def test_a_missing_record_is_named(tmp_path):
