@@ -143,6 +143,27 @@ def test_disturbances_of_a_draw_are_of_moves_alone(made_up, tmp_path):
     assert np.std(first["force"] - other["force"]) > 0.1
 
 
+def test_noise_of_a_draw_is_coloured_like_the_residuals():
+    """Slow residuals are drawn without jumps, with their size and memory, not with their mean."""
+    foreign = runpy.run_path(str(MACHINES.parent / "benchmarks" / "foreign.py"))
+    rng = np.random.default_rng(3)
+    error = 1.0 + lfilter([0.1], [1.0, -0.95], rng.standard_normal(4000))
+    taps, rest = foreign["innovations"](error, np.ones(len(error), bool))
+    made = foreign["drawn"](rng, taps, rest, len(error))
+    assert np.std(rest) == pytest.approx(0.1, rel=0.05)
+    assert np.std(made) == pytest.approx(np.std(error), rel=0.2)
+    assert abs(np.mean(made)) < 0.2
+    assert np.abs(np.diff(made)).max() < 1.5 * np.abs(np.diff(error)).max()
+
+
+def test_the_level_beyond_the_sensors_end_is_known_from_the_simulation():
+    foreign = runpy.run_path(str(MACHINES.parent / "benchmarks" / "foreign.py"))
+    above = module("tanks", "tanks").above
+    level = np.array([2.0, 9.9, 10.5, 12.0])
+    reading = level - np.array([float(above(x, 10.0)) for x in level])
+    assert foreign["unlimited"](reading) == pytest.approx(level, abs=1e-3)
+
+
 def test_a_polynomial_narx_finds_a_linear_filter():
     """The terms that made a record are chosen on two thirds of it, and simulate another."""
     rivals = runpy.run_path(str(MACHINES.parent / "benchmarks" / "rivals.py"))
