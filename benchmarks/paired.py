@@ -1,8 +1,10 @@
 """This version against another: python benchmarks/paired.py OTHER/src [--turns 5] [--only hour]
+[--wall]
 
-Processor seconds, of processes of their own, that alternate between the two; a ratio is formed
-within each turn.  Byte code, compiled code and layouts are there from a run before the first turn,
-each version's in a folder of its own.  The kernel is timed per event of a city drive.
+Processor seconds, of processes of their own, that alternate between the two, with ``--wall`` those
+from begin to end, which only a quiet machine tells; a ratio is formed within each turn.  Byte code,
+compiled code and layouts are there from a run before the first turn, each version's in a folder of
+its own.  The kernel is timed per event of a city drive.
 """
 
 from __future__ import annotations
@@ -11,10 +13,12 @@ import argparse
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 from tempfile import TemporaryDirectory
+from time import perf_counter
 
 from turns import in_turns
 
@@ -52,12 +56,14 @@ def spent() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def cost(program: str, arguments: list[str], source: Path, folder: Path) -> float:
-    """Processor seconds of a new process, or the number that it prints."""
+def cost(
+    clock: Callable[[], float], program: str, arguments: list[str], source: Path, folder: Path
+) -> float:
+    """Seconds by the ``clock`` that a new process takes, or the number that it prints."""
     environment = {name: value for name, value in os.environ.items() if name != NO_BYTE_CODE}
     environment |= {"PYTHONPATH": str(source), "PYTHONPYCACHEPREFIX": str(folder / "bytes")}
     environment |= {"CLUTCHEST_CACHE": str(folder / "cache"), "NUMBA_CACHE_DIR": str(folder)}
-    before = spent()
+    before = clock()
     done = subprocess.run(
         [sys.executable, "-c", program, *([str(source)] if program is ENGINES else []), *arguments],
         env=environment,
@@ -65,7 +71,7 @@ def cost(program: str, arguments: list[str], source: Path, folder: Path) -> floa
         capture_output=True,
         text=True,
     )
-    after = spent()
+    after = clock()
     if "Traceback" in done.stderr:
         raise RuntimeError(done.stderr)
     return float(done.stdout) if program is ENGINES else after - before
@@ -78,7 +84,9 @@ def main() -> None:
     parser.add_argument("other", type=Path, help="the folder src of the other version")
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--only", default="", help="rows whose name contains this")
+    parser.add_argument("--wall", action="store_true", help="seconds from begin to end")
     given = parser.parse_args()
+    clock = perf_counter if given.wall else spent
     own = Path(__file__).resolve().parent.parent / "src"
     with TemporaryDirectory() as place:
         sides = [(own, Path(place) / "own"), (given.other.resolve(), Path(place) / "other")]
@@ -86,12 +94,12 @@ def main() -> None:
             folder.mkdir()
         for log, seconds in MADE.items():
             make = ["simulate", "--vehicle", "truck", "--scenario", "city", "--seed", "5"]
-            cost(CLUTCHEST, [*make, "--duration", str(seconds), "-o", log], *sides[0])
+            cost(clock, CLUTCHEST, [*make, "--duration", str(seconds), "-o", log], *sides[0])
         for what, (program, arguments) in commands().items():
             if given.only not in what:
                 continue
             ways = {
-                name: partial(cost, program, arguments, *side)
+                name: partial(cost, clock, program, arguments, *side)
                 for name, side in zip(("this", "the other"), sides, strict=True)
             }
             for once in ways.values():

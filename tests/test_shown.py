@@ -20,7 +20,7 @@ def run() -> Run:
 
 
 def test_a_result_is_one_line(run: Run) -> None:
-    for result in (run, run.signals, clutchest.diagnose(run)):
+    for result in (run, run.signals, run.vehicle, clutchest.diagnose(run)):
         assert "\n" not in repr(result)
         assert len(repr(result)) < 200
 
@@ -29,6 +29,14 @@ def test_a_table_has_a_row_for_each_state(run: Run) -> None:
     rows = [name for name, *_ in run.shown().rows]
     assert rows == list(run.tracks[0].states)
     assert run._repr_html_().count("<tr>") == len(rows) + 1
+
+
+def test_a_vehicle_shows_its_parameters() -> None:
+    truck = clutchest.load_vehicle("truck").with_parameters(engine_inertia=4.0)
+    assert repr(truck).startswith("<Vehicle: truck, dry_clutch, 8 signals, ")
+    (row,) = [row for row in truck.shown().rows if row[0] == "engine_inertia"]
+    assert row[1:] == ("4", "kg m²", "0.096", "given instead of 3.2")
+    assert truck._repr_html_().count("<tr>") == len(truck.parameters) + 1
 
 
 def test_html_is_escaped() -> None:

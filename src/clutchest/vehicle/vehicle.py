@@ -13,6 +13,7 @@ from clutchest.can.database import DatabaseFile
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models import machine_in_file, machine_of
 from clutchest.models.error_curve import ErrorCurve, Numbers, numbers_of
+from clutchest.shown import Showing, Shown, printed
 
 if TYPE_CHECKING:
     from clutchest.models.effects import Effect
@@ -148,8 +149,8 @@ class SmoothError:
     length: float
 
 
-@dataclass(frozen=True, slots=True)
-class Vehicle:
+@dataclass(frozen=True, slots=True, repr=False)
+class Vehicle(Showing):
     """Everything that is particular to one vehicle.
 
     ``hash`` is over the file's content.  Two vehicles are equal when their content is, wherever
@@ -187,6 +188,17 @@ class Vehicle:
     model_file: Path | None = field(default=None, compare=False)
     digests: Mapping[Path, str] = field(default_factory=dict, compare=False)
     columns: Mapping[str, TableColumn] = field(default_factory=dict)
+
+    def shown(self) -> Shown:
+        """The parameters with unit, spread and source."""
+        guessed = f", {len(self.guessed)} of them guessed" if self.guessed else ""
+        counts = f"{len(self.signals)} signals, {len(self.parameters)} parameters{guessed}"
+        rows = [
+            (key, f"{p.value:.6g}", printed(p.unit), f"{p.spread:.3g}", p.source)
+            for key, p in self.parameters.items()
+        ]
+        head = ("parameter", "value", "unit", "spread (1σ)", "source")
+        return Shown(f"{self.name}, {self.model}, {counts}", head, rows)
 
     @property
     def false_alarms_per_1000h(self) -> float:
