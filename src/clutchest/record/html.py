@@ -28,7 +28,7 @@ th { background: #f3f5f7; } img { max-width: 100%; height: auto; }
 code, pre { font-family: ui-monospace, monospace; font-size: .9em; background: #f3f5f7; }
 pre { padding: .6rem; overflow-x: auto; } footer { color: #59636e; margin-top: 3rem; }
 @media print { body { max-width: none; margin: 0; font-size: 11px; } h2 { break-after: avoid; }
-               img, tr { break-inside: avoid; } img { max-height: 24cm; } }
+               img, tr { break-inside: avoid; } img { max-height: 21cm; } }
 """
 
 
