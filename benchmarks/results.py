@@ -44,7 +44,12 @@ class Table:
 TABLES = (
     Table("engines", "results.md#the-filter", 1, "python benchmarks/engines.py"),
     Table("hour", "results.md#speed", 2, "python benchmarks/log_road hour"),
-    Table("fleet", "results.md#a-fleet", 3, "python benchmarks/fleet.py"),
+    Table(
+        "fleet",
+        "results.md#a-fleet",
+        3,
+        "python benchmarks/fleet.py --vehicles 6 --logs 3 --minutes 15 --turns 2",
+    ),
     Table(
         "startup",
         "results.md#from-install-to-an-answer",

@@ -206,3 +206,29 @@ def test_two_workers_of_which_one_is_killed(
     rows = pd.DataFrame(more.rows()).set_index("vehicle")
     assert rows["friction_outlier"].tolist() == [False, False, True, False, False]
     assert (rows["zero_position_low"] < rows["zero_position_high"]).all()
+
+
+@pytest.mark.slow
+def test_a_log_that_kills_its_workers_does_not_stop_the_fleet(tmp_path: Path) -> None:
+    """Here every log does, by the machine's file, which ends the process of a worker."""
+    pytest.importorskip("distributed")
+    import dask
+
+    write_logs(tmp_path / "logs", vehicles=1)
+    (tmp_path / "own.py").write_text(
+        "import multiprocessing, os\n"
+        "if multiprocessing.current_process().name != 'MainProcess':\n    os._exit(9)\n"
+        "from clutchest.models.dry_clutch import MACHINE\n"
+    )
+    truck = clutchest.load_vehicle("truck").path.read_text(encoding="utf-8")
+    own = tmp_path / "own.toml"
+    own.write_text(truck.replace('model = "dry_clutch"', 'model = "own.py"'), encoding="utf-8")
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        pytest.raises(ClutchestError, match=r"0\.log: every worker that read it was lost"),
+    ):
+        clutchest.analyse_fleet(
+            str(tmp_path / "logs"), str(own), tmp_path / "out", workers=1, trust=True
+        )
+    rows = [read_row(path) for path in (tmp_path / "out" / "logs").iterdir()]
+    assert len(rows) == 2 and all(row and "lost" in row["error"] for row in rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from clutchest.errors import ClutchestError
 from clutchest.extras import required
 from clutchest.fleet.comparison import FleetComparison, outliers
 from clutchest.fleet.logs import FleetLog, logs_of
-from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row
+from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, reject
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.quantity import Quantity
@@ -236,6 +237,7 @@ def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
             n_workers=workers or os.cpu_count() or 1,
             threads_per_worker=1,
             dashboard_address=None,
+            silence_logs=logging.ERROR,  # such as of a worker that ends slowly on a busy machine
         ) as cluster,
         Client(cluster) as client,
     ):
@@ -266,8 +268,22 @@ def _tasks(chain: Sequence[FleetLog], made_by: str, like: LogTask) -> list[LogTa
 
 
 def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Progress) -> None:
-    """Do what is not done."""
+    """Do what is not done.  A log whose workers were lost again and again is left out."""
+    while not _all_done(client, chains, progress):
+        for chain in chains.values():
+            state: Any = None
+            for task in chain:
+                if (row := read_row(task.row)) is None:
+                    reject(task, "every worker that read it was lost: is memory short?", state)
+                    break
+                state = row["state"]
+
+
+def _all_done(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Progress) -> bool:
+    """Whether all could be done that was not; else, what a log and those behind it lost workers
+    to is not."""
     from distributed import as_completed
+    from distributed.scheduler import KilledWorker
 
     futures: list[Future] = []
     for chain in chains.values():
@@ -278,9 +294,14 @@ def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Prog
             else:
                 state = client.submit(estimate_log, task, state, pure=False)
                 futures.append(state)
+    whole = True
     for done, future in enumerate(as_completed(futures), 1):
-        future.result()
+        try:
+            future.result()
+        except KilledWorker:
+            whole = False
         progress(f"{done} of {len(futures)} logs", done / len(futures))
+    return whole
 
 
 def _vehicle_of(name: str, tasks: Sequence[LogTask], car: Vehicle) -> FleetVehicle:

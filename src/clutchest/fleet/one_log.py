@@ -51,26 +51,37 @@ def estimate_log(task: LogTask, state: dict[str, Any] | None) -> dict[str, Any] 
     """
     from clutchest.estimate.replay import replay
     from clutchest.reading import read_log
-    from clutchest.record.files import json_text
 
     if (done := read_row(task.row)) is not None:
         return done["state"]
-    row: dict[str, Any] = {"vehicle": task.log.vehicle, "log": str(task.log.path), "wear": None}
     try:
         car = _vehicle(task.vehicle, task.trust)
         signals = read_log(task.log.path, car, traffic=False)
         run = replay(signals, car, rate=task.rate, state=state)
     except (ClutchestError, OSError) as problem:
-        row |= {"error": str(problem), "drives": [], "state": state}
+        return reject(task, str(problem), state)
     else:
         _write_estimates(run, task)
         wear = run.summary["wear"]
-        row |= {"error": None, "drives": drives_of(run), "wear": wear, "state": run.final}
+        row = {"error": None, "drives": drives_of(run), "wear": wear, "state": run.final}
+    return _written(task, row)
+
+
+def reject(task: LogTask, why: str, state: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Leave a log out, with the reason; the ``state`` before it is passed on, and returned."""
+    return _written(task, {"error": why, "drives": [], "state": state})
+
+
+def _written(task: LogTask, found: dict[str, Any]) -> dict[str, Any] | None:
+    """Keep what came out as the log's row; returns its state."""
+    from clutchest.record.files import json_text
+
+    row = {"vehicle": task.log.vehicle, "log": str(task.log.path), "wear": None, **found}
     with _whole(task.row) as unfinished:
         unfinished.write_text(json_text(row), encoding="utf-8")
-    written = read_row(task.row)
-    assert written is not None
-    return written["state"]
+    kept = read_row(task.row)
+    assert kept is not None
+    return kept["state"]
 
 
 def drives_of(run: Run) -> list[dict[str, Any]]:
