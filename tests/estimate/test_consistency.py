@@ -228,6 +228,19 @@ def test_diagnose_names_the_signal_before_the_clutch(demo):
     assert fault.fault == "contradiction:engine_torque" and "sign" in fault.what
 
 
+@pytest.mark.slow
+def test_signs_that_cannot_be_told_apart_are_both_named():
+    """Torque against slip, or slip against torque."""
+    rig = clutchest.load_vehicle("alsd_rig")
+    drive = clutchest.simulate(rig, "rig-steps", 1, duration=30.0)
+    run = replay(mended(drive, clutch_torque=lambda m: -m), rig)
+    words = run.summary["contradiction"]["explanation"]
+    assert "the sign of slip_speed is wrong" in words
+    assert "the sign of clutch_torque is wrong" in words
+    (fault, *_) = clutchest.diagnose(run).faults
+    assert {"contradiction:slip_speed", "contradiction:clutch_torque"} == set(fault.set)
+
+
 BENCHES = {
     "I1": "rotor-held",
     "I2": "rotor-held",

@@ -53,6 +53,13 @@ def figures(run: Run, signals: Signals, **noise: float) -> tuple[TrackingFigures
     return responses(signals, run.tracks[0], TRACKING, noise)
 
 
+def test_a_drive_without_an_actuation_has_no_figures(run: Run) -> None:
+    quiet = made_up()
+    still = replace(quiet["armature_current"], value=np.zeros(len(quiet["armature_current"])))
+    signals = replace(quiet, signals={**quiet.signals, still.name: still})
+    assert figures(run, signals) == ()
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_second_order_response(run: Run, sign: float) -> None:
     """Delay, rise, overshoot and settling of a second-order system in closed form."""

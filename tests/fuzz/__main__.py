@@ -1,9 +1,10 @@
 """Feeds damaged inputs to every reader: PYTHONPATH=tests python -m fuzz [--inputs 100000]
 
 Logs, vehicle files, databases, states, decoded tables, effects files, datagrams; --formats names
-some by their suffix.  Each input must give what is sound, or a ClutchestError in one line, within
---seconds of processor time (and ten times as long by the clock, for what waits) and without growing
-the process beyond --mebibytes.  An input that does otherwise is kept in --keep and ends the run.
+some by their suffix.  Each input must give what is sound, or a ClutchestError in one line, without
+a warning of a library, within --seconds of processor time (and ten times as long by the clock, for
+what waits) and without growing the process beyond --mebibytes.  An input that does otherwise is
+kept in --keep and ends the run.
 With NUMBA_BOUNDSCHECK=1 (and a NUMBA_CACHE_DIR of its own) every index of the compiled readers is
 checked too.
 
@@ -28,6 +29,7 @@ from random import Random
 from tempfile import TemporaryDirectory
 from time import perf_counter
 from types import FrameType
+from warnings import catch_warnings
 
 import numpy as np
 
@@ -189,7 +191,9 @@ def fuzz(
             name, content = damaged(seeds, Random(f"{seed} {i}"))
             _within(seconds)
             try:
-                result = _judged(path, name, content)
+                with catch_warnings(record=True) as said:
+                    result = _judged(path, name, content)
+                assert not said, f"a library's warning: {said[0]}"
                 assert peak_MiB() <= allowed, "more memory than is allowed"
             except BaseException:
                 _within(0)

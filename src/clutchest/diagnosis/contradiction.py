@@ -30,7 +30,7 @@ def contradictions(run: Run, drives: Sequence[DriveDiagnosis]) -> list[Fault]:
             name,
             Fault(
                 fault=name,
-                set=(name,),
+                set=(name, *(f"{CONTRADICTION}:{other}" for other in found.others)),
                 drive=number,
                 began_s=0.0,
                 first_detected_s=found.since_s,

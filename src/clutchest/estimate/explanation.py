@@ -1,7 +1,8 @@
 """What explains that signals and model contradict each other: one sign, one swap, one unit.
 
 Each explanation is tried: the signals are mended by it and filtered anew.  One that fits leaves
-every innovation within what the model predicts; of several the most probable is named.
+every innovation within what the model predicts; of several the most probable is named, with those
+that are as probable.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ FITS = (
 )
 SUSPICIOUS = 2.5  # the same, from which explanations are sought
 KEPT = 0.5  # of the readings of every sensor that an explanation has to keep
+AS_PROBABLE = 2.0  # of log-likelihood, within which explanations cannot be told apart
+MOST_NAMED = 3
 RATE = 1.0  # Hz
 
 
@@ -76,12 +79,13 @@ def explained(
     predicted = vehicle.machine.equations(signals.available).predicted
     if found is None and rms_of(track, predicted) < SUSPICIOUS:
         return None
-    best, dead = _best(signals, vehicle, progress), _dead(signals, vehicle)
-    if best is not None:
+    fitting, dead = _fitting(signals, vehicle, progress), _dead(signals, vehicle)
+    if fitting:
         words = found.words if found else "innovations are far larger than the model predicts"
         since = found.since_s if found else 0.0
-        mended = f"{best.words}: mended, all signals fit"
-        return Contradiction(words, best.signal, since, mended, best.kind)
+        mended = ", or ".join(each.words for each in fitting) + ": mended, all signals fit"
+        first, *others = dict.fromkeys(each.signal for each in fitting)
+        return Contradiction(words, first, since, mended, fitting[0].kind, tuple(others))
     if found is None:
         return None
     if dead:
@@ -107,13 +111,13 @@ def rms_of(track: Track, names: frozenset[str] | None = None) -> float:
     return largest
 
 
-def _best(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> Remedy | None:
-    """The most probable of the explanations that fit; None where the signals fit as they were read,
-    as they may where the state of an earlier drive does not."""
+def _fitting(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> list[Remedy]:
+    """The most probable of the explanations that fit, and those that are as probable; none where
+    the signals fit as they were read, as they may where the state of an earlier drive does not."""
     short = _shortened(signals)
     as_read = _fit(short, vehicle, 1.0, "")
     if as_read is None or (as_read.rms <= FITS and not as_read.contradicted):
-        return None
+        return []
     tried = list(_explanations(short, vehicle))
     signs_and_swaps = [each for each in tried if each.kind != "unit"]
     for group in (signs_and_swaps, [each for each in tried if each.kind == "unit"]):
@@ -126,8 +130,10 @@ def _best(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> Reme
             if fit is not None and _explains(fit, as_read):
                 fitting.append((fit.log_likelihood, remedy))
         if fitting:
-            return max(fitting, key=lambda each: each[0])[1]
-    return None
+            fitting.sort(key=lambda each: each[0], reverse=True)
+            least = fitting[0][0] - AS_PROBABLE
+            return [remedy for likelihood, remedy in fitting[:MOST_NAMED] if likelihood >= least]
+    return []
 
 
 def _explains(fit: MendedFit, as_read: MendedFit) -> bool:

@@ -140,13 +140,14 @@ class Contradiction:
     """Signals and model that cannot both be right: ``words`` say how that shows, ``signal`` is the
     one most in question, from ``since_s`` on the drive's clock no state is believed.
     ``explanation`` in words, "" where none was sought, and its ``kind``: sign, swap, unit or dead,
-    "" where there is none."""
+    "" where there is none; ``others``: signals that are in question as much."""
 
     words: str
     signal: str
     since_s: float
     explanation: str = ""
     kind: str = ""
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

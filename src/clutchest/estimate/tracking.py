@@ -43,7 +43,7 @@ def responses(
         request = signals[tracking.request].only_valid()
     drive = signals[tracking.drive].only_valid()
     spans = _actuations(drive, tracking.least)
-    ends = [start for start, _ in spans[1:]] + [np.inf]
+    ends = [*(start for start, _ in spans[1:]), np.inf][: len(spans)]
     quiet = noise.get(sensor, 0.0)
     return tuple(
         _Actuation(drive, output, request, tracking, start, stop, following).figures(

@@ -138,6 +138,7 @@ class TableInspection:
         return "\n".join(lines)
 
 
+@np.errstate(all="ignore")  # a file may hold any number
 def inspect_tables(paths: Sequence[str | Path], model: str = "") -> TableInspection:
     """Survey tables and search for the canonical signals of a machine, by name and unit.
 

@@ -38,6 +38,7 @@ _INDEX = re.compile(r"^(Unnamed: \d+|index|Index|#|)$")
 _MOST_NAMED = 8  # columns that are not used
 
 
+@np.errstate(all="ignore")  # a file may hold any number
 def read_table(
     given: Path | Any, columns: Mapping[str, str], vehicle: Vehicle | None = None
 ) -> Signals:
