@@ -241,6 +241,25 @@ def test_signs_that_cannot_be_told_apart_are_both_named():
     assert {"contradiction:slip_speed", "contradiction:clutch_torque"} == set(fault.set)
 
 
+@pytest.fixture(scope="module")
+def rig_drive():
+    return clutchest.simulate(clutchest.load_vehicle("alsd_rig"), "rig-steps", 1, duration=15.0)
+
+
+def test_a_rig_whose_signals_are_all_zero_is_not_believed(rig_drive):
+    run = replay(mended(rig_drive, **dict.fromkeys(rig_drive.signals, np.zeros_like)), "alsd_rig")
+    assert "all signals are zero" in run.summary["contradiction"]["words"]
+    assert not run.to_pandas().filter(like="_valid").any(axis=None)
+
+
+@pytest.mark.slow
+def test_a_dead_sensor_of_the_rig_is_named(rig_drive):
+    run = replay(mended(rig_drive, armature_current=np.zeros_like), "alsd_rig")
+    found = run.summary["contradiction"]
+    assert "armature_current does not change at all" in found["explanation"]
+    assert not run.to_pandas().filter(like="_valid").any(axis=None)
+
+
 BENCHES = {
     "I1": "rotor-held",
     "I2": "rotor-held",

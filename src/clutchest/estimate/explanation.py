@@ -38,6 +38,7 @@ SUSPICIOUS = 2.5  # the same, from which explanations are sought
 KEPT = 0.5  # of the readings of every sensor that an explanation has to keep
 AS_PROBABLE = 2.0  # of log-likelihood, within which explanations cannot be told apart
 MOST_NAMED = 3
+LARGER = "innovations are far larger than the model predicts"
 RATE = 1.0  # Hz
 
 
@@ -74,20 +75,27 @@ def explained(
     """The contradiction with its best explanation.
 
     One that was not ``found`` is, where innovations are larger than a right model's and a single
-    sign, swap or unit makes them fit.
+    sign, swap or unit makes them fit or a sensor is dead; and where all signals are zero.
     """
-    predicted = vehicle.machine.equations(signals.available).predicted
-    if found is None and rms_of(track, predicted) < SUSPICIOUS:
+    model = vehicle.machine.equations(signals.available)
+    if nothing := _nothing(signals, vehicle):
+        return nothing
+    if found is None and rms_of(track, model.predicted) < SUSPICIOUS:
         return None
     fitting, dead = _fitting(signals, vehicle, progress), _dead(signals, vehicle)
     if fitting:
-        words = found.words if found else "innovations are far larger than the model predicts"
+        words = found.words if found else LARGER
         since = found.since_s if found else 0.0
         mended = ", or ".join(each.words for each in fitting) + ": mended, all signals fit"
         first, *others = dict.fromkeys(each.signal for each in fitting)
         return Contradiction(words, first, since, mended, fitting[0].kind, tuple(others))
     if found is None:
-        return None
+        read = {s.name: s.column or s.name for s in model.sensors}
+        wrong = {read[name] for name in read if rms_of(track, frozenset({name})) >= SUSPICIOUS}
+        dead = [name for name in dead if name in wrong]
+        if not dead:
+            return None
+        found = Contradiction(LARGER, dead[0], 0.0)
     if dead:
         what = (
             f"{dead[0]} does not change at all"
@@ -231,6 +239,20 @@ def _dead(signals: Signals, vehicle: Vehicle) -> list[str]:
         and name in signals.available
         and _constant(signals[name].only_valid().value)
     ]
+
+
+def _nothing(signals: Signals, vehicle: Vehicle) -> Contradiction | None:
+    """That none of the machine's signals ever differs from zero, where there are several."""
+    values = {n: signals[n].only_valid().value for n in vehicle.machine.units if n in signals}
+    if len(values) < 2 or not all(_constant(v) and v[0] == 0.0 for v in values.values()):
+        return None
+    return Contradiction(
+        "all signals are zero throughout",
+        next(iter(values)),
+        0.0,
+        "nothing is measured: sensors without supply, or a logger that is not connected",
+        "dead",
+    )
 
 
 def _constant(value: Floats) -> bool:
