@@ -42,7 +42,12 @@ class Table:
 
 
 TABLES = (
-    Table("engines", "results.md#the-filter", 1, "python benchmarks/engines.py"),
+    Table(
+        "engines",
+        "results.md#the-filter",
+        1,
+        "python benchmarks/engines.py --duration 30 --repeats 5",
+    ),
     Table("hour", "results.md#speed", 2, "python benchmarks/log_road hour"),
     Table(
         "fleet",
