@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchest.can.files import read_frames
+from clutchest.can.files import read_frames, write_frames
 from clutchest.can.frames import LENGTH_CODE, Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading.table_formats import is_table
@@ -318,3 +318,28 @@ def test_captures_as_python_can_sends_them(tmp_path):
     assert frames.flags.tolist() == [Flag.REMOTE, Flag.ERROR]
     assert frames.id.tolist() == [0x123, 0] and frames.length.tolist() == [4, 0]
     assert frames.absolute
+
+
+@pytest.mark.filterwarnings("ignore::Warning:asammdf")
+@pytest.mark.parametrize("fd", [False, True])
+def test_what_asammdf_exports_of_bus_logging(fd, tmp_path):
+    """By asammdf itself; with CAN FD it breaks every payload into several lines."""
+    from asammdf import MDF
+
+    frames = random_frames(200, seed=3, fd=fd)
+    data = (frames.flags & (Flag.REMOTE | Flag.ERROR)) == 0
+    frames = replace(frames.take(data), absolute=False).sorted()
+    frames = replace(frames, t_ns=(frames.t_ns - frames.t_ns.min()) // US * US)
+    write_frames(frames, tmp_path / "a.mf4")
+    with MDF(tmp_path / "a.mf4") as mdf:
+        mdf.export("csv", tmp_path / "b.csv", single_time_base=True)
+    if fd:
+        with pytest.raises(ClutchestError, match=r"b\.csv: asammdf's csv of CAN FD"):
+            read_frames(tmp_path / "b.csv")
+        return
+    given = read_frames(tmp_path / "b.csv")
+    np.testing.assert_allclose(given.t_ns, frames.t_ns, atol=1)
+    for column in ("id", "flags", "length", "channel", "data"):
+        a, b = getattr(given, column), getattr(frames, column)
+        np.testing.assert_array_equal(a, b, err_msg=column)
+    assert not given.rejected

@@ -20,7 +20,9 @@ from clutchest.can.text_scan import (
     BAD_ID,
     BAD_TIME,
     BLANK,
+    BRS,
     ERROR,
+    ESI,
     EXTENDED,
     FD,
     HEX,
@@ -43,7 +45,8 @@ from clutchest.can.text_scan import (
 )
 from clutchest.errors import ClutchestError
 
-SKIP, TIME, ID, IS_EXTENDED, IS_REMOTE, IS_ERROR, IS_SENT, CHANNEL, LENGTH, DATA, BYTE = range(11)
+SKIP, TIME, ID, CHANNEL, LENGTH, DATA, BYTE = range(7)
+IS_EXTENDED, IS_REMOTE, IS_ERROR, IS_SENT, IS_FD, IS_FAST, IS_PASSIVE = range(7, 14)
 _NAMED = {
     TIME: r"time|timestamps?|abstime(sec)?|times|timems|timeus",
     ID: r"id|canid|arbid|arbitrationid|identifier|addr|address|messageid|msgid|idhex|iddec",
@@ -51,7 +54,10 @@ _NAMED = {
     IS_REMOTE: r"remote|rtr|remoteframe",
     IS_ERROR: r"er|err|error|errorframe",
     IS_SENT: r"dir|direction|tx|rxtx|txrx",
-    CHANNEL: r"bus|channel|chn|ch|network|canchannel|busnumber",
+    IS_FD: r"edl|fdf|fd|canfd",
+    IS_FAST: r"brs",
+    IS_PASSIVE: r"esi",
+    CHANNEL: r"bus|buschannel|channel|chn|ch|network|canchannel|busnumber",
     LENGTH: r"len|length|datalength|dlc|size|datalen",
     DATA: r"data|databytes|payload|datahex",
     BYTE: r"[db]\d+|data\d+|byte\d+|databyte\d+",
@@ -62,12 +68,14 @@ _HEADER_LINES = 100  # of the file, among which the header is
 
 class Layout(NamedTuple):
     """``roles`` (c,) of the columns; the ``separator``; the ``time_ns`` of a unit of time, whether
-    ids are ``decimal``, channels count from ``first_channel``, and numbers have a ``comma``."""
+    ids are ``decimal``, payloads too (``listed``, such as ``[1 255]``), channels count from
+    ``first_channel``, and numbers have a ``comma``."""
 
     roles: NDArray[np.uint8]
     separator: int
     time_ns: int
     decimal: bool
+    listed: bool
     first_channel: int
     comma: bool
 
@@ -137,16 +145,25 @@ def header_of(source: LogSource, wanted: Callable[[Header], bool]) -> Header:
 
 
 def frames_of(
-    source: LogSource, header: Header, time_ns: int, *, first_channel: int = 0
+    source: LogSource,
+    header: Header,
+    time_ns: int,
+    *,
+    first_channel: int = 0,
+    listed: bool = False,
 ) -> Iterator[Frames]:
-    """Frames behind the ``header``; lines that cannot be read are counted in ``rejected``."""
-    dec = any(_role(name) == ID and "dec" in name.lower() for name in header.names)
+    """Frames behind the ``header``; lines that cannot be read are counted in ``rejected``.
+
+    ``listed``: ids and payloads are decimal, and these in brackets.
+    """
+    dec = listed or any(_role(name) == ID and "dec" in name.lower() for name in header.names)
     sample = source.head[header.end :].split(b"\n")[0]
     layout = Layout(
         np.array(header.roles(), np.uint8),
         ord(header.separator),
         time_ns,
         dec,
+        listed,
         first_channel,
         header.separator == ";" and b"." not in sample.split(b";")[0],
     )
@@ -183,6 +200,8 @@ def _line(layout: Layout, text: Bytes, i: int, n: int, out: Table) -> int:
             t_ns, behind = _time(text, i, layout.time_ns, layout.comma)
             if behind == i:
                 return BAD_TIME
+            if layout.listed and text[behind] != layout.separator:  # the rest of a list
+                return NO_FRAME
             out.t_ns[n] = t_ns
         elif role == ID:
             value, behind = _id(text, i, layout.decimal)
@@ -198,7 +217,10 @@ def _line(layout: Layout, text: Bytes, i: int, n: int, out: Table) -> int:
         elif role == CHANNEL:
             channel = _channel(text, i, layout.separator) - layout.first_channel
         elif role in (DATA, BYTE):
-            count, behind = _bytes(text, i, count, role == DATA, n, out)
+            if layout.listed:
+                count, behind = _listed(text, i, n, out)
+            else:
+                count, behind = _bytes(text, i, count, role == DATA, n, out)
             if count < 0:
                 return count
         elif role != SKIP and (text[i] | 32 == 116 or text[i] == 49 or text[i] | 32 == 121):
@@ -231,6 +253,12 @@ def _flag_of(role: int) -> int:
         return EXTENDED
     if role == IS_REMOTE:
         return REMOTE
+    if role == IS_FD:
+        return FD
+    if role == IS_FAST:
+        return BRS
+    if role == IS_PASSIVE:
+        return ESI
     return ERROR if role == IS_ERROR else SENT
 
 
@@ -313,3 +341,22 @@ def _bytes(text: Bytes, i: int, count: int, many: bool, n: int, out: Table) -> t
         count, i = count + 1, i + (1 if low < 0 else 2)
         if not many:
             return count, i
+
+
+@compiled
+def _listed(text: Bytes, i: int, n: int, out: Table) -> tuple[int, int]:
+    """(bytes, position behind) of decimal numbers in brackets; a negative number is the reason why
+    not."""
+    count = 0
+    if text[i] != 91:  # [
+        return BAD_DATA, i
+    i = blanks(text, i + 1)
+    while text[i] != 93:  # ]
+        value, behind = decimal(text, i)
+        if behind == i or value > 255 or count == 64:
+            return BAD_DATA, i
+        if count == out.data.shape[1]:
+            return WIDE, i
+        out.data[n, count] = value
+        count, i = count + 1, blanks(text, behind)
+    return count, i + 1
