@@ -217,10 +217,7 @@ def _line(layout: Layout, text: Bytes, i: int, n: int, out: Table) -> int:
         elif role == CHANNEL:
             channel = _channel(text, i, layout.separator) - layout.first_channel
         elif role in (DATA, BYTE):
-            if layout.listed:
-                count, behind = _listed(text, i, n, out)
-            else:
-                count, behind = _bytes(text, i, count, role == DATA, n, out)
+            count, behind = _payload(layout.listed, text, i, count, role == DATA, n, out)
             if count < 0:
                 return count
         elif role != SKIP and (text[i] | 32 == 116 or text[i] == 49 or text[i] | 32 == 121):
@@ -318,6 +315,14 @@ def _channel(text: Bytes, i: int, separator: int) -> int:
             return value
         i += 1
     return 0
+
+
+@compiled
+def _payload(
+    listed: bool, text: Bytes, i: int, count: int, many: bool, n: int, out: Table
+) -> tuple[int, int]:
+    """As :func:`_listed` or :func:`_bytes`."""
+    return _listed(text, i, n, out) if listed else _bytes(text, i, count, many, n, out)
 
 
 @compiled
