@@ -343,3 +343,30 @@ def test_what_asammdf_exports_of_bus_logging(fd, tmp_path):
         a, b = getattr(given, column), getattr(frames, column)
         np.testing.assert_array_equal(a, b, err_msg=column)
     assert not given.rejected
+
+
+DATES = ["2023-11-20T10:13:20.5", "2023-11-20 10:13:20", "20.11.2023 10:13:20.5", "10:13:20.5"]
+
+
+@pytest.mark.parametrize("date", DATES)
+def test_frames_whose_times_are_dates_are_refused_not_read_as_their_year(date, tmp_path):
+    path = written(tmp_path / "a.csv", f"Time,ID,DLC,Data\n{date},123,2,01 02\n")
+    with pytest.raises(ClutchestError, match=r"a\.csv: the time of a frame is '.*; expected"):
+        read_frames(path)
+
+
+def test_a_time_that_goes_on_behind_its_number_is_none(tmp_path):
+    text = "Time,ID,DLC,Data\n0.5,123,2,01 02\n0.6x,123,2,01 02\n0.7 ,124,2,01 02\n"
+    frames = read_frames(written(tmp_path / "a.csv", text))
+    assert frames.id.tolist() == [0x123, 0x124]
+    assert frames.rejected == (("time stamp cannot be read", 1),)
+
+
+def test_a_date_of_busmaster_that_cannot_be_read_is_said(tmp_path):
+    text = (
+        "***BUSMASTER Ver 3.2.2***\n***PROTOCOL CAN***\n***[START LOGGING SESSION]***\n"
+        "***START DATE AND TIME 2022-09-06 13:05:05***\n***HEX***\n***RELATIVE MODE***\n"
+        "00:00:00:0000 Rx 1 0x123 s 2 01 02\n"
+    )
+    frames = read_frames(written(tmp_path / "a.log", text))
+    assert not frames.absolute and "'2022-09-06 13:05:05' is not read" in frames.notes[0]

@@ -63,6 +63,7 @@ _NAMED = {
     BYTE: r"[db]\d+|data\d+|byte\d+|databyte\d+",
 }
 _UNITS = {"ms": 1_000_000, "us": 1_000, "µs": 1_000, "ns": 1}
+_DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d|\d[-/.]\d\d?[-/.]\d{4}|\d:\d\d(:\d\d)?")
 _HEADER_LINES = 100  # of the file, among which the header is
 
 
@@ -158,6 +159,7 @@ def frames_of(
     """
     dec = listed or any(_role(name) == ID and "dec" in name.lower() for name in header.names)
     sample = source.head[header.end :].split(b"\n")[0]
+    _check_times(source, header, sample)
     layout = Layout(
         np.array(header.roles(), np.uint8),
         ord(header.separator),
@@ -169,6 +171,17 @@ def frames_of(
     )
     source.read(header.end)
     return undated(source, lambda *table: _scan(layout, *table))
+
+
+def _check_times(source: LogSource, header: Header, sample: bytes) -> None:
+    """Raises ClutchestError where the first line of frames has a date for a time."""
+    cells = sample.decode("utf-8", "replace").split(header.separator)
+    for role, cell in zip(header.roles(), cells, strict=False):
+        if role == TIME and _DATE.search(cell):
+            raise ClutchestError(
+                f"{source.path}: the time of a frame is {cell.strip()[:40]!r}; expected a csv of "
+                "frames with numbers of s, ms, µs or ns"
+            )
 
 
 @compiled
@@ -198,10 +211,9 @@ def _line(layout: Layout, text: Bytes, i: int, n: int, out: Table) -> int:
         behind = i
         if role == TIME:
             t_ns, behind = _time(text, i, layout.time_ns, layout.comma)
-            if behind == i:
+            ends = text[behind] == layout.separator or (text[behind] <= 34 and not layout.listed)
+            if behind == i or not ends:  # a date, or the rest of a list
                 return BAD_TIME
-            if layout.listed and text[behind] != layout.separator:  # the rest of a list
-                return NO_FRAME
             out.t_ns[n] = t_ns
         elif role == ID:
             value, behind = _id(text, i, layout.decimal)

@@ -45,6 +45,7 @@ from clutchest.can.time_stamps import LAST_S
 _START = re.compile(
     rb"\*\*\*START DATE AND TIME (\d+):(\d+):(\d+) (\d+):(\d+):(\d+)(?::(\d+))?", re.IGNORECASE
 )
+_STATED = re.compile(rb"\*\*\*START DATE AND TIME ([^*\r\n]+)", re.IGNORECASE)
 _DECIMAL = re.compile(rb"^\*\*\*DEC\*\*\*", re.MULTILINE)
 _MODE = re.compile(rb"^\*\*\*(SYSTEM|ABSOLUTE|RELATIVE) MODE\*\*\*", re.MULTILINE)
 _DAY_NS = 86_400_000_000_000
@@ -56,6 +57,10 @@ def read(source: LogSource) -> Iterator[Frames]:
     kind = mode[1] if mode else b"SYSTEM"
     start = _start(source.head)
     base = 10 if _DECIMAL.search(source.head) else 16
+    notes: tuple[str, ...] = ()
+    if start is None and (stated := _STATED.search(source.head)):
+        words = stated[1].decode("latin-1").strip()[:60]
+        notes = (f"the date {words!r} is not read, times are without a date",)
     offset = 0 if start is None else _midnight_ns(start) if kind == b"SYSTEM" else _ns(start)
     last = np.int64(0)
     for frames in tables(source, lambda *table: _scan(base, *table)):
@@ -67,7 +72,7 @@ def read(source: LogSource) -> Iterator[Frames]:
             days = np.cumsum(steps < -_DAY_NS // 2) + last // _DAY_NS
             t_ns = t_ns + days * _DAY_NS
         last = t_ns[-1] if len(t_ns) else last
-        yield replace(frames, t_ns=t_ns + offset, absolute=start is not None)
+        yield replace(frames, t_ns=t_ns + offset, absolute=start is not None, notes=notes)
 
 
 def _start(head: bytes) -> datetime | None:
