@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 import pandas as pd
 from scipy.io import loadmat
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_closing, binary_erosion
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
@@ -27,8 +27,8 @@ from run import force_error, inputs_of, motion  # noqa: E402
 from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
 
 PAST = 4  # positions that the controller makes its speed of
-SLOW = 0.005  # m/s, below which the carriage may stick, and residuals are not noise
-BLOCK = 640  # samples of a block of disturbances
+SLOW, STEADY = 0.005, 0.05  # m/s and m/s²: noise is what is left at a steady speed above
+BLOCK = 300  # samples of a block of disturbances
 STEPS = 4  # of an integration, between two samples
 
 
@@ -56,15 +56,16 @@ class Loop:
         taps, noises = controller(goal, position, voltage, kp, kv)
         table = motion(filtered(time, position, gain * voltage, every=1))
         error = -force_error(fitted, table)
-        moving = binary_erosion(np.abs(table["speed"]) > SLOW, iterations=2 * WIDTH)
-        edges = np.flatnonzero(np.diff(np.pad(moving.astype(int), 1))).reshape(-1, 2)
+        steady = (np.abs(table["speed"]) > SLOW) & (np.abs(table["acceleration"]) < STEADY)
+        steady = binary_erosion(binary_closing(steady, iterations=WIDTH), iterations=2 * WIDTH)
+        edges = np.flatnonzero(np.diff(np.pad(steady.astype(int), 1))).reshape(-1, 2)
         return cls(
             time,
             goal,
             position[0],
             inputs_of(fitted, filled(time, table)),
             loop(fitted, gain, kp, kv, taps),
-            tuple(error[a:b] for a, b in edges if b - a >= BLOCK),
+            tuple(error[a:b] - error[a:b].mean() for a, b in edges if b - a >= BLOCK),
             noises,
             gain,
         )

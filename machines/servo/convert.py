@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.signal.windows import hann
 
 SOURCE = "https://github.com/kscalelabs/sysid, data/feetech/STS_3215_12V_20250317/processed"
 FILE = "servo_sts3215.parquet"
 GRAVITY = 9.81  # m/s²
 SIGN, SCALE = 10.24, 0.1  # the reported duty: tenths, and this much more where it is positive
-WINDOW = 13  # samples of 5 ms that position and duty are smoothed over alike
+BEAT = 8  # samples of 5 ms after which the bench's late readings of the position recur
 EVERY = 4  # of these samples, one reading: 50 Hz, of a bench that samples at 100 Hz
 
 DISCOVERY = {"arm_m": (0.10,), "mass_kg": (0.535, 0.969)}
@@ -31,15 +30,15 @@ def duty_of(reported: np.ndarray) -> np.ndarray:
 def table(run: pd.DataFrame) -> pd.DataFrame:
     """``time`` s and the machine's columns at 50 Hz.
 
-    Position and duty pass the same filter without delay, as in identification by inverse dynamics.
+    Position and duty pass the same filter without delay, as in identification by inverse dynamics:
+    two means over a beat, of which late readings leave nothing.
     """
     time, arm, mass = run.time_s.to_numpy(), run.arm_m.iloc[0], run.mass_kg.iloc[0]
     duty = duty_of(run.torque.to_numpy())
     known = np.isfinite(duty)
     duty = np.interp(time, time[known], duty[known])
-    window = hann(WINDOW + 2)[1:-1]
-    window /= window.sum()
-    half = WINDOW // 2
+    mean = np.convolve([0.5, 0.5], np.full(BEAT, 1.0 / BEAT))  # centred on a sample
+    window, half = np.convolve(mean, mean), BEAT
 
     def smooth(value: np.ndarray) -> np.ndarray:
         return np.convolve(np.pad(value.astype(float), half, mode="edge"), window, mode="valid")

@@ -26,12 +26,12 @@ def arm(q):
     q.moment_now = q.moment
     q.inertia = q.armature + q.load_inertia
     q.gravity_torque = q.moment_now * ca.sin(q.angle)
-    q.load = q.motor_torque - q.gravity_torque
+    q.load = (q.motor_torque + q.gravity_torque) / 2.0
     q.direction = ca.tanh(q.speed / TURNS)
     q.dry = q.coulomb
     q.viscous_now = q.viscous
     q.friction = q.dry * q.direction + q.viscous_now * q.speed
-    q.speed_rate = q.free_running * (q.load - q.friction) / q.inertia
+    q.speed_rate = q.free_running * (q.motor_torque - q.gravity_torque - q.friction) / q.inertia
     q.speed_reading = q.speed
     q.measured_torque = q.inertia * q.acceleration + q.gravity_torque + q.friction
 

@@ -193,6 +193,19 @@ def test_duty_of_the_servo_has_its_sign():
     assert np.isnan(duty[3])
 
 
+def test_late_readings_of_the_servo_leave_no_trace():
+    """At a constant speed every fourth reading comes late; the table's speed is constant."""
+    time = 0.01 * np.arange(200)
+    late = np.where(np.arange(200) % 4 == 3, 0.006, 0.0)
+    fine = 0.005 * np.arange(399)
+    fixed = {"mass_kg": 0.5, "arm_m": 0.1, "supply_V": 12.0, "torque_enabled": 1.0, "torque": 0.0}
+    position = np.interp(fine, time, 2.0 * (time - late))
+    run = pd.DataFrame({"time_s": fine, "position_rad": position, **fixed})
+    speed = module("servo", "convert").table(run)["speed"].to_numpy()[5:-5]
+    assert np.std(np.diff(position) / 0.005) > 0.5
+    assert speed == pytest.approx(2.0, abs=1e-6)
+
+
 def test_blocks_fit_the_record():
     hour = np.arange(0.0, 3600.0, 0.01)
     assert block_length(hour) == BLOCK
