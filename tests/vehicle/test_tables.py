@@ -50,6 +50,8 @@ def written(folder: Path, text: str, name: str = "a.csv") -> Path:
         ("Time (ms),engine_speed (1/min)", 1e3 * TIME, SPEED / RPM),
         ("t [s],Engine_Speed [rad/s]", TIME, SPEED),
         ("time_ms,engine_speed", 1e3 * TIME, SPEED),
+        ("Time [s],Engine Speed [rpm]", TIME, SPEED / RPM),
+        ("Time,ENGINE-SPEED", TIME, SPEED),
         (",time,engine_speed [rpm]", TIME, SPEED / RPM),  # an index in front
     ],
 )

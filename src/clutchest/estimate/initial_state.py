@@ -279,7 +279,8 @@ def _check_possible(compiled: Compiled, state: Mapping[str, Any]) -> None:
             continue
         (low, high), margin = each.possible, 3.0 * float(np.sqrt(variance))
         if not low - margin <= value <= high + margin:
-            raise _damaged("x", f"physically possible: {each.name} is {value:.4g} {each.unit}")
+            unit = "" if each.unit == "1" else f" {each.unit}"
+            raise _damaged("x", f"physically possible: {each.name} is {value:.4g}{unit}")
 
 
 def _damaged(key: str, expected: str) -> StateError:

@@ -80,11 +80,19 @@ def places(
 
 
 def _header_of(name: str, headers: Mapping[str, tuple[str, str]]) -> str | None:
-    """The header that is ``name``, unit and case left out of account where it must."""
+    """The header that is ``name``, where it must be without unit and case, and with blanks, points
+    or hyphens for underscores."""
     if name in headers:
         return name
-    bare = [header for header, (base, _) in headers.items() if base.lower() == name.lower()]
-    return bare[0] if bare else None
+    for plain in (str.lower, _plain):
+        for header, (base, _) in headers.items():
+            if plain(base) == plain(name):
+                return header
+    return None
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s.\-]+", "_", name.lower())
 
 
 def _checked(table: SignalTable, header: str, name: str, stated: str, unit: str) -> str:
