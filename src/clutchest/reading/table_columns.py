@@ -195,12 +195,14 @@ def _seconds(table: Frame, column: str, unit: str) -> tuple[Floats, list[str]]:
             return _past_midnight(np.array(clock, np.float64)), []
     words = not_numbers(table, column, column, numbers)
     scale = _unit_s(table, column, unit, numbers)
+    zero = 0.0
     if (not unit or scale == _DAY_S) and (days := _days(numbers.value, scale == _DAY_S)):
         zero, how = days
         if not unit:
             words.append(f"{_file(table)}: {column} is taken for days, {how}")
-        return (numbers.value - zero) * _DAY_S, words
-    return numbers.value * scale, words
+            scale = _DAY_S
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are no times
+        return (numbers.value - zero) * scale, words
 
 
 def _days(value: Floats, stated: bool) -> tuple[float, str] | None:
