@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.map_fit import most_probable, settle
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.objective import Objective
@@ -74,7 +75,7 @@ def blocks_of(
     before alone.  Gains are 0 at the operating point but for those ``present``: index among the
     thetas → initial size, in units, of the fit.
     """
-    problem = Problem.of(signals, vehicle, effects, progress)
+    problem = with_fitted_gains(Problem.of(signals, vehicle, effects, progress))
     readings = problem.drives[0].readings
     thetas = problem.thetas
     if not len(readings.t):
@@ -84,7 +85,7 @@ def blocks_of(
         return Blocks(vehicle.machine.states, thetas, nothing, nothing, np.zeros(0, int), gram)
     if progress:
         progress("linearising", None)
-    start = np.zeros(len(thetas))
+    start = problem.near.copy()
     start[list(present)] = list(present.values())
     objective, fit = settle(Objective.of(problem), start)
     if present:

@@ -30,6 +30,7 @@ from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
 from clutchest.models.declarations import Event, OutputTracking, Wear
 from clutchest.models.effects import effects_in
+from clutchest.models.fault import faults_in
 from clutchest.models.machine import Machine
 
 
@@ -88,6 +89,8 @@ MACHINE = Machine(
     separating_sensors=SEPARATING_SENSORS,
     sensor_for=SENSOR_FOR,
     separating_manoeuvres=SEPARATING_MANOEUVRES,
+    faults=faults_in("clutchest.models.alsd.faults"),
+    fault_signals=("armature_voltage", "armature_current", "motor_angle"),
     experiments=EXPERIMENTS,
     benches=BENCHES,
     generate=_generate,

@@ -1,0 +1,157 @@
+"""Fault tests of the differential: false alarms of whole healthy runs, and injected faults.
+
+    python benchmarks/faults/differential.py --out FOLDER [--healthy 40] [--injected 12]
+
+Every run is of another specimen, drawn from the spreads of the vehicle file.  Records in FOLDER are
+kept, so that it continues where it was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import clutchest
+from clutchest.diagnosis.blocks import blocks_of
+from clutchest.diagnosis.drive_diagnosis import effects_for
+from clutchest.diagnosis.fault_tests import FaultTestResults, run_fault_tests
+from clutchest.diagnosis.isolation import explanations, not_excluded, separability
+from clutchest.vehicle import load_vehicle
+
+DURATION = 60.0  # s
+RUNS = ("rig-steps", "rig-slow", "rig-ramps", "car", "slip-oil-sweep", "coast")
+VEHICLES = {"car": "alsd_car"}
+# fault → sizes, in turn; from the start of the run
+CASES: dict[str, tuple[float, ...]] = {
+    "ball_ramp_friction": (1.0, -0.8),
+    "current_gain": (0.12, -0.15),
+    "friction_fade": (0.05, 0.1),
+    "friction_level": (-0.4, 0.5),
+    "motor_friction": (1.0, 1.5),
+    "pack_stiffness": (-0.25, 0.3),
+    "spring_preload": (-0.5, 0.5),
+    "supply_drop": (0.1, 0.2),
+}
+
+
+def tested(scenario: str, seed: int, effects: dict[str, Any]) -> FaultTestResults:
+    """The tests of the equations over one run."""
+    vehicle = load_vehicle(VEHICLES.get(scenario, "alsd_rig"))
+    signals = clutchest.simulate(vehicle, scenario, seed, effects, duration=DURATION)
+    blocks = blocks_of(signals, vehicle, effects_for(vehicle.machine))
+    rate = vehicle.false_alarms_per_1000h
+    return run_fault_tests(blocks, vehicle.machine, rate, DURATION / 3600.0)
+
+
+def healthy(seed: int) -> dict[str, Any]:
+    """What a run without a fault gives."""
+    scenario = RUNS[seed % len(RUNS)]
+    results = tested(scenario, seed, {})
+    z = results.residuals.z
+    return {
+        "seed": seed,
+        "scenario": scenario,
+        "failed": [r.fault.name for r in results.faults if r.status == "failed"],
+        "misfit": results.misfit_detected is not None,
+        "std": dict(zip([r.fault.name for r in results.faults], z.std(axis=0), strict=True)),
+        "detectable": {r.fault.name: r.detectable for r in results.faults},
+        "begins": {r.fault.name: float(r.begins.max()) for r in results.faults},
+        "was": {r.fault.name: float(r.was.max()) for r in results.faults},
+    }
+
+
+def injected(fault: str, seed: int) -> dict[str, Any]:
+    """What a run with one fault gives."""
+    size = CASES[fault][seed % len(CASES[fault])]
+    declared = next(f for f in load_vehicle("alsd_rig").machine.faults if f.name == fault)
+    results = tested("rig-steps", seed, {fault: {declared.key: size}})
+    detected = [r for r in results.faults if r.detected is not None]
+    names, d_prime = separability(results, np.array([r.fault.size for r in results.faults]))
+    row = names.index(fault)
+    scale = abs(size) / declared.size
+    rivals = [d_prime[row, k] for k, name in enumerate(names) if name != fault]
+    record: dict[str, Any] = {
+        "fault": fault,
+        "seed": seed,
+        "size": size,
+        "d_prime": float(d_prime[row, -1] * scale),
+        "d_prime_nearest": float(min(rivals) * scale),
+        "nearest": names[[k for k, n in enumerate(names) if n != fault][int(np.argmin(rivals))]],
+        "set": [],
+        "detected_s": None,
+    }
+    if detected:
+        first = min(detected, key=lambda r: r.detected or 0)
+        onsets = sorted({0, *(int(r.onset[r.detected]) for r in detected)})
+        ranked = explanations(results, onsets, len(results.blocks))
+        best = next((e for e in ranked if e.fault == fault), None)
+        record |= {
+            "set": list(not_excluded(ranked)),
+            "detected_s": float(results.blocks.end[first.detected]),
+            "estimate": None if best is None else [best.size, best.std],
+        }
+    return record
+
+
+def kept(path: Path, make: Any) -> dict[str, Any]:
+    """The record at ``path``, made where there is none."""
+    if not path.is_file():
+        path.write_text(json.dumps(make(), default=float))
+    return dict(json.loads(path.read_text()))
+
+
+def share(k: int, n: int) -> str:
+    """k of n with its 95 % interval (Clopper, Pearson)."""
+    from scipy.stats import beta
+
+    low = beta.ppf(0.025, k, n - k + 1) if k else 0.0
+    high = beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
+    return f"{k} of {n} [{100 * low:.0f}, {100 * high:.0f}] %"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--healthy", type=int, default=40)
+    parser.add_argument("--injected", type=int, default=12, help="runs per fault")
+    parser.add_argument("--first", type=int, default=40000, help="first seed")
+    parser.add_argument("--out", type=Path, default=Path("faults-alsd"))
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    runs, records = [], []
+    for k in range(max(given.healthy, given.injected)):
+        seed = given.first + k
+        if k < given.healthy:
+            runs.append(kept(given.out / f"healthy-{seed}.json", lambda s=seed: healthy(s)))
+        for fault in CASES if k < given.injected else ():
+            path = given.out / f"{fault}-{seed}.json"
+            records.append(kept(path, lambda f=fault, s=seed: injected(f, s)))
+    failed = Counter(name for run in runs for name in run["failed"])
+    print(f"{len(runs)} healthy runs, {len(runs) * DURATION / 3600:.1f} h: {dict(failed)} failed, ")
+    print(f"misfit in {sum(run['misfit'] for run in runs)}")
+    for fault in CASES:
+        own = [r for r in records if r["fault"] == fault]
+        found = [r for r in own if r["set"]]
+        right = [r for r in found if r["set"] == [fault]]
+        apart = [r for r in own if r["d_prime_nearest"] >= 4.0]
+        both = [r for r in apart if r["set"] == [fault]]
+        std = np.median([run["std"][fault] for run in runs]) if runs else np.nan
+        print(
+            f"{fault:20s} std of residuals {std:.2f}; detected {len(found)}, alone {len(right)} of "
+            f"{len(own)}; d' >= 4: {len(both)} of {len(apart)}",
+            flush=True,
+        )
+    apart = [r for r in records if r["d_prime_nearest"] >= 4.0]
+    print("detected", share(sum(bool(r["set"]) for r in records), len(records)))
+    print("isolated at d' >= 4", share(sum(r["set"] == [r["fault"]] for r in apart), len(apart)))
+    print(
+        "true fault in the set", share(sum(r["fault"] in r["set"] for r in records), len(records))
+    )
+
+
+if __name__ == "__main__":
+    main()

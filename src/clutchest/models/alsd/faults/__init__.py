@@ -1,0 +1,1 @@
+"""The faults that the equations of the differential show, one file each."""
