@@ -1,0 +1,43 @@
+"""Faults that the equations of the differential show."""
+
+from __future__ import annotations
+
+import pytest
+
+import clutchest
+from clutchest.diagnosis.blocks import blocks_of
+from clutchest.diagnosis.drive_diagnosis import effects_for
+from clutchest.diagnosis.fault_tests import FaultTestResults, run_fault_tests
+from clutchest.diagnosis.isolation import explanations, not_excluded
+
+DURATION = 60.0  # s
+FAULTS = {
+    "motor_friction": {"change": 1.0},
+    "pack_stiffness": {"change": -0.25},
+    "supply_drop": {"resistance": 0.1},
+}
+
+
+def _tested(seed: int, effects: dict) -> FaultTestResults:
+    rig = clutchest.load_vehicle("alsd_rig")
+    signals = clutchest.simulate(rig, "rig-steps", seed, effects, duration=DURATION)
+    blocks = blocks_of(signals, rig, effects_for(rig.machine))
+    return run_fault_tests(blocks, rig.machine, rig.false_alarms_per_1000h, DURATION / 3600.0)
+
+
+@pytest.mark.slow
+def test_a_healthy_specimen_unlike_the_file_passes():
+    results = _tested(41, {})
+    assert {r.status for r in results.faults} <= {"passed", "not run"}
+    assert results.misfit_detected is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_detected_and_told_from_all_others(fault):
+    results = _tested(42, {fault: FAULTS[fault]})
+    detected = [r for r in results.faults if r.detected is not None]
+    assert fault in {r.fault.name for r in detected}
+    onsets = sorted({0, *(int(r.onset[r.detected]) for r in detected)})
+    ranked = explanations(results, onsets, len(results.blocks))
+    assert not_excluded(ranked) == (fault,)
