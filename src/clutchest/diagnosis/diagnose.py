@@ -225,7 +225,7 @@ def _isolability(run: Run, drives: Drives) -> Isolability | None:
     names, d_prime = separability(results, sizes)
     usable = {name for drive in run.signals.drives for name in drive}
     machine = run.vehicle.machine
-    model, wear = machine.equations(usable), machine.wear
+    model, wear = machine.to_fit(usable), machine.wear
     effects = {e.name: e for e in effects_for(machine)}
     gains = [(f.name, effects[f.effect.name], f.key) for f in machine.faults]
     if wear is not None and wear.effect in effects:

@@ -98,6 +98,6 @@ MACHINE = Machine(
     template="alsd_rig",
     reservations={
         "discover": "an answer of unknown may be a false one: healthy simulated logs of the "
-        "differential get it far more often than the 1 % that is aimed at (docs/alsd.md)"
+        "differential get it far more often than the 1 % that is aimed at (docs/alsd-results.md)"
     },
 )
