@@ -25,20 +25,20 @@ def diagnosis():
         "time": 3.0,
         "mode": "slipping",
         "clutch_torque": 100.0,
-        "causes": ["angle_offset"],
+        "causes": ["motor_friction"],
         "states": {"current": {"value": 1.0, "std": np.nan, "valid": False}},
         "inputs": {"motor_angle": 2.0, "oil_temp": None},
     }
-    causes = (Explanation("angle_offset", 0.1, 0.01, "rad", 3, 0.0),)
+    causes = (Explanation("motor_friction", 0.1, 0.01, "rad", 3, 0.0),)
     fault = Fault(
-        "angle_offset",
-        ("angle_offset", "friction_level"),
+        "motor_friction",
+        ("motor_friction", "friction_level"),
         0,
         2.0,
         3.0,
         None,
         0.999,
-        "angle_offset +0.1 rad",
+        "motor_friction +0.1 rad",
         causes,
         frame,
         0x2F,
@@ -53,7 +53,7 @@ def diagnosis():
         (0.1, None),
         {"a": ("angle",), "b": ()},
     )
-    lanes = {**found.lanes, "angle_offset": (((0.0, "passed"), (3.0, "failed")),)}
+    lanes = {**found.lanes, "motor_friction": (((0.0, "passed"), (3.0, "failed")),)}
     return replace(found, faults=(fault,), isolability=matrix, lanes=lanes)
 
 
@@ -61,6 +61,7 @@ def test_json_has_what_the_interface_names(diagnosis, tmp_path):
     paths = write_diagnosis(diagnosis, tmp_path / "out")
     assert [path.name for path in paths] == ["diagnosis.json", "recording.rrd", "report.html"]
     told = json.loads(paths[0].read_text(encoding="utf-8"))
+    assert told["warnings"] == [diagnosis.reservation] and "misfit" in diagnosis.reservation
     for monitor in told["monitors"]:
         assert {"name", "status", "why", "threshold", "false_alarms_per_1000h"} <= set(monitor)
     fault = told["faults"][0]
@@ -83,8 +84,8 @@ def test_the_recording_has_lanes_a_log_and_a_freeze_frame(diagnosis, tmp_path):
     assert {
         "/fault/log",
         "/fault/freeze_frame",
-        "/fault/angle_offset",
-        "/fault/angle_offset/freeze_frame",
+        "/fault/motor_friction",
+        "/fault/motor_friction/freeze_frame",
     } <= entities
 
 
@@ -92,7 +93,7 @@ def test_the_terminal_names_the_set_and_explains(diagnosis):
     console = Console(record=True, width=120, file=StringIO())
     print_diagnosis(diagnosis, console, explain=True)
     text = console.export_text()
-    assert "one of angle_offset, friction_level" in text
+    assert "one of motor_friction, friction_level" in text
     assert "SPN 520192, FMI 11" in text
     assert "separability" in text and "never" in text
 
@@ -113,4 +114,5 @@ def test_tables_of_eight_faults_are_whole_in_80_columns(diagnosis):
     assert "…" not in text
     assert all(text.count(name) == 2 for name in names)
     rows = [line.split() for line in text.splitlines() if "4.4" in line]
-    assert [row.count("4.4") for row in rows] == [8] * 8
+    counts = [row.count("4.4") for row in rows]  # a threshold of a monitor may be 4.4 as well
+    assert [count for count in counts if count > 1] == [8] * 8

@@ -143,9 +143,15 @@ class Diagnosis(Showing):
         axes.invert_yaxis()
         return figure
 
+    @property
+    def reservation(self) -> str:
+        """What its machine says is to be kept in mind of a diagnosis; empty where nothing is."""
+        return self.run.vehicle.machine.reservations.get("diagnose", "")
+
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""
         return {
+            "warnings": [self.reservation] if self.reservation else [],
             "monitors": [
                 {
                     "name": m.name,
