@@ -311,8 +311,9 @@ class Problem:
         with np.errstate(over="ignore"):  # a step tried too far, where the equations run away
             derivatives /= std[:, None]
             derivatives *= units[columns]
+            innovations = innovations / std
         table = np.zeros((len(derivatives), 1 + len(active)))
-        table[:, 0] = innovations / std
+        table[:, 0] = innovations
         table[:, 1 + place[columns]] = derivatives
         for k, of in enumerate(self.tolerated, len(self.thetas) - len(self.tolerated)):
             if wanted[k]:
