@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.signal import lfilter
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from clutchest.discovery.discover import discover
 from clutchest.identify.fitted_machine import FittedMachine
@@ -121,9 +121,8 @@ def draw_of(machine: str, data: Path, vehicle: Vehicle) -> Draw:
 def report(lines: list[dict]) -> str:
     """The share of records in which something was found, and its 95 % interval."""
     count, found = len(lines), sum(line["verdict"] != "none" for line in lines)
-    low = beta.ppf(0.025, found, count - found + 1) if found else 0.0
-    high = beta.ppf(0.975, found + 1, count - found) if found < count else 1.0
-    return f"{found} of {count} found something: {found / count:.3f} [{low:.3f}, {high:.3f}]"
+    limits = binomtest(found, count).proportion_ci(0.95, "exact")
+    return f"{found} of {count} found something: {found / count:.3f} [{limits.low:.3f}, {limits.high:.3f}]"
 
 
 def main() -> None:

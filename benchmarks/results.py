@@ -155,7 +155,7 @@ TABLES = (
         "alsd-healthy",
         "alsd-results.md#discovery",
         60,
-        "python benchmarks/alsd_discovery.py null --out {out} --first 1201 --seeds 8"
+        "python benchmarks/alsd_discovery.py null --out {out} --first 1301 --seeds 16"
         " && python benchmarks/alsd_discovery.py table --out {out}",
     ),
     Table(
@@ -165,6 +165,13 @@ TABLES = (
         "python benchmarks/alsd_discovery.py size --out {out}"
         " && python benchmarks/alsd_discovery.py effect --out {out} --first 2001"
         " && python benchmarks/alsd_discovery.py table --out {out}",
+    ),
+    Table(
+        "alsd-faults",
+        "alsd-results.md#diagnosis",
+        60,
+        "python benchmarks/faults/differential.py --out {out} --healthy 24 --injected 4"
+        " --first 41000",
     ),
     Table(
         "alsd-identify",

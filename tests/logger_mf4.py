@@ -61,3 +61,15 @@ def logged(frames: Frames, path: Path, layout: str) -> tuple[bytes, list[int]]:
     offsets = [i * PER_BLOCK * size for i in range(n)]
     body = struct.pack(f"<Q{n}QB3xI{n}Q", 0, *begins, 0, n, *offsets)
     return bytes(content) + block(b"##DL", body, n + 1) + b"".join(blocks), begins
+
+
+def move_channels(path: Path, offset: int) -> None:
+    """Let every channel of an MDF4 file begin at byte ``offset`` of its records."""
+    content = bytearray(path.read_bytes())
+    at = content.find(b"##CN")
+    while at >= 0:
+        links = int.from_bytes(content[at + 16 : at + 24], "little")
+        place = at + 24 + 8 * links + 4
+        content[place : place + 4] = offset.to_bytes(4, "little")
+        at = content.find(b"##CN", at + 4)
+    path.write_bytes(content)

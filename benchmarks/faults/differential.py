@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest
 
 import clutchest
 from clutchest.diagnosis.blocks import blocks_of
@@ -107,11 +108,8 @@ def kept(path: Path, make: Any) -> dict[str, Any]:
 
 def share(k: int, n: int) -> str:
     """k of n with its 95 % interval (Clopper, Pearson)."""
-    from scipy.stats import beta
-
-    low = beta.ppf(0.025, k, n - k + 1) if k else 0.0
-    high = beta.ppf(0.975, k + 1, n - k) if k < n else 1.0
-    return f"{k} of {n} [{100 * low:.0f}, {100 * high:.0f}] %"
+    limits = binomtest(k, n).proportion_ci(0.95, "exact")
+    return f"{k} of {n} [{100 * limits.low:.0f}, {100 * limits.high:.0f}] %"
 
 
 def main() -> None:

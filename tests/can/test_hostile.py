@@ -15,7 +15,7 @@ import pytest
 from clutchest.can import log_source
 from clutchest.can.files import read_frames, write_frames
 from clutchest.errors import ClutchestError
-from logger_mf4 import logged
+from logger_mf4 import logged, move_channels
 from samples import random_frames
 
 GOOD = b"(1436509052.249713) can0 123#0102\n"
@@ -135,14 +135,7 @@ def test_an_mf4_channel_beyond_its_records(offset, tmp_path):
     """asammdf would read there, whatever memory that is."""
     path = tmp_path / "a.mf4"
     write_frames(random_frames(100, seed=3), path)
-    content = bytearray(path.read_bytes())
-    at = content.find(b"##CN")
-    while at >= 0:
-        links = int.from_bytes(content[at + 16 : at + 24], "little")
-        place = at + 24 + 8 * links + 4
-        content[place : place + 4] = offset.to_bytes(4, "little")
-        at = content.find(b"##CN", at + 4)
-    path.write_bytes(content)
+    move_channels(path, offset)
     with pytest.raises(ClutchestError, match="ends beyond its records"):
         read_frames(path)
 

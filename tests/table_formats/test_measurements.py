@@ -12,6 +12,7 @@ from asammdf.blocks.conversion_utils import from_dict
 
 from clutchest.errors import ClutchestError
 from clutchest.reading.table_formats import load_table
+from logger_mf4 import move_channels
 
 N = 400
 TIME = 0.01 * np.arange(N)
@@ -147,14 +148,7 @@ def test_samples_that_are_marked_as_invalid_are_none(tmp_path):
 def test_a_channel_beyond_its_records_is_refused(offset, tmp_path):
     """asammdf would read there, whatever memory that is."""
     path = written(tmp_path / "a.mf4")
-    content = bytearray(path.read_bytes())
-    at = content.find(b"##CN")
-    while at >= 0:
-        links = int.from_bytes(content[at + 16 : at + 24], "little")
-        place = at + 24 + 8 * links + 4
-        content[place : place + 4] = offset.to_bytes(4, "little")
-        at = content.find(b"##CN", at + 4)
-    path.write_bytes(content)
+    move_channels(path, offset)
     assert "ends beyond its records" in refusal(path)
 
 
