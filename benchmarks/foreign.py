@@ -122,7 +122,8 @@ def report(lines: list[dict]) -> str:
     """The share of records in which something was found, and its 95 % interval."""
     count, found = len(lines), sum(line["verdict"] != "none" for line in lines)
     limits = binomtest(found, count).proportion_ci(0.95, "exact")
-    return f"{found} of {count} found something: {found / count:.3f} [{limits.low:.3f}, {limits.high:.3f}]"
+    share = f"{found / count:.3f} [{limits.low:.3f}, {limits.high:.3f}]"
+    return f"{found} of {count} found something: {share}"
 
 
 def main() -> None:
