@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from clutchest.diagnosis.structure import affected_sensors
-from clutchest.models import machine_of
+from clutchest.models import machine_in_file, machine_of
+
+
+SERVO = Path(__file__).parents[2] / "machines" / "servo" / "servo.py"
 
 
 @pytest.fixture(scope="module")
@@ -22,3 +27,11 @@ def test_a_reading_of_a_state_is_not_affected_through_itself(affected):
     for sensors in affected.values():
         for name, _, states in (text.partition(" through ") for text in sensors):
             assert name not in states.split(", ")
+
+
+def test_a_machine_without_regimes():
+    machine = machine_in_file(SERVO)
+    equations = machine.equations(machine.units)
+    assert not equations.regime
+    affected = affected_sensors(equations, [(f.name, f.effect, f.key) for f in machine.faults])
+    assert set(affected) == {f.name for f in machine.faults} and all(affected.values())

@@ -32,8 +32,8 @@ def affected_sensors(
     flows, measured = np.eye(n, dtype=bool), np.zeros((len(model.sensors), n), bool)
     modes = []
     for flags in product((0.0, 1.0), repeat=len(model.regime)):
-        weights = ca.DM.zeros(e.w.shape)  # there is one, which nothing reads, without flags
-        weights[: len(flags)] = flags
+        undoubted = np.zeros(e.w.numel() - len(flags))
+        weights = ca.DM(np.concatenate([flags, undoubted]))
         rate, readings, first = (
             ca.simplify(ca.substitute(x, e.w, weights)) for x in (e.rate, e.readings, e.initial)
         )
