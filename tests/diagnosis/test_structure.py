@@ -9,7 +9,6 @@ import pytest
 from clutchest.diagnosis.structure import affected_sensors
 from clutchest.models import machine_in_file, machine_of
 
-
 SERVO = Path(__file__).parents[2] / "machines" / "servo" / "servo.py"
 
 

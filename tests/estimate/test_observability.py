@@ -163,6 +163,8 @@ def test_when_a_state_was_last_informed():
     assert many.informed_at("friction") == 15.0
     assert of([NOTHING / 5] * 4, [slip] * 4).informed_at("friction") is None
     away = of([1.0, 0.0, 0.0], [slip, home, home], [0.0, 10.0, 20.0])
-    assert not_observable_now(away, "friction") == ("not observable now: no information since 0 s")
+    assert not_observable_now(away, away.by_mode(), "friction") == (
+        "not observable now: no information since 0 s"
+    )
     still = of([1.0, 0.0, 0.0], [slip, home, slip], [0.0, 10.0, 20.0])
-    assert not_observable_now(still, "friction") is None
+    assert not_observable_now(still, still.by_mode(), "friction") is None

@@ -68,3 +68,38 @@ def test_numbers_that_inflate_are_refused(tmp_path, monkeypatch):
     path = written(tmp_path / "x.parquet", zero=np.zeros(ROWS))
     with pytest.raises(ClutchestError, match="million numbers"):
         load_table(path)
+
+
+@pytest.mark.parametrize("index", [None, "number", "time"])
+def test_a_table_of_numbers_is_what_pandas_makes_of_it(tmp_path, index):
+    path, rng = tmp_path / "x.parquet", np.random.default_rng(1)
+    given = {
+        "time": pa.array(np.arange(ROWS) * 0.01),
+        "half": pa.array(rng.normal(size=ROWS).astype(np.float16)),
+        "single": pa.array(rng.normal(size=ROWS).astype(np.float32), mask=rng.random(ROWS) < 0.5),
+        "whole": pa.array(rng.integers(-9, 9, ROWS).astype(np.int8), mask=rng.random(ROWS) < 0.9),
+        "large": pa.array(rng.integers(0, 1 << 63, ROWS, np.uint64)),
+        "nan": pa.array([np.nan, None, np.inf, 1.0] * (ROWS // 4)),
+        "empty": pa.array([None] * ROWS, pa.float64()),
+    }
+    frame = pa.table(given).to_pandas()
+    if index is None:
+        pq.write_table(pa.table(given), path, row_group_size=300)
+    else:
+        (frame.rename_axis(index) if index == "number" else frame.set_index(index)).to_parquet(path)
+    by_file, by_pandas = load_table(path), load_table(frame)
+    for name in given:
+        one, other = by_file.column(name), by_pandas.column(name)
+        np.testing.assert_array_equal(one.value, other.value)
+        np.testing.assert_array_equal(one.given, other.given)
+    assert ("number" in by_file.units) == (index == "number")
+
+
+def test_a_damaged_column_is_one_line(tmp_path):
+    path = written(tmp_path / "x.parquet", more=np.random.default_rng(1).random(ROWS))
+    content = bytearray(path.read_bytes())
+    begin = pq.read_metadata(path).row_group(0).column(2).data_page_offset
+    content[begin : begin + 200] = bytes(200)
+    path.write_bytes(content)
+    with pytest.raises(ClutchestError, match=r"x\.parquet: not a readable table"):
+        load_table(path).column("more")

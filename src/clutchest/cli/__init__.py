@@ -5,6 +5,7 @@ Whatever is heavy is imported by the verb that needs it, so that ``--help`` answ
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
@@ -66,6 +67,7 @@ def main() -> None:
     nobody foresaw, with a file to send."""
     printable()
     gc.set_threshold(_OBJECTS)
+    atexit.register(gc.freeze)  # nor in the end, which would take a quarter of a second
     try:
         try:
             app()

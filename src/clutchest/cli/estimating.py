@@ -39,8 +39,13 @@ def estimated(
     show("reading", None)
     signals = read_log(source.logs, car, window.parse(), traffic=traffic)
     recording = ["clutchest.record.rerun"] if installed("rerun") else []
-    # not earlier: two that import only take turns
-    meanwhile("pyarrow.parquet", *recording, "clutchest.record.terminal")
+    writers = iter([("pyarrow.parquet", *recording, "clutchest.record.terminal")])
+
+    def filtering(text: str, share: float | None) -> None:
+        show(text, share)
+        if share is not None:  # not earlier: before the filter runs, two would only take turns
+            meanwhile(*next(writers, ()))
+
     try:
         return replay(
             signals,
@@ -49,7 +54,7 @@ def estimated(
             state=before,
             smooth=smooth,
             engine=engine,
-            progress=show,
+            progress=filtering,
         )
     except StateError as problem:
         raise ClutchestError(f"{source.state}: {problem}") from None

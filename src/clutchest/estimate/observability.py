@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 NOTHING = 0.01  # bits; less narrows a standard deviation by under 1 %
 NOW_S = 10.0  # s; a state without information for longer is not observable now
+ByMode = dict[str, dict[str, float]]  # mode → state → bits
 STRONG = 0.9  # correlation beyond which two states are hardly observable one by one
 
 
@@ -70,7 +71,7 @@ class Information:
         """State → bits."""
         return dict(zip(self.names, self.bits.sum(axis=0).tolist(), strict=True))
 
-    def by_mode(self) -> dict[str, dict[str, float]]:
+    def by_mode(self) -> ByMode:
         """Mode → state → bits, of all modes."""
         return {
             mode: dict(
@@ -155,13 +156,13 @@ def needs(machine: Machine, state: State, partners: Mapping[str, float]) -> str:
     return state.informed_by
 
 
-def not_observable_now(information: Information, name: str) -> str | None:
-    """Since when a state has had no information; None while it has, or where the present mode is
-    the one that informs it most."""
+def not_observable_now(information: Information, by_mode: ByMode, name: str) -> str | None:
+    """Since when a state has had no information, of which ``by_mode`` is the sum; None while it
+    has, or where the present mode is the one that informs it most."""
     informed_at = information.informed_at(name)
     if informed_at is None:
         return "not observable: no information in this drive"
-    bits = {mode: by_state[name] for mode, by_state in information.by_mode().items()}
+    bits = {mode: by_state[name] for mode, by_state in by_mode.items()}
     now = information.mode_names[int(information.mode[-1])]
     if now == max(bits, key=lambda mode: bits[mode]) or information.time[-1] - informed_at <= NOW_S:
         return None

@@ -13,6 +13,7 @@ from clutchest import memory_mapped
 from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import (
     NOTHING,
+    ByMode,
     between_engagements,
     correlated_with,
     needs,
@@ -189,6 +190,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
     """Final values, standard deviations, whether they are valid, and what would improve them."""
     model, track = part.compiled.model, tracks[-1]
     together = strong_correlations(part.compiled, part.final)
+    informed = [track.information.by_mode() for track in tracks]
     states = {}
     for i, state in enumerate(model.states):
         estimate = track.states[state.name]
@@ -211,7 +213,7 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
                 "moves_with": {},
             }
         else:
-            bits = _bits(tracks, state.name)
+            bits = _bits(informed, state.name)
             partners = together[state.name]
             own = float(np.sqrt(part.own[i]))
             reason, what = _distrusted(track, state, value), None
@@ -223,17 +225,21 @@ def _states(vehicle: Vehicle, tracks: Sequence[Track], part: Part) -> dict[str, 
                 "needs": what,
                 "information_bits": bits,
                 "informed_at_s": track.information.informed_at(state.name),
-                "not_observable_now": not_observable_now(track.information, state.name),
+                "not_observable_now": not_observable_now(
+                    track.information, informed[-1], state.name
+                ),
                 "moves_with": partners,
             }
         states[state.name] = entry
     return states
 
 
-def _bits(tracks: Sequence[Track], name: str) -> dict[str, float]:
+def _bits(informed: Sequence[ByMode], name: str) -> dict[str, float]:
     """Information of measurements about a state over all drives, in all and by mode."""
-    informed = [t.information.by_mode() for t in tracks if name in t.information.names]
-    modes = {mode: sum(drive[mode][name] for drive in informed) for mode in tracks[0].mode_names}
+    modes = {
+        mode: sum(drive[mode][name] for drive in informed if name in drive[mode])
+        for mode in informed[0]
+    }
     return {"total": sum(modes.values()), **modes}
 
 

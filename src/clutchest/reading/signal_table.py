@@ -103,6 +103,28 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class NumberTable:
+    """A table of nothing but numbers; ``read`` gives one of its columns, (n,), NaN where a cell is
+    empty, so that no more than one of them is in memory."""
+
+    source: str
+    units: Mapping[str, str]
+    rows: int
+    read: Callable[[str], Floats]
+    first_row: int = 2
+    start_ns: int | None = None
+    notes: tuple[str, ...] = ()
+
+    def column(self, name: str) -> Cells:
+        """See :class:`SignalTable`."""
+        value = self.read(name)
+        return Cells(value, ~np.isnan(value))
+
+
+RowTable = Frame | NumberTable  # tables whose columns share the times of the rows
+
+
+@dataclass(frozen=True)
 class Channels:
     """Columns that have times of their own, as the channels of a measurement do; ``read`` gives one
     of them."""

@@ -5,15 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clutchest import units
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
-from clutchest.reading.signal_table import Cells, Frame, SignalTable
+from clutchest.reading.signal_table import Cells, Frame, RowTable, SignalTable
 from clutchest.signals import Floats
 from clutchest.vehicle import TableColumn
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TIME = "time"
 _TIMES = ("time", "t", "timestamp", "timestamps", "zeit", "zeitstempel", "temps", "tiempo", "tempo")
@@ -132,7 +136,7 @@ class Clock:
     warnings: tuple[str, ...] = ()
 
 
-def clock_of(table: Frame, mapped: Mapping[str, TableColumn]) -> Clock:
+def clock_of(table: RowTable, mapped: Mapping[str, TableColumn]) -> Clock:
     """The times of the rows.  Raises ClutchestError where there is no column of them."""
     column, unit = _time_column(table, mapped)
     seconds, warnings = _seconds(table, column, unit)
@@ -153,7 +157,7 @@ def clock_of(table: Frame, mapped: Mapping[str, TableColumn]) -> Clock:
     return Clock(seconds, round(start * 1e9) if absolute else None, column, tuple(warnings))
 
 
-def _time_column(table: Frame, mapped: Mapping[str, TableColumn]) -> tuple[str, str]:
+def _time_column(table: RowTable, mapped: Mapping[str, TableColumn]) -> tuple[str, str]:
     """(header, unit) of the column of times."""
     headers = {header: split_header(header) for header in table.units}
     if how := mapped.get(TIME):
@@ -171,28 +175,15 @@ def _time_column(table: Frame, mapped: Mapping[str, TableColumn]) -> tuple[str, 
     )
 
 
-def _seconds(table: Frame, column: str, unit: str) -> tuple[Floats, list[str]]:
+def _seconds(table: RowTable, column: str, unit: str) -> tuple[Floats, list[str]]:
     """Times in s, of numbers, dates or spans; in words, what cannot be read."""
-    import pandas as pd
-
-    cells = table.cells(column)
-    if isinstance(cells.dtype, pd.DatetimeTZDtype):
-        cells = cells.dt.tz_convert("UTC").dt.tz_localize(None)
-    if pd.api.types.is_datetime64_dtype(cells):
-        cells = cells - pd.Timestamp(0)
-    if pd.api.types.is_timedelta64_dtype(cells):
-        return (cells / pd.Timedelta(seconds=1)).to_numpy(np.float64), []
+    if isinstance(table, Frame) and (times := _typed_times(table.cells(column))) is not None:
+        return times, []
     numbers = table.column(column)
-    if numbers.given.any() and not np.isfinite(numbers.value).any():
-        written = cells.astype(str).str.replace(",", ".", regex=False)
-        for style in ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S"):
-            dates = pd.to_datetime(written, errors="coerce", utc=True, format=style)
-            if dates.notna().any():
-                since = dates.dt.tz_localize(None) - pd.Timestamp(0)
-                return (since / pd.Timedelta(seconds=1)).to_numpy(np.float64), []
-        clock = pd.to_timedelta(written, errors="coerce") / pd.Timedelta(seconds=1)
-        if clock.notna().any():
-            return _past_midnight(np.array(clock, np.float64)), []
+    if isinstance(table, Frame) and numbers.given.any() and not np.isfinite(numbers.value).any():
+        times = _written_times(table.cells(column))
+        if times is not None:
+            return times, []
     words = not_numbers(table, column, column, numbers)
     scale = _unit_s(table, column, unit, numbers)
     zero = 0.0
@@ -205,10 +196,41 @@ def _seconds(table: Frame, column: str, unit: str) -> tuple[Floats, list[str]]:
         return (numbers.value - zero) * scale, words
 
 
+def _typed_times(cells: pd.Series) -> Floats | None:
+    """Seconds of cells that pandas knows as dates or spans; None of others."""
+    import pandas as pd
+
+    if isinstance(cells.dtype, pd.DatetimeTZDtype):
+        cells = cells.dt.tz_convert("UTC").dt.tz_localize(None)
+    if pd.api.types.is_datetime64_dtype(cells):
+        cells = cells - pd.Timestamp(0)
+    if pd.api.types.is_timedelta64_dtype(cells):
+        return (cells / pd.Timedelta(seconds=1)).to_numpy(np.float64)
+    return None
+
+
+def _written_times(cells: pd.Series) -> Floats | None:
+    """Seconds of dates or times of day that are texts; None of others."""
+    import pandas as pd
+
+    written = cells.astype(str).str.replace(",", ".", regex=False)
+    for style in ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S"):
+        dates = pd.to_datetime(written, errors="coerce", utc=True, format=style)
+        if dates.notna().any():
+            since = dates.dt.tz_localize(None) - pd.Timestamp(0)
+            return (since / pd.Timedelta(seconds=1)).to_numpy(np.float64)
+    clock = pd.to_timedelta(written, errors="coerce") / pd.Timedelta(seconds=1)
+    return _past_midnight(np.array(clock, np.float64)) if clock.notna().any() else None
+
+
 def _days(value: Floats, stated: bool) -> tuple[float, str] | None:
     """(their 1970-01-01, who counts so) of numbers that are days: so ``stated``, or too close to
     each other to be seconds."""
-    known = np.unique(value[np.isfinite(value)])
+    known = value[np.isfinite(value)]
+    first, last = float(known.min(initial=np.inf)), float(known.max(initial=-np.inf))
+    if not (stated or last - first < _DAY_STEP * (len(known) - 1)):
+        return None  # whether or not some are the same
+    known = np.unique(known)
     if len(known) < 2 or not (stated or known[-1] - known[0] < _DAY_STEP * (len(known) - 1)):
         return None
     counts = (row for row in _DAYS if row[0] <= known[0] and known[-1] <= row[1])
@@ -223,7 +245,7 @@ def _past_midnight(clock: Floats) -> Floats:
     return clock
 
 
-def _unit_s(table: Frame, column: str, unit: str, numbers: Cells) -> float:
+def _unit_s(table: RowTable, column: str, unit: str, numbers: Cells) -> float:
     """The unit of a column of times, s: as stated, else by the size of stamps since 1970."""
     known = numbers.value[np.isfinite(numbers.value)]
     if unit:
@@ -237,10 +259,10 @@ def _unit_s(table: Frame, column: str, unit: str, numbers: Cells) -> float:
     return next((factor for least, factor in _EPOCH if first >= least and len(known)), 1.0)
 
 
-def not_numbers(table: Frame, header: str, name: str, column: Cells) -> list[str]:
+def not_numbers(table: RowTable, header: str, name: str, column: Cells) -> list[str]:
     """In words, the first cell of a column that is no number, and how many there are."""
     wrong = np.flatnonzero(column.given & np.isnan(column.value))
-    if not len(wrong):
+    if not (len(wrong) and isinstance(table, Frame)):
         return []
     row = wrong[0] + table.first_row
     return [

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
-from clutchest.signals import Counts, Signals
+from clutchest.signals import Counts, Floats, Signals
 
 
 def drives_of(signals: Signals, gap: float) -> list[Signals]:
     """The drives in one table, cut where no signal has a sample for more than ``gap`` s: a parked
     vehicle, a clock that was set, or a wrong time."""
-    times = [signal.time for signal in signals.values() if len(signal)]
-    time = np.unique(np.concatenate(times)) if times else np.zeros(0)
-    cuts = time[1:][np.diff(time) > gap]
-    if not len(cuts):
+    spans = sorted(span for signal in signals.values() for span in _spans(signal.time, gap))
+    ends = accumulate((last for _, last in spans), max)
+    cuts = [first for (first, _), end in zip(spans[1:], ends, strict=False) if first - end > gap]
+    if not cuts:
         return [signals]
-    edges = [-np.inf, *cuts.tolist(), np.inf]
+    edges = [-np.inf, *cuts, np.inf]
     return [_part(signals, first, stop) for first, stop in pairwise(edges)]
+
+
+def _spans(time: Floats, gap: float) -> Iterator[tuple[float, float]]:
+    """First and last of the times (n) in order between two gaps."""
+    cuts = np.flatnonzero(np.diff(time) > gap) + 1
+    for first, stop in pairwise([0, *cuts.tolist(), len(time)]):
+        if first < stop:
+            yield float(time[first]), float(time[stop - 1])
 
 
 def _part(signals: Signals, first: float, stop: float) -> Signals:

@@ -16,7 +16,7 @@ from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
 from clutchest.paths import names_of
 from clutchest.reading.drafting import guessed_parameters
-from clutchest.reading.signal_table import Frame, SignalTable
+from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
 from clutchest.reading.table_formats import load_table
 from clutchest.reading.table_units import likely_unit
@@ -175,7 +175,7 @@ class _Surveyed:
 
 def _surveyed(table: SignalTable, warnings: list[str]) -> _Surveyed:
     """Statistics of the columns of a table, and its column of times where that needs naming."""
-    clock = clock_of(table, {}) if isinstance(table, Frame) else None
+    clock = clock_of(table, {}) if isinstance(table, RowTable) else None
     columns: dict[str, ColumnStatistics] = {}
     duration = 0.0
     for header in list(table.units)[:MOST_COLUMNS]:
@@ -185,10 +185,10 @@ def _surveyed(table: SignalTable, warnings: list[str]) -> _Surveyed:
         try:
             column = table.column(header)
         except ClutchestError as problem:
-            if isinstance(table, Frame):  # else a channel of words
+            if isinstance(table, RowTable):  # else a channel of words
                 warnings.append(str(problem))
             continue
-        if isinstance(table, Frame):
+        if isinstance(table, RowTable):
             wrong = not_numbers(table, header, header, column)
             if wrong and not np.isfinite(column.value).any():
                 continue

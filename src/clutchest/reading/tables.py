@@ -15,7 +15,7 @@ from clutchest import units
 from clutchest.budgets import LARGEST
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
-from clutchest.reading.signal_table import Frame, SignalTable
+from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import (
     TIME,
     Clock,
@@ -58,7 +58,7 @@ def read_table(
     found = places(table, columns, mapped)
     if not found:
         raise _nothing_known(table, columns, mapped)
-    clock = clock_of(table, mapped) if isinstance(table, Frame) else None
+    clock = clock_of(table, mapped) if isinstance(table, RowTable) else None
     file = Path(table.source).name
     warnings = [f"{file}: {words}" for words in table.notes]
     warnings += [*missing_words(table, found, mapped), *(clock.warnings if clock else ())]
@@ -140,7 +140,7 @@ class _Rows:
         """The canonical signal ``name``, from its column."""
         column = self.table.column(place.column)
         file = Path(self.table.source).name
-        if isinstance(self.table, Frame):
+        if isinstance(self.table, RowTable):
             self.warnings += not_numbers(self.table, place.column, name, column)
         beyond = np.abs(column.value) > LARGEST
         if beyond.any():
@@ -159,9 +159,9 @@ class _Rows:
             self.useful = max(self.useful, int(given.sum()))
         if not given.any():
             self.warnings.append(f"{file}: column '{place.column}' is empty")
-        when = time if given.all() else time[given]
-        value = self._in_unit(column.value[given], name, place, columns[name], vehicle)
-        return Signal.of(name, columns[name], when, value)
+        rows = slice(None) if given.all() else np.flatnonzero(given)  # quicker than a mask
+        value = self._in_unit(column.value[rows], name, place, columns[name], vehicle)
+        return Signal.of(name, columns[name], time[rows], value)
 
     def _in_unit(
         self, value: Floats, name: str, place: Place, unit: str, vehicle: Vehicle | None
@@ -203,7 +203,7 @@ def _backward(table: SignalTable, time: Floats, timed: NDArray[np.bool_]) -> lis
     if not len(back):
         return []
     times = f"{len(back)} time{'s' * (len(back) > 1)}"
-    first = table.first_row if isinstance(table, Frame) else 1
+    first = table.first_row if isinstance(table, RowTable) else 1
     return [
         f"{Path(table.source).name}: row {rows[back[0] + 1] + first}: the time goes back ({times}, "
         f"by {-step.min():g} s at most); rows are taken in order of time"
