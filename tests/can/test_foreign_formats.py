@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from clutchest.can import log_source
 from clutchest.can.files import read_frames, write_frames
 from clutchest.can.frames import LENGTH_CODE, Flag, Frames
 from clutchest.errors import ClutchestError
@@ -322,8 +323,9 @@ def test_captures_as_python_can_sends_them(tmp_path):
 
 @pytest.mark.filterwarnings("ignore::Warning:asammdf")
 @pytest.mark.parametrize("fd", [False, True])
-def test_what_asammdf_exports_of_bus_logging(fd, tmp_path):
-    """By asammdf itself; with CAN FD it breaks every payload into several lines."""
+def test_what_asammdf_exports_of_bus_logging(fd, tmp_path, monkeypatch):
+    """By asammdf itself; with CAN FD it breaks every payload into several lines, some of them where
+    a block ends."""
     from asammdf import MDF
 
     frames = random_frames(200, seed=3, fd=fd)
@@ -333,26 +335,13 @@ def test_what_asammdf_exports_of_bus_logging(fd, tmp_path):
     write_frames(frames, tmp_path / "a.mf4")
     with MDF(tmp_path / "a.mf4") as mdf:
         mdf.export("csv", tmp_path / "b.csv", single_time_base=True)
-    if fd:
-        with pytest.raises(ClutchestError, match=r"b\.csv: asammdf's csv of CAN FD"):
-            read_frames(tmp_path / "b.csv")
-        return
+    monkeypatch.setattr(log_source, "BLOCK", 1 << 12)
     given = read_frames(tmp_path / "b.csv")
     np.testing.assert_allclose(given.t_ns, frames.t_ns, atol=1)
     for column in ("id", "flags", "length", "channel", "data"):
         a, b = getattr(given, column), getattr(frames, column)
         np.testing.assert_array_equal(a, b, err_msg=column)
     assert not given.rejected
-
-
-DATES = ["2023-11-20T10:13:20.5", "2023-11-20 10:13:20", "20.11.2023 10:13:20.5", "10:13:20.5"]
-
-
-@pytest.mark.parametrize("date", DATES)
-def test_frames_whose_times_are_dates_are_refused_not_read_as_their_year(date, tmp_path):
-    path = written(tmp_path / "a.csv", f"Time,ID,DLC,Data\n{date},123,2,01 02\n")
-    with pytest.raises(ClutchestError, match=r"a\.csv: the time of a frame is '.*; expected"):
-        read_frames(path)
 
 
 def test_a_time_that_goes_on_behind_its_number_is_none(tmp_path):

@@ -22,7 +22,7 @@ def blocks_as_before(monkeypatch):
     monkeypatch.setattr(log_source, "BLOCK", log_source.BLOCK)  # the fuzzer makes them small
 
 
-TEXT = [".log", ".asc", ".blf", ".trc", ".csv", ".crtd", ".pcap"]
+TEXT = [".log", ".asc", ".blf", ".trc", ".csv", ".crtd", ".pcap", ".txt"]
 
 
 @pytest.mark.parametrize("suffix", TEXT)

@@ -122,9 +122,20 @@ class Transcoded:
         return b"".join(parts)
 
 
+class Returns:
+    """A text whose lines end in a carriage return, with newlines instead."""
+
+    def __init__(self, file: Bytes) -> None:
+        self.file = file
+
+    def read(self, size: int, /) -> bytes:
+        """At most ``size`` bytes, fewer only at the end."""
+        return self.file.read(size).replace(b"\r", b"\n")
+
+
 class LogSource:
     """One log file, read from its start to its end; byte order marks are left out, UTF-16 becomes
-    UTF-8.
+    UTF-8, and carriage returns newlines in a text that has none.
 
     ``head`` the first bytes; ``position`` how many inflated bytes have been read; ``rejected`` what
     had to be dropped before a reader saw it: reason → number.
@@ -143,6 +154,8 @@ class LogSource:
             self._file = Transcoded(self.head, self._file, encoding)
             self.head = self._file.read(HEAD)
         self.head = self.head.removeprefix(codecs.BOM_UTF8)
+        if b"\r" in self.head and b"\n" not in self.head and b"\0" not in self.head:
+            self._file, self.head = Returns(self._file), self.head.replace(b"\r", b"\n")
         self._unread = self.head
         if self.truncated and not self.head:
             raise ClutchestError(f"{path}: damaged gzip data")

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.can.frames import Flag, Frames
-from clutchest.can.log_source import LogSource
 from clutchest.can.time_stamps import counts_from_epoch
 from clutchest.native import compiled
 
@@ -45,6 +44,13 @@ SHORTEST = 5  # characters of a line that holds a frame; the least there can be 
 HEX = np.full(256, -1, np.int64)  # value of a hexadecimal digit
 for _value, _chars in enumerate(zip("0123456789abcdef", "0123456789ABCDEF", strict=True)):
     HEX[[ord(char) for char in _chars]] = _value
+
+
+class TextSource(Protocol):
+    """What has a text."""
+
+    def lines(self) -> Iterator[Bytes]:
+        """Blocks of whole lines, each valid until the next is asked for."""
 
 
 class Table(NamedTuple):
@@ -100,7 +106,7 @@ def filled(text: Bytes, width: int, scan: Callable[[Bytes, Table, Ints], int]) -
     return out.frames(n, tuple((reason, count) for reason, count in rejected if count))
 
 
-def tables(source: LogSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
+def tables(source: TextSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
     """The frames of every block of lines; ``scan`` as in :func:`filled`."""
     width = 8
     for block in source.lines():
@@ -109,7 +115,7 @@ def tables(source: LogSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iter
         yield frames
 
 
-def undated(source: LogSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
+def undated(source: TextSource, scan: Callable[[Bytes, Table, Ints], int]) -> Iterator[Frames]:
     """The same of a format that does not state from when it counts: the first frame shows it."""
     absolute = None
     for frames in tables(source, scan):

@@ -40,6 +40,7 @@ from clutchest.can.text_scan import (
     spaced_bytes,
     tables,
 )
+from clutchest.can.text_times import past_midnight
 from clutchest.can.time_stamps import LAST_S
 
 _START = re.compile(
@@ -48,7 +49,6 @@ _START = re.compile(
 _STATED = re.compile(rb"\*\*\*START DATE AND TIME ([^*\r\n]+)", re.IGNORECASE)
 _DECIMAL = re.compile(rb"^\*\*\*DEC\*\*\*", re.MULTILINE)
 _MODE = re.compile(rb"^\*\*\*(SYSTEM|ABSOLUTE|RELATIVE) MODE\*\*\*", re.MULTILINE)
-_DAY_NS = 86_400_000_000_000
 
 
 def read(source: LogSource) -> Iterator[Frames]:
@@ -64,13 +64,8 @@ def read(source: LogSource) -> Iterator[Frames]:
     offset = 0 if start is None else _midnight_ns(start) if kind == b"SYSTEM" else _ns(start)
     last = np.int64(0)
     for frames in tables(source, lambda *table: _scan(base, *table)):
-        t_ns = frames.t_ns
-        if kind == b"RELATIVE":
-            t_ns = last + np.cumsum(t_ns)
-        elif len(t_ns):  # a clock that passes midnight begins anew
-            steps = np.diff(t_ns, prepend=last % _DAY_NS if last else t_ns[0])
-            days = np.cumsum(steps < -_DAY_NS // 2) + last // _DAY_NS
-            t_ns = t_ns + days * _DAY_NS
+        relative = kind == b"RELATIVE"
+        t_ns = last + np.cumsum(frames.t_ns) if relative else past_midnight(frames.t_ns, int(last))
         last = t_ns[-1] if len(t_ns) else last
         yield replace(frames, t_ns=t_ns + offset, absolute=start is not None, notes=notes)
 

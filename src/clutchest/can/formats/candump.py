@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import datetime, timedelta
 
 import numpy as np
 
@@ -51,6 +50,7 @@ from clutchest.can.text_scan import (
     stamp,
     undated,
 )
+from clutchest.can.text_times import date_ns, from_local
 from clutchest.can.time_stamps import EPOCH_NS
 from clutchest.errors import ClutchestError
 
@@ -67,7 +67,6 @@ _unstamped = has_line(
     rb"([ \t]+\[\d\d?\][ \t\r\n]|#)"
 )
 _OFTEN, _FEWEST = 0.2, 5  # share of steps back, of so many stamps, that times since the start lack
-_HOUR_NS = 3_600_000_000_000
 
 
 def read(source: LogSource) -> Iterator[Frames]:
@@ -91,7 +90,7 @@ def read(source: LogSource) -> Iterator[Frames]:
 
     for frames in undated(source, scan):
         dated = clock[_KIND] == _DATES
-        yield replace(frames, t_ns=_from_local(frames.t_ns)) if dated else frames
+        yield replace(frames, t_ns=from_local(frames.t_ns)) if dated else frames
 
 
 def _kind(head: bytes) -> int:
@@ -106,14 +105,6 @@ def _kind(head: bytes) -> int:
     return _DELTAS if backward > _OFTEN else _PLAIN
 
 
-def _from_local(t_ns: Ints) -> Ints:
-    """ns since 1970 of times by the clock of this machine, given as if they were UTC."""
-    hours, which = np.unique(t_ns // _HOUR_NS, return_inverse=True)
-    local = (datetime(1970, 1, 1) + timedelta(hours=int(hour)) for hour in hours)
-    begins = np.array([round(hour.timestamp()) for hour in local], np.int64) * 10**9
-    return begins[which] + t_ns % _HOUR_NS
-
-
 @compiled
 def _scan(text: Bytes, clock: Ints, out: Table, counts: Ints) -> int:
     """Fills the table; gives the number of frames, or -1 if a payload is wider than the table."""
@@ -125,44 +116,12 @@ def _scan(text: Bytes, clock: Ints, out: Table, counts: Ints) -> int:
 
 
 @compiled
-def _date(text: Bytes, i: int) -> tuple[int, int]:
-    """(ns since 1970, position behind) of a date and time, taken as UTC."""
-    # Each separator is checked before what stands behind it: a newline may end the text.
-    year, at = decimal(text, i)
-    if at - i != 4 or text[at] != 45:  # -
-        return 0, i
-    month, end = decimal(text, at + 1)
-    if end - at != 3 or text[end] != 45:
-        return 0, i
-    day, at = decimal(text, end + 1)
-    if at - end != 3 or text[at] != 32:
-        return 0, i
-    hour, end = decimal(text, at + 1)
-    if text[end] != 58:  # :
-        return 0, i
-    minute, at = decimal(text, end + 1)
-    if text[at] != 58:
-        return 0, i
-    ns, end = stamp(text, at + 1, 1_000_000_000)
-    if end == at + 1 or hour > 23 or minute > 59 or not 1 <= month <= 12 or not 1 <= day <= 31:
-        return 0, i
-    at = end
-    # Days of the civil calendar, its years from March on.
-    year -= month <= 2
-    age = year // 400
-    within = year - age * 400
-    of_year = (153 * (month - 3 if month > 2 else month + 9) + 2) // 5 + day - 1
-    days = age * 146_097 + within * 365 + within // 4 - within // 100 + of_year - 719_468
-    return ((days * 24 + hour) * 60 + minute) * 60_000_000_000 + ns, at
-
-
-@compiled
 def _line(text: Bytes, i: int, n: int, clock: Ints, out: Table) -> int:
     """Reads one line into row ``n``; the position of its newline, or why not."""
     if text[i] != 40:  # (
         return BLANK if at_end(text, i) >= 0 else NO_FRAME
     if clock[_KIND] == _DATES:
-        t_ns, behind = _date(text, i + 1)
+        t_ns, behind = date_ns(text, i + 1, False)
     else:
         t_ns, behind = stamp(text, i + 1, 1_000_000_000)
     if behind == i + 1 or text[behind] != 41:  # )

@@ -29,9 +29,9 @@ from clutchest.can.text_scan import (
     compiled,
     decimal,
     hexadecimal,
-    stamp,
     undated,
 )
+from clutchest.can.text_times import number_ns
 
 HEADER = b"timestamp,arbitration_id,extended,remote,error,dlc,data"
 _ALPHABET = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
@@ -60,16 +60,9 @@ def _line(text: Bytes, i: int, n: int, out: Table) -> int:
     """Reads one line into row ``n``; the position of its newline, or why not."""
     if text[i] == 116:  # the header
         return BLANK
-    t_ns, behind = stamp(text, i, 1_000_000_000)
+    t_ns, behind = number_ns(text, i, 1_000_000_000, False)
     if behind == i:
         return BLANK if at_end(text, i) >= 0 else NO_FRAME
-    if (text[behind] | 32) == 101 and text[behind + 1] == 45:  # 1e-06: stamps below 0.1 ms
-        power, behind = decimal(text, behind + 2)
-        first = i + 1 if text[i] == 45 else i  # -
-        _, whole = decimal(text, first)
-        t_ns = _shifted(text, first, whole, power)
-        if first > i:
-            t_ns = -t_ns
     if text[behind] != 44:
         return BAD_TIME
     out.t_ns[n] = t_ns
@@ -106,20 +99,6 @@ def _line(text: Bytes, i: int, n: int, out: Table) -> int:
         flag |= FD  # the format has no flag for it
     out.channel[n], out.flags[n], out.length[n] = 0, flag, count
     return end
-
-
-@compiled
-def _shifted(text: Bytes, i: int, whole: int, power: int) -> int:
-    """ns of the number at ``i`` with its point, at ``whole``, ``power`` digits further left."""
-    ns, unit, power = 0, 1_000_000_000, min(power, 20)
-    for _ in range(power - (whole - i)):
-        unit //= 10
-    while text[i] == 46 or 48 <= text[i] <= 57:
-        if text[i] != 46:
-            unit //= 10
-            ns += (text[i] - 48) * unit
-        i += 1
-    return ns
 
 
 @compiled

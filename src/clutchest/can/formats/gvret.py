@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from clutchest.can import csv_frames
+from clutchest.can.csv_frames import frames_of
+from clutchest.can.csv_header import header_of
 from clutchest.can.frames import Frames
 from clutchest.can.log_format import LogFormat, has_line
 from clutchest.can.log_source import LogSource
@@ -17,8 +18,8 @@ _HEADER = rb"Time ?Stamp,ID,Extended,"
 
 def read(source: LogSource) -> Iterator[Frames]:
     """Frames of such a log; lines that cannot be read are counted in ``rejected``."""
-    header = csv_frames.header_of(source, lambda h: h.names[1:3] == ("ID", "Extended"))
-    return csv_frames.frames_of(source, header, 1_000)
+    header = header_of(source, lambda h: h.names[1:3] == ("ID", "Extended"))
+    return frames_of(source, header, 1_000, first_channel=0, decimal_ids=False)
 
 
 FORMAT = LogFormat(
