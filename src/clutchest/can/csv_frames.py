@@ -118,7 +118,8 @@ def frames_of(
     )
     source.read(header.end)
     last = 0
-    for frames in undated(_Joined(source), lambda *table: _scan(layout, *table)):
+    text = _Joined(source) if b"[" in source.head[header.end :] else source
+    for frames in undated(text, lambda *table: _scan(layout, *table)):
         t_ns, absolute = frames.t_ns, frames.absolute
         if kind == "date":
             t_ns, absolute = t_ns if zoned else from_local(t_ns), True
