@@ -108,7 +108,7 @@ def flags_of(role: int, text: Bytes, i: int) -> int:
     if role == KIND:  # extended, x; remote, rtr; error; fd
         if first == 114:
             return REMOTE
-        if first == 102 and second == 100:
+        if first == 102 and (second == 98 or 100 <= second <= 101):  # fd, fb, fe
             return FD
         if first == 101 and second == 114:
             return ERROR

@@ -13,12 +13,13 @@ SKIP, TIME, ID, CHANNEL, LENGTH, DATA, BYTE = range(7)
 IS_EXTENDED, IS_REMOTE, IS_ERROR, IS_SENT, IS_FD, IS_FAST, IS_PASSIVE, KIND, BITS = range(7, 16)
 _UNIT = r"(s|sec|secs|seconds?|ms|msec|milliseconds?|us|usec|microseconds?|ns|nsec|nanoseconds?)?"
 _NAMED = {
-    TIME: rf"(time|timestamps?|timestampepoch|epoch|abstime|zeit|zeitstempel){_UNIT}",
+    TIME: rf"(time|timestamps?|timestampepoch|epoch|abstime|reltime|relativetime|timeoffset"
+    rf"|frametimeepoch|frametimerelative|zeit|zeitstempel){_UNIT}",
     ID: r"(can|can_)?id|arbid|arbitrationid|identifier|canidentifier|addr|address|messageid|msgid"
     r"|frameid|idhex|iddec",
-    IS_EXTENDED: r"extended|xtd|ext|ide|extendedid|isextended|isextendedid",
-    IS_REMOTE: r"remote|rtr|remoteframe|isremote|isremoteframe",
-    IS_ERROR: r"er|err|error|errorframe|iserror|iserrorframe",
+    IS_EXTENDED: r"extended|xtd|ext|ide|extendedid|isextended|isextendedid|canflagsxtd",
+    IS_REMOTE: r"remote|rtr|remoteframe|isremote|isremoteframe|canflagsrtr",
+    IS_ERROR: r"er|err|error|errorframe|iserror|iserrorframe|canflagserr",
     IS_SENT: r"dir|direction|tx|rxtx|txrx|richtung",
     IS_FD: r"edl|fdf|fd|canfd|isfd",
     IS_FAST: r"brs|bitrateswitch",
@@ -26,8 +27,8 @@ _NAMED = {
     KIND: r"type|frametype|msgtype|messagetype|idtype|format|frameformat|idformat|typ",
     CHANNEL: r"bus|buschannel|channel|chn|chan|ch|network|canchannel|busnumber|interface|kanal",
     BITS: r"canlibflags",
-    LENGTH: r"len|length|datalength|dlc|size|datalen|datasize|bytes|lnge|laenge",
-    DATA: r"data|databytes|payload|datahex|datadec|datafield|daten",
+    LENGTH: r"len|length|datalength|dlc|size|datalen|datasize|bytes|canlen|lnge|laenge",
+    DATA: r"data|databytes|payload|datahex|datadec|datafield|datadata|daten",
     BYTE: r"[db]\d+|data\d+|byte\d+|databyte\d+",
 }
 _UNITS_NS = {"n": 1, "u": 1_000, "µ": 1_000, "micro": 1_000, "m": 1_000_000, "milli": 1_000_000}
@@ -77,7 +78,8 @@ class Header:
     def decimal(self, role: int) -> bool:
         """Whether the name of a column of this ``role`` says that its numbers are decimal."""
         named = (name.lower() for name in self.names if _role(name) == role)
-        return any(re.search(r"(?<![a-z])dec", name) or "iddec" in name for name in named)
+        marks = (r"(?<![a-z])dec", r"iddec", r"^can\.id$")  # the last of tshark
+        return any(re.search("|".join(marks), name) for name in named)
 
     def unit_ns(self) -> int:
         """ns of the unit that the column of times states; 0 without one."""

@@ -59,9 +59,9 @@ FEW = 32  # frames that are written sooner one by one than column by column
 
 _PLAIN, _DELTAS, _DATES = range(3)  # kinds of stamps
 _KIND, _NOW = range(2)  # what a clock holds: the kind, and the last time
-_STAMP = re.compile(rb"^[ \t]*\((-?\d+\.\d+)\)", re.MULTILINE)
+_STAMP = re.compile(rb"^[ \t]*\((-?\d+(?:\.\d+)?)\)", re.MULTILINE)
 _DATE = rb"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+"
-_stamped = has_line(rb"[ \t]*\((-?\d+\.\d+|" + _DATE + rb")\)[ \t]+\S+[ \t]")
+_stamped = has_line(rb"[ \t]*\((-?\d+(\.\d+)?|" + _DATE + rb")\)[ \t]+\S+[ \t]")
 _unstamped = has_line(
     rb"[ \t]*[A-Za-z][\w.-]*[ \t]+((TX|RX)[ \tBE-]+)?([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
     rb"([ \t]+\[\d\d?\][ \t\r\n]|#)"

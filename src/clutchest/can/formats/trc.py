@@ -54,6 +54,12 @@ _COLUMNS = {"1.0": "NOILD", "1.1": "NOTILD", "1.2": "NOBTILD", "1.3": "NOBTIRLD"
 _VERSION = re.compile(rb"^;\$FILEVERSION=(\d+\.\d+)", re.MULTILINE)
 _START = re.compile(rb"^;\$STARTTIME=(\d+(?:\.\d+)?)", re.MULTILINE)
 _STATED = re.compile(rb"^;\$COLUMNS=([A-Za-z](?:,[A-Za-z])*)", re.MULTILINE)
+_HEAD = rb";(\$FILEVERSION|[ \t]*PCAN|##|[ \t]*Message Number|---\+)"
+_LINE = re.compile(  # of versions up to 1.3: a bus, a direction, a dash
+    rb"^[ \t]*\d+\)[ \t]+\d+(?:\.\d+)?[ \t]+(?:(\d)[ \t]+)?"
+    rb"(?:([A-Za-z]{2,5})[ \t]+[0-9A-Fa-f]+[ \t]+(-)?|[0-9A-Fa-f]{4,8}[ \t]+\d+\b)",
+    re.MULTILINE,
+)
 _ERROR_WORD, _WARNING_WORD = (np.frombuffer(word, np.uint8) for word in (b"error", b"warng"))
 _DAY_0 = datetime(1899, 12, 30, tzinfo=UTC)
 _LAST_DAY = 25_569 + LAST_S // 86_400
@@ -76,7 +82,12 @@ def _columns(head: bytes) -> str:
     stated = _STATED.search(head)
     if version and version[1] >= b"2.0" and stated:
         return stated[1].decode().replace(",", "")
-    return _COLUMNS.get(version[1].decode() if version else "1.0", "NOTILD")
+    if version:
+        return _COLUMNS.get(version[1].decode(), "NOTILD")
+    line = _LINE.search(head)
+    if line is None or line[2] is None:  # 1.0, which states no version
+        return _COLUMNS["1.0"]
+    return _COLUMNS["1.1" if not line[1] else "1.3" if line[3] == b"-" else "1.2"]
 
 
 def _start_ns(head: bytes) -> int:
@@ -247,7 +258,9 @@ FORMAT = LogFormat(
     title=".trc",
     about="PEAK, versions 1.0 to 2.1, CAN FD, error frames",
     suffix=".trc",
-    sniff=has_line(rb";(\$FILEVERSION|[ \t]*PCAN|##|[ \t]*Message Number|---\+)"),
+    sniff=has_line(
+        rb";(\$FILEVERSION|[ \t]*PCAN|##|[ \t]*Message Number|---\+)|" + _LINE.pattern[1:]
+    ),
     read=read,
     lines=write,
 )

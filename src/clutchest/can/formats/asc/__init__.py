@@ -18,11 +18,17 @@ def read(source: LogSource) -> Iterator[Frames]:
     return reader.read(source)
 
 
+_HEAD = rb"(date[ \t]|base[ \t]+(hex|dec)|begin triggerblock)"
+_LINE = (  # of a piece without the head
+    rb"[ \t]+\d+\.\d+[ \t]+"
+    rb"(\d+[ \t]+[0-9a-f]{1,10}x?[ \t]+[rt]x[ \t]+[dr]\b|canfd[ \t]+\d+[ \t]+[rt]x[ \t])"
+)
+
 FORMAT = LogFormat(
     title=".asc",
     about="Vector: hexadecimal and decimal, stamps from the start or from line to line, CAN FD",
     suffix=".asc",
-    sniff=has_line(rb"(date[ \t]|base[ \t]+(hex|dec)|begin triggerblock)", re.IGNORECASE),
+    sniff=has_line(_HEAD + b"|" + _LINE, re.IGNORECASE),
     read=read,
     lines=write,
 )
