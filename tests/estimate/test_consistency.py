@@ -13,6 +13,7 @@ from rich.console import Console
 import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency
+from clutchest.estimate.explanation import remedies
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Estimate, Innovations
@@ -119,6 +120,15 @@ def test_innovations_far_outside_the_noise_are_found_and_a_transient_is_not(truc
     once = judge(truck)
     once.take(replace(transient, innovations=replace(events, innovation=large * events.innovation)))
     assert once.found is None
+
+
+def test_innovations_beyond_what_any_effect_makes_are_found_within_a_short_log(truck, healthy):
+    """Of 30 s there are two whole stretches."""
+    tolerance = truck.sensors[0].tolerance
+    for times, found in ((2.5, False), (3.5, True)):
+        short = judge(truck)
+        short.take(track(healthy, 29.5, z=0.6745 * times * tolerance))
+        assert (short.found is not None) == found
 
 
 @pytest.mark.parametrize(
@@ -253,11 +263,31 @@ def test_a_rig_whose_signals_are_all_zero_is_not_believed(rig_drive):
 
 
 @pytest.mark.slow
-def test_a_dead_sensor_of_the_rig_is_named(rig_drive):
-    run = replay(mended(rig_drive, armature_current=np.zeros_like), "alsd_rig")
+@pytest.mark.parametrize("name", ["armature_current", "armature_voltage"])
+def test_a_dead_sensor_of_the_rig_is_named(rig_drive, name):
+    run = replay(mended(rig_drive, **{name: np.zeros_like}), "alsd_rig")
     found = run.summary["contradiction"]
-    assert "armature_current does not change at all" in found["explanation"]
+    assert f"{name} does not change at all" in found["explanation"]
     assert not run.to_pandas().filter(like="_valid").any(axis=None)
+
+
+@pytest.mark.slow
+def test_signals_of_different_units_that_are_swapped_are_named(rig_drive):
+    """Columns of a table, in the wrong order."""
+    current, angle = rig_drive["armature_current"], rig_drive["motor_angle"]
+    swapped = mended(
+        rig_drive, armature_current=lambda _: angle.value, motor_angle=lambda _: current.value
+    )
+    found = replay(swapped, "alsd_rig").summary["contradiction"]
+    assert "armature_current and motor_angle are swapped" in found["explanation"]
+
+
+def test_a_swap_that_makes_no_machine_is_not_tried(demo):
+    """A torque of 20 Nm in an outside air of 2000 °C."""
+    truck = clutchest.load_vehicle("truck")
+    tried = {r.words for r in remedies(demo, truck) if r.kind == "swap"}
+    assert "engine_speed and input_shaft_speed are swapped" in tried
+    assert not any("engine_torque" in words and "temp" in words for words in tried)
 
 
 BENCHES = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations, product
 from math import log, pi
 
 import numpy as np
@@ -29,6 +29,7 @@ from clutchest.vehicle import Vehicle
 
 LONGEST_S = 300.0  # s of a drive that are filtered for each explanation
 READINGS = 60_000  # or so many samples of its fastest signal
+SHORTEST_S = 10.0  # s of a drive on which explanations are tried first, if it does not fit them
 FACTORS = {1000.0: "1000", 60.0 / (2.0 * pi): "60/(2π)", 3.6: "3.6", 100.0: "100"}
 CLIPPED = 5.0  # standard deviations; a larger innovation counts as these
 FITS = (
@@ -52,17 +53,24 @@ class MendedFit:
     log_likelihood: float
     contradicted: bool
 
+    @property
+    def right(self) -> bool:
+        """Whether signals and model fit."""
+        return self.rms <= FITS and not self.contradicted
+
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
     """``signal`` in question, the ``kind`` and ``words`` of what is wrong with it, ``mended``
-    signals, and by what each reading of a sensor was multiplied."""
+    signals, and by what each reading of a sensor was multiplied.  Those of a higher ``rank`` are
+    only tried where none of a lower one fits."""
 
     signal: str
     kind: str
     words: str
     mended: Mapping[str, Signal]
     factor: float = 1.0
+    rank: int = 0
 
 
 def explained(
@@ -92,7 +100,9 @@ def explained(
     if found is None:
         read = {s.name: s.column or s.name for s in model.sensors}
         wrong = {read[name] for name in read if rms_of(track, frozenset({name})) >= SUSPICIOUS}
-        dead = [name for name in dead if name in wrong]
+        dead = [
+            n for n in dead if n in wrong or not (n in read.values() or _is_temperature(signals[n]))
+        ]
         if not dead:
             return None
         found = Contradiction(LARGER, dead[0], 0.0)
@@ -122,18 +132,21 @@ def rms_of(track: Track, names: frozenset[str] | None = None) -> float:
 def _fitting(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> list[Remedy]:
     """The most probable of the explanations that fit, and those that are as probable; none where
     the signals fit as they were read, as they may where the state of an earlier drive does not."""
-    short = _shortened(signals)
-    as_read = _fit(short, vehicle, 1.0, "")
-    if as_read is None or (as_read.rms <= FITS and not as_read.contradicted):
+    begin = _begin(signals)
+    as_read = _fit(begin, vehicle, 1.0, "")
+    if as_read is None or as_read.right:
         return []
-    tried = list(_explanations(short, vehicle))
-    signs_and_swaps = [each for each in tried if each.kind != "unit"]
-    for group in (signs_and_swaps, [each for each in tried if each.kind == "unit"]):
-        fitting = []
+    shortest = _shortest_misfit(begin, vehicle)
+    tried = list(remedies(begin, vehicle))
+    for rank in sorted({each.rank for each in tried}):
+        group, fitting = [each for each in tried if each.rank == rank], []
         for number, remedy in enumerate(group):
             if progress:
                 progress("trying explanations", number / len(group))
-            mended = replace(short, signals={**short.signals, **remedy.mended})
+            mended = replace(begin, signals={**begin.signals, **remedy.mended})
+            quick = _fit(_until(mended, shortest), vehicle, remedy.factor, remedy.signal)
+            if quick is None or not quick.right:
+                continue
             fit = _fit(mended, vehicle, remedy.factor, remedy.signal)
             if fit is not None and _explains(fit, as_read):
                 fitting.append((fit.log_likelihood, remedy))
@@ -148,15 +161,30 @@ def _explains(fit: MendedFit, as_read: MendedFit) -> bool:
     """Whether mended signals fit, without hiding readings from any sensor."""
     kept = all(fit.readings[name] >= KEPT * n for name, n in as_read.readings.items())
     better = fit.log_likelihood > as_read.log_likelihood
-    return kept and better and not fit.contradicted and fit.rms <= FITS
+    return kept and better and fit.right
 
 
-def _shortened(signals: Signals) -> Signals:
+def _begin(signals: Signals) -> Signals:
     """The drive's first part."""
     end = LONGEST_S
     for signal in signals.signals.values():
         if len(signal) > READINGS:
             end = min(end, float(signal.time[READINGS]))
+    return _until(signals, end)
+
+
+def _shortest_misfit(signals: Signals, vehicle: Vehicle) -> float:
+    """How much of the drive's begin it takes, s, until signals and model do not fit."""
+    end = SHORTEST_S
+    while end < signals.end:
+        fit = _fit(_until(signals, end), vehicle, 1.0, "")
+        if fit is not None and not fit.right:
+            return end
+        end *= 2.0
+    return signals.end
+
+
+def _until(signals: Signals, end: float) -> Signals:
     return replace(
         signals,
         signals={n: s.take(s.time <= end) for n, s in signals.items() if (s.time <= end).any()},
@@ -164,24 +192,22 @@ def _shortened(signals: Signals) -> Signals:
     )
 
 
-def _explanations(signals: Signals, vehicle: Vehicle) -> Iterator[Remedy]:
+def remedies(signals: Signals, vehicle: Vehicle) -> Iterator[Remedy]:
     """Signs, swaps and units, of every signal that the equations use."""
     model = vehicle.machine.equations(signals.available)
     used = {i.name for i in model.inputs} | {s.column or s.name for s in model.sensors}
     used |= set(vehicle.machine.regimes.signals)
-    names = [n for n in vehicle.machine.units if n in used and n in signals.available]
-    names = [n for n in names if np.ptp(signals[n].only_valid().value) > 0.0]
+    changing = [n for n in signals.available if np.ptp(signals[n].only_valid().value) > 0.0]
+    names = [n for n in vehicle.machine.units if n in used and n in changing]
     read = {s.column or s.name for s in model.sensors}
-    for a, b in combinations(names, 2):
-        if units.compatible(signals[a].unit, signals[b].unit):
-            yield Remedy(
-                a,
-                "swap",
-                f"{a} and {b} are swapped",
-                {a: replace(signals[b], name=a), b: replace(signals[a], name=b)},
-            )
+    unused = sorted(set(changing) - set(names))
+    for a, b in chain(combinations(names, 2), product(names, unused)):
+        mended = {a: _values_of(signals[b], signals[a]), b: _values_of(signals[a], signals[b])}
+        if all(_possible(each, vehicle) for each in mended.values()):
+            rank = 2 if b in unused else 0
+            yield Remedy(a, "swap", f"{a} and {b} are swapped", mended, rank=rank)
     for name in names:
-        if units.parse(signals[name].unit).offset:  # a temperature has no sign and no factor
+        if _is_temperature(signals[name]):
             continue
         yield Remedy(name, "sign", f"the sign of {name} is wrong", _times(signals[name], -1.0))
         for factor, words in FACTORS.items():
@@ -192,7 +218,28 @@ def _explanations(signals: Signals, vehicle: Vehicle) -> Iterator[Remedy]:
                     f"{name} is {words} times too {what}, as of a wrong unit",
                     _times(signals[name], times),
                     times if name in read else 1.0,
+                    rank=1,
                 )
+
+
+def _values_of(other: Signal, signal: Signal) -> Signal:
+    """``signal`` with what was read as the ``other``."""
+    return replace(other, name=signal.name, unit=signal.unit)
+
+
+def _possible(signal: Signal, vehicle: Vehicle) -> bool:
+    """Whether its readings are such as the machine has."""
+    column, size = vehicle.machine.column(signal.name), np.abs(signal.only_valid().value)
+    if column is None or not len(size):
+        return True
+    if column.possible is not None:
+        low, high, _ = column.possible
+        return bool(low <= np.median(signal.only_valid().value) <= high)
+    if column.magnitude is None:
+        return True
+    of = vehicle.parameters.get(column.magnitude.of)
+    least, most = column.magnitude.largest
+    return bool(least <= np.percentile(size, 99.0) / (of.value if of else 1.0) <= most)
 
 
 def _times(signal: Signal, factor: float) -> dict[str, Signal]:
@@ -253,6 +300,11 @@ def _nothing(signals: Signals, vehicle: Vehicle) -> Contradiction | None:
         "nothing is measured: sensors without supply, or a logger that is not connected",
         "dead",
     )
+
+
+def _is_temperature(signal: Signal) -> bool:
+    """Which may stay the same for long, and has no sign and no factor."""
+    return units.parse(signal.unit).offset != 0.0
 
 
 def _constant(value: Floats) -> bool:
