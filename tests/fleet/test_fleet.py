@@ -232,3 +232,54 @@ def test_a_log_that_kills_its_workers_does_not_stop_the_fleet(tmp_path: Path) ->
         )
     rows = [read_row(path) for path in (tmp_path / "out" / "logs").iterdir()]
     assert len(rows) == 2 and all(row and "lost" in row["error"] for row in rows)
+
+
+def test_an_error_that_nobody_foresaw_is_a_log_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(path: Path, vehicle: object, traffic: bool) -> None:
+        raise ZeroDivisionError("of nothing")
+
+    write_logs(tmp_path / "logs", vehicles=1)
+    monkeypatch.setattr("clutchest.reading.read_log", fails)
+    task = task_of(tmp_path / "logs", tmp_path / "out")
+    assert estimate_log(task, {"x": 1}) == {"x": 1}
+    row = read_row(task.row)
+    assert row is not None and row["error"] == "unexpected error: ZeroDivisionError: of nothing"
+
+
+@pytest.mark.slow
+def test_a_log_that_kills_whoever_opens_it_is_left_out_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The only worker ends at once as it opens one log, whether to see when that begins or to
+    estimate; the logs that waited behind it are used, in order of time."""
+    pytest.importorskip("distributed")
+    import dask
+
+    write_logs(tmp_path / "logs", vehicles=4)
+    for first in (tmp_path / "logs").rglob("0.log"):
+        first.rename(first.with_name("9.log"))  # not in order of their names
+    deadly = tmp_path / "logs" / "a" / "deadly.log"
+    deadly.parent.mkdir()
+    deadly.write_text("(1.0) can0 123#00\n")
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "sitecustomize.py").write_text(
+        "import os, sys\n"
+        "def hook(event, given):\n"
+        "    if event == 'open' and str(given[0]).endswith('deadly.log'):\n        os._exit(9)\n"
+        "sys.addaudithook(hook)\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path / "site"), *sys.path]))
+    at_once = {"allowed-failures": 0, "worker-saturation": float("inf")}
+    with dask.config.set({f"distributed.scheduler.{key}": each for key, each in at_once.items()}):
+        fleet = clutchest.analyse_fleet(
+            str(tmp_path / "logs"), "truck", tmp_path / "out", workers=1
+        )
+    assert list(fleet.rejected) == [str(deadly)]
+    assert "every worker that read it was lost" in fleet.rejected[str(deadly)]
+    assert len(fleet.vehicles) == 5
+    for one in fleet.vehicles[1:]:
+        assert sorted(Path(log).name for log in one.logs) == ["1.log", "9.log"]
+        begins = [drive["begin"] for drive in one.drives]
+        assert begins == sorted(begins)

@@ -9,7 +9,8 @@ import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Trust, VehicleName
-from clutchest.cli.terminal import answer, progress
+from clutchest.cli.terminal import answer, meanwhile, progress
+from clutchest.extras import installed
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -76,6 +77,8 @@ def fleet(
         from clutchest.fleet.files import write_fleet
         from clutchest.fleet.fleet import analyse_fleet
 
+        drawn = ["clutchest.fleet.picture"] if installed("matplotlib") else []
+        meanwhile("pandas", "scipy.special", *drawn)
         result = analyse_fleet(
             places,
             vehicle,

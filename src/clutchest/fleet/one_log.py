@@ -60,10 +60,11 @@ def estimate_log(task: LogTask, state: dict[str, Any] | None) -> dict[str, Any] 
         run = replay(signals, car, rate=task.rate, state=state)
     except (ClutchestError, OSError) as problem:
         return reject(task, str(problem), state)
-    else:
-        _write_estimates(run, task)
-        wear = run.summary["wear"]
-        row = {"error": None, "drives": drives_of(run), "wear": wear, "state": run.final}
+    except Exception as problem:  # that nobody foresaw: it must not stop the others
+        return reject(task, f"unexpected error: {type(problem).__name__}: {problem}", state)
+    _write_estimates(run, task)
+    wear = run.summary["wear"]
+    row = {"error": None, "drives": drives_of(run), "wear": wear, "state": run.final}
     return _written(task, row)
 
 
@@ -123,7 +124,7 @@ def begin_of(path: Path) -> int | None:
         blocks = read_blocks(path)
         first = next(frames for frames in blocks if len(frames))
         return int(first.t_ns.min()) if first.absolute else None
-    except (ClutchestError, OSError, StopIteration):
+    except Exception:  # said when the log is used
         return None
 
 
@@ -140,14 +141,14 @@ def _utc(start_ns: int | None) -> str | None:
 
 def _write_estimates(run: Run, task: LogTask) -> None:
     """The rows of every drive into the folder of its vehicle and day."""
-    from clutchest.reading.table_formats import write_table
+    from clutchest.record.arrow import without_pandas
+    from clutchest.record.files import write_estimates
 
-    table = run.to_pandas()
     for drive, signals in enumerate(run.signals.drives):
         vehicle, day = f"vehicle={task.log.vehicle}", f"day={day_of(signals.start_ns)}"
         place = task.out / DATASET / vehicle / day / f"{task.key}-{drive}.parquet"
-        with _whole(place) as unfinished:
-            write_table(table[table["drive"] == drive], unfinished)
+        with _whole(place) as unfinished, without_pandas():
+            write_estimates(run, unfinished, drive)
 
 
 @contextmanager

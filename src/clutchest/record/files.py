@@ -56,9 +56,7 @@ def write_run(
 
     with finished_into(out) as folder:
         with without_pandas():
-            estimates = folder / "estimates.parquet"
-            units = run.about(columns_of(run.tracks[0], 0, None))["units"]
-            _write_tables(_estimates(run), estimates, run.provenance, units)
+            write_estimates(run, folder / "estimates.parquet")
             (folder / "summary.json").write_text(json_text(run.summary), encoding="utf-8")
             (folder / "state.json").write_text(json_text(run.final), encoding="utf-8")
             if installed("rerun"):
@@ -205,12 +203,20 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _estimates(run: Run) -> Iterator[dict[str, Any]]:
+def write_estimates(run: Run, path: Path, only: int | None = None) -> None:
+    """Write the estimates of all drives, or of one ``only``, as Parquet."""
+    units = run.about(columns_of(run.tracks[0], 0, None))["units"]
+    drives = range(len(run.tracks)) if only is None else [only]
+    _write_tables(_estimates(run, drives), path, run.provenance, units)
+
+
+def _estimates(run: Run, drives: Iterable[int]) -> Iterator[dict[str, Any]]:
     """The columns of every drive, a portion at a time; the mode by its name."""
     import pyarrow as pa
 
     logs = list(dict.fromkeys(map(log_of, run.signals.drives)))
-    for drive, (track, signals) in enumerate(zip(run.tracks, run.signals.drives, strict=True)):
+    for drive in drives:
+        track, signals = run.tracks[drive], run.signals.drives[drive]
         columns = columns_of(track, drive, signals.start_ns)
         log = logs.index(log_of(signals))
         for rows in _portions(len(track.time)):
