@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from clutchest.monitor.monitor import Monitor
     from clutchest.reading import read_log
     from clutchest.record.files import write_run
+    from clutchest.record.notebook import view
     from clutchest.signals import Signal, Signals
     from clutchest.simulated import simulate
     from clutchest.vehicle import Vehicle, load_vehicle
@@ -60,6 +61,7 @@ _HOMES = {
     "read_log": "clutchest.reading",
     "replay": "clutchest.estimate.replay",
     "simulate": "clutchest.simulated",
+    "view": "clutchest.record.notebook",
     "write_run": "clutchest.record.files",
 }
 
@@ -90,6 +92,7 @@ __all__ = [
     "read_log",
     "replay",
     "simulate",
+    "view",
     "write_run",
 ]
 

@@ -17,6 +17,7 @@ EXTRAS = {  # library → extra
     "openpyxl": "excel",
     "polars": "polars",
     "rerun": "rerun",
+    "rerun_notebook": "notebook",
 }
 
 
