@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.vehicle import load_vehicle
 
@@ -51,6 +52,9 @@ CLOCKS = {
     "%d.%m.%Y %H:%M:%S,%f": True,
     "%H:%M:%S.%f": False,
     "%Y-%m-%d %H:%M:%S.%f": True,
+    "%m/%d/%Y %H:%M:%S.%f": True,
+    "%d/%m/%Y %H:%M:%S.%f": True,
+    "%m/%d/%Y %I:%M:%S.%f %p": True,
 }
 
 
@@ -63,6 +67,24 @@ def test_dates_and_times_of_day_go_on_behind_midnight(truck, tmp_path, style):
     begin = 0.0 if CLOCKS[style] else 86_399.5  # of a day that is not stated
     np.testing.assert_allclose(log["engine_speed"].time - begin, TIME, atol=2e-6)
     assert log.start_ns == (stamps[0].value if CLOCKS[style] else None)
+
+
+def test_dates_of_which_the_day_may_be_the_month_are_refused(truck, tmp_path):
+    stamps = pd.Timestamp("2024-02-03 23:00") + pd.to_timedelta(TIME, unit="s")
+    frame = pd.DataFrame({"time": stamps.strftime("%d/%m/%Y %H:%M:%S.%f"), "engine_speed": SPEED})
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(ClutchestError, match=r"a\.csv: the time '03/02/2024 .* day or month"):
+        read_log(tmp_path / "a.csv", truck)
+
+
+def test_minutes_and_seconds_go_on_behind_the_hour(truck, tmp_path):
+    """As Excel shows times, and saves them in a csv."""
+    seconds = 3599.0 + TIME
+    stamps = [f"{s % 3600 // 60:02.0f}:{s % 60:06.3f}" for s in np.round(seconds, 3)]
+    frame = pd.DataFrame({"time": stamps, "engine_speed": SPEED})
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    log = read_log(tmp_path / "a.csv", truck)
+    np.testing.assert_allclose(log["engine_speed"].time, seconds, atol=1e-9)
 
 
 NOON = pd.Timestamp("2026-02-28 12:00")

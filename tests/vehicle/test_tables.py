@@ -52,6 +52,11 @@ def written(folder: Path, text: str, name: str = "a.csv") -> Path:
         ("time_ms,engine_speed", 1e3 * TIME, SPEED),
         ("Time [s],Engine Speed [rpm]", TIME, SPEED / RPM),
         ("Time,ENGINE-SPEED", TIME, SPEED),
+        ("time,EngineSpeed", TIME, SPEED),
+        ("time_ms,engineSpeed [rpm]", 1e3 * TIME, SPEED / RPM),
+        ("time,engine_speed_rpm", TIME, SPEED / RPM),
+        ("time,Engine_Speed_RPM", TIME, SPEED / RPM),
+        ("time,engine_speed_rad_s", TIME, SPEED),
         (",time,engine_speed [rpm]", TIME, SPEED / RPM),  # an index in front
     ],
 )
@@ -341,6 +346,25 @@ def test_a_vehicle_without_a_bus_is_simulated_as_a_table(truck, tmp_path):
     assert 60.0 < np.median(signals["engine_speed"].value) < 110.0
     with pytest.raises(ClutchestError, match="maps no message"):
         write_simulation(tmp_path / "a.log", vehicle, "launches", 1, duration=10.0)
+
+
+def test_names_that_end_in_a_unit(truck, tmp_path):
+    frame = pd.DataFrame(
+        {
+            "time_s": TIME,
+            "engine_speed_rpm": SPEED / RPM,
+            "vehicle_speed_kmh": np.full(N, 36.0),
+            "coolant_temp_K": np.full(N, 353.15),
+            "ambient_temp_degF": np.full(N, 50.0),
+            "slave_position_mm": np.linspace(2.0, 20.0, N),
+        }
+    )
+    frame.to_csv(tmp_path / "a.csv", index=False, sep="|")
+    log = read_log(tmp_path / "a.csv", truck)
+    np.testing.assert_allclose(log["engine_speed"].value, SPEED)
+    for name, value in (("vehicle_speed", 10.0), ("coolant_temp", 80.0), ("ambient_temp", 10.0)):
+        np.testing.assert_allclose(log[name].value, value)
+    np.testing.assert_allclose(log["slave_position"].value, np.linspace(2.0, 20.0, N))
 
 
 PREAMBLES = {

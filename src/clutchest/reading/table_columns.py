@@ -13,6 +13,7 @@ from clutchest import units
 from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
 from clutchest.reading.signal_table import Cells, Frame, RowTable, SignalTable
+from clutchest.reading.written_times import written_times
 from clutchest.signals import Floats
 from clutchest.vehicle import TableColumn
 
@@ -23,7 +24,21 @@ TIME = "time"
 _TIMES = ("time", "t", "timestamp", "timestamps", "zeit", "zeitstempel", "temps", "tiempo", "tempo")
 _DATES = ("date", "datetime", "date_time", "datum", "utc")
 _HEADER = re.compile(r"^(?P<name>.*?\S)\s*[\[(]\s*(?P<unit>[^\[\]()]*)\s*[\])]$")
-_SUFFIX = re.compile(r"^(?P<name>t|time|timestamp|zeit)_(?P<unit>s|ms|us|ns)$", re.IGNORECASE)
+_TIME_SUFFIX = re.compile(r"^(t|time|timestamp|zeit)_(s|ms|us|ns)$", re.IGNORECASE)
+_SUFFIXES = {  # of names such as engine_speed_rpm
+    "rpm": "rpm",
+    "rad_s|radps|rads": "rad/s",
+    "km_h|kmh|kph|kmph": "km/h",
+    "m_s|mps": "m/s",
+    "nm": "Nm",
+    "mm": "mm",
+    "deg_?c|celsius": "°C",
+    "deg_?f|fahrenheit": "°F",
+    "kelvin": "K",
+    "pct|percent": "%",
+}
+_SUFFIX = re.compile(rf"^(.*\S)_({'|'.join(_SUFFIXES)})$", re.IGNORECASE)
+_TEMPERATURE = re.compile(r"^(.*temp.*)_([CFK])$")  # single letters may mean anything else
 _DAY_S = 86_400.0
 _NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "sec": 1e9, "seconds": 1e9}
 _NS |= {"min": 60e9, "h": 3600e9} | dict.fromkeys(("d", "day", "days"), 1e9 * _DAY_S)
@@ -45,12 +60,20 @@ class Place:
 
 
 def split_header(header: str) -> tuple[str, str]:
-    """(name, unit) of a header such as ``engine_speed [rpm]``; no unit where none is known."""
-    for pattern in (_HEADER, _SUFFIX):
-        match = pattern.match(header.strip())
-        if match and (pattern is _SUFFIX or _is_unit(match["unit"])):
-            return match["name"].strip(), match["unit"].strip()
-    return header.strip(), ""
+    """(name, unit) of a header such as ``engine_speed [rpm]`` or ``engine_speed_rpm``; no unit
+    where none is known."""
+    written = header.strip()
+    match = _HEADER.match(written)
+    if match and _is_unit(match["unit"]):
+        return match["name"].strip(), match["unit"].strip()
+    if ended := _TIME_SUFFIX.match(written):
+        return ended[1], ended[2]
+    if ended := _SUFFIX.match(written):
+        known = _SUFFIXES.items()
+        return ended[1], next(u for p, u in known if re.fullmatch(p, ended[2], re.IGNORECASE))
+    if ended := _TEMPERATURE.match(written):
+        return ended[1], {"C": "°C", "F": "°F", "K": "K"}[ended[2]]
+    return written, ""
 
 
 def _is_unit(text: str) -> bool:
@@ -84,8 +107,8 @@ def places(
 
 
 def _header_of(name: str, headers: Mapping[str, tuple[str, str]]) -> str | None:
-    """The header that is ``name``, where it must be without unit and case, and with blanks, points
-    or hyphens for underscores."""
+    """The header that is ``name``, where it must be without unit and case, and with blanks, points,
+    hyphens or capitals for underscores."""
     if name in headers:
         return name
     for plain in (str.lower, _plain):
@@ -96,7 +119,7 @@ def _header_of(name: str, headers: Mapping[str, tuple[str, str]]) -> str | None:
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"[\s.\-]+", "_", name.lower())
+    return re.sub(r"[\s.\-]+|(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
 def _checked(table: SignalTable, header: str, name: str, stated: str, unit: str) -> str:
@@ -181,7 +204,7 @@ def _seconds(table: RowTable, column: str, unit: str) -> tuple[Floats, list[str]
         return times, []
     numbers = table.column(column)
     if isinstance(table, Frame) and numbers.given.any() and not np.isfinite(numbers.value).any():
-        times = _written_times(table.cells(column))
+        times = written_times(table.cells(column), table.source)
         if times is not None:
             return times, []
     words = not_numbers(table, column, column, numbers)
@@ -209,20 +232,6 @@ def _typed_times(cells: pd.Series) -> Floats | None:
     return None
 
 
-def _written_times(cells: pd.Series) -> Floats | None:
-    """Seconds of dates or times of day that are texts; None of others."""
-    import pandas as pd
-
-    written = cells.astype(str).str.replace(",", ".", regex=False)
-    for style in ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S"):
-        dates = pd.to_datetime(written, errors="coerce", utc=True, format=style)
-        if dates.notna().any():
-            since = dates.dt.tz_localize(None) - pd.Timestamp(0)
-            return (since / pd.Timedelta(seconds=1)).to_numpy(np.float64)
-    clock = pd.to_timedelta(written, errors="coerce") / pd.Timedelta(seconds=1)
-    return _past_midnight(np.array(clock, np.float64)) if clock.notna().any() else None
-
-
 def _days(value: Floats, stated: bool) -> tuple[float, str] | None:
     """(their 1970-01-01, who counts so) of numbers that are days: so ``stated``, or too close to
     each other to be seconds."""
@@ -235,14 +244,6 @@ def _days(value: Floats, stated: bool) -> tuple[float, str] | None:
         return None
     counts = (row for row in _DAYS if row[0] <= known[0] and known[-1] <= row[1])
     return next(((zero, how) for _, _, zero, how in counts), None)
-
-
-def _past_midnight(clock: Floats) -> Floats:
-    """Times of day, s, that go on behind midnight."""
-    known = np.flatnonzero(np.isfinite(clock))
-    back = np.diff(clock[known], prepend=clock[known[0]]) < -_DAY_S / 2
-    clock[known] += _DAY_S * np.cumsum(back)
-    return clock
 
 
 def _unit_s(table: RowTable, column: str, unit: str, numbers: Cells) -> float:

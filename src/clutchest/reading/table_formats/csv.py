@@ -1,4 +1,4 @@
-"""Text with a separator: commas, semicolons or tabs; ``.csv.gz`` compressed.
+"""Text with a separator: commas, semicolons, tabs or vertical bars; ``.csv.gz`` compressed.
 
 Written without units, for which there is no place.
 """
@@ -21,7 +21,7 @@ from clutchest.reading.units_row import of_cells
 if TYPE_CHECKING:
     import pandas as pd
 
-_SEPARATORS = ",;\t"
+_SEPARATORS = ",;\t|"
 _PREAMBLE = 40  # lines at most before the header
 
 
@@ -88,7 +88,7 @@ def holds(path: Path) -> bool:
 
 
 FORMAT = TableKind(
-    about="separated by commas, semicolons or tabs, in any encoding",
+    about="separated by commas, semicolons, tabs or bars, in any encoding",
     suffixes=(".csv",),
     read=read,
     write=write,
