@@ -143,6 +143,9 @@ def test_messages_are_missing_while_others_are_sent(truck, frames, step):
         assert alarm.begun == pytest.approx(BEGIN, abs=0.1)
         assert BEGIN < alarm.detected < BEGIN + 2.0
         assert alarm.ended == pytest.approx(END, abs=0.1)
+        if step is None:  # else it is said when it is noticed
+            said = float(alarm.what.split()[3])  # no frame for … s
+            assert said == pytest.approx(END - BEGIN, abs=0.1)
 
 
 @pytest.mark.parametrize("step", [None, 0.5])

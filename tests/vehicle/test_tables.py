@@ -121,6 +121,11 @@ def test_a_vehicle_file_of_columns_alone(truck, tmp_path):
         np.testing.assert_allclose(signals["slave_position"].value, x, rtol=1e-12)
         np.testing.assert_allclose(signals["engine_torque"].value, torque)
         assert signals.warnings == ()
+    signals.to_pandas().to_parquet(tmp_path / "canonical.parquet")  # as convert writes them
+    back = read_log(tmp_path / "canonical.parquet", again)
+    for name in ("engine_speed", "slave_position", "engine_torque"):
+        np.testing.assert_array_equal(back[name].value, signals[name].value)
+        np.testing.assert_array_equal(back[name].time, signals[name].time)
 
 
 def test_the_shortest_columns_take_the_noise_of_the_template(truck, tmp_path):

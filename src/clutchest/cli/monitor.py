@@ -123,6 +123,7 @@ def _started(
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle, trust=session.trust)
+        database = load_database(car)
         before = None if session.state is None else read_state(session.state)
         watching: Monitor = Monitor(
             open_bus(bus.interface, bus.channel),
@@ -138,7 +139,7 @@ def _started(
         # is listened to meanwhile
         show("compiling the fault tests, once on this machine", None)
         send = watching.send if session.send_dm1 else None
-        watching.add_watcher(FaultWatcher(car, load_database(car), send, log=out / RECEIVED))
+        watching.add_watcher(FaultWatcher(car, database, send, log=out / RECEIVED))
     return watching
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from clutchest.can.activity import RESOLUTION_NS
 from clutchest.diagnosis.faults import Alarm, Batch, StreamTest, stream_tests
 from clutchest.diagnosis.faults.missing import Missing
 from clutchest.diagnosis.faults.silent import BUS, Silent
@@ -15,8 +16,10 @@ from clutchest.vehicle import Vehicle
 RATE = 1.0  # false alarms per 1000 h and monitor, where the vehicle file states none
 RECOVERY_S = 1.0  # s after the end of a fault, until samples and other tests count again
 # The bus pauses for longer than SILENT usual gaps between any two frames, at most half of the
-# longest healthy gap of a message; the usual gap is known from USUAL_FROM frames on.
+# longest healthy gap of a message; the usual gap is known from USUAL_FROM frames on.  As activity
+# is thinned, up to ACTIVE s may lie between its times on a bus that never pauses.
 SILENT = 2.0
+ACTIVE = 2e-9 * RESOLUTION_NS
 USUAL_FROM = 20
 SILENT_BUS = f"{Silent.kind}:{BUS}"
 
@@ -90,7 +93,8 @@ class StreamTests:
         if len(gaps) >= USUAL_FROM:
             self._usual = float(np.percentile(gaps, 99))
         bounds = [t.bound for t in self.tests if isinstance(t, Missing) and t.tail is not None]
-        longest = min([SILENT * self._usual, *(bound / 2.0 for bound in bounds)])
+        usual = max(SILENT * self._usual, ACTIVE)
+        longest = min([usual, *(bound / 2.0 for bound in bounds)])
         ended = [alarm.ended or 0.0 for alarm in self._bus.alarms[known:]]
         counted = np.where(np.isin(every, ended), gaps, np.minimum(gaps, longest))
         points = np.concatenate([[self._last], every])

@@ -90,7 +90,7 @@ def places(
     table: SignalTable, wanted: Mapping[str, str], mapped: Mapping[str, TableColumn]
 ) -> dict[str, Place]:
     """Canonical name → its column.  ``wanted``: canonical names with their units; ``mapped``: the
-    columns that a vehicle file names.
+    columns that a vehicle file names, instead of which the canonical ones may be there.
 
     Raises ClutchestError for a unit that measures something else.
     """
@@ -99,6 +99,8 @@ def places(
     for name, unit in wanted.items():
         how = mapped.get(name)
         header = _header_of(how.column if how else name, headers)
+        if header is None and how:  # a table that ``convert`` wrote has canonical names
+            how, header = None, _header_of(name, headers)
         if header is None:
             continue
         stated = (how.unit if how else "") or headers[header][1] or table.units[header]
@@ -183,16 +185,16 @@ def clock_of(table: RowTable, mapped: Mapping[str, TableColumn]) -> Clock:
 def _time_column(table: RowTable, mapped: Mapping[str, TableColumn]) -> tuple[str, str]:
     """(header, unit) of the column of times."""
     headers = {header: split_header(header) for header in table.units}
-    if how := mapped.get(TIME):
-        header = _header_of(how.column, headers)
-        if header is None:
-            hint = nearest(how.column, table.units)
-            raise ClutchestError(f"{table.source}: no column '{how.column}' (time){hint}")
+    how = mapped.get(TIME)
+    if how and (header := _header_of(how.column, headers)) is not None:
         return header, how.unit or headers[header][1] or table.units[header]
     for names in (_TIMES, _DATES):
         for name in names:
             if (header := _header_of(name, headers)) is not None:
                 return header, headers[header][1] or table.units[header]
+    if how:
+        hint = nearest(how.column, table.units)
+        raise ClutchestError(f"{table.source}: no column '{how.column}' (time){hint}")
     raise ClutchestError(
         f"{table.source}: no column 'time' (s); it has " + ", ".join(list(table.units)[:8])
     )
