@@ -14,7 +14,7 @@ from scipy.stats import kstest
 
 from clutchest.discovery.goodness_of_fit import REJECTED, GoodnessOfFit, of_series
 from clutchest.discovery.noise_contrasts import periodograms, windows
-from clutchest.discovery.residual_series import ResidualSeries
+from clutchest.discovery.residual_series import ResidualSeries, likeliest_variance
 from clutchest.discovery.spectral_lines import _white, lines
 
 Floats = NDArray[np.float64]
@@ -163,3 +163,33 @@ def test_too_few_residuals_give_no_p_value():
     few = ResidualSeries("speed", "rad/s", np.ones(40), 1.0, np.zeros(40, int), np.arange(40), 0.1)
     found = fit(few)
     assert found.p_value is None and not found.rejects and found.tests == ()
+
+
+def tracked(random: np.random.Generator, gains: Floats, walks: float) -> tuple[Floats, ...]:
+    """Innovations of a level that is read with noise of variance 1 and corrected by ``gains`` (n),
+    while it walks by the share ``walks`` of what the gains suppose; their variances by white noise
+    alone, and as supposed."""
+    level = estimate = 0.0
+    innovation = np.zeros(len(gains))
+    for k, gain in enumerate(gains):
+        level += random.standard_normal() * gain * np.sqrt(walks / (1.0 - gain))
+        innovation[k] = level + random.standard_normal() - estimate
+        estimate += gain * innovation[k]
+    return innovation, 2.0 / (2.0 - gains), 1.0 / (1.0 - gains)
+
+
+@pytest.mark.parametrize("walks", [0.0, 0.5, 1.0])
+def test_innovations_of_what_is_tracked_are_as_large_at_every_gain(walks):
+    """A filter that supposes a walk is corrected more, and its innovations are the larger for it:
+    no change of the sensor's noise."""
+    gains = np.where(np.arange(60_000) // 500 % 2, 0.15, 0.6)
+    innovation, white, supposed = tracked(np.random.default_rng(17), gains, walks)
+    z = innovation / np.sqrt(likeliest_variance(innovation, white, supposed))
+    assert np.var(z[gains > 0.5]) / np.var(z[gains < 0.5]) == pytest.approx(1.0, abs=0.05)
+    by_noise_alone = innovation / np.sqrt(white)
+    assert (np.var(by_noise_alone[gains > 0.5]) > 1.15) == (walks > 0.0)
+
+
+def test_innovations_that_nothing_corrects_keep_their_variance():
+    noise, ones = white(np.random.default_rng(4)), np.ones(INTERVALS * LONG)
+    np.testing.assert_array_equal(likeliest_variance(noise, ones, ones), ones)

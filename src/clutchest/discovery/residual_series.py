@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from clutchest.inference.noise_model import Stretches
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -20,8 +21,9 @@ SAME = 1e-9  # of all readings' range: what differs by less is the same reading
 class ResidualSeries:
     """Residuals (n) of one ``sensor`` in all drives, one drive after the other.
 
-    ``value`` (n) in standard deviations that white noise as stated would give them, the median of
-    which is ``std`` in ``unit``;
+    ``value`` (n) in standard deviations that white noise as stated would give them, with as much of
+    the process noise of states that readings correct as fits best, the median of which is ``std``
+    in ``unit``;
     ``mode`` (n) its place among the machine's modes; ``place`` (n) the number of residuals before
     it in its interval, of one mode and without gaps; ``period`` s from one to the next;
     ``rounding``: the variance of what the readings' steps round off, over that of their noise.
@@ -56,14 +58,15 @@ def residual_series(problem: Problem, raw: Sequence[NormalisedInnovations]) -> l
         ]
         if parts:
             joined = [np.concatenate(columns) for columns in zip(*parts, strict=True)]
-            t, value, std, mode, place = joined
+            t, innovation, white, predicted, mode, place = joined
+            std = np.sqrt(likeliest_variance(innovation, white, predicted))
             following = np.diff(t)[place[1:] > 0]
             period = float(np.median(following)) if len(following) else np.inf
             series.append(
                 ResidualSeries(
                     sensor.name,
                     sensor.unit,
-                    value,
+                    innovation / std,
                     float(np.median(std)),
                     mode,
                     place.astype(np.int64),
@@ -88,28 +91,42 @@ def _step(drives: Sequence[PreparedDrive], sensor: int) -> float:
 
 
 def _of_drive(drive: PreparedDrive, r: Floats, sensor: int) -> tuple[NDArray, ...] | None:
-    """Times, residuals, their standard deviations, modes and places of one sensor in one drive;
-    None where it has none."""
+    """Times, residuals, their variances by white noise alone and as the filter predicts them, modes
+    and places of one sensor in one drive; None where it has none."""
     readings = drive.readings
     rows = np.flatnonzero(readings.sensor == sensor)
     if not len(rows):
         return None
     t, mode, innovation = readings.t[rows], readings.mode[rows], r[rows] * readings.std[rows]
-    noise = drive.line.R[readings.event[rows]]
+    noise, predicted = drive.line.R[readings.event[rows]], readings.std[rows] ** 2
     # what white noise makes of innovations at a steady gain, which is larger where power is
-    std = np.sqrt(2.0 * noise / (1.0 + noise / readings.std[rows] ** 2))
-    value = innovation / std
+    white = 2.0 * noise / (1.0 + noise / predicted)
     place = _places(t, mode)
     if sensor in drive.unaveraged:
         every = drive.unaveraged[sensor]
-        predicted = drive.line.z[readings.event[rows]] - innovation
+        level = drive.line.z[readings.event[rows]] - innovation
         after = np.clip(np.searchsorted(t, every.t), 0, len(t) - 1)
         between = (place[after] > 0) & (every.t >= t[after - 1]) & (every.t <= t[after])
-        at, std = every.t[between], every.std[between]
-        value = (every.z[between] - np.interp(at, t, predicted)) / std
+        at = every.t[between]
+        innovation = every.z[between] - np.interp(at, t, level)
+        white = predicted = every.std[between] ** 2
         t, mode = at, mode[after[between]]
         place = _places(t, mode)
-    return (t, value, std, mode, place) if len(t) else None
+    return (t, innovation, white, predicted, mode, place) if len(t) else None
+
+
+def likeliest_variance(innovation: Floats, white: Floats, predicted: Floats) -> Floats:
+    """Variances (n) of innovations (n) between those by white noise alone and those that the filter
+    predicts, up to a factor: how much of its process noise there is, is not known beforehand."""
+
+    def cost(share: float) -> float:
+        variance = white + share * (predicted - white)
+        return float(np.log(np.mean(innovation**2 / variance)) + np.mean(np.log(variance)))
+
+    if np.allclose(white, predicted) or not innovation.any():
+        return white
+    share = minimize_scalar(cost, bounds=(0.0, 1.0), method="bounded").x
+    return np.asarray(white + share * (predicted - white))
 
 
 def _places(t: Floats, mode: NDArray) -> NDArray[np.int64]:
