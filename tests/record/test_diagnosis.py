@@ -13,6 +13,7 @@ import clutchest
 from clutchest.diagnosis.isolation import Explanation
 from clutchest.diagnosis.result import Fault, Isolability
 from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
+from clutchest.record.diagnosis_report import freeze_frame
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +117,18 @@ def test_tables_of_eight_faults_are_whole_in_80_columns(diagnosis):
     rows = [line.split() for line in text.splitlines() if "4.4" in line]
     counts = [row.count("4.4") for row in rows]  # a threshold of a monitor may be 4.4 as well
     assert [count for count in counts if count > 1] == [8] * 8
+
+
+def test_a_freeze_frame_has_the_units_that_people_read(diagnosis):
+    (fault,) = diagnosis.faults
+    state = {"value": 21.5, "std": 0.3, "valid": True}
+    frame = {**fault.freeze_frame, "states": {"current": state}, "inputs": {"slip_speed": np.pi}}
+    text = freeze_frame(replace(fault, freeze_frame=frame), diagnosis.run.vehicle.machine)
+    assert "| current | 21.50 ± 0.30 A |" in text
+    assert "| slip speed | 30 rpm |" in text
+    assert "| motor_friction | +0.1 ± 0.01 rad | 0.0 |" in text
+
+
+@pytest.mark.parametrize(("unit", "words"), [("1", "-0.1 ± 0.011"), ("1/s", "-0.1 ± 0.011 1/s")])
+def test_a_magnitude_has_all_its_digits(unit, words):
+    assert Explanation("torque_gain", -0.1, 0.011, unit, 0, 0.0).magnitude == words

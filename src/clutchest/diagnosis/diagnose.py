@@ -166,10 +166,7 @@ def _model_alarm(
     detected = min(r.detected for r in failed if r.detected is not None)
     began = float(blocks.begin[causes[0].onset]) if causes[0].onset else 0.0
     chance = float(np.exp(-max(r.excess for r in failed)))
-    what = ", ".join(
-        f"{c.fault} {c.size:+.3g} ± {c.std:.2g} {c.unit}".rstrip(" 1")
-        for c in causes[: len(not_excluded(causes))]
-    )
+    what = ", ".join(f"{c.fault} {c.magnitude}" for c in causes[: len(not_excluded(causes))])
     return Alarm(began, float(blocks.end[detected]), chance=chance, what=what), causes
 
 

@@ -28,6 +28,12 @@ class Explanation:
     onset: int
     behind: float
 
+    @property
+    def magnitude(self) -> str:
+        """Its size with sign, standard deviation and unit."""
+        words = f"{self.size:+.3g} ± {self.std:.2g}"
+        return words if self.unit == "1" else f"{words} {self.unit}"
+
 
 @dataclass(frozen=True, slots=True)
 class FaultHypothesis:

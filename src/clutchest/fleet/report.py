@@ -11,7 +11,7 @@ from clutchest.record.report import table
 def fleet_page(fleet: Fleet) -> str:
     """One page of HTML."""
     shown = fleet.shown()
-    parts = [f"# {fleet.vehicle.name}: {shown.line}"]
+    parts = [f"# {fleet.vehicle.name}: {shown.line}", _drives(fleet)]
     parts.append("\n".join(f"- **{words}**" for words in fleet.differences()))
     parts.append(table(shown.header, shown.rows))
     parts.append("± 1σ; ! marks what the other vehicles do not lead one to expect.")
@@ -23,3 +23,12 @@ def fleet_page(fleet: Fleet) -> str:
         rows = [(log, why) for log, why in fleet.rejected.items()]
         parts += ["## Logs that could not be used", table(("log", "why"), rows)]
     return page(f"{fleet.vehicle.name}: fleet", "\n\n".join(parts), pictures)
+
+
+def _drives(fleet: Fleet) -> str:
+    """How many drives there are, how long, and when."""
+    drives = [drive for one in fleet.vehicles for drive in one.drives]
+    hours = sum(drive["duration_s"] for drive in drives) / 3600.0
+    days = sorted(drive["day"] for drive in drives if drive["begin"])
+    when = f", {days[0]} to {days[-1]}" if days else ""
+    return f"{len(drives)} drives, {hours:.1f} h{when}"

@@ -36,7 +36,8 @@ def send_log(stream: rr.RecordingStream, diagnosis: Diagnosis, starts: Sequence[
         at = starts[fault.drive] + fault.first_detected_s
         stream.set_time("time", duration=np.timedelta64(round(at * 1e9), "ns"))
         stream.log("fault/log", rr.TextLog(f"{headline(fault)}; {details(fault)}", level="ERROR"))
-        page = rr.TextDocument(freeze_frame(fault), media_type=rr.MediaType.MARKDOWN)
+        frame = freeze_frame(fault, diagnosis.run.vehicle.machine)
+        page = rr.TextDocument(frame, media_type=rr.MediaType.MARKDOWN)
         stream.log("fault/freeze_frame", page)
         stream.log(f"{entity(fault.fault)}/freeze_frame", page)
     stream.reset_time()

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
+from clutchest.models.machine import Machine
 from clutchest.quantity import Quantity
-from clutchest.record.report import table
+from clutchest.record.report import plus_minus, sources, table
 
 
 def headline(fault: Fault) -> str:
@@ -26,33 +29,33 @@ def details(fault: Fault) -> str:
     )
 
 
-def freeze_frame(fault: Fault) -> str:
-    """State, inputs and ranked causes at the moment of detection, as Markdown."""
+def freeze_frame(fault: Fault, machine: Machine) -> str:
+    """State, inputs and ranked causes at the moment of detection, as Markdown, in the units that
+    people read."""
     frame = fault.freeze_frame
-    lines = [
-        f"## {headline(fault)}",
-        "",
-        details(fault),
-        "",
-        f"At {frame['time']:.1f} s, mode **{frame['mode']}**:",
-        "",
-        "| state | value ± 1σ |",
-        "|---|---|",
-    ]
+    unit = {state.name: state.unit for state in machine.states}
+    states, inputs = [], []
     for name, state in frame["states"].items():
-        shown = f"{state['value']:.4g} ± {state['std']:.2g}" if state["valid"] else "not valid"
-        lines.append(f"| {Quantity(name, '1').words} | {shown} |")
-    lines += ["", "| signal | value |", "|---|---|"]
+        quantity = Quantity(name, unit.get(name, "1"))
+        shown = (
+            plus_minus(quantity, state["value"], state["std"]) if state["valid"] else "not valid"
+        )
+        states.append((quantity.words, shown))
     for name, value in frame["inputs"].items():
-        lines.append(f"| {name} | {'–' if value is None else f'{value:.6g}'} |")
+        quantity = Quantity(name, machine.units.get(name, "1"))
+        shown = "–" if value is None else f"{quantity.read(np.array(value)):.6g} {quantity.shown}"
+        inputs.append((quantity.words, shown.rstrip()))
+    parts = [
+        f"## {headline(fault)}",
+        details(fault),
+        f"At {frame['time']:.1f} s, mode **{frame['mode']}**:",
+        table(("state", "value ± 1σ"), states),
+        table(("signal", "value"), inputs),
+    ]
     if fault.causes:
-        lines += ["", "| cause | magnitude ± 1σ | worse fit than the first, 2 Δ ln L |"]
-        lines += ["|---|---|---|"]
-        lines += [
-            f"| {c.fault} | {c.size:+.3g} ± {c.std:.2g} {c.unit} | {c.behind:.1f} |"
-            for c in fault.causes
-        ]
-    return "\n".join(lines) + "\n"
+        rows = [(c.fault, c.magnitude, f"{c.behind:.1f}") for c in fault.causes]
+        parts.append(table(("cause", "magnitude ± 1σ", "worse fit than the first, 2 Δ ln L"), rows))
+    return "\n\n".join(parts) + "\n"
 
 
 def diagnosis_markdown(diagnosis: Diagnosis, pictures: Sequence[str] = ()) -> str:
@@ -60,9 +63,8 @@ def diagnosis_markdown(diagnosis: Diagnosis, pictures: Sequence[str] = ()) -> st
     could have shown; ``pictures``: names of those of the monitors, one a drive."""
     faults, run = diagnosis.faults, diagnosis.run
     title = ", ".join(fault.fault for fault in faults) or "no fault detected"
-    names = [name for drive in run.signals.drives for name in drive.sources]
-    parts = [f"# {run.vehicle.name}: {title}", f"From {', '.join(names)}."]
-    parts += [freeze_frame(fault) for fault in faults]
+    parts = [f"# {run.vehicle.name}: {title}", sources(run)]
+    parts += [freeze_frame(fault, run.vehicle.machine) for fault in faults]
     if pictures:
         parts.append("## Monitors over time: passed (green), failed (red)")
         parts += [f"![Monitors of a drive over time]({name})" for name in pictures]

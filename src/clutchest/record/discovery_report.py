@@ -139,9 +139,11 @@ def gain_words(gain: Gain, compared: Comparison | None) -> str:
         decimals = 1 if min(before, after) >= 0.1 else 4
         error = f"{before:.{decimals}f} to {after:.{decimals}f} {compared.unit}"
         open_loop = f", the open-loop {compared.what} error from {error}"
+    first, then = f"{gain.rmse_before:.3f}", f"{gain.rmse_after:.3f}"
+    rms = f"changes from {first} to {then}" if first != then else f"stays at {first}"
     return (
-        f"{on} ln L {change}, the rms innovation over its predicted standard deviation "
-        f"changes from {gain.rmse_before:.3f} to {gain.rmse_after:.3f}{open_loop}.{verdict}"
+        f"{on} ln L {change}, the rms innovation over its predicted standard deviation {rms}"
+        f"{open_loop}.{verdict}"
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from clutchest import units
 from clutchest.estimate.observability import NOTHING, correlated_with
 from clutchest.estimate.run import Run
 from clutchest.estimate.track import SMALLEST
+from clutchest.paths import names_of
 from clutchest.quantity import Quantity
 from clutchest.record.quantities import states_of
 from clutchest.record.tracking import tracking_head, tracking_note, tracking_rows
@@ -64,7 +64,7 @@ def informed(state: Mapping[str, Any]) -> str:
 
 def markdown(run: Run, how_to_read: str = _HOW_TO_READ) -> str:
     """Summary, final states, engagements and warnings of ``run`` as one Markdown text."""
-    parts = [f"# {run.vehicle.name}", *map(_bold, contradiction(run)), _sources(run), how_to_read]
+    parts = [f"# {run.vehicle.name}", *map(_bold, contradiction(run)), sources(run), how_to_read]
     parts += ["## Estimates at the end", _states(run), BITS]
     if run.summary["wear"]:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
@@ -99,8 +99,9 @@ def _bold(words: str) -> str:
     return f"**{words}**"
 
 
-def _sources(run: Run) -> str:
-    names = ", ".join(Path(name).name for drive in run.signals.drives for name in drive.sources)
+def sources(run: Run) -> str:
+    """The logs of a run, how long they are, and when they begin."""
+    names = names_of(name for drive in run.signals.drives for name in drive.sources)
     duration = sum(float(t.time[-1] - t.time[0]) for t in run.tracks if len(t.time))
     begun = run.signals.start_ns
     when = "" if begun is None else f", begun {datetime.fromtimestamp(begun / 1e9, UTC):%F %T} UTC"
