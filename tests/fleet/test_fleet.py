@@ -16,11 +16,13 @@ import pyarrow.dataset
 import pytest
 
 import clutchest
+from clutchest.can.files import read_frames, write_frames
 from clutchest.errors import ClutchestError
 from clutchest.fleet import one_log
 from clutchest.fleet.comparison import compare, fleet_level, outliers
 from clutchest.fleet.logs import FleetLog, logs_of
 from clutchest.fleet.one_log import LogTask, estimate_log, read_row
+from clutchest.shipped import shipped
 from clutchest.simulated import write_simulation
 
 RNG = np.random.default_rng(8)
@@ -31,12 +33,17 @@ def test_whose_a_log_is(tmp_path: Path) -> None:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("x")
     (tmp_path / "b" / "one.log.truth.parquet").write_text("x")
+    frames = read_frames(shipped("logs")["demo"])
+    write_frames(frames.take(slice(0, 20)), tmp_path / "b" / "a.log")
+    (tmp_path / "b" / "a.log").rename(tmp_path / "b" / "frames.txt")
     found = {(log.vehicle, log.path.name) for log in logs_of([str(tmp_path)])}
     own = (tmp_path.name, "own.csv")
-    assert found == {("a", "one.log"), ("a", "two.blf.gz"), ("b", "one.log"), own}
+    text = ("b", "frames.txt")  # by its content; not so the notes
+    assert found == {("a", "one.log"), ("a", "two.blf.gz"), ("b", "one.log"), text, own}
     by_pattern = logs_of([f"{tmp_path}/**/*.log", f"{tmp_path}/b"])
     assert [(log.vehicle, log.path.name) for log in by_pattern] == [
         ("2024", "one.log"),
+        ("b", "frames.txt"),
         ("b", "one.log"),
     ]
     with pytest.raises(ClutchestError, match=r"nothing.*: no log there"):

@@ -8,10 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from clutchest.can import log_source
 from clutchest.can.formats import log_formats
 from clutchest.errors import ClutchestError
 from clutchest.paths import readable
 
+TEXT = ".txt"  # of a log, and of whatever somebody notes beside it
 TABLES = (".parquet", ".xlsx", ".mdf")
 AGAIN = ".truth.parquet"  # beside a simulated log: not a log
 
@@ -73,5 +75,16 @@ def _known(files: Iterable[Path]) -> Iterator[Path]:
     suffixes = {entry.suffix for entry in log_formats() if entry.suffix} | set(TABLES)
     for file in sorted(files):
         plain = file.name.lower().removesuffix(".gz")
-        if file.is_file() and Path(plain).suffix in suffixes and not plain.endswith(AGAIN):
+        if not file.is_file() or Path(plain).suffix not in suffixes or plain.endswith(AGAIN):
+            continue
+        if Path(plain).suffix != TEXT or _is_log(file):
             yield file
+
+
+def _is_log(file: Path) -> bool:
+    """Whether its content is that of a log."""
+    try:
+        with log_source.opened(file) as source:
+            return any(entry.sniff(source.head) is not None for entry in log_formats())
+    except (ClutchestError, OSError):
+        return False
