@@ -108,6 +108,23 @@ def test_draft_replays_at_once_and_names_its_guess(found, log, truck, tmp_path):
     assert runs[0]["contradiction"] is None and slipping[0] == pytest.approx(slipping[1], abs=0.5)
 
 
+def test_messages_of_another_period_than_the_database_states(log, tmp_path):
+    """A healthy vehicle that sends EEC1 half as often as the database says is not late."""
+    frames = read_frames(log)
+    eec1 = np.flatnonzero(frames.id >> 8 & 0xFFFF == 0xF004)
+    keep = np.ones(len(frames), bool)
+    keep[eec1[1::2]] = False
+    write_frames(frames.take(keep), tmp_path / "half.log")
+    found = inspect_logs([tmp_path / "half.log"])
+    found.write_vehicle(tmp_path / "vehicle.toml", tmp_path / "vehicle.toml")
+    vehicle = load_vehicle(tmp_path / "vehicle.toml")
+    stated = {s.bus.message: s.period for s in vehicle.signals.values()}
+    assert stated["EEC1"] == pytest.approx(0.02, rel=0.02)
+    assert all(period is None for name, period in stated.items() if name != "EEC1")
+    run = clutchest.replay(clutchest.read_log(tmp_path / "half.log", vehicle), vehicle)
+    assert not [f.fault for f in clutchest.diagnose(run).faults]
+
+
 def test_the_reference_torque_is_read_from_the_bus(send_long, log, truck, tmp_path):
     """Engine configuration, 39 bytes in six packets, states what 100 % stands for."""
     frames = Frames.concatenate([read_frames(log), send_long(2386)]).sorted()

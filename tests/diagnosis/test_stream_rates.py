@@ -67,3 +67,24 @@ def test_equal_samples_fail_beyond_the_longest_run_that_chance_makes(rate):
     assert round((detected - begun) / 0.01) == pytest.approx(repeats.bound, abs=1.5)
     runs = H_1000 / (0.01 * tail_mean(repeats.tail))
     assert repeats.bound == pytest.approx(tail_bound(repeats.tail, runs / rate))
+
+
+def test_how_a_signal_of_guessed_noise_changes_is_observed_first():
+    """A computed torque that stands at idle is healthy until it has shown that it fluctuates, or
+    for half a minute."""
+    rng = np.random.default_rng(3)
+    lively = rng.random(3000) < 0.5  # the same as before
+    resting = np.ones(200, bool)
+    same = np.concatenate([resting, lively, resting])
+    time = np.arange(len(same)) * 0.01
+    found = {guessed: begun(same, time, guessed) for guessed in (False, True)}
+    assert found[False][0] < 2.0 and found[True] == pytest.approx([32.0], abs=0.2)
+    always = np.ones(4000, bool)
+    (alone,) = begun(always, np.arange(4000) * 0.01, True)
+    assert alone == 0.0
+
+
+def begun(same, time, guessed: bool) -> list[float]:
+    """When runs that are too long began."""
+    repeats = Repeats(1.0, guessed)
+    return [b for b, _, end in repeats.take(time, same, np.ones(len(same), bool)) if end == np.inf]

@@ -23,6 +23,7 @@ from clutchest.reading.candidates import (
 from clutchest.reading.driveline import Driveline
 from clutchest.vehicle import BusSignal, ParameterValue, SignalMap, Vehicle, load_vehicle
 
+OTHER_PERIOD = 0.1  # of a stated period, by which messages of another vehicle differ
 STATED = 0.1  # of a stated reference torque, by which the engine's largest may differ
 
 
@@ -121,6 +122,7 @@ class Draft:
             reference=self.references.get(name) if percent else None,
             fraction=parts.get("fraction"),
             friction=parts.get("friction"),
+            period=_period(self.found.sources.get(name)),
         )
 
     def _noise(self, candidate: SignalCandidate, like: SignalMap | None) -> float:
@@ -156,6 +158,7 @@ class Draft:
             gear=replace(sent.source.bus, unit="1") if sent else None,
             gear_numbers=sent.numbers if sent and not sent.counts_from_one else (),
             other=None if line.other is None else replace(line.other.bus, unit=unit),
+            period=_period(wheel),
         )
 
     def missing(self) -> tuple[str, ...]:
@@ -230,6 +233,14 @@ def guessed_parameters(machine: Machine, template: str = "") -> dict[str, Parame
 def drafted_name(log: Path) -> str:
     """A vehicle's name from that of a log."""
     return re.sub(r"\W+", "_", log.name.split(".")[0])
+
+
+def _period(source: BusSource | None) -> float | None:
+    """The period of a message in the log, s, where its database states another one."""
+    if source is None or source.message.cycle_time_s is None or source.row.period_s is None:
+        return None
+    ratio = source.row.period_s / source.message.cycle_time_s
+    return None if abs(ratio - 1.0) < OTHER_PERIOD else _short(source.row.period_s)
 
 
 def _shown(wheel: BusSource) -> str:

@@ -65,8 +65,8 @@ class SignalMap:
     the mean of both turns the differential.
 
     ``minimum``, ``maximum`` in the bus unit: samples outside are invalid.  ``source_address``
-    (J1939) and ``channel`` choose among several senders.  ``period`` s, for simulation where the
-    DBC states no cycle time.
+    (J1939) and ``channel`` choose among several senders.  ``period`` s, where the DBC states no
+    cycle time or another vehicle's.
     """
 
     name: str

@@ -19,16 +19,19 @@ from clutchest.diagnosis.sequential import (
 from clutchest.native import compiled
 from clutchest.signals import Floats
 
+FIRST_RUNS = 20.0  # where the prior is a guess: so many are observed before the test begins,
+FIRST_S = 30.0  # unless one of them lasts for so long, s
 PRIOR_RUN = 2.0  # samples in a run of identical ones, before any has been observed
 RUN, BEGUN, LAST, SAMPLES, SPAN, STUCK = range(6)
 
 
 class Repeats:
     """State of a count of repeated samples, carried from batch to batch, for ``per_1000h`` false
-    alarms."""
+    alarms.  ``guessed``: that noise changes them is not known, but to be observed first."""
 
-    def __init__(self, per_1000h: float) -> None:
+    def __init__(self, per_1000h: float, guessed: bool = False) -> None:
         self.per_1000h = per_1000h
+        self.first = FIRST_RUNS if guessed else 0.0
         self.tail = new_tail(PRIOR_RUN, grain=1.0)
         self.state = np.zeros(6)
 
@@ -41,7 +44,7 @@ class Repeats:
         ``same`` (n): equal to the sample before; ``tested`` (n): a healthy sample would differ.
         """
         changes = np.zeros((len(time) + 1, 3))
-        n = _runs(time, same, tested, self.tail, self.state, self.per_1000h, changes)
+        n = _runs(time, same, tested, self.tail, self.state, (self.per_1000h, self.first), changes)
         return [tuple(row) for row in changes[:n].tolist()]
 
     @property
@@ -67,9 +70,9 @@ class Repeats:
 class RepeatTest(StreamTest):
     """A test that fails where too many consecutive samples or payloads are identical."""
 
-    def __init__(self, subject: str, per_1000h: float) -> None:
+    def __init__(self, subject: str, per_1000h: float, guessed: bool = False) -> None:
         super().__init__(subject, per_1000h)
-        self.repeats = Repeats(per_1000h)
+        self.repeats = Repeats(per_1000h, guessed)
 
     def test(
         self,
@@ -94,8 +97,9 @@ class RepeatTest(StreamTest):
 
 
 @compiled
-def _runs(time, same, tested, tail, state, per_1000h, changes):  # type: ignore[no-untyped-def]
+def _runs(time, same, tested, tail, state, rate, changes):  # type: ignore[no-untyped-def]
     n = 0
+    per_1000h, first = rate
     for k in range(len(time)):
         if not tested[k]:
             if state[STUCK]:
@@ -119,7 +123,8 @@ def _runs(time, same, tested, tail, state, per_1000h, changes):  # type: ignore[
             state[RUN], state[BEGUN], state[STUCK] = 1.0, time[k], 0.0
         state[LAST] = time[k]
         mean = tail_mean(tail)
-        if state[RUN] > EDGE * mean and not state[STUCK]:
+        known = tail[COUNT] >= first or time[k] - state[BEGUN] > FIRST_S
+        if known and state[RUN] > EDGE * mean and not state[STUCK]:
             period = state[SPAN] / max(state[SAMPLES], 1.0)
             if state[RUN] > tail_bound(tail, 3.6e6 / max(period * mean, 1e-9) / per_1000h):
                 state[STUCK] = 1.0

@@ -16,13 +16,14 @@ class Stuck(RepeatTest):
     """Consecutive identical values of a signal that noise alone would change.
 
     Where a healthy signal may be constant, at standstill or as a slow temperature, it is not
-    tested.
+    tested.  Where the vehicle file guesses the noise, how it changes is observed first.
     """
 
     kind, fmi = "stuck", 2
 
     def __init__(self, vehicle: Vehicle, subject: str, per_1000h: float) -> None:
-        super().__init__(subject, per_1000h)
+        source = vehicle.signals[subject].noise_source
+        super().__init__(subject, per_1000h, guessed=source.startswith("guess"))
         self.fluctuates = subject in fluctuating(vehicle)
         self.rests, self.last = subject in resting(vehicle), np.nan
 
