@@ -126,6 +126,37 @@ def test_what_is_not_valid_is_named_and_the_rest_used(tmp_path, caplog):
     assert caplog.records == []
 
 
+BEGIN = 'VERSION ""\n\nBS_:\n\nBU_: ECU\n\n'
+TWO = (
+    'BO_ 291 One: 8 ECU\n SG_ A : 0|8@1+ (1,0) [0|0] "" ECU\n SG_ B : 8|8@1+ (1,0) [0|0] "" ECU\n\n'
+    'BO_ 292 Two: 8 ECU\n SG_ C : 0|8@1+ (1,0) [0|0] "" ECU\n\n'
+)
+ALL = {"One": {"A", "B"}, "Two": {"C"}}
+PARTS = {  # text → signals by message, and the line that is named
+    TWO + "FOO_ bar baz;\n": (ALL, "line 14: 'FOO_ bar baz;'"),
+    TWO.replace("BO_ 292", "CAT_ 4 x;\nBO_ 292"): (ALL, "line 11: 'CAT_ 4 x;'"),
+    TWO + 'BA_ "Foo" BO_ 291 5;\n': (ALL, "line 14: 'BA_ \"Foo\" BO_ 291 5;'"),
+    TWO.replace("8|8@1", "8|0@1"): ({"One": {"A"}, "Two": {"C"}}, "line 9: 'SG_ B"),
+    TWO[: TWO.rindex("@1+")]: ({"One": {"A", "B"}, "Two": set()}, "line 12: 'SG_ C : 0|8'"),
+    TWO[: TWO.rindex("8 ECU")]: ({"One": {"A", "B"}}, "line 11: 'BO_ 292 Two:'"),
+    TWO.replace(": 8 ECU", ": 8 "): (ALL, ""),
+    TWO.replace('"" ECU', '""'): (ALL, ""),
+    TWO.replace('"" ECU', '""').rstrip(): (ALL, ""),
+    TWO + 'CM_ BO_ 291 "of two lines\nBO_ 9 None: 8\n SG_ Z : 0|8\nend";\n': (ALL, ""),
+}
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("text", PARTS)
+def test_what_is_cut_or_strange_costs_no_more_than_itself(text, end, tmp_path):
+    signals, named = PARTS[text]
+    (tmp_path / "a.dbc").write_bytes((BEGIN + text).replace("\n", end).encode())
+    database = load([tmp_path / "a.dbc"])
+    assert {n: set(m.signals) for n, m in database.messages.items()} == signals
+    assert len(database.warnings) == bool(named)
+    assert all(named in warning for warning in database.warnings)
+
+
 def test_messages_of_one_name_or_id_are_named(tmp_path, caplog):
     signal = ' SG_ S : 0|8@1+ (1,0) [0|0] "" A\n'
     (tmp_path / "a.dbc").write_text(

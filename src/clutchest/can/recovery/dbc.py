@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from clutchest.budgets import LARGEST, LONGEST_RANGE, MESSAGE_BITS, REPAIRED_BYTES
 from clutchest.can.log_source import quiet
@@ -36,6 +36,17 @@ _ENDLESS_WORD = re.compile(rf'"\s*{_LONG_NUMBER}\s*"')  # the value of an attrib
 _WORDS = re.compile(r'"[^"]*"')
 _DIGITS, _LONGEST_NUMBER, _LONG = 9, 310, 1 << 20
 _EXTENDED = 1 << 31
+# Lines that end before the sender of a message, or the receivers of a signal.
+_NO_SENDER = re.compile(r"^([ \t]*BO_[ \t]+\d+[ \t]+\w+[ \t]*:[ \t]*\d+)[ \t\r]*$", re.MULTILINE)
+_NO_RECEIVER = re.compile(
+    r"^([ \t]*SG_[ \t][^\"\n]*\"[^\"\n]*\")[ \t\r]*$(?=\n[ \t\r]*\n|\n[ \t]*[A-Z]+_|\n?\Z)",
+    re.MULTILINE,
+)
+_NOBODY = r"\1 Vector__XXX"
+_STRANGE = re.compile(r"\s*[A-Z][A-Z_]*_(?=[\s:])")  # shaped like a keyword
+_DEFINED = re.compile(r"\s*BA_DEF_(?:REL_)?\s+(?:[A-Z_]+_\s+)?\"(?P<name>[^\"]*)\"")
+_ATTRIBUTE = re.compile(r"\s*(?:BA_DEF_DEF_|BA_DEF_DEF_REL_|BA_|BA_REL_)\s+\"(?P<name>[^\"]*)\"")
+_SIGNALS_OF_NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"
 _INVALID = "not valid in a DBC"
 
 
@@ -57,7 +68,7 @@ class _Text:
     def statement(self, line: int) -> tuple[int, int]:
         """First line and the one behind the last of what stands at ``line``, from 0."""
         first = min(line, len(self.lines) - 1)
-        while first > 0 and not _KEYWORD.match(self.lines[first]):
+        while first > 0 and not _STRANGE.match(self.lines[first]) and not self._begins(first):
             first -= 1
         is_message = bool(re.match(r"\s*BO_\s", self.lines[first]))
         end = first + 1
@@ -68,11 +79,15 @@ class _Text:
             end += 1
         return first, end
 
+    def _begins(self, line: int) -> bool:
+        return bool(_KEYWORD.match(self.lines[line]))
+
     def leave_out(self, line: int, why: str) -> None:
         """Empty the statement at ``line``; a message goes with its signals."""
         first, end = self.statement(line)
         words = self.lines[first].strip()[:60]
-        if not _KEYWORD.match(self.lines[first]) or words.startswith(("VERSION", "NS_", "BS_")):
+        known = self._begins(first) or _STRANGE.match(self.lines[first])
+        if not known or words.startswith(("VERSION", "NS_", "BS_")):
             raise Irreparable(line + 1, why)
         self.complaints.append(f"line {line + 1}: {words!r} left out: {why}")
         self.lines[first:end] = [""] * (end - first)
@@ -109,6 +124,8 @@ class _Text:
         if number is not None and "frame id" in why:
             if "Standard" not in why or not self.make_extended(number):
                 self.leave_out(number, why)
+        elif (signal := self._signal_line(number, why)) is not None:
+            self.leave_out(signal, why)
         elif strict:
             self.complaints.append(f"{why} Loaded without that check.")
             return False
@@ -117,6 +134,17 @@ class _Text:
         else:
             raise Irreparable(0, why)
         return strict
+
+    def _signal_line(self, message: int | None, why: str) -> int | None:
+        """The line of the signal that is wrong by itself, not by where it lies."""
+        named = re.match(r"The signal (\w+) length", why)
+        if message is None or named is None:
+            return None
+        for number in range(message + 1, self.statement(message)[1]):
+            signal = _SIGNAL.match(self.lines[number])
+            if signal and signal["name"] == named[1]:
+                return number
+        return None
 
     def leave_out_giants(self) -> str:
         """Empty messages longer than any, and ranges of more values than cantools may write out;
@@ -150,7 +178,12 @@ class _Text:
             elif signal := _SIGNAL.match(line):
                 current.add(signal["name"])
         before = len(self.complaints)
+        defined = {found["name"] for line in self.lines if (found := _DEFINED.match(line))}
         for number, line in enumerate(self.lines):
+            attribute = _ATTRIBUTE.match(line)
+            if attribute and attribute["name"] not in defined:
+                self.leave_out(number, f"no attribute '{attribute['name']}' is defined")
+                continue
             refers = _REFERENCE.match(line)
             if refers is None:
                 continue
@@ -159,6 +192,34 @@ class _Text:
             elif _OF_SIGNALS.match(line) and refers["signal"] not in known[refers["id"]]:
                 self.leave_out(number, f"its message has no signal '{refers['signal']}'")
         return len(self.complaints) > before
+
+    def note_lost(self, database: Database) -> None:
+        """What cantools did not take and did not refuse, as at the end of a file that is cut."""
+        held = {(m.frame_id, bool(m.is_extended_frame)): m for m in database.messages}
+        of: list[tuple[int, str]] = []  # signals of the message at hand
+        message, known = -1, None
+        bare = _without_words("\n".join(self.lines)).split("\n")
+        for number, line in enumerate([*bare, f"BO_ 0 {_SIGNALS_OF_NO_MESSAGE}:"]):
+            if begun := _MESSAGE.match(line):
+                self._note_signals(of, known)
+                message, of = number, []
+                given = int(begun["id"])
+                known = held.get((given & ~_EXTENDED, bool(given & _EXTENDED)))
+                if known is None and begun["name"] != _SIGNALS_OF_NO_MESSAGE:
+                    self._note(message)
+            elif (signal := _SIGNAL.match(line)) and known is not None:
+                of.append((number, signal["name"]))
+
+    def _note_signals(self, lines: list[tuple[int, str]], message: Any) -> None:
+        names = set() if message is None else {signal.name for signal in message.signals}
+        if message is not None and len(lines) > len(message.signals):
+            for number, name in lines:
+                if name not in names:
+                    self._note(number)
+
+    def _note(self, number: int) -> None:
+        words = self.lines[number].strip()[:60]
+        self.complaints.append(f"line {number + 1}: {words!r} left out: {_INVALID}")
 
 
 def _check_numbers(text: str) -> None:
@@ -210,6 +271,7 @@ def parsed(text: str) -> tuple[Database, list[str]]:
 
     if not text.strip():
         raise Irreparable(0, "the file is empty; expected a DBC, ARXML, KCD or SYM")
+    text = _NO_RECEIVER.sub(_NOBODY, _NO_SENDER.sub(_NOBODY, text))
     given, strict = _Text(text.splitlines()), True
     most = min(_MOST, REPAIRED_BYTES // max(len(text), 1) + 2)
     with quiet("cantools"):
@@ -219,6 +281,7 @@ def parsed(text: str) -> tuple[Database, list[str]]:
             database = cantools.database.can.Database(strict=strict)
             try:
                 database.add_dbc_string(whole)
+                given.note_lost(database)
                 return database, given.complaints
             except ParseError as error:
                 given.leave_out(error.line - 1, _INVALID)
