@@ -175,6 +175,13 @@ def test_ids_that_can_only_be_decimal(ids, tmp_path):
     assert (frames.flags & Flag.EXTENDED).tolist() == [int(i > 0x7FF) for i in ids]
 
 
+@pytest.mark.parametrize("header", ["ID (hex),ID (dec)", "ID (dec),ID (hex)"])
+def test_of_two_columns_of_ids_the_first_counts(header, tmp_path):
+    ids = "7E8,2024" if header.startswith("ID (hex)") else "2024,7E8"
+    frames = read(tmp_path, f"Time,{header},DLC,Data\n0.5,{ids},1,01\n")
+    assert frames.id.tolist() == [0x7E8]
+
+
 def test_ids_that_may_be_hexadecimal_are(tmp_path):
     rows = "".join(f"{k},{i},1,01\n" for k, i in enumerate(("0123", "18242100", "2345")))
     frames = read(tmp_path, "time,id,dlc,data\n" + rows)
@@ -264,6 +271,13 @@ KINDS = {
     "Ext": Flag.EXTENDED,
     "Std": Flag(0),
     "FD": Flag.FD,
+    "Rx": Flag(0),
+    "Received": Flag(0),
+    "RR": Flag.REMOTE,
+    "Tx": Flag.SENT,
+    "Transmit": Flag.SENT,
+    "R": Flag(0),
+    "": Flag(0),
 }
 
 

@@ -105,14 +105,8 @@ def flags_of(role: int, text: Bytes, i: int) -> int:
         return EXTENDED if yes else 0
     if role == IS_SENT:  # also sent, out
         return SENT if yes or first == 115 or first == 111 else 0
-    if role == KIND:  # extended, x; remote, rtr; error; fd
-        if first == 114:
-            return REMOTE
-        if first == 102 and (second == 98 or 100 <= second <= 101):  # fd, fb, fe
-            return FD
-        if first == 101 and second == 114:
-            return ERROR
-        return EXTENDED if first == 120 or (first == 101 and second == 120) else 0
+    if role == KIND:
+        return _flags_of_kind(text, i, first, second)
     if not yes:
         return 0
     if role == IS_REMOTE:
@@ -122,6 +116,21 @@ def flags_of(role: int, text: Bytes, i: int) -> int:
     if role == IS_FAST:
         return BRS
     return ESI if role == IS_PASSIVE else ERROR
+
+
+@compiled
+def _flags_of_kind(text: Bytes, i: int, first: int, second: int) -> int:
+    """The flag of a word: ext, x; rtr, rr, remote, but not received; tx, transmit; error; fd."""
+    if first == 114:  # r
+        remote = second == 116 or second == 114
+        return REMOTE if remote or (second == 101 and is_letter(text[i + 2], 109)) else 0
+    if first == 116 and (second == 120 or second == 114):
+        return SENT
+    if first == 102 and (second == 98 or 100 <= second <= 101):  # fd, fb, fe
+        return FD
+    if first == 101 and second == 114:
+        return ERROR
+    return EXTENDED if first == 120 or (first == 101 and second == 120) else 0
 
 
 @compiled

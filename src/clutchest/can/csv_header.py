@@ -76,8 +76,9 @@ class Header:
         return TIME in roles and ID in roles and (DATA in roles or roles.count(BYTE) > 1)
 
     def decimal(self, role: int) -> bool:
-        """Whether the name of a column of this ``role`` says that its numbers are decimal."""
-        named = (name.lower() for name in self.names if _role(name) == role)
+        """Whether the name of the columns of this ``role`` says that their numbers are decimal."""
+        used = zip(self.names, self.roles(), strict=True)
+        named = (name.lower() for name, given in used if given == role)
         marks = (r"(?<![a-z])dec", r"iddec", r"^can\.id$")  # the last of tshark
         return any(re.search("|".join(marks), name) for name in named)
 
