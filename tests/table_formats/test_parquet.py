@@ -103,3 +103,22 @@ def test_a_damaged_column_is_one_line(tmp_path):
     path.write_bytes(content)
     with pytest.raises(ClutchestError, match=r"x\.parquet: not a readable table"):
         load_table(path).column("more")
+
+
+def test_a_damaged_footer_is_read_or_refused_in_a_line(tmp_path):
+    """Wherever it is damaged: a column may then have fewer values than the table has rows."""
+    whole, damaged = tmp_path / "whole.parquet", tmp_path / "damaged.parquet"
+    columns = {"time": 0.02 * np.arange(50), "engine_speed": np.full(50, 100.0)}
+    pq.write_table(pa.table(columns), whole, compression="none")
+    content = whole.read_bytes()
+    footer = int.from_bytes(content[-8:-4], "little")
+    refused = set()
+    for place in range(len(content) - 8 - footer, len(content) - 8):
+        damaged.write_bytes(content[:place] + b"\0" + content[place + 1 :])
+        try:
+            table = load_table(damaged)
+            lengths = {len(table.column(name).value) for name in table.units}
+            assert len(lengths) <= 1
+        except ClutchestError as problem:
+            refused.add(str(problem).partition(": ")[2])
+    assert any("values in column" in words for words in refused)

@@ -60,7 +60,9 @@ def read(path: Path) -> Frame | NumberTable:
         check_cells(path, about.num_rows * len(kept))
         units = {column.name: _unit(column.metadata or {}) for column in kept}
         if len(units) == len(kept) and all(map(_is_plain, kept)) and not _index(schema):
-            return NumberTable(str(path), units, about.num_rows, partial(_column, path))
+            return NumberTable(
+                str(path), units, about.num_rows, partial(_column, path, about.num_rows)
+            )
         words = [column.name for column in kept if _is_text(column.type)]
         names = [column.name for column in kept]
         with pq.ParquetFile(file, read_dictionary=words) as given:
@@ -91,8 +93,8 @@ def _index(schema: pa.Schema) -> list[Any]:
     return [index for index in noted if not isinstance(index, dict) or index.get("name")]
 
 
-def _column(path: Path, name: str) -> Floats:
-    """A column of numbers (n,), NaN where there is none.
+def _column(path: Path, rows: int, name: str) -> Floats:
+    """A column of numbers (rows,), NaN where there is none.
 
     One at a time and by Arrow's buffers: a table as a whole takes four times as long, for its
     memory, and pandas half as long again.  Raises ClutchestError where it is damaged.
@@ -104,15 +106,19 @@ def _column(path: Path, name: str) -> Floats:
         with named_in_utf8(path) as file, pq.ParquetFile(file) as given:
             for chunk in given.read([name], use_threads=False).column(0).chunks:
                 known, data = chunk.buffers()
-                rows = slice(chunk.offset, chunk.offset + len(chunk))
-                values = np.frombuffer(data, chunk.type.to_pandas_dtype())[rows]
+                own = slice(chunk.offset, chunk.offset + len(chunk))
+                values = np.frombuffer(data, chunk.type.to_pandas_dtype())[own]
                 if known is not None:
                     bits = np.unpackbits(np.frombuffer(known, np.uint8), bitorder="little")
-                    values = np.where(bits[rows], values, np.nan)
+                    values = np.where(bits[own], values, np.nan)
                 parts.append(values.astype(np.float64, copy=False))
     except Exception as problem:  # as load_table has it
         words = str(problem).splitlines()[0] if str(problem) else type(problem).__name__
         raise ClutchestError(f"{path}: not a readable table: {words}") from None
+    if (read := sum(map(len, parts))) != rows:
+        raise ClutchestError(
+            f"{path}: not a readable table: {read} values in column '{name}', expected {rows}"
+        )
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
