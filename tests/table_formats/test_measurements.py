@@ -10,6 +10,7 @@ from asammdf import MDF, Signal
 from asammdf.blocks import v4_blocks
 from asammdf.blocks.conversion_utils import from_dict
 
+import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.reading.table_formats import load_table
 from logger_mf4 import move_channels
@@ -160,3 +161,17 @@ def test_texts_and_arrays_are_no_numbers(tmp_path):
         mdf.save(tmp_path / "a.mf4")
     for name in ("words", "array"):
         assert "holds no numbers" in refusal(tmp_path / "a.mf4", name)
+
+
+@pytest.mark.parametrize("name", ["a.mdf", "a.dat", "a.mf4"])
+@pytest.mark.filterwarnings("ignore::Warning:asammdf")
+def test_an_older_mdf_is_refused_with_the_way_to_a_newer_one(name, tmp_path):
+    with MDF(version="3.30") as mdf:
+        mdf.append([Signal(RAW, TIME, name="speed")])
+        saved = Path(mdf.save(tmp_path / "a.mdf", overwrite=True))
+    path = saved.rename(tmp_path / name)
+    with pytest.raises(ClutchestError, match=r"MDF 3\.30, expected MDF 4; .*convert\('4\.10'\)"):
+        clutchest.read_log(path, "truck")
+    with MDF(path) as mdf:  # as it says
+        mdf.convert("4.10").save(tmp_path / "b.mf4", overwrite=True)
+    np.testing.assert_array_equal(load_table(tmp_path / "b.mf4").column("speed").value, RAW)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _BUS_LOGGING = re.compile(r"^(CAN|LIN|FLX|ETH|MOST)_\w*Frame$")
+_OLDER = re.compile(rb"MDF {5}([23]\.\d\d)")
 _EPOCH_S = 1e8  # an earlier start of a measurement is no date
 _LAST_NUMBER = 5  # cn_data_type: integers and floating point
 _OF_VARYING_LENGTH = (1, 5)  # cn_type
@@ -96,12 +97,21 @@ def _numbers(column: pd.Series) -> tuple[Any, dict[str, Any] | None]:
 def holds(path: Path) -> bool:
     """Whether an MDF file holds channels and no frames; one that cannot be read has neither."""
     required("asammdf")
+    if _older(path):
+        return True
     try:
         with _opened(path) as mdf:
             names = [channel.name for group in mdf.groups for channel in group.channels]
     except Exception:  # its frames may be recovered
         return False
     return bool(names) and not any(_BUS_LOGGING.match(name) for name in names)
+
+
+def _older(path: Path) -> str:
+    """The version of a file in MDF 2 or 3; "" of others."""
+    with path.open("rb") as file:
+        found = _OLDER.match(file.read(16))
+    return found[1].decode() if found else ""
 
 
 @contextmanager
@@ -122,6 +132,11 @@ def read(path: Path) -> Channels:
     """The channels of a measurement, each with the times of its group."""
     from clutchest.can.recovery.mf4_conversions import unit_of
 
+    if version := _older(path):
+        raise ClutchestError(
+            f"{path}: MDF {version}, expected MDF 4; asammdf makes it of this one: "
+            f"MDF('{path.name}').convert('4.10').save('{path.stem}.mf4')"
+        )
     places: dict[str, tuple[int, int]] = {}
     stated: dict[str, str] = {}
     rows = 0
@@ -178,7 +193,7 @@ def _channel(path: Path, name: str, number: int, place: int) -> Cells:
 FORMAT = TableKind(
     about="a measurement in MDF 4: channels and no frames, each with the times of its group",
     suffixes=(".mf4", ".mdf"),
-    marks=(b"MDF     4",),
+    marks=(b"MDF     4", b"MDF     3", b"MDF     2"),
     read=read,
     write=write,
     holds=holds,
