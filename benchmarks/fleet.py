@@ -1,17 +1,21 @@
 """Two workers against one: python benchmarks/fleet.py [--vehicles 8] [--logs 3] [--minutes 20]
 
 `clutchest fleet` over logs of several vehicles, by one worker and by two in turn, each into an
-empty folder.  Efficiency: time from begin to end by one worker, over twice that by two; the start
-of the cluster is in both.  That of processor time, of all processes, does not count waiting, and
-holds where other programs share the cores.  Memory: peak of the largest process.
+empty folder and with one processor a worker, where the system can say which: a replay alone uses
+more than one.  Efficiency: time from begin to end by one worker, over twice that by two; the start
+of the cluster and the comparison of the vehicles are in both.  That of processor time, of all
+processes, does not count waiting, and holds where other programs share the cores.  Memory: peak of
+the largest process.  ``--folder`` has the logs already, or keeps them.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
@@ -34,12 +38,19 @@ def logs(folder: Path, vehicles: int, each: int, minutes: float) -> None:
             write_simulation(path, truck, "city", seed, duration=60.0 * minutes, truck_seed=k)
 
 
+def restrict(processors: int) -> None:
+    """Have this process and those that it starts use so many processors."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:processors])
+
+
 def run(folder: Path, out: Path, workers: int) -> tuple[float, float]:
     """Seconds from begin to end, and processor seconds, of the command."""
-    before, begin = getrusage(RUSAGE_CHILDREN), perf_counter()
     arguments = ["fleet", folder, "--vehicle", "truck", "--out", out, "--workers", str(workers)]
+    program = [sys.executable, "-c", CLUTCHEST, *map(str, arguments)]
+    before, begin = getrusage(RUSAGE_CHILDREN), perf_counter()
     subprocess.run(
-        [sys.executable, "-c", CLUTCHEST, *arguments], check=True, capture_output=True, text=True
+        program, check=True, capture_output=True, text=True, preexec_fn=partial(restrict, workers)
     )
     took, after = perf_counter() - begin, getrusage(RUSAGE_CHILDREN)
     processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -59,10 +70,12 @@ def main() -> None:
     parser.add_argument("--logs", type=int, default=3)
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--folder", type=Path, help="of the logs")
     given = parser.parse_args()
     with TemporaryDirectory() as place:
-        folder = Path(place) / "logs"
-        logs(folder, given.vehicles, given.logs, given.minutes)
+        folder = given.folder or Path(place) / "logs"
+        if not folder.exists():
+            logs(folder, given.vehicles, given.logs, given.minutes)
         run(folder, Path(place) / "compiled", 2)
         turns = [
             [run(folder, Path(place) / f"{turn}-{workers}", workers) for workers in (1, 2)]

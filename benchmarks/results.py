@@ -48,12 +48,31 @@ TABLES = (
         1,
         "python benchmarks/engines.py --duration 30 --repeats 5",
     ),
-    Table("hour", "results.md#speed", 2, "python benchmarks/log_road hour"),
+    Table(
+        "by-hand",
+        "results.md#the-filter",
+        1,
+        "python benchmarks/by_hand.py --duration 60 --repeats 21",
+    ),
+    Table(
+        "by-hand-alsd",
+        "results.md#the-filter",
+        1,
+        "python benchmarks/by_hand.py --vehicle alsd_rig --scenario rig-steps --duration 5"
+        " --repeats 11",
+    ),
+    Table("hour", "results.md#an-hour", 2, "python benchmarks/log_road hour"),
     Table(
         "fleet",
         "results.md#a-fleet",
         3,
-        "python benchmarks/fleet.py --vehicles 6 --logs 3 --minutes 15 --turns 2",
+        "python benchmarks/fleet.py --vehicles 6 --logs 3 --minutes 15 --turns 3",
+    ),
+    Table(
+        "fleet-hours",
+        "results.md#a-fleet",
+        10,
+        "python benchmarks/fleet.py --vehicles 6 --logs 3 --minutes 60 --turns 2",
     ),
     Table(
         "startup",

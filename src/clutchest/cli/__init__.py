@@ -33,6 +33,7 @@ from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
 from clutchest.extras import EXTRAS, missing
 
+_SWITCH_S = 5e-4  # compiled code that has ended waits no longer for a thread that runs Python
 _OBJECTS = 200_000  # made before Python searches for circles among them: in vain after imports
 
 app = typer.Typer(
@@ -67,6 +68,7 @@ def main() -> None:
     nobody foresaw, with a file to send."""
     printable()
     gc.set_threshold(_OBJECTS)
+    sys.setswitchinterval(_SWITCH_S)
     atexit.register(gc.freeze)  # nor in the end, which would take a quarter of a second
     try:
         try:

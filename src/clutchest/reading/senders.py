@@ -30,6 +30,9 @@ def most_frequent_sender(
 ) -> tuple[int | None, list[int]]:
     """The sender with most valid samples in the first ``HEAD`` s, None without any; and all senders
     with valid samples.  ``rows``, ``senders`` and whether each sample is ``valid``: shape (n,)."""
+    if len(senders) and bool((senders == senders[0]).all()):  # as nearly always
+        only = int(senders[0])
+        return (only, [only]) if valid.any() else (None, [])
     present = np.zeros(1 << 16, bool)
     for part in memory_mapped.portions(len(senders)):
         present[senders[part][valid[part]]] = True
