@@ -116,3 +116,11 @@ def test_seconds_that_look_like_days_stay_seconds(truck, tmp_path, first):
     rows = [f"{t:.6f},{v}" for t, v in zip(times, SPEED, strict=True)]
     log = read_log(written(tmp_path, "\n".join(["time,engine_speed", *rows])), truck)
     np.testing.assert_allclose(log["engine_speed"].time, times, atol=1e-6)
+
+
+@pytest.mark.parametrize("clock", ["00:00:{:06.3f}", "00:{:04.1f}"], ids=["day", "hour"])
+def test_a_row_without_a_time_of_day_is_rejected(clock, truck, tmp_path):
+    rows = [f"{clock.format(0.1 * k)},{SPEED[k]!r}" for k in range(100)]
+    rows[50] = f",{SPEED[50]!r}"
+    signals = read_log(written(tmp_path, "\n".join(["time,engine_speed", *rows])), truck)
+    assert len(signals["engine_speed"]) == 99

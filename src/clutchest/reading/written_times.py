@@ -28,7 +28,7 @@ def written_times(cells: pd.Series, source: str) -> Floats | None:
     """
     import pandas as pd
 
-    written = cells.astype(str).str.replace(",", ".", regex=False)
+    written = cells.astype(str).fillna("").str.replace(",", ".", regex=False)
     for style in ("ISO8601", *_styles(written, source)):
         dates = pd.to_datetime(written, errors="coerce", utc=True, format=style)
         if dates.notna().any():
