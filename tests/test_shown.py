@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,18 @@ def test_identify_and_discover_by_name() -> None:
 def test_powers_of_units_are_raised():
     assert printed("Nm/mm^3") == "Nm/mm³" and printed("kg m^-2") == "kg m⁻²"
     assert plus_minus(1.5, 0.1, "kg m^2") == "1.5 ± 0.1 kg m²" and printed("°C") == "°C"
+
+
+def test_diagnoses_and_fits_are_tables_too(run: Run) -> None:
+    monitors = clutchest.diagnose(run).to_pandas()
+    assert set(monitors["status"]) <= {"passed", "failed", "not run"}
+    assert monitors.attrs["units"]["first_detected_s"] == "s"
+    fit = clutchest.identify_vehicle("noise", "demo", "truck")
+    table = fit.to_pandas().set_index("name")
+    assert list(table.index) == list(fit.parameters)
+    for name, fitted in fit.parameters.items():
+        assert (table.loc[name, "value"], table.loc[name, "unit"]) == (fitted.value, fitted.unit)
+
+
+def test_a_run_is_written_into_a_folder_by_name(run: Run, tmp_path: Path) -> None:
+    assert tmp_path / "out" / "summary.json" in clutchest.write_run(run, str(tmp_path / "out"))

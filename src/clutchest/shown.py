@@ -7,6 +7,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -45,6 +49,34 @@ class Showing(ABC):
 
     def _repr_html_(self) -> str:
         return self.shown().html
+
+
+class Tabulated(Showing):
+    """What is a table of numbers too."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def rows(self) -> list[dict[str, Any]]:
+        """Its rows, value by column."""
+
+    @abstractmethod
+    def column_units(self) -> dict[str, str]:
+        """Column → unit of its values, where all have the same."""
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The rows; the table's ``attrs["units"]`` are the units of its columns."""
+        import pandas as pd
+
+        table = pd.DataFrame(self.rows())
+        table.attrs["units"] = self.column_units()
+        return table
+
+    def to_polars(self) -> Any:
+        """The same as a DataFrame of polars, which must be installed; it has no place for units."""
+        import polars
+
+        return polars.from_pandas(self.to_pandas())
 
 
 def plus_minus(value: float, std: float, unit: str = "") -> str:

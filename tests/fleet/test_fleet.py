@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow.dataset
 import pytest
 
@@ -210,7 +209,8 @@ def test_two_workers_of_which_one_is_killed(
         progress=lambda text, share: again.append(share or 0.0),
     )
     assert len(again) <= 3 and len(more.vehicles[4].drives) == 3
-    rows = pd.DataFrame(more.rows()).set_index("vehicle")
+    rows = more.to_pandas().set_index("vehicle")
+    assert rows.attrs["units"]["zero_position_low"] == "mm"
     assert rows["friction_outlier"].tolist() == [False, False, True, False, False]
     assert (rows["zero_position_low"] < rows["zero_position_high"]).all()
 

@@ -412,3 +412,17 @@ def test_the_report_says_what_it_was_made_from():
     assert report(discovery("none")).endswith(
         "From monday.log, tuesday.log (not used of 2000 frames: 20 checksum) by clutchest 0.1.0.\n"
     )
+
+
+def test_causes_are_a_table_too():
+    table = discovery("named").to_pandas()
+    size = FADE.parameters["slope"]
+    row = table[table["parameter"] == "slope"].iloc[0]
+    assert (row["effect"], row["value"], row["std"]) == ("friction_fade", size.value, size.std)
+    assert len(discovery("none").to_pandas()) == 0
+
+
+def test_a_number_that_does_not_change_is_not_said_to():
+    words = gain_words(replace(GAIN, rmse_before=0.5971, rmse_after=0.5969), None)
+    assert "stays at 0.597." in words and "changes" not in words
+    assert "changes from 1.420 to 1.010" in gain_words(GAIN, None)

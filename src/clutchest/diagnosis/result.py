@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from clutchest.shown import Showing, Shown
+from clutchest.shown import Shown, Tabulated
 from clutchest.signals import Floats
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class Isolability:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Diagnosis(Showing):
+class Diagnosis(Tabulated):
     """The diagnosis of one run; ``lanes``: monitor → (time s, status) per drive."""
 
     run: Run
@@ -125,6 +125,27 @@ class Diagnosis(Showing):
         rows += [(m.name, m.status, m.why) for m in self.monitors]
         line = f"{names}; {ran} of {len(self.monitors)} monitors ran"
         return Shown(line, ("name", "status", "why"), rows)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a monitor; of what it found, when that began and was detected, and how sure."""
+        found = {fault.fault: fault for fault in self.faults}
+        return [
+            {
+                "monitor": m.name,
+                "status": m.status,
+                "why": m.why,
+                "threshold": m.threshold,
+                "false_alarms_per_1000h": m.false_alarms_per_1000h,
+                "began_s": found[m.name].began_s if m.name in found else None,
+                "first_detected_s": found[m.name].first_detected_s if m.name in found else None,
+                "confidence": found[m.name].confidence if m.name in found else None,
+            }
+            for m in self.monitors
+        ]
+
+    def column_units(self) -> dict[str, str]:
+        """Column of the rows → unit."""
+        return {"began_s": "s", "first_detected_s": "s"}
 
     def plot(self, drive: int = 0) -> Picture:
         """When each monitor of one drive passed (green) and failed (red)."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.residuals import Misfit
-from clutchest.shown import Showing, Shown, plus_minus
+from clutchest.shown import Shown, Tabulated, plus_minus
 from clutchest.signals import Counts, Floats
 from clutchest.vehicle import Vehicle
 
@@ -207,7 +207,7 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Discovery(Showing):
+class Discovery(Tabulated):
     """The answer.  ``sets`` are the names of causes that act together, the most likely first: one
     where they are named, several where the data do not separate them.  ``extended`` is the vehicle
     with what was identified in its model, ``curve`` the name of the curve added to it, if any;
@@ -260,6 +260,27 @@ class Discovery(Showing):
         ]
         header = ("cause", "value", "2 Δ ln L", "p-value")
         return Shown(f"{self.verdict}. {self.sentence}", header, rows)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a number of a cause."""
+        return [
+            {
+                "effect": cause.effect,
+                "equation": cause.equation,
+                "parameter": key,
+                "value": size.value,
+                "std": size.std,
+                "statistic": cause.statistic,
+                "p_value": cause.p_value,
+                "form": cause.form.state,
+            }
+            for cause in self.causes
+            for key, size in cause.parameters.items()
+        ]
+
+    def column_units(self) -> dict[str, str]:
+        """None: every number has a unit of its own."""
+        return {}
 
     def plot(self) -> Picture:
         """Torque, measured and simulated, over the slip with the largest error; residuals over the

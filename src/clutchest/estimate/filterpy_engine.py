@@ -22,6 +22,7 @@ from clutchest.estimate.whole_log import (
     require_finite,
 )
 from clutchest.progress import Progress
+from clutchest.reading import Logs, as_signals
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -80,7 +81,7 @@ def _store(
 
 
 def filterpy_of(
-    vehicle: Vehicle | str | Path, signals: Signals | None = None, *, consider: bool = True
+    vehicle: Vehicle | str | Path, signals: Signals | Logs | None = None, *, consider: bool = True
 ) -> OnlineFilter:
     """A vehicle's model in ``filterpy.kalman.ExtendedKalmanFilter``.
 
@@ -90,6 +91,7 @@ def filterpy_of(
     ``predict`` and ``correct`` with values of one's own; all mapped signals drive its equations.
     """
     vehicle = load_vehicle(vehicle)
+    signals = None if signals is None else as_signals(signals, vehicle)
     names = set(vehicle.signals) if signals is None else set(signals.available)
     compiled = compile_model(vehicle, vehicle.machine.equations(names))
     late = delays(vehicle)

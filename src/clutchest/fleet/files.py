@@ -18,10 +18,8 @@ def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
     ``report.html``; gives the paths of these and of the dataset."""
     import pandas as pd
 
-    summary = pd.DataFrame(fleet.rows())
-    summary.attrs["units"] = {"hours": "h", "slip_energy_MJ": "MJ", **_units(fleet, summary)}
     with finished_into(out) as folder:
-        write_table(summary, folder / "summary.parquet")
+        write_table(fleet.to_pandas(), folder / "summary.parquet")
         write_table(pd.DataFrame(drive_rows(fleet)), folder / "drives.parquet")
         (folder / "report.html").write_text(readable(fleet_page(fleet)), encoding="utf-8")
         names = sorted(path.name for path in folder.iterdir())
@@ -43,12 +41,3 @@ def drive_rows(fleet: Fleet) -> list[dict[str, Any]]:
                 }
             rows.append(row)
     return rows
-
-
-def _units(fleet: Fleet, table: Any) -> dict[str, str]:
-    """Column → unit of what has the unit of a property."""
-    found: dict[str, str] = {}
-    for name, unit in fleet.units.items():
-        ends = ("", "_std", "_low", "_high", "_expected", "_spread")
-        found |= {f"{name}{end}": unit for end in ends if f"{name}{end}" in table}
-    return found

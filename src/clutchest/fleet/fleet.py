@@ -24,7 +24,7 @@ from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, r
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.quantity import Quantity
-from clutchest.shown import Showing, Shown, plus_minus
+from clutchest.shown import Shown, Tabulated, plus_minus
 from clutchest.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class FleetVehicle:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Fleet(Showing):
+class Fleet(Tabulated):
     """All vehicles, and property → (what the others lead one to expect, which differ (v,))."""
 
     vehicle: Vehicle
@@ -121,6 +121,12 @@ class Fleet(Showing):
             rows.append(row)
         return rows
 
+    def column_units(self) -> dict[str, str]:
+        """Column of the rows → unit."""
+        ends = ("", "_std", "_low", "_high", "_expected", "_spread")
+        compared = {f"{name}{end}": self.units[name] for name in self.compared for end in ends}
+        return {"hours": "h", "slip_energy_MJ": "MJ", **compared}
+
     def plot(self) -> Picture:
         """Every property of every vehicle ± 2σ, what the others lead one to expect in grey; red
         where it differs."""
@@ -168,7 +174,7 @@ def units_of(machine: Machine) -> dict[str, str]:
 
 def analyse_fleet(
     places: str | Sequence[str],
-    vehicle: str,
+    vehicle: str | Path,
     out: str | Path,
     *,
     scheduler: str | None = None,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
 from clutchest.paths import names_of
-from clutchest.shown import Showing, Shown, plus_minus, printed
+from clutchest.shown import Shown, Tabulated, plus_minus, printed
 from clutchest.vehicle import Vehicle, dump_vehicle
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class PictureFile:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Fit(Showing):
+class Fit(Tabulated):
     """The result of one procedure.
 
     ``vehicle`` has the determined numbers in it.  ``parameters``: key in the vehicle file, dotted
@@ -135,6 +135,14 @@ class Fit(Showing):
             ("number", "value", "σ before", "not determined"),
             rows,
         )
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a number: its ``name``, and what :class:`Fitted` has."""
+        return [{"name": name, **asdict(fitted)} for name, fitted in self.parameters.items()]
+
+    def column_units(self) -> dict[str, str]:
+        """None: every row has a unit of its own."""
+        return {}
 
     def plot(self) -> list[PictureFile]:
         """The pictures that ``identify`` writes, by name."""

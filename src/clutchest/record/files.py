@@ -36,7 +36,7 @@ def json_text(value: Any, ascii_only: bool = False, indent: int | None = 2) -> s
 
 def write_run(
     run: Run,
-    out: Path,
+    out: str | Path,
     innovations: bool = False,
     formats: Sequence[str] = (),
     report: bool = False,
@@ -54,6 +54,7 @@ def write_run(
     from clutchest.record.html_reports import NAME as REPORT
     from clutchest.record.html_reports import run_page
 
+    out = Path(out)
     with finished_into(out) as folder:
         with without_pandas():
             write_estimates(run, folder / "estimates.parquet")
