@@ -39,12 +39,13 @@ def estimated(
     show("reading", None)
     signals = read_log(source.logs, car, window.parse(), traffic=traffic)
     recording = ["clutchest.record.rerun"] if installed("rerun") else []
-    writers = iter([("pyarrow.parquet", *recording, "clutchest.record.terminal")])
+    writers = ["pyarrow.parquet", *recording, "clutchest.record.terminal"]
 
     def filtering(text: str, share: float | None) -> None:
         show(text, share)
-        if share is not None:  # not earlier: before the filter runs, two would only take turns
-            meanwhile(*next(writers, ()))
+        if share is not None and writers:  # not earlier: until the filter runs, two take turns
+            meanwhile(*writers)
+            writers.clear()
 
     try:
         return replay(
