@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from time import sleep
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 WEAR_RATE = "wear_per_MJ"
 LOST = "every worker that read it was lost: is memory short?"
+START_S = 120.0  # for a worker to start in
+SETTLED_S = 1.0  # after its first task, until it counts as started
 _ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
 Z = 1.96  # standard deviations of a 95 % interval
 
@@ -300,7 +303,17 @@ def _survived(future: Future, otherwise: Callable[[], Any]) -> Any:
 
 def _alone(client: Client, function: Callable[..., Any], *given: Any) -> Any:
     """The result of a task while no other one is there: it may have been lost only because it
-    waited behind one that ends its worker.  None where it is lost again."""
+    waited behind one that ends its worker.  None where it is lost again.
+
+    A worker that ends while it starts is not started again, so the task comes only when one is
+    up.  Raises ClutchestError where there is none any more.
+    """
+    try:
+        client.wait_for_workers(1, timeout=START_S)
+        client.submit(int, pure=False).result(timeout=START_S)
+    except TimeoutError:
+        raise ClutchestError("no worker is left; started again, what is done is kept") from None
+    sleep(SETTLED_S)
     return _survived(client.submit(function, *given, pure=False), lambda: None)
 
 
