@@ -20,6 +20,7 @@ from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.map_fit import TURNS, improve, settle
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.objective import FAR, Linearisation, Objective
+from clutchest.signals import Floats
 
 LOUD = 3.0  # rms innovation, of the stated noise, from which on some of it may be an error
 ENOUGH = 30.0  # of 2 Δ ln L, noise included, by which a cause must be more likely than none
@@ -63,9 +64,20 @@ def with_noise_of_likeliest(search: Search) -> Search:
     best = min(leaders, key=lambda i: fits[i][0], default=None)
     if best is None or none - fits[best][0] < ENOUGH:
         return search
+    none = min(none, _settled(search, (), _without(tasks[best][0], fits[best][1]))[0])
+    if none - fits[best][0] < ENOUGH:
+        return search
     gained = {cause: (none - own, begin) for cause, (own, begin) in begins.items()}
     _, objective, fit = fitted(tasks[best], TURNS)
     return replace(_judged_by(search, objective, fit), begins=gained)
+
+
+def _without(cause: CandidateCause, fit: Linearisation) -> Floats:
+    """Where a fit without a cause begins from one with it: it may end elsewhere, and better, than
+    from the vehicle file's numbers."""
+    theta = fit.theta.copy()
+    theta[cause.index] = 0.0
+    return theta
 
 
 def _sizes(cause: CandidateCause) -> tuple[float, ...]:

@@ -16,6 +16,7 @@ from clutchest.discovery.candidates import CandidateCause, candidates, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
+from clutchest.inference.estimated_noise import EstimatedNoise, with_estimated_noise
 from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.objective import SAME, Linearisation, Objective
 from clutchest.inference.problem import NO_DERIVATIVES, Problem
@@ -240,7 +241,9 @@ def scored(
 ) -> ScoreTest:
     """Scores of ``wanted``, whose ``derivatives`` (K, C) are given, beside what is ``free``."""
     one_sided = [c.gain.one_sided for c in wanted]
-    return score_test(fit, free, objective.prior, derivatives, one_sided, seed)
+    test = score_test(fit, free, objective.prior, derivatives, one_sided, seed)
+    noise = EstimatedNoise(objective.noise_model, objective.stretches)
+    return with_estimated_noise(test, noise, fit, free, objective.prior, derivatives, seed)
 
 
 def _superfluous(search: Search) -> CauseSet | None:
@@ -311,12 +314,15 @@ def _distant_starts(
 
 def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Search, list[CauseSet]]:
     """The search and the fits with the noise model of the best fit's residuals: what a cause
-    explains is no noise."""
-    objective = _judging_by(search, min(grown, key=cost_of))
+    explains is no noise.  Without a cause the best fit may lie where that of the cause ended."""
+    best = min(grown, key=cost_of)
+    objective = _judging_by(search, best)
     fit = objective.white_at(search.null.fit.theta)
     null = CauseSet((), improve(objective, fit, search.free(())).bare)
     del fit  # room for those of the others
-    search = replace(search, objective=objective, null=null, best=null)
+    search = replace(search, objective=objective)
+    null = min(null, search.likeliest((), [best.fit]), key=cost_of)
+    search = replace(search, null=null, best=null)
     refit = concurrently(search.problem, lambda h: search.likeliest(h.causes, [h.fit]), grown)
     return search, refit
 

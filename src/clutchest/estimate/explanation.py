@@ -202,6 +202,8 @@ def remedies(signals: Signals, vehicle: Vehicle) -> Iterator[Remedy]:
     read = {s.column or s.name for s in model.sensors}
     unused = sorted(set(changing) - set(names))
     for a, b in chain(combinations(names, 2), product(names, unused)):
+        if _is_temperature(signals[a]) != _is_temperature(signals[b]):
+            continue
         mended = {a: _values_of(signals[b], signals[a]), b: _values_of(signals[a], signals[b])}
         if all(_possible(each, vehicle) for each in mended.values()):
             rank = 2 if b in unused else 0

@@ -77,18 +77,19 @@ class NoiseModel:
     def fit(cls, stretches: Sequence[Stretches], residuals: Sequence[Floats]) -> NoiseModel:
         """From what is left of innovations (K) of each drive, by Levinson's recursion on their
         autocovariances; as much memory as Akaike's criterion allows."""
-        groups = np.unique(np.concatenate([s.group for s in stretches]))
+        tamed = [_tamed(e, s.group) for s, e in zip(stretches, residuals, strict=True)]
+        return cls.of_sums(
+            np.unique(np.concatenate([s.group for s in stretches])), *sums(stretches, tamed)
+        )
+
+    @classmethod
+    def of_sums(cls, groups: NDArray[np.int64], lagged: Floats, count: Floats) -> NoiseModel:
+        """From the ``lagged`` (G, ORDER + 1) sums of products and the ``count`` (G) of residuals."""
         weights = np.zeros((len(groups), ORDER + 1, ORDER))
         level = np.ones((len(groups), ORDER + 1))
-        for i, which in enumerate(groups):
-            covariance, count = np.zeros(ORDER + 1), 0
-            for s, e in zip(stretches, residuals, strict=True):
-                covariance += _autocovariance(
-                    s.group == which, s.place, _tamed(e, s.group == which)
-                )
-                count += int(np.sum(s.group == which))
-            order = ORDER if count >= FEWEST else 0
-            weights[i], level[i] = _levinson(covariance / max(count, 1), order, count)
+        for i, n in enumerate(count):
+            order = ORDER if n >= FEWEST else 0
+            weights[i], level[i] = _levinson(lagged[i] / max(n, 1), order, int(n))
         return cls(groups, weights, level)
 
     def whiten(self, s: Stretches, values: Floats) -> Floats:
@@ -103,6 +104,13 @@ class NoiseModel:
         table = values.reshape(len(values), prod(values.shape[1:]))
         _whiten(table, of, s.place, self.weights, self.level)
 
+    def coloured(self, s: Stretches, white: Floats) -> Floats:
+        """What :meth:`whiten` makes ``white`` (K, …)."""
+        out = np.ascontiguousarray(white, np.float64).copy()
+        of = np.searchsorted(self.groups, s.group)
+        _colour(out.reshape(len(out), prod(out.shape[1:])), of, s.place, self.weights, self.level)
+        return out
+
 
 def median_std(errors: Floats) -> float:
     """Standard deviation of normal ``errors`` (n) by their median size, to which a few that lie far
@@ -110,20 +118,32 @@ def median_std(errors: Floats) -> float:
     return 1.4826 * float(np.median(np.abs(errors)))
 
 
-def _tamed(e: Floats, inside: NDArray[np.bool_]) -> Floats:
-    """``e`` with what lies far off, by the median's measure, brought near: an outlier
+def _tamed(e: Floats, group: NDArray[np.int64]) -> Floats:
+    """``e`` with what lies far off in its group, by the median's measure, brought near: an outlier
     says nothing of autocorrelation."""
-    scale = median_std(e[inside]) if inside.any() else 0.0
-    return np.clip(e, -TAIL * scale, TAIL * scale) if scale > 0.0 else e
+    near = e.copy()
+    for which in np.unique(group):
+        rows = group == which
+        scale = median_std(e[rows])
+        if scale > 0.0:
+            near[rows] = np.clip(e[rows], -TAIL * scale, TAIL * scale)
+    return near
 
 
-def _autocovariance(inside: NDArray[np.bool_], place: NDArray, e: Floats) -> Floats:
-    """Σ e_k e_{k−lag} within stretches, lags 0…ORDER."""
-    sums = np.zeros(ORDER + 1)
-    for lag in range(ORDER + 1):
-        rows = np.flatnonzero(inside & (place >= lag))
-        sums[lag] = e[rows] @ e[rows - lag]
-    return sums
+def sums(stretches: Sequence[Stretches], errors: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Of ``errors`` (K) or several columns of them (K, D), in their mean: Σ e_k e_{k−lag} within
+    the stretches of each group, lags 0…ORDER (G, ORDER + 1), and the number of readings (G)."""
+    groups = np.unique(np.concatenate([s.group for s in stretches]))
+    lagged, count = np.zeros((len(groups), ORDER + 1)), np.zeros(len(groups))
+    for s, e in zip(stretches, errors, strict=True):
+        table = e.reshape(len(e), -1)
+        for i, which in enumerate(groups):
+            inside = s.group == which
+            count[i] += np.count_nonzero(inside)
+            for lag in range(ORDER + 1):
+                rows = np.flatnonzero(inside & (s.place >= lag))
+                lagged[i, lag] += np.vdot(table[rows], table[rows - lag]) / table.shape[1]
+    return lagged, count
 
 
 def _levinson(covariance: Floats, longest: int, count: int) -> tuple[Floats, Floats]:
@@ -158,3 +178,17 @@ def _whiten(values: Floats, of: NDArray, place: NDArray, weights: Floats, level:
                     values[k, c] -= w * values[k - 1 - i, c]
         for c in range(values.shape[1]):
             values[k, c] *= scale
+
+
+@compiled
+def _colour(values: Floats, of: NDArray, place: NDArray, weights: Floats, level: Floats) -> None:
+    order = weights.shape[2]
+    for k in range(len(values)):  # those before are coloured
+        q = min(place[k], order)
+        for c in range(values.shape[1]):
+            values[k, c] *= level[of[k], q]
+        for i in range(q):
+            w = weights[of[k], q, i]
+            if w != 0.0:
+                for c in range(values.shape[1]):
+                    values[k, c] += w * values[k - 1 - i, c]

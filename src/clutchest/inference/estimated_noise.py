@@ -1,0 +1,86 @@
+"""What it does to scores that the noise's colour is estimated from the record they are taken of.
+
+A colour that is a little off makes slow causes more significant than they are, or less: the more,
+the shorter a record and the slower its noise.  So noise of the fitted colour is drawn, its colour estimated as that of the record was, and the
+scores of each draw are taken by its own estimate: a parametric bootstrap (B. Efron, R. Tibshirani,
+An Introduction to the Bootstrap, 1993, chapter 6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.inference.noise_model import NoiseModel, Stretches
+from clutchest.inference.objective import Linearisation
+from clutchest.inference.restored_noise import LONGEST
+from clutchest.inference.score_test import Projection, ScoreTest
+from clutchest.signals import Floats
+
+DRAWS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatedNoise:
+    """The noise ``model`` of a record, and how its readings hang together: ``stretches`` of every
+    drive."""
+
+    model: NoiseModel
+    stretches: Sequence[Stretches]
+
+    def coloured(self, white: Floats) -> Floats:
+        """Noise (K, …) whose innovations are ``white`` (K, …), by the model."""
+        return self._of_drives(self.model.coloured, white)
+
+    def whitened(self, model: NoiseModel, values: Floats) -> Floats:
+        """``values`` (K, …) made white by another ``model``."""
+        return self._of_drives(model.whiten, values)
+
+    def estimated(self, rest: Floats) -> NoiseModel:
+        """The model of what is left (K) of noise."""
+        return NoiseModel.fit(self.stretches, np.split(rest, self._edges))
+
+    @property
+    def _edges(self) -> NDArray[np.int64]:
+        return np.cumsum([len(s.group) for s in self.stretches])[:-1]
+
+    def _of_drives(self, function, values: Floats) -> Floats:
+        parts = np.split(values, self._edges)
+        pairs = zip(self.stretches, parts, strict=True)
+        return np.concatenate([function(s, np.ascontiguousarray(part)) for s, part in pairs])
+
+
+def with_estimated_noise(
+    test: ScoreTest,
+    noise: EstimatedNoise,
+    lin: Linearisation,
+    nuisances: NDArray[np.int64],
+    prior: Floats,
+    columns: Floats,
+    seed: int,
+) -> ScoreTest:
+    """The test of causes whose derivatives, white, are ``columns`` (K, C), its null that of scores
+    by an estimated colour; the test itself where the record is long."""
+    if len(lin.r) > LONGEST or not len(lin.r):
+        return test
+    rng = np.random.default_rng(seed)
+    psi, known = lin.psi[:, nuisances], prior[nuisances]
+    every = np.column_stack([psi, columns])
+    inner = every.T @ every + np.diag(np.append(known, np.ones(columns.shape[1])) + 1e-9)
+    white = rng.choice(lin.r, (len(lin.r), DRAWS))
+    rest = noise.coloured(white - every @ np.linalg.solve(inner, every.T @ white))
+    tables = noise.coloured(np.column_stack([every, white]))
+    basis, drawn = tables[:, : every.shape[1]], tables[:, every.shape[1] :]
+    null = np.zeros((DRAWS, columns.shape[1]))
+    for k in range(DRAWS):
+        own = noise.whitened(noise.estimated(rest[:, k]), np.column_stack([basis, drawn[:, k]]))
+        free = own[:, : psi.shape[1]]
+        projection = Projection(own[:, -1], free, np.zeros(psi.shape[1]), known, free.T @ free)
+        c = projection.out_of(own[:, psi.shape[1] : -1].copy())
+        score = c.score + rng.standard_normal(len(c.away)) @ c.away
+        null[k] = score / np.sqrt(np.maximum(np.diag(c.information), 1e-300))
+    finite = np.where(np.isfinite(test.std), test.std, 0.0)
+    return replace(test, null=null * finite)
