@@ -1,14 +1,15 @@
 """What it does to scores that the noise's colour is estimated from the record they are taken of.
 
 A colour that is a little off makes slow causes more significant than they are, or less: the more,
-the shorter a record and the slower its noise.  So noise of the fitted colour is drawn, its colour estimated as that of the record was, and the
-scores of each draw are taken by its own estimate: a parametric bootstrap (B. Efron, R. Tibshirani,
-An Introduction to the Bootstrap, 1993, chapter 6).
+the shorter a record and the slower its noise.  So noise is drawn that is coloured as that of the
+record most probably is, its colour estimated in each draw as that of the record was, and the draw's
+scores taken by that estimate: a parametric bootstrap
+(B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 6).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,17 +17,18 @@ from numpy.typing import NDArray
 
 from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.objective import Linearisation
-from clutchest.inference.restored_noise import LONGEST
+from clutchest.inference.restored_noise import restored
 from clutchest.inference.score_test import Projection, ScoreTest
 from clutchest.signals import Floats
 
 DRAWS = 400
+LONGEST = 6000  # readings; of a longer record, the colour is known well enough
 
 
 @dataclass(frozen=True, slots=True)
 class EstimatedNoise:
-    """The noise ``model`` of a record, and how its readings hang together: ``stretches`` of every
-    drive."""
+    """The noise ``model`` of a record, as estimated, and how its readings hang together:
+    ``stretches`` of every drive."""
 
     model: NoiseModel
     stretches: Sequence[Stretches]
@@ -39,6 +41,12 @@ class EstimatedNoise:
         """``values`` (K, …) made white by another ``model``."""
         return self._of_drives(model.whiten, values)
 
+    def restored(self, r: Floats, psi: Floats) -> EstimatedNoise:
+        """What it is likely to be, where unknowns by which the innovations ``r`` (K) have these
+        derivatives ``psi`` (K, m), both white, took their share."""
+        own = [np.split(self.coloured(values), self._edges) for values in (r, psi)]
+        return replace(self, model=restored(self.model, self.stretches, *own))
+
     def estimated(self, rest: Floats) -> NoiseModel:
         """The model of what is left (K) of noise."""
         return NoiseModel.fit(self.stretches, np.split(rest, self._edges))
@@ -47,7 +55,7 @@ class EstimatedNoise:
     def _edges(self) -> NDArray[np.int64]:
         return np.cumsum([len(s.group) for s in self.stretches])[:-1]
 
-    def _of_drives(self, function, values: Floats) -> Floats:
+    def _of_drives(self, function: Callable[[Stretches, Floats], Floats], values: Floats) -> Floats:
         parts = np.split(values, self._edges)
         pairs = zip(self.stretches, parts, strict=True)
         return np.concatenate([function(s, np.ascontiguousarray(part)) for s, part in pairs])
@@ -70,10 +78,10 @@ def with_estimated_noise(
     psi, known = lin.psi[:, nuisances], prior[nuisances]
     every = np.column_stack([psi, columns])
     inner = every.T @ every + np.diag(np.append(known, np.ones(columns.shape[1])) + 1e-9)
-    white = rng.choice(lin.r, (len(lin.r), DRAWS))
+    drawn = noise.restored(lin.r, every).coloured(rng.choice(lin.r, (len(lin.r), DRAWS)))
+    white = noise.whitened(noise.model, drawn)
     rest = noise.coloured(white - every @ np.linalg.solve(inner, every.T @ white))
-    tables = noise.coloured(np.column_stack([every, white]))
-    basis, drawn = tables[:, : every.shape[1]], tables[:, every.shape[1] :]
+    basis = noise.coloured(every)
     null = np.zeros((DRAWS, columns.shape[1]))
     for k in range(DRAWS):
         own = noise.whitened(noise.estimated(rest[:, k]), np.column_stack([basis, drawn[:, k]]))

@@ -84,7 +84,7 @@ class NoiseModel:
 
     @classmethod
     def of_sums(cls, groups: NDArray[np.int64], lagged: Floats, count: Floats) -> NoiseModel:
-        """From the ``lagged`` (G, ORDER + 1) sums of products and the ``count`` (G) of residuals."""
+        """From ``lagged`` (G, ORDER + 1) sums of products and the ``count`` (G) of residuals."""
         weights = np.zeros((len(groups), ORDER + 1, ORDER))
         level = np.ones((len(groups), ORDER + 1))
         for i, n in enumerate(count):

@@ -24,7 +24,6 @@ from clutchest.inference.input_noise_covariance import InputNoiseCovariance, whi
 from clutchest.inference.linear_solve import add_product, solved
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.noise_model import NoiseModel, Stretches
-from clutchest.inference.restored_noise import LONGEST, restored
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.problem import NormalisedInnovations, Problem
 from clutchest.inference.unknowns import Shapes, UnknownGain, UnknownParameter
@@ -201,10 +200,6 @@ class Objective:
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
         rest = self._less_scatter(rest)
         noise_model = NoiseModel.fit(self.stretches, rest)
-        if len(lin.r) <= LONGEST:
-            every = self._less_scatter([innovations.r for innovations in lin.raw])
-            by = [innovations.table[:, 1:] for innovations in lin.raw]
-            noise_model = restored(noise_model, self.stretches, every, by)
         weights = [
             (np.abs(noise_model.whiten(s, e)) < FAR).astype(float)
             for s, e in zip(self.stretches, rest, strict=True)

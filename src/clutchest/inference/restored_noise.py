@@ -16,7 +16,6 @@ import numpy as np
 from clutchest.inference.noise_model import NoiseModel, Stretches, sums
 from clutchest.signals import Floats
 
-LONGEST = 6000  # readings; of a longer record, unknowns take up a negligible share
 TURNS, DRAWS = 6, 60
 
 
