@@ -33,8 +33,7 @@ def with_noise_of_likeliest(search: Search) -> Search:
     """The search with the noise model of the likeliest cause, where one is far likelier than none,
     what the model without a cause leaves is no noise of the stated level, and yet no score is
     significant; else as it is."""
-    scores = search.null_scores
-    significant = scores.p_family_wise(scores.p_alone(scores.z).min()) <= LEVEL
+    significant = search.null_scores.least_p <= LEVEL
     if significant or _loudness(search.null.fit, search.objective) < LOUD:
         return search
     none, _, _ = _settled(search, (), search.null.fit.theta)

@@ -65,6 +65,12 @@ class ScoreTest:
         """Chance that noise gives a p-value as small as ``p`` to any cause."""
         return family_wise(self.least, p)
 
+    @property
+    def least_p(self) -> float:
+        """The smallest family-wise p-value of a cause, 1 without any."""
+        p = self.p_alone(self.z)
+        return float(self.p_family_wise(p.min())) if len(p) else 1.0
+
     def threshold(self, level: float) -> Floats:
         """The z (C) at which a cause is significant at the family-wise ``level``."""
         least = self.least
