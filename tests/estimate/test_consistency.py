@@ -263,8 +263,9 @@ def test_a_rig_whose_signals_are_all_zero_is_not_believed(rig_drive):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["armature_current", "armature_voltage"])
-def test_a_dead_sensor_of_the_rig_is_named(rig_drive, name):
+@pytest.mark.parametrize("name", ["armature_current", "armature_voltage", "armature_temp"])
+def test_a_dead_sensor_of_the_rig_is_named(name):
+    rig_drive = clutchest.simulate("alsd_rig", "rig-steps", 3, duration=30.0)
     run = replay(mended(rig_drive, **{name: np.zeros_like}), "alsd_rig")
     found = run.summary["contradiction"]
     assert f"{name} does not change at all" in found["explanation"]

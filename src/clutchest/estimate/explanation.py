@@ -100,9 +100,7 @@ def explained(
     if found is None:
         read = {s.name: s.column or s.name for s in model.sensors}
         wrong = {read[name] for name in read if rms_of(track, frozenset({name})) >= SUSPICIOUS}
-        dead = [
-            n for n in dead if n in wrong or not (n in read.values() or _is_temperature(signals[n]))
-        ]
+        dead = [n for n in dead if n in wrong or _may_be_wrong(signals[n], n in read.values())]
         if not dead:
             return None
         found = Contradiction(LARGER, dead[0], 0.0)
@@ -302,6 +300,12 @@ def _nothing(signals: Signals, vehicle: Vehicle) -> Contradiction | None:
         "nothing is measured: sensors without supply, or a logger that is not connected",
         "dead",
     )
+
+
+def _may_be_wrong(dead: Signal, read: bool) -> bool:
+    """Whether a signal of one value may be why the others do not fit: what is ``read`` and always
+    0, and what drives the equations, unless it changes slowly."""
+    return not dead.only_valid().value.any() if read else not _is_temperature(dead)
 
 
 def _is_temperature(signal: Signal) -> bool:
