@@ -182,3 +182,8 @@ def test_no_noise_does_no_harm():
 def test_colour_of_nothing_known_is_white():
     values = np.random.default_rng(13).standard_normal((50, 2))
     np.testing.assert_array_equal(NoiseModel.white([one(50)]).whiten(one(50), values), values)
+
+
+def test_a_record_without_readings_has_no_noise():
+    nothing = Stretches(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    assert not len(NoiseModel.fit([nothing], [np.zeros(0)]).groups)

@@ -136,7 +136,7 @@ def sums(stretches: Sequence[Stretches], errors: Sequence[Floats]) -> tuple[Floa
     groups = np.unique(np.concatenate([s.group for s in stretches]))
     lagged, count = np.zeros((len(groups), ORDER + 1)), np.zeros(len(groups))
     for s, e in zip(stretches, errors, strict=True):
-        table = e.reshape(len(e), -1)
+        table = e if e.ndim == 2 else e[:, None]
         for i, which in enumerate(groups):
             inside = s.group == which
             count[i] += np.count_nonzero(inside)
