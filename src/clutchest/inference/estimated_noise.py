@@ -21,7 +21,7 @@ from clutchest.inference.restored_noise import restored
 from clutchest.inference.score_test import Projection, ScoreTest
 from clutchest.signals import Floats
 
-DRAWS = 200
+DRAWS = 600  # so that the level of the search is that of several of them
 LONGEST = 2500  # readings; of a longer record, the colour is known well enough
 INSIGNIFICANT = 0.05  # family-wise p-value by a known colour, which an estimated one only raises
 
