@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError
 from clutchest.fleet.logs import FleetLog
+from clutchest.paths import named_in_utf8
 
 if TYPE_CHECKING:
     from clutchest.estimate.run import Run
@@ -147,8 +148,12 @@ def _write_estimates(run: Run, task: LogTask) -> None:
     for drive, signals in enumerate(run.signals.drives):
         vehicle, day = f"vehicle={task.log.vehicle}", f"day={day_of(signals.start_ns)}"
         place = task.out / DATASET / vehicle / day / f"{task.key}-{drive}.parquet"
-        with _whole(place) as unfinished, without_pandas():
-            write_estimates(run, unfinished, drive)
+        with (
+            _whole(place) as unfinished,
+            named_in_utf8(unfinished.parent) as folder,
+            without_pandas(),
+        ):
+            write_estimates(run, folder / unfinished.name, drive)
 
 
 @contextmanager
