@@ -22,6 +22,8 @@ from clutchest.estimate.drive_setup import Unusable, warnings_of
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.explanation import explained
 from clutchest.estimate.initial_state import History, contradicted, leave
+from clutchest.estimate.judder import judder
+from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.made_ahead import made_ahead
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.estimate.run import Run, Track
@@ -82,7 +84,7 @@ def replay(
             track, state = all_invalid(track, found), contradicted(dict(state), found)
         noise = {name: mapped.noise for name, mapped in vehicle.signals.items()}
         followed = responses(drive, track, vehicle.machine.tracking, noise)
-        tracks.append(replace(track, responses=followed))
+        tracks.append(replace(track, responses=followed, judder=_judder(drive, track, vehicle)))
         uninformed = tuple(part.compiled.model.unobservable)
         band = unmeasured_band(vehicle.machine.tracking, drive, track, uninformed)
         parts.append(replace(part, warnings=[*part.warnings, *([band] if band else [])]))
@@ -101,6 +103,15 @@ def replay(
         final=state,
         provenance=provenance(vehicle, parts[-1].compiled.digest),
     )
+
+
+def _judder(drive: Signals, track: Track, vehicle: Vehicle) -> JudderLine | None:
+    """The line that surfaces slide with, where signals and model agree."""
+    if track.contradiction:
+        return None
+    numbers = {key: p.value for key, p in vehicle.parameters.items()}
+    rate = vehicle.false_alarms_per_1000h
+    return judder(vehicle.machine.judder, drive, track, numbers, rate)
 
 
 def _beside(drive: Signals, unusable: Sequence[tuple[Signals, Unusable]]) -> Signals:

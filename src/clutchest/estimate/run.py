@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from clutchest import memory_mapped
 from clutchest.errors import ClutchestError
+from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.observability import Information
 from clutchest.paths import names_of
 from clutchest.shown import Showing, Shown, plus_minus
@@ -159,7 +160,8 @@ class Track:
     measured over the whole drive; empty unless asked for.  ``clutch_torque`` is None of a machine
     without an output of that name, ``slip_energy`` where its equations have no output ``power``.
     ``contradiction``: why none of the states is valid, if so.  ``responses``: how the output
-    followed each actuation, of a machine that declares it.
+    followed each actuation, and ``judder``, the strongest line in its residual while surfaces
+    slide, of a machine that declares them.
     """
 
     time: Floats
@@ -175,6 +177,7 @@ class Track:
     smoothed: Mapping[str, Estimate] = field(default_factory=dict)
     contradiction: Contradiction | None = None
     responses: tuple[TrackingFigures, ...] = ()
+    judder: JudderLine | None = None
 
     @property
     def outputs(self) -> dict[str, Estimate]:

@@ -73,6 +73,7 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         "sensors": _sensors(tracks),
         "engagements": _engagements(vehicle, tracks, parts),
         "tracking": _tracking(vehicle, tracks),
+        "judder": _judder(vehicle, tracks),
         "between_engagements": [
             {"drive": number, **piece}
             for number, track in enumerate(tracks)
@@ -151,6 +152,18 @@ def _tracking(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]]
         {"drive": number, **response.figures(tracking.unit)}
         for number, track in enumerate(tracks)
         for response in track.responses
+    ]
+
+
+def _judder(vehicle: Vehicle, tracks: Sequence[Track]) -> list[dict[str, Any]] | None:
+    """The line of every drive that judders; None of a machine that declares no judder."""
+    declared = vehicle.machine.judder
+    if declared is None:
+        return None
+    return [
+        {"drive": number, **track.judder.figures(declared.unit)}
+        for number, track in enumerate(tracks)
+        if track.judder is not None
     ]
 
 

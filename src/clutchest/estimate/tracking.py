@@ -23,6 +23,7 @@ HELD = 0.3  # of the time up to the release, at its end: the response has settle
 STEADY = 0.05  # relative spread of a drive that is held
 BAND = 0.05  # of the settled output: settled within it
 FEWEST = 5  # samples of a settled stretch
+PATIENCE = 10.0  # s, within which a release takes the output away
 
 
 def responses(
@@ -42,14 +43,9 @@ def responses(
     if tracking.request in signals.available:
         request = signals[tracking.request].only_valid()
     drive = signals[tracking.drive].only_valid()
-    spans = _actuations(drive, tracking.least)
-    ends = [*(start for start, _ in spans[1:]), np.inf][: len(spans)]
-    quiet = noise.get(sensor, 0.0)
     return tuple(
-        _Actuation(drive, output, request, tracking, start, stop, following).figures(
-            quiet, bool(sensor)
-        )
-        for (start, stop), following in zip(spans, ends, strict=True)
+        actuation.figures(noise.get(sensor, 0.0), bool(sensor))
+        for actuation in actuations(drive, output, request, tracking)
     )
 
 
@@ -99,13 +95,31 @@ def _output(signals: Signals, track: Track, tracking: OutputTracking) -> tuple[S
     for name in tracking.measured:
         if name in signals.available:
             return signals[name].only_valid(), name
+    return estimated_output(track, tracking), ""
+
+
+def estimated_output(track: Track, tracking: OutputTracking) -> Signal | None:
+    """The output as it is estimated, None where none of it is valid."""
     estimate = track.clutch_torque
     if estimate is None or not estimate.valid.any():
-        return None, ""
-    return Signal.of("", tracking.unit, track.time, estimate.value).only_valid(), ""
+        return None
+    return Signal.of("", tracking.unit, track.time, estimate.value).only_valid()
 
 
-def _actuations(drive: Signal, least: float) -> list[tuple[float, float]]:
+def actuations(
+    drive: Signal, output: Signal, request: Signal | None, tracking: OutputTracking
+) -> list[Actuation]:
+    """All actuations, in order of time, by valid samples of what drives, of the output and of what
+    asks for it."""
+    spans = _spans(drive, tracking.least)
+    ends = [*(start for start, _ in spans[1:]), np.inf][: len(spans)]
+    return [
+        Actuation(drive, output, request, tracking, start, stop, following)
+        for (start, stop), following in zip(spans, ends, strict=True)
+    ]
+
+
+def _spans(drive: Signal, least: float) -> list[tuple[float, float]]:
     """(start, end) in s of what lasts long enough, with short interruptions in it."""
     first, stop = runs(np.abs(drive.value) > least)
     spans: list[tuple[float, float]] = []
@@ -118,7 +132,7 @@ def _actuations(drive: Signal, least: float) -> list[tuple[float, float]]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Actuation:
+class Actuation:
     """One actuation from ``start`` to ``stop`` s, and when the ``following`` one begins."""
 
     drive: Signal
@@ -196,8 +210,9 @@ class _Actuation:
         return settled - float(np.mean(sign * asked)) if len(asked) else None
 
     def _fall(self, release: float, sign: float) -> float | None:
-        """From the release until the output is below its onset, None where the next comes first."""
-        time, value = _between(self.output, release, self.following)
+        """From the release until the output is below its onset, None where the next comes first or
+        it takes too long."""
+        time, value = _between(self.output, release, min(self.following, release + PATIENCE))
         gone = np.flatnonzero(sign * value < self.tracking.onset)
         return float(time[gone[0]]) - release if len(gone) else None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 
 from clutchest.models.model import Model
@@ -90,6 +90,29 @@ class OutputTracking:
     def signals(self) -> tuple[str, ...]:
         """All signals that it names."""
         return tuple(filter(None, (self.drive, *self.measured, self.request)))
+
+
+@dataclass(frozen=True, slots=True)
+class Judder:
+    """Oscillation of the output while surfaces slide, as lines in a sensor's residual.
+
+    ``sensors`` of the output, of which the first that is read counts; ``slip``: the weights by
+    column whose sum it is, rad/s, of which the first that is mapped counts; ``least`` amplitude
+    that matters, in ``unit``; ``slope`` (parameters, signals at hand, frequency in Hz, mean
+    magnitude of the output) → by how much the friction coefficient must fall per m/s of sliding
+    speed to make up for one per cent of critical damping, s/m.
+    """
+
+    sensors: tuple[str, ...]
+    slip: tuple[Mapping[str, float], ...]
+    least: float
+    unit: str
+    slope: Callable[[Mapping[str, float], Container[str], float, float], float]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """All signals that it names."""
+        return (*self.sensors, *(name for weights in self.slip for name in weights))
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from clutchest.models.declarations import (
     Comparison,
     Event,
     Inverse,
+    Judder,
     OutputTracking,
     Separation,
     Wear,
@@ -70,7 +71,8 @@ class Machine:
     ``output``: the model's output that files call ``clutch_torque``, "" for none; ``event``: what
     stretches of the regimes' event mode report; ``overview``: columns that the
     opening page of a recording shows, the machine's speeds unless given; ``tracking``: how an
-    actuation and its response are recognised; ``inverse``: the actuator for a requested output;
+    actuation and its response are recognised; ``judder``: how an oscillation of sliding surfaces
+    is; ``inverse``: the actuator for a requested output;
     ``wear``; ``limits``: what ``[limits]`` of a vehicle file may state, with its unit.
 
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
@@ -120,6 +122,7 @@ class Machine:
     event: Event | None = None
     overview: tuple[str, ...] = ()
     tracking: OutputTracking | None = None
+    judder: Judder | None = None
     inverse: Inverse | None = None
     wear: Wear | None = None
     limits: Mapping[str, str] = field(default_factory=lambda: _EMPTY)

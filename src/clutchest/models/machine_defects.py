@@ -66,6 +66,7 @@ def _unknown_names(machine: Any) -> Iterator[tuple[str, str]]:
         (("delay_relations", r.signal) for r in machine.delay_relations),
         (("event", name) for name in (machine.event.slip if machine.event else ())),
         (("tracking", n) for n in (machine.tracking.signals if machine.tracking else ())),
+        (("judder", n) for n in (machine.judder.signals if machine.judder else ())),
     )
     for piece, name in of_columns:
         if name not in columns:

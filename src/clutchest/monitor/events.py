@@ -17,7 +17,7 @@ SHOWN = 12  # latest events in a status
 @dataclass(frozen=True, slots=True)
 class MonitorEvent:
     """Something that happened: ``time`` s from the drive's first frame, ``kind`` mode, engagement,
-    fault, gap, reconnect or warning."""
+    tracking, fault, gap, reconnect or warning."""
 
     time: float
     kind: str

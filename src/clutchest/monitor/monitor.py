@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 from itertools import pairwise
@@ -16,6 +16,8 @@ import numpy as np
 from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.estimate.drive import Piece
+from clutchest.estimate.live_tracking import LiveTracking
+from clutchest.estimate.run import TrackingFigures
 from clutchest.monitor.events import MonitorEvent, SessionStatus, Show, Watcher
 from clutchest.monitor.live import LiveEstimator, compile_live
 from clutchest.monitor.outputs import Outputs
@@ -152,6 +154,7 @@ class Monitor:
         self._last_s: dict[str, float] = {}  # signal → time of its last sample
         self._start_ns, self._mode = None, ""
         self._watched_s, self._contradicted = 0.0, False
+        self._tracking = LiveTracking(self.vehicle)
         self._live = LiveEstimator(
             self.vehicle,
             self.database,
@@ -162,6 +165,7 @@ class Monitor:
 
     def _end_drive(self, show: Show | None) -> None:
         self._process(Frames.empty(), self._finish(), show)
+        self._followed(self._tracking.finish())
         self._watch()
         with suppress(KeyboardInterrupt):
             self.analysing = True
@@ -275,7 +279,15 @@ class Monitor:
         for engagement in track.engagements:
             end = engagement.start_s + engagement.duration_s
             self._put(MonitorEvent(end, "engagement", "slip", asdict(engagement)))
+        self._followed(self._tracking.take(piece))
         self._outputs.keep(piece, self._drive, self._start_ns)
+
+    def _followed(self, actuations: Sequence[TrackingFigures]) -> None:
+        """How the output followed actuations that are over."""
+        unit = tracking.unit if (tracking := self.vehicle.machine.tracking) else ""
+        for response in actuations:
+            figures = response.figures(unit)
+            self._put(MonitorEvent(response.end_s, "tracking", "actuation", figures))
 
     def _collect(self, frames: Frames) -> None:
         """Hold new frames and samples for the watchers."""

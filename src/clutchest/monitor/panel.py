@@ -17,6 +17,7 @@ from clutchest.monitor.events import MonitorEvent, SessionStatus
 from clutchest.quantity import Quantity
 from clutchest.record.quantities import OUTPUTS
 from clutchest.record.report import plus_minus
+from clutchest.record.tracking import figures_in_words
 
 _MODE = {
     "open": "bright_blue",
@@ -118,6 +119,8 @@ def words(event: MonitorEvent) -> str:
         slipped = f"slipped {data['duration_s']:.1f} s, {data['energy_J'] / 1e3:.0f} kJ"
         peak = data["peak_temp_disc"]
         return f"{slipped}, peak temperature {peak:.0f} °C" if isfinite(peak) else slipped
+    if event.kind == "tracking":
+        return figures_in_words(data)
     if event.kind == "gap" and "over" in data:
         if not data["over"]:
             return f"{event.name}: silent since {data['since_s']:.1f} s"

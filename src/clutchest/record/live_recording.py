@@ -18,6 +18,7 @@ from clutchest.quantity import Quantity
 from clutchest.record.blueprint import BOUND, COLOURS, INVALID, MODE_COLOURS, live_blueprint
 from clutchest.record.quantities import OUTPUTS
 from clutchest.record.series import TIMELINE, index, outline
+from clutchest.record.tracking import figures_in_words
 from clutchest.record.viewer import HERE, Viewer, refuse_taken
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle
@@ -107,6 +108,8 @@ class LiveRecording:
         self._stream.set_time(TIMELINE, duration=event["time"] + offset)
         level = _LEVELS.get(event["kind"], "INFO")
         words = f"{event['kind']}: {event['name']}"
+        if event["kind"] == "tracking":
+            words = f"{words}: {figures_in_words(event['data'])}"
         self._stream.log("events", rr.TextLog(words, level=level))
 
     def write(self) -> None:

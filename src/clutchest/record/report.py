@@ -15,7 +15,7 @@ from clutchest.estimate.track import SMALLEST
 from clutchest.paths import names_of
 from clutchest.quantity import Quantity
 from clutchest.record.quantities import states_of
-from clutchest.record.tracking import tracking_head, tracking_note, tracking_rows
+from clutchest.record.tracking import judder_words, tracking_head, tracking_note, tracking_rows
 
 _HOW_TO_READ = (
     "Lines are estimates, the bands around them one standard deviation; a line is grey "
@@ -72,6 +72,8 @@ def markdown(run: Run, how_to_read: str = _HOW_TO_READ) -> str:
         parts += [f"## {event_words(run)[1].capitalize()}", _engagements(run)]
     if rows := tracking_rows(run):
         parts += ["## Tracking", table(tracking_head(run), rows), tracking_note(run)]
+    if words := judder_words(run):
+        parts += ["## Judder", "\n".join(f"- {text}" for text in words)]
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
     parts += ["## Residuals of the sensors", _sensors(run)]

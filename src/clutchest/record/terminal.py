@@ -22,7 +22,7 @@ from clutchest.record.report import (
     no_event_words,
     plus_minus,
 )
-from clutchest.record.tracking import tracking_head, tracking_note, tracking_rows
+from clutchest.record.tracking import judder_words, tracking_head, tracking_note, tracking_rows
 
 _MOST_WARNINGS = 8
 _MOST_ACTUATIONS = 8
@@ -56,6 +56,8 @@ def print_run(run: Run, console: Console) -> None:
     if run.vehicle.machine.event:
         console.print(_slip_events(run))
     _print_tracking(run, console)
+    for words in judder_words(run):
+        console.print(escape(words))
     for words in summary["wear"]["words"] if summary["wear"] else ():
         console.print(escape(words))
     for reason, count in summary["frames_rejected"].items():

@@ -1,8 +1,9 @@
-"""How the output followed each actuation, as a table."""
+"""How the output followed each actuation, as a table, and how it judders, in words."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from clutchest.estimate.run import Run, TrackingFigures
 
@@ -48,6 +49,27 @@ def tracking_note(run: Run) -> str:
     if tracking.request and all(response.error is None for response in found):
         words += f" No error: {tracking.request} is not mapped."
     return words
+
+
+def judder_words(run: Run) -> list[str]:
+    """The line of every drive that judders, in a sentence."""
+    declared, words = run.vehicle.machine.judder, []
+    for number, track in enumerate(run.tracks):
+        if declared is not None and track.judder is not None:
+            drive = f"drive {number}: " if len(run.tracks) > 1 else ""
+            words.append(drive + track.judder.words(declared.unit))
+    return words
+
+
+def figures_in_words(figures: Mapping[str, Any]) -> str:
+    """Figures of one actuation, named as in files, those that the data give."""
+    words = []
+    for name, heading, factor in FIGURES:
+        key = next(key for key in figures if key == name or key.startswith(f"{name}_"))
+        if figures[key] is not None:
+            what, _, unit = heading.format(unit=key.removeprefix(f"{name}_")).partition(" [")
+            words.append(f"{what} {factor * figures[key]:.0f} {unit.removesuffix(']')}")
+    return ", ".join(words) or "no response"
 
 
 def _cells(response: TrackingFigures) -> Sequence[str]:

@@ -25,6 +25,7 @@ from clutchest.models.alsd.estimator import ALSD, at_rest, for_signals
 from clutchest.models.alsd.experiments import BENCHES, EXPERIMENTS
 from clutchest.models.alsd.fitted import to_fit
 from clutchest.models.alsd.inverse import INVERSE
+from clutchest.models.alsd.judder import JUDDER
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
@@ -70,6 +71,7 @@ MACHINE = Machine(
         unit="Nm",
         request="torque_request",
     ),
+    judder=JUDDER,
     inverse=INVERSE,
     wear=Wear(
         state="free_play",
