@@ -140,13 +140,13 @@ class Start(NamedTuple):
 
 class ActiveThetas(NamedTuple):
     """Of which thetas (``active`` (a), indices) responses are followed; number c acts in
-    proportion to column ``which[c]`` of ``basis`` (K, b), fully where that is −1.  In results they
-    stand in columns from the ``first`` on."""
+    proportion to column ``which[c]`` of ``basis`` (K, b), fully where that is −1.  In results it
+    stands in column ``place[c]``."""
 
     active: Any
     basis: Any
     which: Any
-    first: Any
+    place: Any
 
 
 class Denoised(NamedTuple):
@@ -175,7 +175,7 @@ class Tracking(NamedTuple):
 
 class Sensitivities(NamedTuple):
     """Results: state ``x`` (K, n) at each event; per emitted row ``innovation`` (r) and its
-    derivative ``by_theta`` (r, a) by each theta."""
+    derivative ``by_theta`` (r, ≥ a) by each theta."""
 
     x: Any
     innovation: Any

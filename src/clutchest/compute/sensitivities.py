@@ -165,7 +165,7 @@ def filter_sensitivities(
             if emit[k] >= 0:
                 results.innovation[emit[k]] = innovation
                 for c in range(len(acts)):
-                    results.by_theta[emit[k], thetas.first + c] = -work.by_theta[c]
+                    results.by_theta[emit[k], thetas.place[c]] = -work.by_theta[c]
         for i in range(STATES):
             results.x[k, i] = x[i]
         for i in tracking.settling:

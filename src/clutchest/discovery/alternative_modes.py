@@ -13,8 +13,9 @@ from clutchest.inference.multistart import multistart
 def model_in_alternative_mode(search: Search) -> Search | None:
     """The search begun again in a mode in which the model without a cause fits better; None where
     there is none."""
-    null = search.objective.white_at(search.null.fit.theta)
-    fit = multistart(search.objective, null, search.free(()))
+    free = search.free(())
+    null = search.objective.linearise_at(search.null.fit.theta, active=free)
+    fit = multistart(search.objective, null, free)
     return None if fit is None else search.restarted_at(CauseSet((), fit))
 
 
@@ -23,7 +24,9 @@ def cause_in_alternative_mode(search: Search) -> tuple[Search, bool]:
     search is to go on from there."""
     for cause in search.best.causes:
         fewer = search.without(cause, search.best)
-        fit = multistart(search.objective, fewer.fit, search.free(fewer.causes))
+        free = search.free(fewer.causes)
+        near = search.objective.relinearise(fewer.fit, fewer.fit.theta, active=free)
+        fit = multistart(search.objective, near, free)
         if fit is None:
             continue
         there, same = CauseSet(fewer.causes, fit), search.fitted(search.best.causes, fit)

@@ -22,7 +22,7 @@ from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.experiment_design import propose
 from clutchest.discovery.extension import can_be_stated, corrected, extend
 from clutchest.discovery.form_correction import form_correction
-from clutchest.discovery.goodness_of_fit import goodness_of_fit
+from clutchest.discovery.goodness_of_fit import GoodnessOfFit, goodness_of_fit
 from clutchest.discovery.held_out import names_of, with_signals_of
 from clutchest.discovery.holdout_curves import HeldOutCurves
 from clutchest.discovery.holdout_gain import cross_validated_gain, held_out_gain
@@ -43,7 +43,9 @@ from clutchest.discovery.sentences import (
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
+from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
 from clutchest.memory import give_back
@@ -173,13 +175,10 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     verdict = judge(search, other, task.progress)
     search = verdict.search
     before = search.objective.linearise_at(search.null.fit.theta).without_derivatives
-    task.show("testing the residuals")
-    fit = goodness_of_fit(problem, search.objective.less_scatter(before))
     outcome = _outcome(task, verdict, other)
     after = verdict.best.fit if outcome.named else before
-    fit_extended = None
-    if outcome.named:
-        fit_extended = goodness_of_fit(problem, search.objective.less_scatter(after))
+    task.show("testing the residuals")
+    fit, fit_extended = _tested(search, [before, after] if outcome.named else [before])
     causes = outcome.with_forms(causes_of(verdict)) if outcome.named else ()
     machine = task.vehicle.machine
     where = where_of(outcome.name, causes, outcome.errors, verdict.others, machine.peaks)
@@ -215,6 +214,15 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         provenance=_provenance(task, problem),
         hypotheses=hypotheses(verdict, outcome.name, causes, task.own),
     )
+
+
+def _tested(
+    search: Search, fits: Sequence[Linearisation]
+) -> tuple[GoodnessOfFit, GoodnessOfFit | None]:
+    """Whether the model fits without a cause, and with causes where there is a second fit."""
+    rest = [search.objective.less_scatter(fit) for fit in fits]
+    first, *second = shared(lambda each: goodness_of_fit(search.problem, each), rest)
+    return first, second[0] if second else None
 
 
 def _outcome(task: _Task, verdict: SearchVerdict, other: HeldOut | None) -> _Outcome:

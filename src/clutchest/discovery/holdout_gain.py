@@ -17,7 +17,6 @@ from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.map_fit import (
     brought_near,
     improve,
-    most_probable,
     with_noise_estimated,
 )
 from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
@@ -68,7 +67,7 @@ def fitted(objective: Objective, theta: Floats, shapes: Shapes = NO_SHAPES) -> L
     """The most probable nuisances, from a ``theta`` on that may be far off; gains as there."""
     free = objective.problem.nuisances
     begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
-    return improve(objective, begin, free)
+    return improve(objective, begin, free, derivatives=False)
 
 
 def _cost(fit: Linearisation) -> float:
@@ -92,7 +91,7 @@ def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
     times = _one_after_another(problem, [d.readings.t for d in problem.drives])
     edges = np.quantile(times, np.linspace(0.0, 1.0, PARTS + 1))[1:-1]
     part = np.searchsorted(edges, times)
-    predictions: list[HeldOutPrediction] = []
+    predictions, starts = list[HeldOutPrediction](), _starts(problem)
     for causes in (search.null, best):
         fit = objective.linearise_at(causes.fit.theta, causes.fit.shapes).as_measured
         free = search.free(causes.causes)
@@ -102,9 +101,10 @@ def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
             rest = objective.without(part == k)
             white = rest.whitened(fit)
             rest = rest.with_span([white.psi])
-            theta = improve(rest, rest.judged(white), free).theta
+            at = improve(rest, rest.judged(white), free, derivatives=False).as_point
             del white, rest  # before others are made
-            held_out = most_probable(objective, _starts(problem), theta, fit.shapes)
+            begin = objective.relinearise(at, at.theta, active=starts)
+            held_out = improve(objective, begin, starts, derivatives=False)
             return HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k))
 
         predictions.append(HeldOutPrediction.joined(concurrently(problem, predicted, range(PARTS))))

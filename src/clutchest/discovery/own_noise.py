@@ -125,7 +125,7 @@ def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Sear
     null = objective.white_at(search.null.fit.theta)
     objective = spanned(objective, [at, null], search.candidates)
     free = free_of(search.problem, ())
-    null = improve(objective, objective.judged(null), free)
+    null = improve(objective, objective.judged(null), free, derivatives=False)
     null = objective.white_at(null.theta)
     derivatives = columns(objective, null, search.candidates)
     scores = scored(objective, null, free, search.candidates, derivatives, seed=1)

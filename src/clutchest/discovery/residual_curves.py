@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
+from clutchest.inference.cores import cores, shared
 from clutchest.inference.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
@@ -143,10 +144,13 @@ def tested(
     """The curves ``tables`` over covariates of these ``values`` (each of every drive), the most
     likely first, by their derivatives at a fit, ``beside`` what else is free."""
     choices = Counter(table.equation for table in tables)
-    results, most = [], np.full(DRAWS, -np.inf)
     blocks = objective.problem.blocks(block_time(objective.problem))
     projection = Projection.of(beside.at, beside.free, beside.prior)
-    for derivatives, some in derivatives_of(objective, fit, values, tables):
+
+    def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
+        """Curves, p-values not known yet, and the strongest evidence of each null draw."""
+        results, most = [], np.full(DRAWS, -np.inf)
+        derivatives, some = _portion(objective, fit, values, portion)
         gram = derivatives.T @ derivatives
         c = projection.out_of(derivatives)
         rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
@@ -181,11 +185,15 @@ def tested(
                     1.0,
                 )
             )
-        del derivatives, c, pure  # before the next ones are made
+        return results, most
+
+    done = shared(judged, _portions(tables, _held(fit) // cores()))
+    most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
     # noise has a Bayes factor of B once in B times at most
     least = np.sort(np.exp(-most / 2.0))
     named = [
         replace(curve, p_value=float(family_wise(least, np.exp(-curve.evidence / 2.0))))
+        for results, _ in done
         for curve in results
     ]
     return sorted(named, key=lambda curve: -curve.evidence)
@@ -288,29 +296,41 @@ def derivatives_of(
 ) -> Iterator[tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]]:
     """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
     of each curve; some covariates at a time, as many as memory holds."""
-    readings = len(fit.r)
-    for some in _portions(tables, max(int(ENTRIES / max(readings, 1)), 1)):
-        begins: dict[tuple[str, int], int] = {}
-        bases: list[list[Floats]] = [[] for _ in values]
-        for table in some:
-            covariate, at = table.covariate, table.at
-            if (covariate, len(at)) not in begins:
-                begins[covariate, len(at)] = sum(basis.shape[1] for basis in bases[0])
-                for basis, v in zip(bases, values, strict=True):
-                    basis.append(hats(v[covariate], at))
-        counts = [len(table.at) for table in some]
-        columns = np.concatenate(
-            [begins[t.covariate, n] + np.arange(n) for t, n in zip(some, counts, strict=True)]
-        )
-        thetas = np.repeat([table.theta for table in some], counts)
-        modulations = [Modulation(np.column_stack(basis), columns) for basis in bases]
-        bases.clear()  # room for the derivatives
-        derivatives = objective.modulated(fit, thetas, modulations)
-        derivatives *= np.repeat([table.unit for table in some], counts)
-        ends = np.cumsum(counts)
-        each = [(t, np.arange(e - len(t.at), e)) for t, e in zip(some, ends, strict=True)]
-        yield derivatives, each
-        del derivatives  # before the next ones are made
+    for some in _portions(tables, _held(fit)):
+        yield _portion(objective, fit, values, some)
+
+
+def _portion(
+    objective: Objective,
+    fit: Linearisation,
+    values: Sequence[Mapping[str, Floats]],
+    some: Sequence[CandidateCurve],
+) -> tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]:
+    """The same of some curves."""
+    begins: dict[tuple[str, int], int] = {}
+    bases: list[list[Floats]] = [[] for _ in values]
+    for table in some:
+        covariate, at = table.covariate, table.at
+        if (covariate, len(at)) not in begins:
+            begins[covariate, len(at)] = sum(basis.shape[1] for basis in bases[0])
+            for basis, v in zip(bases, values, strict=True):
+                basis.append(hats(v[covariate], at))
+    counts = [len(table.at) for table in some]
+    columns = np.concatenate(
+        [begins[t.covariate, n] + np.arange(n) for t, n in zip(some, counts, strict=True)]
+    )
+    thetas = np.repeat([table.theta for table in some], counts)
+    modulations = [Modulation(np.column_stack(basis), columns) for basis in bases]
+    bases.clear()  # room for the derivatives
+    derivatives = objective.modulated(fit, thetas, modulations)
+    derivatives *= np.repeat([table.unit for table in some], counts)
+    ends = np.cumsum(counts)
+    return derivatives, [(t, np.arange(e - len(t.at), e)) for t, e in zip(some, ends, strict=True)]
+
+
+def _held(fit: Linearisation) -> int:
+    """How many derivatives of all readings memory holds at a time."""
+    return max(int(ENTRIES / max(len(fit.r), 1)), cores())
 
 
 def _portions(tables: Sequence[CandidateCurve], held: int) -> Iterator[list[CandidateCurve]]:

@@ -5,7 +5,7 @@ A search is a value: each step takes one and gives the next.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,12 +16,13 @@ from clutchest.discovery.candidates import CandidateCause, candidates, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
+from clutchest.inference.cores import shared
 from clutchest.inference.estimated_noise import EstimatedNoise, with_estimated_noise
 from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.objective import SAME, Linearisation, Objective
 from clutchest.inference.problem import NO_DERIVATIVES, Problem
 from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest, score_test
-from clutchest.inference.unknowns import InitialState
+from clutchest.inference.unknowns import InitialState, Shapes
 from clutchest.progress import Progress
 from clutchest.signals import Floats
 
@@ -85,7 +86,8 @@ class Search:
         kept = {c.index for c in causes}
         theta = begin.theta.copy()
         theta[[i for i in self.problem.gains if i not in kept]] = 0.0
-        best = improve(self.objective, self.objective.linearise_at(theta, shapes, free), free)
+        there = self.objective.linearise_at(theta, shapes, free)
+        best = improve(self.objective, there, free, derivatives=False)
         return CauseSet(causes, continue_towards_prior(self.objective, best, free))
 
     def likeliest(
@@ -102,7 +104,7 @@ class Search:
         gains = [c.index for c in h.causes]
         sizes = fit.theta[gains]
         if np.any((sizes <= objective.low[gains]) | (sizes >= objective.high[gains])):
-            fit = improve(objective.with_bounds(RELEASED), fit, free)
+            fit = improve(objective.with_bounds(RELEASED), fit, free, derivatives=False)
         return replace(h, fit=fit.without_derivatives)
 
     def without(self, cause: CandidateCause, of: CauseSet) -> CauseSet:
@@ -217,18 +219,28 @@ def columns(objective: Objective, fit: Linearisation, wanted: Sequence[Candidate
     """Derivatives (K, C) of the innovations by each candidate's gain at a fit."""
     derivatives = np.zeros((len(fit.r), len(wanted)))
     plain = [i for i, c in enumerate(wanted) if not c.shapes]
-    derivatives[:, plain] = fit.psi[:, [wanted[i].index for i in plain]]
-    rest = [i for i, c in enumerate(wanted) if c.shapes]
-    while rest:  # one linearisation serves one value of every effect's shapes
-        now = {wanted[i].name: i for i in reversed(rest)}
-        some = [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]
-        shapes = settings(tuple(wanted[i] for i in now.values()))
+    derivatives[:, plain] = fit.by(np.array([wanted[i].index for i in plain], np.int64))
+
+    def put(together: tuple[list[int], Shapes]) -> None:
+        """Derivatives by what one linearisation serves, at its shapes."""
+        some, shapes = together
         active = np.array([wanted[i].index for i in some])
         shaped = objective.relinearise(fit, fit.theta, {**shapes, **fit.shapes}, active)
-        derivatives[:, some] = shaped.psi[:, active]
-        rest = [i for i in rest if i not in some]
-        del shaped  # before the next one is made
+        derivatives[:, some] = shaped.by(active)
+
+    shared(put, _by_shapes(wanted))
     return derivatives
+
+
+def _by_shapes(wanted: Sequence[CandidateCause]) -> Iterator[tuple[list[int], Shapes]]:
+    """Indices of those of the ``wanted`` that have shapes, and these: one value of every effect's
+    at a time."""
+    rest = [i for i, c in enumerate(wanted) if c.shapes]
+    while rest:
+        now = {wanted[i].name: i for i in reversed(rest)}
+        some = [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]
+        yield some, settings(tuple(wanted[i] for i in now.values()))
+        rest = [i for i in rest if i not in some]
 
 
 def scored(
@@ -317,8 +329,9 @@ def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Searc
     explains is no noise.  Without a cause the best fit may lie where that of the cause ended."""
     best = min(grown, key=cost_of)
     objective = _judging_by(search, best)
-    fit = objective.white_at(search.null.fit.theta)
-    null = CauseSet((), improve(objective, fit, search.free(())).bare)
+    free = search.free(())
+    fit = objective.linearise_at(search.null.fit.theta, active=free)
+    null = CauseSet((), improve(objective, fit, free, derivatives=False).bare)
     del fit  # room for those of the others
     search = replace(search, objective=objective)
     null = min(null, search.likeliest((), [best.fit]), key=cost_of)

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
 
-from clutchest.inference.cores import fits_at_once
+from clutchest.inference.cores import Result, Task, fits_at_once, shared
 from clutchest.inference.problem import Problem
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
 
 
 def concurrently(
@@ -18,7 +13,4 @@ def concurrently(
 ) -> list[Result]:
     """``fit`` of every task, in the order of the tasks."""
     readings = sum(len(drive.readings.t) for drive in problem.drives)
-    if (count := fits_at_once(readings * len(problem.thetas))) == 1:
-        return [fit(task) for task in tasks]
-    with ThreadPoolExecutor(count) as pool:
-        return list(pool.map(fit, tasks))
+    return shared(fit, tasks, fits_at_once(readings * len(problem.thetas)))

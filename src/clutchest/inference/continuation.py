@@ -27,7 +27,8 @@ def continue_towards_prior(
     nearer = _continued(objective, fit, free, int(free[np.argmax(off)]))
     if nearer is fit:
         return fit
-    better = improve(objective, objective.linearise_at(nearer.theta, fit.shapes, free), free)
+    begin = objective.linearise_at(nearer.theta, fit.shapes, free)
+    better = improve(objective, begin, free, derivatives=False)
     return continue_towards_prior(objective, better, free)
 
 
@@ -40,7 +41,8 @@ def _continued(
     for share in SHARES:
         theta = best.theta.copy()
         theta[i] = share * fit.theta[i]
-        nearer = improve(objective, objective.linearise_at(theta, fit.shapes, others), others)
+        begin = objective.linearise_at(theta, fit.shapes, others)
+        nearer = improve(objective, begin, others, derivatives=False)
         if nearer.cost > best.cost - SLIGHT:
             break
         best = nearer

@@ -1,4 +1,5 @@
-"""What is shared among the cores of a machine: whole fits, or the derivatives of a large one.
+"""What is shared among the cores of a machine: whole fits, portions of curves, or the derivatives
+of a large fit; what is shared already is shared no further.
 
 Compiled kernels and linear algebra let go of the interpreter, so threads serve: nothing is copied,
 and results are those of one after another.
@@ -7,25 +8,48 @@ and results are those of one after another.
 from __future__ import annotations
 
 import os
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 MOST = 4  # threads: beyond, what holds the interpreter decides
 ENTRIES = 7e6  # of derivatives that fits may hold together
 FEWEST = 8  # derivatives that are worth a thread
+_thread = threading.local()  # ``shares``: whether it is one of several that share work
+
+
+def shared(
+    function: Callable[[Task], Result], tasks: Iterable[Task], most: int = MOST
+) -> list[Result]:
+    """``function`` of every task, in the order of the tasks, ``most`` at once."""
+    if (count := min(cores(), most)) == 1 or getattr(_thread, "shares", False):
+        return [function(task) for task in tasks]
+    with ThreadPoolExecutor(count, initializer=_mark) as pool:
+        return list(pool.map(function, tasks))
+
+
+def _mark() -> None:
+    _thread.shares = True
 
 
 def fits_at_once(entries: int) -> int:
     """How many fits may run at the same time that hold so many ``entries`` of derivatives each."""
-    return min(_cores(), MOST, max(int(ENTRIES / max(entries, 1)), 1))
+    return min(cores(), max(int(ENTRIES / max(entries, 1)), 1))
 
 
 def parts_of(derivatives: int, entries: int) -> int:
     """Into how many parts the ``derivatives`` of a fit of so many ``entries`` are divided: of one
     that is too large to run beside others."""
-    if 2 * entries <= ENTRIES:
+    if 2 * entries <= ENTRIES or getattr(_thread, "shares", False):
         return 1
-    return max(min(_cores(), MOST, derivatives // FEWEST), 1)
+    return max(min(cores(), derivatives // FEWEST), 1)
 
 
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def cores() -> int:
+    """Those that this process may use, as far as they serve."""
+    known = hasattr(os, "sched_getaffinity")
+    return min(len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1, MOST)

@@ -6,8 +6,11 @@ the two seem to have something in common.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from clutchest.native import compiled
@@ -57,12 +60,23 @@ def adaptive_mean(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
         count = round(window / period) | 1
         if count > len(read):
             break
-        mean = savgol_filter(read, count, 1) if count >= LINE else read
+        mean = _lines(read, count) if count >= LINE else read
         reach = AGREE * noise * _scatter(count, ar)
         lower, upper = np.maximum(lower, mean - reach), np.minimum(upper, mean + reach)
         agree &= lower <= upper
         value_at = np.where(agree, mean, value_at)
     return np.asarray(np.interp(t, grid, value_at))
+
+
+def _lines(read: Floats, count: int) -> Floats:
+    """Straight lines through so many samples around each of ``read`` (K), or the nearest so many at
+    the ends: in the middle a running mean, which takes no longer for a longer window."""
+    mean, half = uniform_filter1d(read, count), count // 2
+    offset = np.arange(-half, half + 1.0)
+    for part, at in ((slice(0, count), slice(0, half)), (slice(-count, None), slice(-half, None))):
+        slope = offset @ read[part] / (offset @ offset)
+        mean[at] = read[part].mean() + slope * offset[at]
+    return np.asarray(mean)
 
 
 def mean_of_slow(t: Floats, value: Floats, noise: float, ar: float) -> Floats:
@@ -119,8 +133,19 @@ def _smooth(t: Floats, value: Floats, window: float, rate: int = 0) -> Floats:
     grid, count = np.arange(t[0], t[-1], GRID), round(window / GRID) | 1
     if len(grid) < count:
         return np.zeros_like(value) if rate else value  # too short to tell a rate
-    parabolas = savgol_filter(np.interp(grid, t, value), count, 2, deriv=rate, delta=GRID)
+    read, half = np.interp(grid, t, value), count // 2
+    parabolas = savgol_filter(read, count, 2, deriv=rate, delta=GRID, mode="constant")
+    ends = _through(count, rate)  # at the ends, filtering by itself would fit them anew
+    parabolas[:half] = ends[:half] @ read[:count]
+    parabolas[len(read) - half :] = ends[count - half :] @ read[-count:]
     return np.asarray(np.interp(t, grid, parabolas))
+
+
+@lru_cache
+def _through(count: int, rate: int) -> Floats:
+    """What takes so many samples on the grid to the parabola through them (count, count), or with
+    1 to its ``rate``."""
+    return np.asarray(savgol_filter(np.eye(count), count, 2, deriv=rate, delta=GRID, axis=0))
 
 
 @compiled

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import softmax
 
+from clutchest.inference.cores import shared
 from clutchest.inference.input_noise_covariance import main_directions, shown
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -43,15 +44,14 @@ def directions_of(
 ) -> list[Floats]:
     """What each discrepancy does to the readings of a drive at these ``numbers``, in their standard
     deviations: columns (K, c), each to be taken a number of times that is normal, of variance 1."""
-    columns = []
-    for each in discrepancies:
-        if isinstance(each, Wander):
-            scatter = wander_of(drive, numbers, at, each)
-        else:
-            scatter = smooth_error(drive, numbers, at, each)
+
+    def directions(each: Discrepancy) -> Floats:
+        of = wander_of if isinstance(each, Wander) else smooth_error
+        scatter = of(drive, numbers, at, each)
         scatter /= drive.readings.std[:, None]
-        columns.append(main_directions(scatter))
-    return columns
+        return main_directions(scatter)
+
+    return shared(directions, discrepancies)
 
 
 def scattering(

@@ -30,8 +30,8 @@ def with_fitted_gains(problem: Problem) -> Problem:
             part = part.with_gains_at(near)
         objective = Objective.of(part)
         with np.errstate(over="ignore", invalid="ignore"):  # of a fit that leads nowhere
-            begun = cooled(objective, objective.linearise_at(near), free)
-            fitted = improve(objective, begun, free).theta
+            begun = cooled(objective, objective.linearise_at(near, active=free), free)
+            fitted = improve(objective, begun, free, derivatives=False).theta
         if np.all(np.abs(fitted[free]) < FAR):
             near = fitted
     return problem.with_gains_at(near).with_input_noise_at(near)

@@ -9,6 +9,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_filter
 
 from clutchest.inference.denoising import adaptive_mean
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 WINDOW = 0.1  # s, over which inputs are smoothed
@@ -73,7 +74,10 @@ class InterpolatedInput:
     def at(self, t: Floats, spacing: Floats) -> Floats:
         """Values at ``t`` (K) whose straight connections have the input's integral; ``spacing`` (K)
         s²: the mean square distance to the times before and after."""
-        return np.interp(t, self.time, self.value) - self.off(t, spacing)
+        values = np.empty(len(t))
+        of = self.time, self.value, self.bends
+        _between(t, *map(np.ascontiguousarray, of), spacing, float(self.integral), values)
+        return values
 
     def off(self, t: Floats, spacing: Floats) -> Floats:
         """By how much lines between the samples, and between the times ``t`` (K), are off."""
@@ -84,6 +88,57 @@ class InterpolatedInput:
         since = np.clip(t - self.time[after - 1], 0.0, width)
         bends = np.interp(t, self.time, self.bends)
         return bends * (since * (width - since) / 2.0 + self.integral * spacing / 12.0)
+
+
+@compiled
+def _between(
+    t: Floats,
+    time: Floats,
+    value: Floats,
+    bends: Floats,
+    spacing: Floats,
+    integral: float,
+    out: Floats,
+) -> None:
+    """``out`` (K): see :meth:`InterpolatedInput.at`; quick where ``t`` (K) is nearly in order."""
+    last, j = len(time) - 1, 0
+    for k in range(len(t)):
+        if t[k] <= time[0]:
+            out[k] = value[0] - bends[0] * integral * spacing[k] / 12.0
+        elif t[k] >= time[last]:
+            out[k] = value[last] - bends[last] * integral * spacing[k] / 12.0
+        else:
+            while time[j] > t[k]:
+                j -= 1
+            while time[j + 1] <= t[k]:
+                j += 1
+            since, width = t[k] - time[j], time[j + 1] - time[j]
+            share = since / width
+            bend = bends[j] + share * (bends[j + 1] - bends[j])
+            line = value[j] + share * (value[j + 1] - value[j])
+            out[k] = line - bend * (since * (width - since) / 2.0 + integral * spacing[k] / 12.0)
+
+
+@compiled
+def slopes_of(t: Floats, at: Floats, time: Floats, value: Floats, j: int, out: Floats) -> None:
+    """Column ``j`` of ``out`` (K, nu): slopes on the way to each of the times ``t`` (K), where the
+    straight connections of ``value`` (k) at ``time`` (k) are read ``at`` (K)."""
+    last, i, before = len(time) - 1, 0, 0.0
+    for k in range(len(t)):
+        if at[k] <= time[0]:
+            now = value[0]
+        elif at[k] >= time[last]:
+            now = value[last]
+        else:
+            while time[i] > at[k]:
+                i -= 1
+            while time[i + 1] <= at[k]:
+                i += 1
+            share = (at[k] - time[i]) / (time[i + 1] - time[i])
+            now = value[i] + share * (value[i + 1] - value[i])
+        if k > 0 and t[k] > t[k - 1]:
+            out[k, j] = (now - before) / (t[k] - t[k - 1])
+        before = now
 
 
 def _parabolas(read: Floats, count: int, noise: float) -> Floats:

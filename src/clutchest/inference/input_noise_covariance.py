@@ -25,8 +25,9 @@ from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std
 
+ENTRIES = 1e7  # of derivatives, held at a time
 PARTS = 64  # of a drive, with as much noise in each
-SOME = 16384  # readings that are whitened at a time
+SOME = 1024  # readings that are whitened at a time: as many as a processor's own memory holds
 LEAST = 0.3  # standard deviations of all readings together; noise that shows less is left out
 
 
@@ -47,7 +48,7 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
     compiled, line, at = drive.compiled, drive.line, drive.at_nominal
     span = np.diff(line.t, prepend=line.t[0])
     rates = _taken_in(drive, vehicle)
-    every = [np.zeros((len(drive.readings.t), 0))]
+    thetas, bases = list[int](), list[Floats]()
     for k, unknown in enumerate(of_compiled(compiled, {})):
         if not isinstance(unknown, InputNoise):
             continue
@@ -61,10 +62,17 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
         basis = np.zeros((len(span), PARTS))
         basis[np.arange(len(span)), part] = rates[j]
         basis *= np.sqrt(line.noise[j] / np.where(own > 0.0, own, np.inf))
-        parts = Modulation(basis, np.arange(PARTS))
-        columns = modulated(drive, numbers, at, np.full(PARTS, k), parts)
+        thetas.append(k)
+        bases.append(basis)
+    readings = len(drive.readings.t)
+    every, some = [np.zeros((readings, 0))], max(int(ENTRIES / max(PARTS * readings, 1)), 1)
+    for begin in range(0, len(bases), some):  # several in one run, as many as memory holds
+        basis = np.column_stack(bases[begin : begin + some])
+        parts = Modulation(basis, np.arange(basis.shape[1]))
+        of = np.repeat(thetas[begin : begin + some], PARTS)
+        columns = modulated(drive, numbers, at, of, parts)
         columns /= drive.readings.std[:, None]
-        every.append(main_directions(columns))
+        every += map(main_directions, np.split(columns, len(of) // PARTS, axis=1))
     return main_directions(np.column_stack(every))
 
 

@@ -26,20 +26,33 @@ from clutchest.compute.records import (
 )
 from clutchest.estimate.whole_log import events_of, regimes_of
 from clutchest.inference.cores import parts_of
+from clutchest.inference.input_interpolation import slopes_of
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import FrozenGains, PreparedDrive, Samples
+from clutchest.native import compiled
 from clutchest.signals import Floats
 
 Shifts = Mapping[str, float | Floats]  # signal → by how many s it is late, at every event or always
 
 
 class LinearResponse(NamedTuple):
-    """``innovations`` (K) of the readings, their ``derivatives`` (K, a), and the operating point
-    that the numbers ``imply``."""
+    """``innovations`` (K) of the readings, and the operating point that the numbers ``imply``."""
 
     innovations: Floats
-    derivatives: Floats
     implied: OperatingPoint
+
+
+class Derivatives(NamedTuple):
+    """Where derivatives of the innovations (K) are put: that by each of the active thetas (a) into
+    column ``place`` (a) of a ``table`` (K, ≥ a)."""
+
+    table: Floats
+    place: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, drive: PreparedDrive, count: int) -> Derivatives:
+        """A table of so many columns, side by side."""
+        return cls(np.zeros((len(drive.readings.event), count)), np.arange(count))
 
 
 class Modulation(NamedTuple):
@@ -51,20 +64,28 @@ class Modulation(NamedTuple):
 
 
 def linearise(
-    drive: PreparedDrive, numbers: ModelNumbers, at: OperatingPoint, active: NDArray[np.int64]
+    drive: PreparedDrive,
+    numbers: ModelNumbers,
+    at: OperatingPoint,
+    active: NDArray[np.int64],
+    into: Derivatives,
 ) -> LinearResponse:
-    """Innovations, and derivatives by the ``active`` thetas (a) of the compiled model."""
-    return _linearised(drive, numbers, at, active, drive.gains, frozen=True)
+    """Innovations; derivatives by the ``active`` thetas (a) of the compiled model are filled in."""
+    return _linearised(drive, numbers, at, active, into, drive.gains, frozen=True)
 
 
 def filtered(
-    drive: PreparedDrive, numbers: ModelNumbers, at: OperatingPoint, active: NDArray[np.int64]
+    drive: PreparedDrive,
+    numbers: ModelNumbers,
+    at: OperatingPoint,
+    active: NDArray[np.int64],
+    into: Derivatives,
 ) -> tuple[LinearResponse, FrozenGains]:
     """The same with the gains that the filter has at these ``numbers``, and these
     gains."""
     events, tracked = drive.tracked.rate.shape
     gains = FrozenGains(np.zeros((events, tracked)), np.ones(events))
-    response = _linearised(drive, numbers, at, active, gains, frozen=False)
+    response = _linearised(drive, numbers, at, active, into, gains, frozen=False)
     gains.gain[~drive.tracked.corrected] = 0.0
     return response, gains
 
@@ -79,7 +100,9 @@ def modulated(
     """Derivatives (K, a) by the ``active`` thetas (a), each acting as ``modulation`` says."""
     shifts = _shifts(drive, numbers)
     inputs = _inputs(drive, numbers, at, _late(drive, shifts), shifts)
-    return _propagated(drive, numbers, inputs, active, modulation, drive.gains, frozen=True)[1]
+    into = Derivatives.of(drive, len(active))
+    _propagated(drive, numbers, inputs, active, modulation, into, drive.gains, frozen=True)
+    return into.table
 
 
 def _linearised(
@@ -87,6 +110,7 @@ def _linearised(
     numbers: ModelNumbers,
     at: OperatingPoint,
     active: NDArray[np.int64],
+    into: Derivatives,
     gains: FrozenGains,
     *,
     frozen: bool,
@@ -98,10 +122,10 @@ def _linearised(
     shifts = _shifts(drive, numbers)
     measured = _late(drive, shifts)
     inputs = _inputs(drive, numbers, at, measured, shifts)
-    innovations, derivatives, states = _propagated(
-        drive, numbers, inputs, active, modulation, gains, frozen=frozen
+    innovations, states = _propagated(
+        drive, numbers, inputs, active, modulation, into, gains, frozen=frozen
     )
-    return LinearResponse(innovations, derivatives, _implied(drive, numbers, at, states, measured))
+    return LinearResponse(innovations, _implied(drive, numbers, at, states, measured))
 
 
 class _Inputs(NamedTuple):
@@ -138,24 +162,23 @@ def _propagated(
     inputs: _Inputs,
     active: NDArray[np.int64],
     modulation: Modulation,
+    into: Derivatives,
     gains: FrozenGains,
     *,
     frozen: bool,
-) -> tuple[Floats, Floats, Floats]:
-    """Innovations (K), derivatives (K, a) and states (events, n); ``gains`` are filled in place
-    unless they are ``frozen``."""
+) -> tuple[Floats, Floats]:
+    """Innovations (K) and states (events, n); derivatives are filled in, and ``gains`` unless they
+    are ``frozen``."""
     event, m = drive.readings.event, len(drive.compiled.thetas)
     place = np.full(len(drive.line.t), -1)
     place[event] = np.arange(len(event))
     events = events_of(drive.line)._replace(u=inputs.measured, emit=place)
 
-    derivatives = np.zeros((len(event), len(active)))
-
     def part(columns: NDArray[np.int64]) -> Sensitivities:
-        """With derivatives by some of the active thetas, which lie side by side."""
-        first = int(columns[0]) if len(columns) else 0
-        thetas = ActiveThetas(active[columns], modulation.basis, modulation.column[columns], first)
-        return _run(drive, numbers, inputs, events, thetas, gains, frozen, derivatives)
+        """With derivatives by some of the active thetas."""
+        own = active[columns], modulation.column[columns], into.place[columns]
+        thetas = ActiveThetas(own[0], modulation.basis, own[1], own[2])
+        return _run(drive, numbers, inputs, events, thetas, gains, frozen, into.table)
 
     # derivatives do not depend on one another
     count = parts_of(len(active), len(event) * m) if frozen else 1
@@ -165,7 +188,7 @@ def _propagated(
     else:
         with ThreadPoolExecutor(count) as pool:
             done, *_ = pool.map(part, columns)
-    return done.innovation, derivatives, done.x
+    return done.innovation, done.x
 
 
 def _run(
@@ -178,7 +201,7 @@ def _run(
     frozen: bool,
     derivatives: Floats,
 ) -> Sensitivities:
-    """One run of the filter along the ``events``; ``derivatives`` (K, a) are filled."""
+    """One run of the filter along the ``events``; ``derivatives`` (K, ≥ a) are filled."""
     functions = drive.compiled.functions
     p, g, first, _ = numbers
     n, m = len(first), len(drive.compiled.thetas)
@@ -221,6 +244,8 @@ def _late(drive: PreparedDrive, shifts: Shifts) -> Floats:
     inputs = drive.inputs
     measured = inputs.smooth.copy()
     for name, delay in shifts.items():
+        if np.ndim(delay) == 0 and delay == 0.0:
+            continue
         j = drive.compiled.model.input(name)
         measured[:, j] = inputs.interpolated[j].at(drive.line.t + delay, inputs.spacing)
     return measured
@@ -249,25 +274,51 @@ def _implied(
         inputs,
         implied,
     )
-    act, corrections = np.flatnonzero(tracked.act), dict[int, Floats]()
-    for j in map(int, np.flatnonzero(np.any((implied != inputs)[act], axis=0))):
-        # θ may lie where the equations run away: the next linearisation begins from here
-        limit = drive.inputs.limit[j]
-        by = np.clip(implied[act, j] - inputs[act, j], -limit, limit)
-        by[~np.isfinite(by)] = 0.0
-        # no jump where the equations begin to act
-        corrections[j] = np.interp(line.t, line.t[act], by)
-    for j, by in corrections.items():
-        inputs[:, j] += by
+    corrections = dict[int, Floats]()
+    for j in range(inputs.shape[1]):
+        by = np.zeros(len(line.t))
+        if _corrected(line.t, tracked.act, implied, inputs, float(drive.inputs.limit[j]), j, by):
+            corrections[j] = by
+            inputs[:, j] += by
     return OperatingPoint(states, inputs, corrections)
+
+
+@compiled
+def _corrected(
+    t: Floats,
+    act: NDArray[np.bool_],
+    implied: Floats,
+    inputs: Floats,
+    limit: float,
+    j: int,
+    by: Floats,
+) -> bool:
+    """``by`` (K) how much the j-th of ``implied`` inputs (K, nu) differs from ``inputs``, by
+    ``limit`` at most: θ may lie where the equations run away, and the next linearisation begins
+    from here.  Straight lines in between where equations do not ``act`` (K): no jump where they
+    begin to.  Returns whether any does."""
+    differs, last = False, -1
+    for k in range(len(t)):
+        if not act[k]:
+            continue
+        off = implied[k, j] - inputs[k, j]
+        differs = differs or implied[k, j] != inputs[k, j]
+        by[k] = min(max(off, -limit), limit)
+        if not (abs(by[k]) < np.inf and off == off):
+            by[k] = 0.0
+        for i in range(last + 1, k):
+            share = 1.0 if last < 0 else (t[i] - t[last]) / (t[k] - t[last])
+            by[i] = by[k] if last < 0 else by[last] + share * (by[k] - by[last])
+        last = k
+    for i in range(last + 1, len(t)):
+        by[i] = by[last] if last >= 0 else 0.0
+    return differs
 
 
 def _slopes(drive: PreparedDrive, of: Mapping[int, Samples], shifts: Shifts) -> Floats:
     """Slopes (events, nu), on the way to each event, of inputs by index."""
     slopes, t = np.zeros_like(drive.inputs.smooth), drive.line.t
     names = [item.name for item in drive.compiled.model.inputs]
-    span = np.diff(t, prepend=t[0])
-    for j, samples in of.items():
-        value = np.interp(t + shifts.get(names[j], 0.0), *samples)
-        np.divide(np.diff(value, prepend=value[0]), span, out=slopes[:, j], where=span > 0.0)
+    for j, (time, value) in of.items():
+        slopes_of(t, t + shifts.get(names[j], 0.0), time, value, j, slopes)
     return slopes

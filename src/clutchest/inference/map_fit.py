@@ -10,6 +10,7 @@ evaluations each and 50 s altogether here, 15.0 and 88 s there (tolerances 1e-4;
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError
 from clutchest.inference.linear_solve import solved
 from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
+from clutchest.inference.problem import NO_DERIVATIVES
 from clutchest.inference.unknowns import Shapes
 from clutchest.signals import Floats
 
@@ -31,6 +33,7 @@ WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 AHEAD = 0.05  # of a step: where the bend of a valley is measured
 SHORTENED, SHORTEST = 0.4, 0.05  # a bent step that leaves the valley is shortened by this, to this
 SETTLED = 0.05  # of −2 ln(probability): a step that promises less is not taken
+SURE = 0.2  # of that: what derivatives of the place before must promise less than
 SLIGHT = 2.0  # the same: one that promises less, and of which no part kept it, is the last
 NEARLY = (
     10.0  # of the sum of squares: the noise model is estimated again when it changes it by more
@@ -62,12 +65,12 @@ def settle(
     :func:`with_noise_estimated` does."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
     begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
-    lin = improve(objective, begin, free)
+    lin = improve(objective, begin, free, derivatives=False)
     for _ in range(turns):
         before = lin.r @ lin.r
         objective, lin = with_noise_estimated(objective, lin)
         objective = objective.with_span([lin.psi])
-        lin = improve(objective, objective.judged(lin), free)
+        lin = improve(objective, objective.judged(lin), free, derivatives=False)
         if abs(before - lin.r @ lin.r) < NEARLY:
             break
     return objective, lin
@@ -101,7 +104,7 @@ def brought_near(
     for share in GROWING:
         part = objective.until(share)
         begin = cooled(part, part.linearise_at(theta, lin.shapes), free)
-        theta = improve(part, begin, free).theta
+        theta = improve(part, begin, free, derivatives=False).theta
     grown = objective.linearise_at(theta, lin.shapes)
     return grown if grown.cost < lin.cost else lin
 
@@ -148,14 +151,19 @@ def improve(
     lin: Linearisation,
     free: NDArray[np.int64],
     tolerance: Tolerance = COARSE,
+    *,
+    derivatives: bool = True,
 ) -> Linearisation:
-    """The same from a linearisation on.
+    """The same from a linearisation on; without ``derivatives`` where they are not asked for, which
+    take several times as long as innovations alone.
 
     Valleys bend: a step along one may climb its wall, and the next one falls back onto its
     floor further on.  So a few climbs are let pass before steps are damped (Levenberg,
     Marquardt).  A step that leaves the valley altogether is bent as the valley is, and
     shortened until it stays within.
     """
+    if lin.active is not None and not len(lin.active):
+        lin = objective.relinearise(lin, lin.theta, active=free)
     best, damping, climbs = lin, 0.0, 0
     last, bend, share = np.zeros(len(lin.theta)), None, 1.0
     for _ in range(STEPS):
@@ -166,19 +174,23 @@ def improve(
         if share < 1.0 and bend is None:
             bend = _bend(objective, lin, move, free)
         path = move if bend is None else share * (move + share / 2.0 * bend)
-        lin = objective.relinearise(
-            lin, objective.within_bounds(lin.theta + path, free), active=free
-        )
+        theta = objective.within_bounds(lin.theta + path, free)
+        there = objective.relinearise(lin, theta, active=NO_DERIVATIVES)
         straight = bend is None and not damping
-        if lin.cost < best.cost:
-            gained, best, climbs, damping = best.cost - lin.cost, lin, 0, damping / 10.0
+        if there.cost < best.cost:
+            gained, climbs, damping = best.cost - there.cost, 0, damping / 10.0
             last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)
-            if straight and gained < max(tolerance.step, tolerance.share * best.cost):
+            ends = straight and gained < max(tolerance.step, tolerance.share * there.cost)
+            if not derivatives and (ends or (straight and _is_last(objective, lin, there, free))):
+                return there
+            best = lin = objective.relinearise(lin, theta, active=free)
+            if ends:
                 break
             continue
         last = 0.0 * path
-        may_fall = bend is None and lin.cost < WALL * best.cost
+        may_fall = bend is None and there.cost < WALL * best.cost
         if may_fall and (climbs := climbs + 1) <= PATIENCE:
+            lin = objective.relinearise(lin, theta, active=free)
             continue
         lin, climbs = best, 0
         if straight:
@@ -190,6 +202,15 @@ def improve(
         else:
             bend, share, damping = None, 1.0, max(10.0 * damping, 1.0)
     return best
+
+
+def _is_last(
+    objective: Objective, lin: Linearisation, there: Linearisation, free: NDArray[np.int64]
+) -> bool:
+    """Whether no step from ``there``, without derivatives, leads further: by those of ``lin``, from
+    where a step has led there."""
+    chord = replace(there, by_active=lin.by_active, active=lin.active)
+    return _promised(objective, chord, step(objective, chord, free)) < SURE * SETTLED
 
 
 def _bend(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.inference.cores import shared
 from clutchest.inference.map_fit import SETTLED, curvature, improve
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import NO_DERIVATIVES
@@ -27,19 +28,24 @@ def multistart(
     ``free`` thetas (indices); None where there is none."""
     squares, directions = np.linalg.eigh(curvature(objective, fit, free))
     std = squares**-0.5
-    lowest, start = fit.cost, None
-    for along in (directions * std).T[std > LOOSE]:
-        for side in (-ASIDE, ASIDE):
-            aside = _aside(objective, fit, free, side * along)
-            bent = abs(aside.cost - fit.cost - ASIDE**2) > BENT  # its cost is no parabola's
-            half = _aside(objective, fit, free, side / 2.0 * along) if bent else aside
-            best = min(aside, half, key=lambda at: at.cost)
-            if best.cost < lowest:
-                lowest, start = best.cost, best.theta
-    if start is None:
+    ways = [side * along for along in (directions * std).T[std > LOOSE] for side in (-ASIDE, ASIDE)]
+    places = shared(lambda by: _lowest_aside(objective, fit, free, by), ways)
+    start = min(places, key=lambda at: at.cost, default=fit)
+    if not start.cost < fit.cost:
         return None
-    other = improve(objective, objective.linearise_at(start, fit.shapes, free), free)
+    begin = objective.linearise_at(start.theta, fit.shapes, free)
+    other = improve(objective, begin, free, derivatives=False)
     return other if other.cost < fit.cost - SETTLED else None
+
+
+def _lowest_aside(
+    objective: Objective, fit: Linearisation, free: NDArray[np.int64], by: Floats
+) -> Linearisation:
+    """At ``by`` from a fit, or halfway there where the cost is no parabola's."""
+    aside = _aside(objective, fit, free, by)
+    if abs(aside.cost - fit.cost - ASIDE**2) <= BENT:
+        return aside
+    return min(aside, _aside(objective, fit, free, by / 2.0), key=lambda at: at.cost)
 
 
 def _aside(

@@ -84,6 +84,17 @@ class Linearisation:
         every[:, self.active] = self.by_active
         return every
 
+    def by(self, thetas: NDArray[np.int64]) -> Floats:
+        """Derivatives (K, n) by these thetas (indices, n): 0 by those that are not active."""
+        if self.active is None:
+            return self.by_active[:, thetas]
+        place = np.full(len(self.theta), -1)
+        place[self.active] = np.arange(len(self.active))
+        known = place[thetas] >= 0
+        some = np.zeros((len(self.r), len(thetas)))
+        some[:, known] = self.by_active[:, place[thetas][known]]
+        return some
+
     @property
     def information(self) -> Floats:
         """ψᵀψ (m, m)."""

@@ -19,7 +19,7 @@ from clutchest.inference.decimation import decimated
 from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_mean, mean_of_slow
 from clutchest.inference.input_interpolation import InterpolatedInput, spacing
 from clutchest.inference.input_noise_covariance import input_noise_directions
-from clutchest.inference.linearisation import LinearResponse, filtered
+from clutchest.inference.linearisation import Derivatives, filtered
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import (
     DelayedSignal,
@@ -73,9 +73,10 @@ def prepared(
         Readings.of(line, np.arange(len(line.t)), np.ones(len(line.t))),
         OperatingPoint(np.zeros((len(line.t), len(model.states))), inputs.smooth, {}),
     )
-    response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)))
+    by = Derivatives.of(drive, len(units))
+    response, gains = filtered(drive, at_file(drive), drive.at_nominal, np.arange(len(units)), by)
     drive = replace(drive, gains=gains, at_nominal=response.implied)
-    drive = replace(drive, readings=_readings(drive, response, units, signals, vehicle))
+    drive = replace(drive, readings=_readings(drive, by.table, units, signals, vehicle))
     return with_input_noise_at(drive, at_file(drive), vehicle)
 
 
@@ -83,7 +84,8 @@ def with_gains_at(drive: PreparedDrive, numbers: ModelNumbers) -> PreparedDrive:
     """The drive with the gains that the filter has at these numbers of the equations; with those
     that it has where the filter runs away there, so that they are of no use.  What noise of its
     inputs does to the readings stays as it was."""
-    response, gains = filtered(drive, numbers, drive.at_nominal, np.zeros(0, np.int64))
+    none = np.zeros(0, np.int64)
+    response, gains = filtered(drive, numbers, drive.at_nominal, none, Derivatives.of(drive, 0))
     if not np.all(gains.variance > 0.0):
         return drive
     readings, std = drive.readings, np.sqrt(gains.variance)[drive.readings.event]
@@ -294,16 +296,16 @@ def _mean(noise: float, ar: float) -> Callable[[Floats, Floats, NDArray[np.bool_
 
 def _readings(
     drive: PreparedDrive,
-    response: LinearResponse,
+    derivatives: Floats,
     units: Floats,
     signals: Signals,
     vehicle: Vehicle,
 ) -> Readings:
-    """Those that respond to any θ, by the derivatives of all of them at the file's numbers."""
+    """Those that respond to any θ, by the ``derivatives`` (K, m) at the file's numbers."""
     line, model = drive.line, drive.compiled.model
     std = np.sqrt(drive.gains.variance)
     responds = np.zeros(len(std), bool)
-    for derivative, unit in zip(response.derivatives.T, units, strict=True):
+    for derivative, unit in zip(derivatives.T, units, strict=True):
         responds |= np.abs(derivative) * unit > LEAST * std
     # near lock-up a tracked state shows the clutch's shudder, not any θ
     reads = np.array([sensor.name for sensor in model.sensors])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
 from clutchest.inference.discrepancy import Discrepancy, directions_of
 from clutchest.inference.input_noise_covariance import taken_in
-from clutchest.inference.linearisation import Modulation, linearise, modulated
+from clutchest.inference.linearisation import Derivatives, Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.preparation import prepared, with_gains_at, with_input_noise_at
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -29,6 +29,7 @@ from clutchest.inference.unknowns import (
 )
 from clutchest.models.effects import Effect
 from clutchest.models.model import Model
+from clutchest.native import compiled
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
@@ -307,14 +308,11 @@ class Problem:
         columns = np.array([*range(self.shared), *own])
         compiled_ones = np.flatnonzero(wanted[columns])
         columns = columns[compiled_ones]
-        innovations, derivatives, implied = linearise(prepared_drive, numbers, at, compiled_ones)
-        with np.errstate(over="ignore"):  # a step tried too far, where the equations run away
-            derivatives /= std[:, None]
-            derivatives *= units[columns]
-            innovations = innovations / std
-        table = np.zeros((len(derivatives), 1 + len(active)))
-        table[:, 0] = innovations
-        table[:, 1 + place[columns]] = derivatives
+        scale, table = np.ones(1 + len(active)), np.zeros((len(std), 1 + len(active)))
+        into = Derivatives(table, 1 + place[columns])
+        table[:, 0], implied = linearise(prepared_drive, numbers, at, compiled_ones, into)
+        scale[into.place] = units[columns]
+        in_std(table, scale, std)
         for k, of in enumerate(self.tolerated, len(self.thetas) - len(self.tolerated)):
             if wanted[k]:
                 by_unit = table[:, 1 + place[of]] / units[of]
@@ -334,8 +332,7 @@ class Problem:
         columns = []
         for i, (drive, point, how) in enumerate(zip(self.drives, at, modulations, strict=True)):
             derivatives = modulated(drive, self.numbers(theta, shapes, i), point, thetas, how)
-            derivatives /= drive.readings.std[:, None]
-            derivatives *= self.units[thetas]
+            in_std(derivatives, self.units[thetas], drive.readings.std)
             columns.append(derivatives)
         return columns
 
@@ -347,6 +344,15 @@ class Problem:
             directions_of(drive, self.numbers(theta, shapes, i), point, self.discrepancies)
             for i, (drive, point) in enumerate(zip(self.drives, at, strict=True))
         ]
+
+
+@compiled
+def in_std(table: Floats, unit: Floats, std: Floats) -> None:
+    """Columns of a ``table`` (K, c), each in its ``unit`` (c), over standard deviations (K): in
+    place.  Infinite after a step tried too far, where the equations run away."""
+    for k in range(len(table)):
+        for c in range(table.shape[1]):
+            table[k, c] = table[k, c] / std[k] * unit[c]
 
 
 def _delayed(shared: Sequence[Unknown], effects: Mapping[str, Effect]) -> dict[int, str]:

@@ -128,7 +128,7 @@ class Projection:
     @classmethod
     def of(cls, lin: Linearisation, nuisances: NDArray[np.int64], prior: Floats) -> Projection:
         """At ``lin``, of ``nuisances`` (n) of precision ``prior`` (m)."""
-        psi = lin.psi[:, nuisances]
+        psi = lin.by(nuisances)
         return cls(lin.r, psi, lin.theta[nuisances], prior[nuisances], psi.T @ psi)
 
     def out_of(self, columns: Floats) -> Projected:
