@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, savgol_filter
 
 from clutchest.inference.denoising import (
+    GRID,
     REACH,
+    _lines,
+    _smooth,
     adaptive_mean,
     deadband,
     deadband_of_mean,
@@ -27,6 +30,23 @@ def trapezium() -> np.ndarray:
 def coloured(rng: np.random.Generator, ar: float) -> np.ndarray:
     """Noise of variance 1."""
     return lfilter([np.sqrt(1.0 - ar**2)], [1.0, -ar], rng.normal(size=len(T)))
+
+
+@pytest.mark.parametrize("count", [3, 5, 41, 399])
+def test_lines_through_many_samples_are_those_of_least_squares(count):
+    read = 300.0 + np.random.default_rng(count).standard_normal(400).cumsum()
+    np.testing.assert_allclose(_lines(read, count), savgol_filter(read, count, 1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [0, 1])
+def test_parabolas_are_those_of_least_squares_at_the_ends_too(rate):
+    t = GRID * np.arange(200)
+    value = np.random.default_rng(rate).standard_normal(200).cumsum()
+    grid = np.arange(t[0], t[-1], GRID)
+    wanted = savgol_filter(np.interp(grid, t, value), 21, 2, deriv=rate, delta=GRID)
+    np.testing.assert_allclose(
+        _smooth(t, value, 0.2, rate), np.interp(t, grid, wanted), rtol=1e-9, atol=1e-9
+    )
 
 
 def test_without_noise_nothing_changes():

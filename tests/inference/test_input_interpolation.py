@@ -32,6 +32,15 @@ def test_the_integral_is_that_of_the_curve(phase):
     assert abs(left) < 0.2 * lost
 
 
+def test_values_between_are_those_of_lines_less_their_bends():
+    rng = np.random.default_rng(9)
+    time = np.cumsum(rng.uniform(0.005, 0.015, 300))
+    each = InterpolatedInput(time, rng.standard_normal(300), rng.standard_normal(300))
+    t = np.sort(np.concatenate([rng.uniform(time[0] - 0.1, time[-1] + 0.1, 500), time[::7]]))
+    wanted = np.interp(t, each.time, each.value) - each.off(t, spacing(t))
+    np.testing.assert_allclose(each.at(t, spacing(t)), wanted, rtol=1e-9, atol=1e-12)
+
+
 def test_noise_does_not_bend():
     """White noise bends no course, but for one sample in ten thousand."""
     rng, own = np.random.default_rng(0), np.arange(0.0, 200.0, PERIOD)

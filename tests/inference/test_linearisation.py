@@ -136,16 +136,20 @@ def agreement(numeric: Floats, analytic: Floats) -> tuple[float, float]:
     return numeric @ analytic / square, np.linalg.norm(numeric - analytic) / np.sqrt(square)
 
 
-def test_parts_of_the_derivatives_are_the_whole(
+def test_two_halves_of_a_drive_are_the_whole(
     problem: Problem,
     at_truth: tuple[Floats, NormalisedInnovations],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     theta, _ = at_truth
+    monkeypatch.setattr("clutchest.inference.propagation.halved", lambda _: False)
     (whole,) = problem.linearise(theta, {})
-    monkeypatch.setattr("clutchest.inference.linearisation.parts_of", lambda *_: 3)
-    (parts,) = problem.linearise(theta, {})
-    np.testing.assert_array_equal(parts.table, whole.table)
+    monkeypatch.setattr("clutchest.inference.propagation.halved", lambda _: True)
+    (halves,) = problem.linearise(theta, {})
+    np.testing.assert_array_equal(halves.r, whole.r)
+    np.testing.assert_array_equal(halves.implied.states, whole.implied.states)
+    scale = np.abs(whole.psi).max(axis=0)
+    assert np.all(np.abs(halves.psi - whole.psi) <= 1e-9 * scale)
 
 
 def test_nothing_is_left_at_the_truth(at_truth):

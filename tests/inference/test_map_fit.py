@@ -34,12 +34,23 @@ def test_optimum_is_that_of_least_squares(seed):
     true = np.array([*rng.standard_normal(2), rng.uniform(-1.5, 1.5)])
     data = decay(true) + rng.standard_normal(len(TIME))
     problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)})
-    fit = most_probable(problem.objective, problem.all, np.zeros(3))
-    best = problem.reference(np.zeros(3))
-    assert 2 * best.cost - 1e-9 <= fit.cost < 2 * best.cost + SETTLED
-    # what is left to gain is worth less than that many standard deviations of anything
-    off = fit.theta - best.x
-    assert off @ (best.jac.T @ best.jac) @ off < 2 * SETTLED
+    begin, best = problem.objective.linearise_at(np.zeros(3)), problem.reference(np.zeros(3))
+    for derivatives in (True, False):  # where they are not asked for, it ends sooner
+        fit = improve(problem.objective, begin, problem.all, derivatives=derivatives)
+        assert 2 * best.cost - 1e-9 <= fit.cost < 2 * best.cost + SETTLED
+        # what is left to gain is worth less than that many standard deviations of anything
+        off = fit.theta - best.x
+        assert off @ (best.jac.T @ best.jac) @ off < 2 * SETTLED
+
+
+def test_a_fit_goes_on_from_one_without_derivatives():
+    data = decay(np.array([0.5, -1.0, 0.8])) + np.random.default_rng(6).standard_normal(len(TIME))
+    problem = MadeUp(decay, data, ("amplitude", "rate", "wave"), {"wave": (-2.0, 2.0)})
+    objective = problem.objective
+    begin = objective.linearise_at(np.zeros(3))
+    bare = objective.relinearise(begin, np.zeros(3), active=NO_DERIVATIVES)
+    found = improve(objective, bare, problem.all)
+    np.testing.assert_allclose(found.theta, improve(objective, begin, problem.all).theta)
 
 
 def test_numbers_that_are_not_free_stay():

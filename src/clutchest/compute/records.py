@@ -130,10 +130,12 @@ class ExpansionPoints(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Where a drive begins: state ``x`` (n), covariance ``P`` (n, n) of the tracked states, and
-    the response ``S`` (n, a) to each active theta."""
+    """Where a run begins, and in the end where it has ended: state ``x`` (n), that with tracked
+    states where a smooth input puts them, ``settled`` (n), covariance ``P`` (n, n) of the tracked
+    states, and the response ``S`` (n, a) to each active theta."""
 
     x: Any
+    settled: Any
     P: Any
     S: Any
 

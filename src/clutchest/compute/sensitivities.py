@@ -141,14 +141,14 @@ def filter_sensitivities(
     multiplies an input seem smaller than it is.
 
     Filled: ``results``, and gain and variance of ``tracking`` where they are not frozen; ``start``
-    is changed, and ``work`` is memory of its own for each run.
+    is moved to the end, and ``work`` is memory of its own for each run.
     """
     t, sensor, emit, which, acts = events.t, events.sensor, events.emit, thetas.which, work.acts
     x, xn, P, S, T = start.x, work.xn, start.P, work.S, work.T
     for i in range(STATES):
         for c in range(len(acts)):
             S[i, c] = start.S[i, c]
-        work.xs[i] = x[i]
+        work.xs[i] = start.settled[i]
     for k in range(len(t)):
         for c in range(len(acts)):
             if which[c] >= 0:
@@ -170,6 +170,11 @@ def filter_sensitivities(
             results.x[k, i] = x[i]
         for i in tracking.settling:
             results.x[k, i] = work.xs[i]
+    for i in range(STATES):
+        start.x[i] = x[i]
+        start.settled[i] = work.xs[i]
+        for c in range(len(acts)):
+            start.S[i, c] = S[i, c]
 
 
 @compiled

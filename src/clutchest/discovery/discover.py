@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from time import perf_counter
 
 from clutchest import __version__
 from clutchest.discovery.answer import (
@@ -19,8 +20,9 @@ from clutchest.discovery.answer import (
     where_of,
 )
 from clutchest.discovery.cause_set import CauseSet
-from clutchest.discovery.experiment_design import propose
+from clutchest.discovery.experiment_design import beginning, propose
 from clutchest.discovery.extension import can_be_stated, corrected, extend
+from clutchest.discovery.foreseen import foreseen
 from clutchest.discovery.form_correction import form_correction
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit, goodness_of_fit
 from clutchest.discovery.held_out import names_of, with_signals_of
@@ -163,8 +165,11 @@ class _Outcome:
 
 def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discovery:
     """Identify causes, extend the vehicle with them, and measure the gain."""
+    begun = perf_counter()
     search = with_noise_of_likeliest(begin(task.problem(task.signals), task.progress))
     problem = search.problem
+    if task.progress:
+        task = replace(task, progress=foreseen(task.progress, begun))
     identifiable = (
         *identifiability(search.candidates, problem.units, search.null_scores, LEVEL),
         *not_testable(problem, task.testable),
@@ -339,11 +344,12 @@ def _experiment(task: _Task, verdict: SearchVerdict) -> Experiment:
     beside = [one for one in sized[0] if one[0].index in common and one not in rivals]
     vehicle = task.vehicle
     effects = list({c.effect.name: c.effect for c, _ in (*rivals, *beside)}.values())
+    longest = verdict.search.problem.compiled.model.longest[0]
     return propose(
         rivals,
         beside,
         vehicle.machine,
-        lambda name: simulate(vehicle, name, 1, nominal=True),
+        lambda name: beginning(simulate(vehicle, name, 1, nominal=True), longest),
         lambda drive: Problem.of(segmented(drive, vehicle), vehicle, effects, discrepant=True),
         task.progress,
     )

@@ -7,6 +7,7 @@ there is computed from the estimator's own equations, so that nothing but the mo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from clutchest.signals import Signals
 
 SEPARATED = 4.0  # standard deviations at which two causes are separated
 SEED = 1  # of the simulated manoeuvres
+STEPS = 2.5e5  # of the equations, over which a manoeuvre is judged: what comes later is not seen
 
 Sized = tuple[CandidateCause, float]  # and its size, in its unit
 
@@ -61,6 +63,17 @@ def propose(
             f"no manoeuvre could be simulated ({why}); {sensor} would separate {names}", None
         )
     return Experiment(f"no manoeuvre separates {names} with these signals: {sensor} would", None)
+
+
+def beginning(drive: Signals, longest: float) -> Signals:
+    """As much of a drive as takes ``STEPS`` steps of ``longest`` s: of fast equations, ten minutes
+    would take as long as all other manoeuvres together."""
+    first = min(signal.time[0] for signal in drive.values() if len(signal.time))
+    end = first + STEPS * longest
+    if drive.end <= end:
+        return drive
+    kept = {n: s.take(slice(0, int(np.searchsorted(s.time, end)))) for n, s in drive.items()}
+    return replace(drive, signals=kept, end=end)
 
 
 def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: Problem) -> float:

@@ -99,15 +99,16 @@ def cross_validated_gain(search: Search, best: CauseSet) -> Gain:
         def predicted(k: int, fit: Linearisation = fit, free: Indices = free) -> HeldOutPrediction:
             """The k-th part, from the rest of the log."""
             rest = objective.without(part == k)
-            white = rest.whitened(fit)
-            rest = rest.with_span([white.psi])
+            white = rest.whitened(fit, free)
+            rest = rest.with_span([white.by_active])
             at = improve(rest, rest.judged(white), free, derivatives=False).as_point
             del white, rest  # before others are made
             begin = objective.relinearise(at, at.theta, active=starts)
             held_out = improve(objective, begin, starts, derivatives=False)
             return HeldOutPrediction.of(objective, held_out).only(partial(_lies, edges, k))
 
-        predictions.append(HeldOutPrediction.joined(concurrently(problem, predicted, range(PARTS))))
+        parts = concurrently(problem, 2 * len(free), predicted, range(PARTS))
+        predictions.append(HeldOutPrediction.joined(parts))
     assert objective.span is not None
     before, after = predictions
     return replace(between(before, after, objective.span), other_logs=False)

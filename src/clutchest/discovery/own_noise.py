@@ -50,10 +50,11 @@ def with_noise_of_likeliest(search: Search) -> Search:
         cost, _, fit = fitted(task, turns)
         return cost, fit.bare
 
+    every = len(search.problem.thetas)
     # what is known after one turn leads on: only the best are followed to the end
-    fits = concurrently(search.problem, lambda task: judged(task, 1), tasks)
+    fits = concurrently(search.problem, every, lambda task: judged(task, 1), tasks)
     leaders = sorted(range(len(fits)), key=lambda i: fits[i][0])[:LEADERS]
-    ends = concurrently(search.problem, lambda i: judged(tasks[i], TURNS), leaders)
+    ends = concurrently(search.problem, every, lambda i: judged(tasks[i], TURNS), leaders)
     for i, end in zip(leaders, ends, strict=True):
         fits[i] = end
     begins: dict[CandidateCause, tuple[float, Linearisation]] = {}

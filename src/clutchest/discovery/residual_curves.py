@@ -148,44 +148,8 @@ def tested(
     projection = Projection.of(beside.at, beside.free, beside.prior)
 
     def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
-        """Curves, p-values not known yet, and the strongest evidence of each null draw."""
-        results, most = [], np.full(DRAWS, -np.inf)
         derivatives, some = _portion(objective, fit, values, portion)
-        gram = derivatives.T @ derivatives
-        c = projection.out_of(derivatives)
-        rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
-        null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
-        null += resampled_scores(beside.at.r, c.pure, DRAWS, rng)
-        for table, columns in some:
-            own = np.ix_(columns, columns)
-            pure, information = c.pure[:, columns], c.information[own]
-            score = c.score[columns]
-            covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
-            rank = float(np.trace(covariance @ information))
-            if rank < 0.1:
-                continue
-            rare, negligible = 2.0 * np.log(choices[table.equation]), table.negligible * gram[own]
-            most = np.maximum(most, evidence(null[:, columns], information, negligible) - rare)
-            best, dispersion = covariance @ score, 1.0
-            if evidence(score, information, negligible) > 0.0:
-                left = beside.at.r + pure @ best
-                dispersion = _dispersion(pure, left, blocks, covariance, rank)
-            scaled = score / dispersion, information / dispersion, negligible / dispersion
-            coefficients, off = expected(*scaled)
-            results.append(
-                Curve(
-                    table.term,
-                    table.equation,
-                    table.covariate,
-                    table.at,
-                    table.unit * coefficients,
-                    table.unit * off,
-                    float(score @ best) / dispersion - 2.0 * rank,
-                    float(evidence(*scaled)) - rare,
-                    1.0,
-                )
-            )
-        return results, most
+        return _judged(beside.at.r, projection, blocks, choices, derivatives, some, seed)
 
     done = shared(judged, _portions(tables, _held(fit) // cores()))
     most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
@@ -197,6 +161,54 @@ def tested(
         for curve in results
     ]
     return sorted(named, key=lambda curve: -curve.evidence)
+
+
+def _judged(
+    r: Floats,
+    projection: Projection,
+    blocks: NDArray[np.int64],
+    choices: Mapping[str, int],
+    derivatives: Floats,
+    some: Sequence[tuple[CandidateCurve, NDArray[np.int64]]],
+    seed: int,
+) -> tuple[list[Curve], Floats]:
+    """Curves by their ``derivatives`` (K, C), which are used up, p-values not known yet, and the
+    strongest evidence of each null draw."""
+    results, most = [], np.full(DRAWS, -np.inf)
+    gram = derivatives.T @ derivatives
+    c = projection.out_of(derivatives)
+    rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
+    null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
+    null += resampled_scores(r, c.pure, DRAWS, rng)
+    for table, columns in some:
+        own = np.ix_(columns, columns)
+        information, score = c.information[own], c.score[columns]
+        covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
+        rank = float(np.trace(covariance @ information))
+        if rank < 0.1:
+            continue
+        rare, negligible = 2.0 * np.log(choices[table.equation]), table.negligible * gram[own]
+        most = np.maximum(most, evidence(null[:, columns], information, negligible) - rare)
+        best, dispersion = covariance @ score, 1.0
+        if evidence(score, information, negligible) > 0.0:
+            pure = c.pure[:, columns]
+            dispersion = _dispersion(pure, r + pure @ best, blocks, covariance, rank)
+        scaled = score / dispersion, information / dispersion, negligible / dispersion
+        coefficients, off = expected(*scaled)
+        results.append(
+            Curve(
+                table.term,
+                table.equation,
+                table.covariate,
+                table.at,
+                table.unit * coefficients,
+                table.unit * off,
+                float(score @ best) / dispersion - 2.0 * rank,
+                float(evidence(*scaled)) - rare,
+                1.0,
+            )
+        )
+    return results, most
 
 
 def block_time(problem: Problem) -> float:

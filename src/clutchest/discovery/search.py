@@ -298,7 +298,8 @@ def _grown(search: Search, parents: Sequence[CauseSet]) -> tuple[Search, list[Ca
             tried.add(frozenset(causes))
             wanted.append((causes, [parent.fit, begins[i]] if i in begins else [parent.fit]))
             p_values.setdefault(others[i].name, float(scores.p_family_wise(p[i])))
-    grown = concurrently(search.problem, lambda each: search.likeliest(*each), wanted)
+    count = len(search.free(())) + MOST
+    grown = concurrently(search.problem, count, lambda each: search.likeliest(*each), wanted)
     return replace(search, tried=frozenset(tried), p_values=p_values), grown
 
 
@@ -336,7 +337,9 @@ def with_noise_of_best(search: Search, grown: Sequence[CauseSet]) -> tuple[Searc
     search = replace(search, objective=objective)
     null = min(null, search.likeliest((), [best.fit]), key=cost_of)
     search = replace(search, null=null, best=null)
-    refit = concurrently(search.problem, lambda h: search.likeliest(h.causes, [h.fit]), grown)
+    refit = concurrently(
+        search.problem, len(free) + 1, lambda h: search.likeliest(h.causes, [h.fit]), grown
+    )
     return search, refit
 
 

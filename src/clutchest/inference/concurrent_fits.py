@@ -9,8 +9,9 @@ from clutchest.inference.problem import Problem
 
 
 def concurrently(
-    problem: Problem, fit: Callable[[Task], Result], tasks: Iterable[Task]
+    problem: Problem, unknowns: int, fit: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> list[Result]:
-    """``fit`` of every task, in the order of the tasks."""
+    """``fit`` of every task, in the order of the tasks; each holds derivatives by so many
+    ``unknowns``."""
     readings = sum(len(drive.readings.t) for drive in problem.drives)
-    return shared(fit, tasks, fits_at_once(readings * len(problem.thetas)))
+    return shared(fit, tasks, fits_at_once(readings * unknowns))

@@ -1,5 +1,5 @@
-"""What is shared among the cores of a machine: whole fits, portions of curves, or the derivatives
-of a large fit; what is shared already is shared no further.
+"""What is shared among the cores of a machine: whole fits, portions of curves, or the two halves
+of a run; what is shared already is shared no further.
 
 Compiled kernels and linear algebra let go of the interpreter, so threads serve: nothing is copied,
 and results are those of one after another.
@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 
 MOST = 4  # threads: beyond, what holds the interpreter decides
 ENTRIES = 7e6  # of derivatives that fits may hold together
-FEWEST = 8  # derivatives that are worth a thread
+FEWEST = 4000  # events of a run that is worth two threads
 _thread = threading.local()  # ``shares``: whether it is one of several that share work
 
 
@@ -41,12 +41,9 @@ def fits_at_once(entries: int) -> int:
     return min(cores(), max(int(ENTRIES / max(entries, 1)), 1))
 
 
-def parts_of(derivatives: int, entries: int) -> int:
-    """Into how many parts the ``derivatives`` of a fit of so many ``entries`` are divided: of one
-    that is too large to run beside others."""
-    if 2 * entries <= ENTRIES or getattr(_thread, "shares", False):
-        return 1
-    return max(min(cores(), derivatives // FEWEST), 1)
+def halved(events: int) -> bool:
+    """Whether a run of so many events, with derivatives, is made in two halves side by side."""
+    return events >= FEWEST and cores() > 1 and not getattr(_thread, "shares", False)
 
 
 def cores() -> int:

@@ -46,8 +46,10 @@ def directions_of(
     deviations: columns (K, c), each to be taken a number of times that is normal, of variance 1."""
 
     def directions(each: Discrepancy) -> Floats:
-        of = wander_of if isinstance(each, Wander) else smooth_error
-        scatter = of(drive, numbers, at, each)
+        if isinstance(each, Wander):
+            scatter = wander_of(drive, numbers, at, each)
+        else:
+            scatter = smooth_error(drive, numbers, at, each)
         scatter /= drive.readings.std[:, None]
         return main_directions(scatter)
 

@@ -8,27 +8,22 @@ are taken at the inputs of the operating point that is handed over (see ``comput
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.compute.records import (
-    ActiveThetas,
-    Denoised,
-    Events,
-    MeasuredRates,
-    Numbers,
-    Sensitivities,
-    Start,
-    Tracking,
-)
-from clutchest.estimate.whole_log import events_of, regimes_of
-from clutchest.inference.cores import parts_of
+from clutchest.compute.records import MeasuredRates, Numbers
+from clutchest.estimate.whole_log import regimes_of
 from clutchest.inference.input_interpolation import slopes_of
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import FrozenGains, PreparedDrive, Samples
+from clutchest.inference.propagation import (
+    Derivatives,
+    Modulation,
+    PropagatedInputs,
+    Propagation,
+)
 from clutchest.native import compiled
 from clutchest.signals import Floats
 
@@ -40,27 +35,6 @@ class LinearResponse(NamedTuple):
 
     innovations: Floats
     implied: OperatingPoint
-
-
-class Derivatives(NamedTuple):
-    """Where derivatives of the innovations (K) are put: that by each of the active thetas (a) into
-    column ``place`` (a) of a ``table`` (K, ≥ a)."""
-
-    table: Floats
-    place: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, drive: PreparedDrive, count: int) -> Derivatives:
-        """A table of so many columns, side by side."""
-        return cls(np.zeros((len(drive.readings.event), count)), np.arange(count))
-
-
-class Modulation(NamedTuple):
-    """Of the thetas whose derivatives are taken, c acts in proportion to column ``column[c]`` of
-    the ``basis`` (events, b); fully where that is −1."""
-
-    basis: Floats
-    column: NDArray[np.int64]
 
 
 def linearise(
@@ -101,7 +75,7 @@ def modulated(
     shifts = _shifts(drive, numbers)
     inputs = _inputs(drive, numbers, at, _late(drive, shifts), shifts)
     into = Derivatives.of(drive, len(active))
-    _propagated(drive, numbers, inputs, active, modulation, into, drive.gains, frozen=True)
+    Propagation(drive, numbers, inputs, drive.gains, frozen=True).run(active, modulation, into)
     return into.table
 
 
@@ -122,19 +96,9 @@ def _linearised(
     shifts = _shifts(drive, numbers)
     measured = _late(drive, shifts)
     inputs = _inputs(drive, numbers, at, measured, shifts)
-    innovations, states = _propagated(
-        drive, numbers, inputs, active, modulation, into, gains, frozen=frozen
-    )
+    propagation = Propagation(drive, numbers, inputs, gains, frozen)
+    innovations, states = propagation.run(active, modulation, into)
     return LinearResponse(innovations, _implied(drive, numbers, at, states, measured))
-
-
-class _Inputs(NamedTuple):
-    """What a propagation takes in at every event: (events, nu) each."""
-
-    measured: Floats
-    expected: Floats
-    slope: Floats
-    moves: Floats
 
 
 def _inputs(
@@ -143,7 +107,7 @@ def _inputs(
     at: OperatingPoint,
     measured: Floats,
     shifts: Shifts,
-) -> _Inputs:
+) -> PropagatedInputs:
     """Of the smooth ``measured`` inputs (events, nu), late by ``shifts``."""
     expected = measured.copy()
     for j, by in at.corrections.items():
@@ -153,81 +117,7 @@ def _inputs(
     plays = numbers.effects[list(drive.plays)].any()
     moves = slope if plays else _slopes(drive, inputs.deadband, shifts)
     # only the smooth part is shifted: between its samples noise would seem smaller
-    return _Inputs(drive.line.u + (measured - inputs.smooth), expected, slope, moves)
-
-
-def _propagated(
-    drive: PreparedDrive,
-    numbers: ModelNumbers,
-    inputs: _Inputs,
-    active: NDArray[np.int64],
-    modulation: Modulation,
-    into: Derivatives,
-    gains: FrozenGains,
-    *,
-    frozen: bool,
-) -> tuple[Floats, Floats]:
-    """Innovations (K) and states (events, n); derivatives are filled in, and ``gains`` unless they
-    are ``frozen``."""
-    event, m = drive.readings.event, len(drive.compiled.thetas)
-    place = np.full(len(drive.line.t), -1)
-    place[event] = np.arange(len(event))
-    events = events_of(drive.line)._replace(u=inputs.measured, emit=place)
-
-    def part(columns: NDArray[np.int64]) -> Sensitivities:
-        """With derivatives by some of the active thetas."""
-        own = active[columns], modulation.column[columns], into.place[columns]
-        thetas = ActiveThetas(own[0], modulation.basis, own[1], own[2])
-        return _run(drive, numbers, inputs, events, thetas, gains, frozen, into.table)
-
-    # derivatives do not depend on one another
-    count = parts_of(len(active), len(event) * m) if frozen else 1
-    columns = np.array_split(np.arange(len(active)), count)
-    if count == 1:
-        done = part(columns[0])
-    else:
-        with ThreadPoolExecutor(count) as pool:
-            done, *_ = pool.map(part, columns)
-    return done.innovation, done.x
-
-
-def _run(
-    drive: PreparedDrive,
-    numbers: ModelNumbers,
-    inputs: _Inputs,
-    events: Events,
-    thetas: ActiveThetas,
-    gains: FrozenGains,
-    frozen: bool,
-    derivatives: Floats,
-) -> Sensitivities:
-    """One run of the filter along the ``events``; ``derivatives`` (K, ≥ a) are filled."""
-    functions = drive.compiled.functions
-    p, g, first, _ = numbers
-    n, m = len(first), len(drive.compiled.thetas)
-    started, S = np.zeros(n), np.zeros((n, m))
-    functions.initial(first, p, g, started, S)
-    started = np.where(drive.tracked.which, drive.start.x, started)
-    readings, count = len(drive.readings.event), len(thetas.active)
-    results = Sensitivities(np.zeros((len(events.t), n)), np.zeros(readings), derivatives)
-    functions.filter_sensitivities(
-        Start(started, drive.start.P.copy(), S[:, thetas.active].copy()),
-        thetas,
-        events,
-        Denoised(inputs.expected, inputs.slope, inputs.moves, drive.tracked.value),
-        Tracking(
-            np.flatnonzero(drive.tracked.which),
-            gains.gain,
-            gains.variance,
-            frozen,
-            drive.tracked.settling,
-        ),
-        regimes_of(drive.line),
-        Numbers(p, g),
-        results,
-        functions.sensitivity_workspace(count),
-    )
-    return results
+    return PropagatedInputs(drive.line.u + (measured - inputs.smooth), expected, slope, moves)
 
 
 def _shifts(drive: PreparedDrive, numbers: ModelNumbers) -> Shifts:

@@ -78,11 +78,7 @@ class Linearisation:
     @property
     def psi(self) -> Floats:
         """Derivatives by every θ, shape (K, m): 0 by those that are not active."""
-        if self.active is None:
-            return self.by_active
-        every = np.zeros((len(self.r), len(self.theta)))
-        every[:, self.active] = self.by_active
-        return every
+        return self.by_active if self.active is None else self.by(np.arange(len(self.theta)))
 
     def by(self, thetas: NDArray[np.int64]) -> Floats:
         """Derivatives (K, n) by these thetas (indices, n): 0 by those that are not active."""
@@ -290,9 +286,8 @@ class Objective:
     ) -> Linearisation:
         """All drives at ``theta`` (m), derivatives by the ``active`` thetas, all unless given, at
         the inputs that ``theta`` implies."""
-        if active is not None and not len(active):
-            return self._made(self.problem.linearise(theta, shapes, active), theta, shapes)
-        at = self.problem.implied(theta, shapes)
+        none = active is not None and not len(active)
+        at = None if none else self.problem.implied(theta, shapes)
         return self._made(self.problem.linearise(theta, shapes, active, at), theta, shapes)
 
     def white_at(self, theta: Floats, shapes: Shapes = NO_SHAPES) -> Linearisation:
@@ -314,9 +309,16 @@ class Objective:
         raw = self.problem.linearise(theta, shapes, active, lin.implied)
         return self._made(raw, theta, shapes)
 
-    def whitened(self, lin: Linearisation) -> Linearisation:
-        """A linearisation as this objective judges it."""
-        return self._white([each.table.copy() for each in lin.raw], lin.raw, lin.theta, lin.shapes)
+    def whitened(
+        self, lin: Linearisation, active: NDArray[np.int64] | None = None
+    ) -> Linearisation:
+        """A linearisation as this objective judges it, with all its derivatives or those by the
+        ``active`` thetas alone."""
+        if active is None:
+            tables = [each.table.copy() for each in lin.raw]
+            return self._white(tables, lin.raw, lin.theta, lin.shapes)
+        tables = [np.take(each.table, np.append(0, 1 + active), 1) for each in lin.raw]
+        return replace(self._white(tables, lin.raw, lin.theta, lin.shapes), active=active)
 
     def judged(self, lin: Linearisation) -> Linearisation:
         """A linearisation that is white already, at the cost that it has in this span."""
