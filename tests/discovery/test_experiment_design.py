@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from clutchest.discovery.candidates import CandidateCause, candidates
-from clutchest.discovery.experiment_design import propose
+from clutchest.discovery.experiment_design import STEPS, beginning, propose
 from clutchest.errors import ClutchestError
 from clutchest.generator import Disturbances
 from clutchest.inference.problem import Problem
@@ -66,6 +66,16 @@ def test_what_the_model_foresees_is_what_the_generator_s_drive_shows(monkeypatch
         twin = oracle.twin({cause.name: {cause.gain.key: size * cause.gain.upper}})
         off.append(oracle.distance(twin, [rival.name]))
     assert min(off) == pytest.approx(told, rel=0.3)
+
+
+def test_a_manoeuvre_is_judged_by_its_beginning():
+    drive = simulate("alsd_rig", "rig-steps", 1, duration=5.0)
+    assert beginning(drive, 5.0 / STEPS) is drive
+    first = min(signal.time[0] for signal in drive.values())
+    part = beginning(drive, 2.0 / STEPS)
+    assert part.end == pytest.approx(first + 2.0)
+    for name, signal in drive.items():
+        assert len(part[name].time) == (signal.time < first + 2.0).sum()
 
 
 def test_a_sensor_is_proposed_where_no_manoeuvre_can_be_simulated():
