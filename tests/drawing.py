@@ -17,11 +17,12 @@ from clutchest.compute.lowered import (
     STATES,
     dynamics,
     outputs,
+    propagate,
     reading,
     step,
     step_map,
 )
-from clutchest.compute.update import propagate, update
+from clutchest.compute.update import update
 from clutchest.native.reference import compiled
 
 # --- the generated module goes on from here ---

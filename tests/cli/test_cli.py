@@ -101,6 +101,23 @@ finally:
     assert "Estimate temperatures" in done.stdout
 
 
+@pytest.mark.slow
+def test_a_dbc_read_for_the_first_time_does_not_load_asammdf(tmp_path):
+    done = python(f"""
+import os, sys
+os.environ["CLUTCHEST_CACHE"] = {str(tmp_path)!r}
+from clutchest.cli import main
+from clutchest.shipped import locate
+dbc = str(locate("hdt_clutch", "dbc"))
+sys.argv = ["clutchest", "inspect", "demo", "--dbc", dbc, "--out", {str(tmp_path)!r}]
+try:
+    main()
+finally:
+    print([name for name in ("can", "asammdf") if name in sys.modules], file=sys.stderr)
+""")
+    assert done.stderr.strip() == "['can']"
+
+
 def test_help_lists_the_verbs(run):
     code, out, _ = run("--help")
     rows = out.split("Commands:\n")[1].split("\n\n")[0].splitlines()

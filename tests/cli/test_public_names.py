@@ -45,3 +45,18 @@ def test_import_loads_nothing_heavy():
         [sys.executable, "-c", code], env=environment, text=True, capture_output=True, timeout=60
     )
     assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_reading_a_log_loads_no_equations():
+    """What the log road needs neither to load a vehicle nor to read a log."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    heavy = ("numba", "casadi", "scipy", "matplotlib", "rerun", "distributed")
+    code = (
+        "import sys, clutchest\n"
+        "signals = clutchest.read_log('demo', 'truck')\n"
+        f"print(len(signals), [n for n in {heavy} if n in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, text=True, capture_output=True, timeout=60
+    )
+    assert done.stdout.split(maxsplit=1)[1].strip() == "[]", done.stderr

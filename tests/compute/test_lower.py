@@ -14,7 +14,7 @@ import pytest
 
 from bench import BENCHES, Bench
 from clutchest.compute import build, choices
-from clutchest.compute.lower import _CALLS, lower
+from clutchest.compute.lower import _CALLS, covariance_step, lower, signature_step
 from clutchest.compute.step import heun
 from clutchest.models.model import Model
 from equations import argument_names, draw, vector
@@ -324,3 +324,27 @@ def _slope(
         for step in (h, -h)
     )
     return {name: (up[name] - down[name]) / (2.0 * h) for name in up}
+
+
+# --- a step of a covariance and of responses ---
+
+
+@pytest.mark.parametrize("make", [covariance_step, signature_step])
+def test_products_with_the_zeros_of_a_step(make: Callable[[str, ca.SX], str]) -> None:
+    """Beside numpy's, for a transition with zeros, an empty row and an empty column."""
+    rng = np.random.default_rng(3)
+    pattern = np.array([[1, 1, 0, 0], [0, 1, 0, 1], [0, 0, 0, 0], [1, 0, 0, 1]])
+    text = f"STATES, THETAS = 4, 3\n{make('lowered', ca.sparsify(ca.SX(pattern)))}"
+    function = runnable(text)
+    F, G = pattern * rng.normal(size=(4, 4)), rng.normal(size=(4, 3))
+    root = rng.normal(size=(4, 4))
+    P, Q, S = root @ root.T, np.diag(rng.uniform(size=4)), rng.normal(size=(4, 3))
+    if make is signature_step:
+        wanted = F @ S + G
+        function(S, F, G)
+        assert pytest.approx(wanted, rel=1e-13) == S
+    else:
+        wanted = F @ P @ F.T + Q
+        function(P, F, Q, np.zeros((4, 4)))
+        assert pytest.approx(wanted, rel=1e-13) == P
+        assert np.array_equal(P, P.T)

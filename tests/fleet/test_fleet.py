@@ -17,6 +17,7 @@ import pytest
 import clutchest
 from clutchest.can.files import read_frames, write_frames
 from clutchest.errors import ClutchestError
+from clutchest.fleet import cluster as cluster_module
 from clutchest.fleet import one_log
 from clutchest.fleet.comparison import compare, fleet_level, outliers
 from clutchest.fleet.logs import FleetLog, logs_of
@@ -290,3 +291,18 @@ def test_a_log_that_kills_whoever_opens_it_is_left_out_alone(
         assert sorted(Path(log).name for log in one.logs) == ["1.log", "9.log"]
         begins = [drive["begin"] for drive in one.drives]
         assert begins == sorted(begins)
+
+
+def test_without_a_worker_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the last worker ends while it starts: Dask starts none in its place."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(cluster_module, "START_S", 0.3)
+    write_logs(tmp_path / "logs", vehicles=1)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as empty,
+        pytest.raises(ClutchestError, match="no worker is left; started again"),
+    ):
+        clutchest.analyse_fleet(
+            str(tmp_path / "logs"), "truck", tmp_path / "out", scheduler=empty.scheduler_address
+        )

@@ -10,6 +10,8 @@ import pytest
 from clutchest import models
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of
+from clutchest.models.machine import Machine
+from clutchest.models.machine_defects import defects
 from clutchest.vehicle import load_vehicle
 
 SERVO = Path(__file__).parents[2] / "machines" / "servo"
@@ -196,3 +198,9 @@ def test_a_name_that_two_packages_register_is_refused(registered):
     registered(Entry("servo", lambda: None, "a:M"), Entry("servo", lambda: None, "b:M"))
     with pytest.raises(ClutchestError, match=r"registered twice: a:M, b:M"):
         machine_of("servo")
+
+
+@pytest.mark.parametrize("machine", models.shipped_machines(), ids=lambda machine: machine.name)
+def test_the_equations_of_shipped_machines_are_sound(machine: Machine) -> None:
+    """They are not tried at every start."""
+    assert list(defects(machine)) == []

@@ -221,3 +221,12 @@ def until_returned(n):
         k += n
         if k > 10:
             return k, n
+
+
+@compiled(apart=True)
+def rows_of_three(table, into):
+    """Rows of a known length, and two arrays that share no memory."""
+    assert table.shape[1] == into.shape[1] == 3
+    for i in range(len(table)):
+        for k in range(3):
+            into[i, k] = table[i, k] + 2.0 * into[i, k]

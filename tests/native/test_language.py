@@ -43,6 +43,7 @@ CASES: list[tuple[Any, tuple[Any, ...]]] = [
     (language.structure, (STRUCTURE, 1)),
     (language.counted_down, (-2,)),
     (language.until_returned, (4,)),
+    (language.rows_of_three, (np.arange(12.0).reshape(4, 3), np.ones((4, 3)))),
     *((language.sought, (np.array([1.0, 2.0, 2.0, 4.0]), v)) for v in (0.0, 2.0, 3.0, 9.0)),
 ]
 

@@ -22,6 +22,7 @@ from clutchest.cli.feedforward import feedforward
 from clutchest.cli.fleet import fleet
 from clutchest.cli.identify import identify
 from clutchest.cli.inspect import inspect
+from clutchest.cli.light_python_can import hide_asammdf
 from clutchest.cli.monitor import monitor
 from clutchest.cli.play import play
 from clutchest.cli.replay import replay
@@ -67,6 +68,7 @@ def main() -> None:
     """Run the command line.  Bad input ends in one line on stderr and exit code 1; so does what
     nobody foresaw, with a file to send."""
     printable()
+    hide_asammdf()
     gc.set_threshold(_OBJECTS)
     sys.setswitchinterval(_SWITCH_S)
     atexit.register(gc.freeze)  # nor in the end, which would take a quarter of a second

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from clutchest.cli.options import SourceOptions, WindowOptions
 from clutchest.cli.terminal import meanwhile
@@ -28,16 +29,17 @@ def estimated(
     Raises ClutchestError that names the file in which something is wrong.
     """
     from clutchest.errors import ClutchestError
-    from clutchest.estimate.initial_state import StateError
-    from clutchest.estimate.replay import replay
     from clutchest.reading import read_log
-    from clutchest.record.files import read_state
     from clutchest.vehicle import load_vehicle
 
     car = load_vehicle(source.vehicle, trust=source.trust)
-    before = None if source.state is None else read_state(source.state)
+    before = None if source.state is None else _state(source.state)
     show("reading", None)
+    meanwhile("casadi", "clutchest.estimate.replay")
     signals = read_log(source.logs, car, window.parse(), traffic=traffic)
+    from clutchest.estimate.initial_state import StateError
+    from clutchest.estimate.replay import replay
+
     recording = ["clutchest.record.rerun"] if installed("rerun") else []
     writers = ["pyarrow.parquet", *recording, "clutchest.record.terminal"]
 
@@ -59,3 +61,10 @@ def estimated(
         )
     except StateError as problem:
         raise ClutchestError(f"{source.state}: {problem}") from None
+
+
+def _state(path: Path) -> dict[str, Any]:
+    """What an earlier run left."""
+    from clutchest.record.files import read_state
+
+    return read_state(path)

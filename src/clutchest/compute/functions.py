@@ -8,7 +8,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from clutchest.compute.lower import CONTRACTED, dispatch, lower, product
+from clutchest.compute.lower import (
+    CONTRACTED,
+    covariance_step,
+    dispatch,
+    lower,
+    product,
+    signature_step,
+)
 from clutchest.compute.step import Step, decays, heun
 from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START, WANDER
 from clutchest.models.model import Expressions, Model
@@ -84,14 +91,14 @@ class _Functions:
     def steps(self) -> list[str]:
         """``step`` and ``step_signature``."""
         taken = heun(self.model, self.e)
-        over = self.over(taken)
+        over, by_state = self.over(taken), ca.jacobian(taken.x, self.e.x)
         return [
             lower(
                 "step",
                 over | {"q": taken.q, "noise": taken.noise},
                 {
                     "xn": taken.x,
-                    "F": ca.jacobian(taken.x, self.e.x),
+                    "F": by_state,
                     "Q": taken.Q,
                     "energy": taken.energy,
                     "e": ca.jacobian(taken.energy, self.e.x).T,
@@ -106,6 +113,8 @@ class _Functions:
                     "eG": self.by_theta(taken.energy, taken).T,
                 },
             ),
+            covariance_step("propagate", by_state),
+            signature_step("propagate_signature", by_state),
         ]
 
     def denoised_steps(self) -> list[str]:

@@ -16,6 +16,8 @@ from clutchest.compute.lowered import (
     THETAS,
     outputs,
     outputs_signature,
+    propagate,
+    propagate_signature,
     reading,
     step,
     step_signature,
@@ -28,9 +30,7 @@ from clutchest.compute.update import (
     in_proportion,
     inlined,
     inputs_between,
-    propagate,
     propagate_energy,
-    propagate_signature,
     reading_answer,
     slopes,
     step_answer,
@@ -58,7 +58,6 @@ def workspace(flags):
         T=np.zeros((n, n)),
         e=np.zeros(n),
         G=np.zeros((n, m)),
-        Tm=np.zeros((n, m)),
         eG=np.zeros(m),
         H=np.zeros(n),
         Hm=np.zeros(m),
@@ -102,7 +101,7 @@ def predict_signature(belief, dt, numbers, weighting, work):
         sE[c] += work.eG[c]
         for j in range(STATES):
             sE[c] += work.e[j] * S[j, c]
-    propagate_signature(S, work.F, work.G, work.Tm)
+    propagate_signature(S, work.F, work.G)
 
 
 @inlined

@@ -8,6 +8,7 @@ import casadi as ca
 
 _SCALARS = ("dt",)  # arguments that are plain numbers
 _EXACT = "@compiled"
+_APART = "@compiled(apart=True)"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
 # last bit beside a term that is zero
 CONTRACTED = "@compiled(contract=True)"
@@ -148,6 +149,66 @@ def product(name: str, matrix: ca.SX) -> str:
         ),
     ]
     return "\n".join(lines) + "\n"
+
+
+def covariance_step(name: str, matrix: ca.SX) -> str:
+    """A function ``name(P, F, Q, T)``: P ← F P Fᵀ + Q, exactly symmetric, for an F with zeros where
+    ``matrix`` has them; T is memory."""
+    rows, known = _rows(matrix)
+    lines = [
+        _APART,
+        f"def {name}(P, F, Q, T):",
+        "    assert P.shape[1] == F.shape[1] == Q.shape[1] == T.shape[1] == STATES",
+        *known,
+        *_columns("P", "STATES", rows),
+        *(f"        T[{i}, c] = {_sum(i, of)}" for i, of in rows.items()),
+    ]
+    for i in rows:
+        lines += [f"    x{k} = T[{i}, {k}]" for k in _used(rows)]
+        for j in range(i + 1):
+            lines.append(f"    P[{i}, {j}] = Q[{i}, {j}] + {_sum(j, rows[j])}")
+            lines += [f"    P[{j}, {i}] = P[{i}, {j}]"] if j < i else []
+    return "\n".join(lines) + "\n"
+
+
+def signature_step(name: str, matrix: ca.SX) -> str:
+    """A function ``name(S, F, G)``: S ← F S + G for an F with zeros where ``matrix`` has them."""
+    rows, known = _rows(matrix)
+    lines = [
+        _APART,
+        f"def {name}(S, F, G):",
+        "    assert F.shape[1] == STATES and S.shape[1] == G.shape[1] == THETAS",
+        *known,
+        *_columns("S", "THETAS", rows),
+        *(f"        S[{i}, c] = G[{i}, c] + {_sum(i, of)}" for i, of in rows.items()),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _rows(matrix: ca.SX) -> tuple[dict[int, list[int]], list[str]]:
+    """The columns of what can differ from zero, by rows; lines that load it."""
+    places = list(zip(*matrix.sparsity().get_triplet(), strict=True))
+    rows = {i: [k for row, k in places if row == i] for i in range(matrix.rows())}
+    return rows, [f"    f{i}_{k} = F[{i}, {k}]" for i, k in places]
+
+
+def _used(rows: dict[int, list[int]]) -> list[int]:
+    """The columns in which there is anything."""
+    return sorted({k for of in rows.values() for k in of})
+
+
+def _columns(matrix: str, count: str, rows: dict[int, list[int]]) -> list[str]:
+    """The head of a loop over the columns of a matrix: whole rows lie together in memory, so that
+    several columns go in parallel, while each sum keeps its order."""
+    return [
+        f"    for c in range({count}):",
+        *(f"        x{k} = {matrix}[{k}, c]" for k in _used(rows)),
+    ]
+
+
+def _sum(i: int, of: list[int]) -> str:
+    """Row i of F times x, from left to right."""
+    return " + ".join(f"f{i}_{k} * x{k}" for k in of) or "0.0"
 
 
 def dispatch(name: str, target: str, suffix: str, sensors: int) -> str:

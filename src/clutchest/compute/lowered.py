@@ -42,6 +42,16 @@ def step_signature(
     raise NotImplementedError
 
 
+def propagate(P: Any, F: Any, Q: Any, T: Any) -> None:
+    """P ← F P Fᵀ + Q, exactly symmetric, for the F of a ``step``; T (n, n) is memory."""
+    raise NotImplementedError
+
+
+def propagate_signature(S: Any, F: Any, G: Any) -> None:
+    """S ← F S + G, how the state answers to every θ, for the F of a ``step``."""
+    raise NotImplementedError
+
+
 def advance(x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, xn: Any) -> float:
     """xn (n) = x after ``dt`` s."""
     raise NotImplementedError

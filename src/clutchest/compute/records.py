@@ -211,7 +211,6 @@ class Work(NamedTuple):
     T: Any
     e: Any
     G: Any
-    Tm: Any
     eG: Any
     H: Any
     Hm: Any

@@ -13,15 +13,21 @@ from math import ceil
 
 import numpy as np
 
-from clutchest.compute.lowered import DOUBTED, STATES, THETAS, reading, step
+from clutchest.compute.lowered import (
+    DOUBTED,
+    STATES,
+    THETAS,
+    propagate,
+    propagate_signature,
+    reading,
+    step,
+)
 from clutchest.compute.update import (
     add_product,
     correct_signature,
     doubt,
     inlined,
     inputs_between,
-    propagate,
-    propagate_signature,
     reading_answer,
     step_answer,
     update,
@@ -66,7 +72,7 @@ def predict_window(k, span, belief, apart, events, regimes, numbers, Phi, work):
         inputs_between(events.u, k, i, steps, ua, ub)
         step(x, ua, ub, dt, w, p, g, regimes.Q[row], regimes.noise, xn, F, Q, work.e)
         step_answer(x, xn, ua, ub, dt, w, p, g, work.va, work.vb, work.slope, work.G, work.eG)
-        propagate_signature(belief.S, F, work.G, work.Tm)
+        propagate_signature(belief.S, F, work.G)
         propagate(belief.P, F, Q, T)
         product(F, Phi, T)
         for j in range(STATES):

@@ -41,39 +41,6 @@ def add_product(F, X, T, columns):
 
 
 @compiled
-def propagate(P, F, Q, T):
-    """P ← F P Fᵀ + Q, exactly symmetric; the zeros of F cost nothing."""
-    for i in range(STATES):
-        for j in range(STATES):
-            T[i, j] = 0.0
-    add_product(F, P, T, STATES)
-    for i in range(STATES):
-        for j in range(i + 1):
-            P[i, j] = Q[i, j]
-    for j in range(STATES):
-        for k in range(STATES):
-            a = F[j, k]
-            if a != 0.0:
-                for i in range(j, STATES):
-                    P[i, j] += T[i, k] * a
-    for i in range(STATES):
-        for j in range(i):
-            P[j, i] = P[i, j]
-
-
-@compiled
-def propagate_signature(S, F, G, T):
-    """S ← F S + G: how the state answers to every θ."""
-    for i in range(STATES):
-        for c in range(THETAS):
-            T[i, c] = G[i, c]
-    add_product(F, S, T, THETAS)
-    for i in range(STATES):
-        for c in range(THETAS):
-            S[i, c] = T[i, c]
-
-
-@compiled
 def slopes(va, vb, dt, slope):
     """slope (nu) of inputs that go from ``va`` to ``vb`` in ``dt`` s."""
     for j in range(INPUTS):

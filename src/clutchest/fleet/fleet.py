@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import atexit
-import gc
-import logging
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from time import sleep
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +13,7 @@ import numpy as np
 from clutchest import __version__
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
+from clutchest.fleet.cluster import alone, client_of, in_turn, survived
 from clutchest.fleet.comparison import FleetComparison, outliers
 from clutchest.fleet.logs import FleetLog, logs_of
 from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, reject
@@ -35,9 +30,6 @@ if TYPE_CHECKING:
 
 WEAR_RATE = "wear_per_MJ"
 LOST = "every worker that read it was lost: is memory short?"
-START_S = 120.0  # for a worker to start in
-SETTLED_S = 1.0  # after its first task, until it counts as started
-_ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
 Z = 1.96  # standard deviations of a 95 % interval
 
 
@@ -199,7 +191,7 @@ def analyse_fleet(
     logs = logs_of([places] if isinstance(places, str) else places)
     made_by = f"{__version__} {car.hash} {rate}"
     folder = Path(out).resolve()
-    with _client(scheduler, workers) as client:
+    with client_of(scheduler, workers) as client:
         chains = _chains(client, logs)
         tasks = {
             name: _tasks(chain, made_by, LogTask(chain[0], "", _place(car), trust, folder, rate))
@@ -231,45 +223,15 @@ def _place(car: Vehicle) -> str:
     return str(car.path)
 
 
-@contextmanager
-def _client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
-    """A client of the cluster at an address, or of one on this machine that ends with it."""
-    import dask
-    from distributed import Client, LocalCluster
-
-    if scheduler is not None:
-        try:
-            client = Client(scheduler, timeout="10s")
-        except (OSError, ValueError) as problem:
-            raise ClutchestError(
-                f"--scheduler {scheduler}: cannot be reached ({problem})"
-            ) from None
-        with client:
-            yield client
-        return
-    environment = {**dask.config.get(_ENVIRONMENT), "MALLOC_ARENA_MAX": "1"}
-    # Dask has the C library return memory that the next array takes again: a fifth of the time
-    environment.pop("MALLOC_TRIM_THRESHOLD_", None)
-    with (
-        dask.config.set({_ENVIRONMENT: environment}),
-        LocalCluster(
-            n_workers=workers or os.cpu_count() or 1,
-            threads_per_worker=1,
-            dashboard_address=None,
-            silence_logs=logging.ERROR,  # such as of a worker that ends slowly on a busy machine
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        client.run(atexit.register, gc.freeze)  # what ends need not search for circles
-        yield client
-
-
 def _chains(client: Client, logs: Sequence[FleetLog]) -> dict[str, list[FleetLog]]:
     """The logs of every vehicle in order of time; those without absolute times last, by name."""
     paths = [log.path.resolve() for log in logs]
+    futures = client.map(begin_of, paths, pure=False)
+    for _ in in_turn(client, futures):
+        pass
     begins = [
-        _survived(future, partial(_alone, client, begin_of, path))
-        for future, path in zip(client.map(begin_of, paths, pure=False), paths, strict=True)
+        survived(future, partial(alone, client, begin_of, path))
+        for future, path in zip(futures, paths, strict=True)
     ]
     chains: dict[str, list[FleetLog]] = {}
     order = sorted(
@@ -291,32 +253,6 @@ def _tasks(chain: Sequence[FleetLog], made_by: str, like: LogTask) -> list[LogTa
     return tasks
 
 
-def _survived(future: Future, otherwise: Callable[[], Any]) -> Any:
-    """The result; something else where every worker that had the task was lost."""
-    from distributed.scheduler import KilledWorker
-
-    try:
-        return future.result()
-    except KilledWorker:
-        return otherwise()
-
-
-def _alone(client: Client, function: Callable[..., Any], *given: Any) -> Any:
-    """The result of a task while no other one is there: it may have been lost only because it
-    waited behind one that ends its worker.  None where it is lost again.
-
-    A worker that ends while it starts is not started again, so the task comes only when one is
-    up.  Raises ClutchestError where there is none any more.
-    """
-    try:
-        client.wait_for_workers(1, timeout=START_S)
-        client.submit(int, pure=False).result(timeout=START_S)
-    except TimeoutError:
-        raise ClutchestError("no worker is left; started again, what is done is kept") from None
-    sleep(SETTLED_S)
-    return _survived(client.submit(function, *given, pure=False), lambda: None)
-
-
 def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Progress) -> None:
     """Do what is not done.  A log whose workers were lost again and again is left out."""
     while not _all_done(client, chains, progress):
@@ -324,7 +260,7 @@ def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Prog
             state: Any = None
             for task in chain:
                 if (row := read_row(task.row)) is None:
-                    _alone(client, estimate_log, task, state)
+                    alone(client, estimate_log, task, state)
                     if read_row(task.row) is None:
                         reject(task, LOST, state)
                     break
@@ -334,8 +270,6 @@ def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Prog
 def _all_done(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Progress) -> bool:
     """Whether all could be done that was not; else, what a log and those behind it lost workers
     to is not."""
-    from distributed import as_completed
-
     futures: list[Future] = []
     for chain in chains.values():
         state: Any = None
@@ -346,8 +280,8 @@ def _all_done(client: Client, chains: Mapping[str, Sequence[LogTask]], progress:
                 state = client.submit(estimate_log, task, state, pure=False)
                 futures.append(state)
     whole = True
-    for done, future in enumerate(as_completed(futures), 1):
-        whole &= _survived(future, lambda: LOST) != LOST
+    for done, future in enumerate(in_turn(client, futures), 1):
+        whole &= survived(future, lambda: LOST) != LOST
         progress(f"{done} of {len(futures)} logs", done / len(futures))
     return whole
 

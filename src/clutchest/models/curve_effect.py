@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from clutchest.casadi_later import ca
 from clutchest.models.declarations import ENERGY
 from clutchest.models.effects.effect import TIME, Effect, Gains, Indices, Lateness, Number
 from clutchest.models.error_curve import DEVIATION, SIZE, ErrorCurve, effect_of_deviation

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from clutchest.casadi_later import ca
 from clutchest.models.effects import Effect, Gains
 from clutchest.models.model import Model
 from clutchest.signals import Floats

@@ -8,7 +8,7 @@ name: it asks a :class:`Machine` for the piece, and says in one line where there
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import InitVar, dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -103,6 +103,9 @@ class Machine:
     ``car_template`` that for a log of a bus that is not J1939, if another.
 
     ``reservations``: verb → what is to be kept in mind of its answers, in words.
+
+    ``check_equations``: whether they are written out and tried at once, which loads CasADi; of the
+    shipped machines the tests do that.
     """
 
     name: str
@@ -152,9 +155,10 @@ class Machine:
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
     template: str = ""
     car_template: str = ""
+    check_equations: InitVar[bool] = True
 
-    def __post_init__(self) -> None:
-        for piece, wrong in defects(self):
+    def __post_init__(self, check_equations: bool) -> None:
+        for piece, wrong in defects(self, check_equations):
             raise ClutchestError(f"machine '{self.name}': {piece} {wrong}")
 
     @property

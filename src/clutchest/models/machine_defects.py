@@ -8,10 +8,10 @@ from collections.abc import Container, Iterator
 from itertools import chain
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from clutchest import units
+from clutchest.casadi_later import ca
 from clutchest.errors import ClutchestError, nearest
 from clutchest.models.declarations import ENERGY
 from clutchest.models.effects.effect import RESERVED, TIME
@@ -21,8 +21,9 @@ from clutchest.models.thresholds import THRESHOLD_UNITS
 POINTS = 16  # at which the equations are tried
 
 
-def defects(machine: Any) -> Iterator[tuple[str, str]]:
-    """(piece, what is wrong with it) of a machine that cannot be registered."""
+def defects(machine: Any, equations: bool = True) -> Iterator[tuple[str, str]]:
+    """(piece, what is wrong with it) of a machine that cannot be registered; what its equations
+    lack only where ``equations`` are to be tried."""
     if not re.fullmatch(r"[a-z]\w*", machine.name):
         yield "name", "must be a word in lower case"
     for piece in ("states", "inputs", "sensors", "columns"):
@@ -39,7 +40,8 @@ def defects(machine: Any) -> Iterator[tuple[str, str]]:
             yield piece, f"names '{name}' twice"
     yield from _wrong_units(machine)
     yield from _unknown_names(machine)
-    yield from _unknown_quantities(machine)
+    if equations:
+        yield from _unknown_quantities(machine)
 
 
 def _wrong_units(machine: Any) -> Iterator[tuple[str, str]]:

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from clutchest.casadi_later import ca
 from clutchest.models.effects.effect import Effect, Gains
 from clutchest.models.symbols import Input, Parameter, Sensor, State
 from clutchest.signals import Floats
 
-Term = Callable[[ca.SX, "Quantities"], ca.SX]
+Term = Callable[["ca.SX", "Quantities"], "ca.SX"]
 
 
 class Quantities:

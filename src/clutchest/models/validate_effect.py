@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import casadi as ca
 import numpy as np
 
+from clutchest.casadi_later import ca
 from clutchest.errors import nearest
 from clutchest.models.effects import Effect, Gains
 from clutchest.models.error_curve import is_curve

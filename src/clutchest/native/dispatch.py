@@ -100,14 +100,20 @@ def _no_call(*arguments: Any) -> Any:
 @overload
 def compiled(function: Callable[..., Any]) -> Any: ...
 @overload
-def compiled(*, contract: bool = ..., inline: bool = ...) -> Callable[..., Any]: ...
 def compiled(
-    function: Callable[..., Any] | None = None, *, contract: bool = False, inline: bool = False
+    *, contract: bool = ..., inline: bool = ..., apart: bool = ...
+) -> Callable[..., Any]: ...
+def compiled(
+    function: Callable[..., Any] | None = None,
+    *,
+    contract: bool = False,
+    inline: bool = False,
+    apart: bool = False,
 ) -> Any:
     """Have a function compiled; docs/architecture.md says what it may hold."""
 
     def made(function: Callable[..., Any]) -> CompiledFunction:
-        return CompiledFunction(Source(function, contract, inline))
+        return CompiledFunction(Source(function, contract, inline, apart))
 
     return made(function) if function else made
 
@@ -228,7 +234,7 @@ def _digest(function: CompiledFunction, types: tuple[Type, ...]) -> str:
         if id(of) in seen:
             continue
         seen.add(id(of))
-        code, how = of.source.code, (of.source.contract, of.source.inline)
+        code, how = of.source.code, (of.source.contract, of.source.inline, of.source.apart)
         parts.update(f"{of.source.name} {how} {code.co_consts!r}".encode())
         parts.update(code.co_code + repr(code.co_varnames).encode())
         for name in code.co_names:

@@ -63,11 +63,13 @@ class LlvmModule:
     def _translated(self, function: Source, types: tuple[Type, ...]) -> Instance:
         """Translates until the types of all variables are known."""
         node, names = function.definition(), function.names
+        apart = " noalias" if function.apart else ""
         arguments, parameters = [], []
         for i, of in enumerate(types):
             leaves = tuple(f"%a{i}.{k}" for k in range(len(of.leaves)))
             parameters += [
-                f"{leaf} {operand}" for leaf, operand in zip(of.leaves, leaves, strict=True)
+                f"{leaf}{apart if leaf == 'ptr' else ''} {operand}"
+                for leaf, operand in zip(of.leaves, leaves, strict=True)
             ]
             arguments.append(Value(of, leaves))
         known: dict[str, Type] = {}
@@ -139,6 +141,7 @@ class LlvmModule:
             for name in sorted(self.declared)
         ]
         body = f"define void @entry(ptr %table) nounwind {{\n{w.text()}\nret void\n}}"
+        declared.append("declare void @llvm.assume(i1)")
         parts = [*declared, *([_ALLOCATOR] if self.allocates else []), *self.texts, body]
         return "\n".join(parts), made.returns
 

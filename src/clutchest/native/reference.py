@@ -9,9 +9,13 @@ from clutchest.native.source import GENERATED
 
 
 def compiled(
-    function: Callable[..., Any] | None = None, *, contract: bool = False, inline: bool = False
+    function: Callable[..., Any] | None = None,
+    *,
+    contract: bool = False,
+    inline: bool = False,
+    apart: bool = False,
 ) -> Any:
-    """As :func:`clutchest.native.dispatch.compiled`."""
+    """As :func:`clutchest.native.dispatch.compiled`; numba finds out itself what lies apart."""
     from numba import njit
 
     def made(function: Callable[..., Any]) -> Any:

@@ -19,12 +19,15 @@ GENERATED = "clutchest_generated_"  # modules of this name are never edited
 class Source:
     """A function and how it is compiled.
 
-    ``contract``: a product and a sum may be rounded once; ``inline``: always inlined.
+    ``contract``: a product and a sum may be rounded once; ``inline``: always inlined; ``apart``:
+    no two of the arrays that it is given share memory, so that what is stored into one is read from
+    no other.
     """
 
     function: Callable[..., Any]
     contract: bool = False
     inline: bool = False
+    apart: bool = False
 
     @property
     def name(self) -> str:

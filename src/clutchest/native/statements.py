@@ -49,10 +49,11 @@ class FunctionTranslator(ExpressionTranslator):
 
     def function(self, node: ast.FunctionDef, arguments: Sequence[Value]) -> None:
         """The whole of it."""
-        stored = _stored(node)
-        if not any(isinstance(part, (ast.For, ast.While, ast.If)) for part in ast.walk(node)):
+        parts = list(ast.walk(node))
+        stored = _stored(parts)
+        if not any(isinstance(part, (ast.For, ast.While, ast.If)) for part in parts):
             self.once = frozenset(name for name, count in stored.items() if count == 1)
-        self.natural = _natural(node, stored, self.names)
+        self.natural = _natural(node, parts, stored, self.names)
         for argument, value in zip(node.args.args, arguments, strict=True):
             if argument.arg in stored:
                 self.once -= {argument.arg}
@@ -139,6 +140,10 @@ class FunctionTranslator(ExpressionTranslator):
 
     def _pass(self, node: ast.Pass) -> None:
         pass
+
+    def _assert(self, node: ast.Assert) -> None:
+        """Is taken for granted: of rows whose length is known, code is better."""
+        self.w.line(f"call void @llvm.assume(i1 {self.condition(node.test).leaves[0]})")
 
     def _return(self, node: ast.Return) -> None:
         self._give(NONE if node.value is None else self.value(node.value))
@@ -287,21 +292,24 @@ class FunctionTranslator(ExpressionTranslator):
         w.begin(end)
 
 
-def _stored(node: ast.FunctionDef) -> Counter[str]:
+def _stored(parts: Sequence[ast.AST]) -> Counter[str]:
     """How often every name is assigned to."""
     return Counter(
-        part.id
-        for part in ast.walk(node)
-        if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+        part.id for part in parts if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
     )
 
 
-def _natural(node: ast.FunctionDef, stored: Counter[str], names: dict[str, Any]) -> frozenset[str]:
+def _natural(
+    node: ast.FunctionDef,
+    parts: Sequence[ast.AST],
+    stored: Counter[str],
+    names: dict[str, Any],
+) -> frozenset[str]:
     """Names that only loops over rising ranges from 0 or more assign to."""
     counters: Counter[str] = Counter()
     loops = [
         (part.target.id, part.iter.args)
-        for part in ast.walk(node)
+        for part in parts
         if isinstance(part, ast.For)
         and isinstance(part.target, ast.Name)
         and isinstance(part.iter, ast.Call)

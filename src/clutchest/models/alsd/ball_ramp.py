@@ -6,8 +6,7 @@ the other side the gear meets the ends of the ball grooves, its home.
 
 from __future__ import annotations
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.model import Quantities
 
 FLOOR = 1e-4  # Nm: a Coulomb level of 0 would leave the Dahl model without a time constant

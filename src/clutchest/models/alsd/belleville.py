@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from math import pi
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.model import Quantities
 
 

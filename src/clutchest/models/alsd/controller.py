@@ -6,8 +6,7 @@ Both are PI controllers with a limit; the integrator is reduced by as much as th
 
 from __future__ import annotations
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.model import Quantities
 
 ANGLE_GAIN, ANGLE_RATE = 2.0, 0.05  # A/rad and A s/rad

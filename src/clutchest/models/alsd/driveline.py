@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.alsd.gap import dead_zone
 from clutchest.models.model import Quantities
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import casadi as ca
+from clutchest.casadi_later import ca
 
 
 def dead_zone(angle: ca.SX, half_width: ca.SX) -> ca.SX:

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.alsd import ball_ramp, belleville, dc_motor, motor_friction
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.reduced import axial

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.model import Quantities
 
 

@@ -15,8 +15,7 @@ driveline             the slip speed is measured; play and bristle wind up with 
 
 from __future__ import annotations
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.alsd import (
     ball_ramp,
     belleville,

@@ -95,4 +95,5 @@ MACHINE = Machine(
     own_effects=OwnEffects,
     template="truck",
     car_template="gt350",
+    check_equations=False,
 )

@@ -20,8 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Mapping
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.dry_clutch.symbols import (
     ENGINE_LOAD,
     INPUTS,

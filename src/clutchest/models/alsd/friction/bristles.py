@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.model import Quantities
 
 FLOOR = 1e-3  # Nm: an open clutch must not divide by its friction potential

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import casadi as ca
-
+from clutchest.casadi_later import ca
 from clutchest.models.effects.effect import Effect, Gains, Number, Wording
 
 

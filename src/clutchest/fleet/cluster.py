@@ -1,0 +1,111 @@
+"""The cluster that a fleet is processed by: one at an address, or one on this machine."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from queue import Empty, SimpleQueue
+from time import sleep
+from typing import TYPE_CHECKING, Any
+
+from clutchest.errors import ClutchestError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+NO_WORKER = "no worker is left; started again, what is done is kept"
+START_S = 120.0  # for a worker to start in
+PATIENCE_S = 10.0  # without a log that is done, until it is asked whether there is a worker
+SETTLED_S = 1.0  # after its first task, until it counts as started
+_ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
+
+
+@contextmanager
+def client_of(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+    """A client of the cluster at an address, or of one on this machine that ends with it."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout="10s")
+        except (OSError, ValueError) as problem:
+            raise ClutchestError(
+                f"--scheduler {scheduler}: cannot be reached ({problem})"
+            ) from None
+        with client:
+            yield client
+        return
+    environment = {**dask.config.get(_ENVIRONMENT), "MALLOC_ARENA_MAX": "1"}
+    # Dask has the C library return memory that the next array takes again: a fifth of the time
+    environment.pop("MALLOC_TRIM_THRESHOLD_", None)
+    with (
+        dask.config.set({_ENVIRONMENT: environment}),
+        LocalCluster(
+            n_workers=workers or os.cpu_count() or 1,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=logging.ERROR,  # such as of a worker that ends slowly on a busy machine
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        client.run(atexit.register, gc.freeze)  # what ends need not search for circles
+        yield client
+
+
+def survived(future: Future, otherwise: Callable[[], Any]) -> Any:
+    """The result; something else where every worker that had the task was lost."""
+    from distributed.scheduler import KilledWorker
+
+    try:
+        return future.result()
+    except KilledWorker:
+        return otherwise()
+
+
+def in_turn(client: Client, futures: Sequence[Future]) -> Iterator[Future]:
+    """The same futures, each when it is done or lost.  Raises ClutchestError where no worker is
+    left that could do it: one that ends while it starts is not started again."""
+    finished: SimpleQueue[Future] = SimpleQueue()
+    for future in futures:
+        future.add_done_callback(finished.put)
+    left = len(futures)
+    while left:
+        try:
+            future = finished.get(timeout=PATIENCE_S)
+        except Empty:
+            _require_worker(client)
+        else:
+            left -= 1
+            yield future
+
+
+def _require_worker(client: Client) -> None:
+    """Wait for a worker to be up, unless there is one, which may be short of memory for a while.
+    Raises ClutchestError where there is none any more."""
+    if client.nthreads():
+        return
+    try:
+        client.wait_for_workers(1, timeout=START_S)
+    except TimeoutError:
+        raise ClutchestError(NO_WORKER) from None
+
+
+def alone(client: Client, function: Callable[..., Any], *given: Any) -> Any:
+    """The result of a task while no other one is there: it may have been lost only because it
+    waited behind one that ends its worker.  None where it is lost again.
+
+    A worker that ends while it starts is not started again, so the task comes only when one is
+    up.  Raises ClutchestError where there is none any more.
+    """
+    _require_worker(client)
+    for _ in in_turn(client, [client.submit(int, pure=False)]):
+        sleep(SETTLED_S)
+    future = client.submit(function, *given, pure=False)
+    for _ in in_turn(client, [future]):
+        pass
+    return survived(future, lambda: None)
