@@ -97,7 +97,12 @@ __all__ = [
 ]
 
 
+_CALLED = ("fleet", "identify")  # packages that are called by their own name
+
+
 def __getattr__(name: str) -> Any:
+    if name in _CALLED:
+        return import_module(f"clutchest.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'clutchest' has no attribute '{name}'")
     value = getattr(import_module(_HOMES[name]), name)
@@ -106,4 +111,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted((*__all__, *_CALLED))

@@ -35,6 +35,31 @@ def test_type_checkers_see_the_same_names():
     assert set(clutchest.__all__) == set(clutchest._HOMES) | {"__version__"}
 
 
+def test_rooms_are_called_by_their_own_name(tmp_path):
+    """In whichever order they are imported."""
+    code = (
+        "import sys, clutchest\n"
+        "from clutchest.identify import procedures\n"
+        "print('noise' in procedures(clutchest.load_vehicle('truck').machine))\n"
+        "for call in (lambda: clutchest.identify('nothing', 'demo', 'truck'),\n"
+        "             lambda: clutchest.fleet('nowhere', 'truck', 'out')):\n"
+        "    try: call()\n"
+        "    except clutchest.ClutchestError as problem: print(problem)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment,
+        text=True,
+        capture_output=True,
+        timeout=60,
+        cwd=tmp_path,
+    )
+    first, second, third = done.stdout.splitlines()
+    assert first == "True"
+    assert "'nothing'" in second and "nowhere" in third
+
+
 def test_import_loads_nothing_heavy():
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     code = (

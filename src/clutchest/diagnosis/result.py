@@ -161,7 +161,7 @@ class Diagnosis(Tabulated):
             for (begin, status), stop in zip(lane, until, strict=True):
                 axes.barh(row, stop - begin, left=begin, height=0.8, color=_COLOURS.get(status))
         axes.set_yticks(range(len(names)), names)
-        axes.invert_yaxis()
+        axes.set_ylim(len(names) - 0.4, -0.6)
         return figure
 
     @property

@@ -1,13 +1,13 @@
 """Fitting a vehicle file to a user's own logs: ``noise`` and ``all`` for every machine, and the
 procedures that the vehicle's machine declares.
 
-The function is :func:`identify_vehicle`: a package and a function cannot both be
-``clutchest.identify``, whichever is imported last would hide the other."""
+``clutchest.identify(…)`` calls :func:`identify_vehicle`."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from clutchest.callable_room import call_by
 from clutchest.errors import ClutchestError, nearest
 from clutchest.progress import Progress
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from clutchest.reading import Logs
     from clutchest.signals import Signals
     from clutchest.vehicle import Vehicle
+
+call_by(__name__, __name__, "identify_vehicle")
 
 NOISE = "noise"
 ALL = "all"

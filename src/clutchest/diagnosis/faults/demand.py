@@ -128,8 +128,8 @@ class Demanded(StreamTest):
         if not self.blocks:
             return f"no time with samples of both {words(self.subject)} and {asked}"
         return (
-            f"more than {asked} asks for, summed up to {self._bound():.2g} of full scale over "
-            f"blocks of {BLOCK_S:g} s; {tail_mean(self.tail):.1%} on average, "
+            f"limit: {self._bound():.2g} of full scale, summed up over blocks of {BLOCK_S:g} s, "
+            f"above what {asked} asks for; {tail_mean(self.tail):.1%} on average, "
             f"from {self.blocks} blocks"
         )
 

@@ -94,4 +94,6 @@ class Implausible(StreamTest):
         if not self.enabled:
             return "no sample"
         rate = "K" if self.unit == TEMPERATURE else self.unit
-        return f"{self.low:g} to {self.high:g} {self.unit}, at most {self.rate:g} {rate} per s"
+        return (
+            f"limits: {self.low:g} to {self.high:g} {self.unit}, at most {self.rate:g} {rate} per s"
+        )

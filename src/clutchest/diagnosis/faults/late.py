@@ -92,8 +92,8 @@ class Late(StreamTest):
         if not self.enabled:
             return "too few frames"
         return (
-            f"{SMALLEST:.0%} and more above a period of {1e3 * (self.period or 0.0):.4g} ms, "
-            f"summed up to {self.threshold:.2g} periods; jitter {tail_mean(self.tail):.1%} "
+            f"limit: {self.threshold:.2g} periods of {1e3 * (self.period or 0.0):.4g} ms, summed "
+            f"up where one is {SMALLEST:.0%} and more too long; jitter {tail_mean(self.tail):.1%} "
             f"on average, from {int(self.tail[COUNT])} frames"
         )
 

@@ -78,7 +78,7 @@ class Missing(StreamTest):
         """See :meth:`StreamTest.why`."""
         if self.tail is None:
             return "no frames: these are decoded signals"
-        return f"a gap of more than {tail_words(self.tail, self.per_1000h)}"
+        return f"limit: a gap of {tail_words(self.tail, self.per_1000h)}"
 
 
 def longest_gap(tail: np.ndarray, per_1000h: float) -> float:
@@ -90,7 +90,7 @@ def tail_words(tail: np.ndarray, per_1000h: float) -> str:
     """The longest gap, and what it was estimated from."""
     count, long = int(tail[COUNT]), int(tail[EXCEEDING])
     return (
-        f"{longest_gap(tail, per_1000h):.3g} s, from {count} gaps of "
+        f"{longest_gap(tail, per_1000h):.3g} s, estimated from {count} gaps of "
         f"{round(1e3 * tail_mean(tail), 1):g} ms on average, {long} of them unusually long"
     )
 

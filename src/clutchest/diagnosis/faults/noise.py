@@ -127,7 +127,8 @@ class Noise(StreamTest):
             )
         if not self.blocks:
             return "too few samples without motion"
-        return f"twice a noise of {self.std:.3g}, over {self.blocks} blocks of {BLOCK} samples"
+        tested = f"tested over {self.blocks} blocks of {BLOCK} samples"
+        return f"limit: twice the stated noise of {self.std:.3g}; {tested}"
 
 
 def _variance(weights: Floats, ar: float) -> float:

@@ -62,7 +62,7 @@ class Repeats:
     def words(self, samples: str) -> str:
         """The limit and the data that it rests on; ``samples`` or payloads."""
         return (
-            f"more than {self.bound:.3g} consecutive identical {samples}, from "
+            f"limit: {self.bound:.3g} consecutive identical {samples}, estimated from "
             f"{int(self.tail[COUNT])} runs of {tail_mean(self.tail):.2g} on average"
         )
 

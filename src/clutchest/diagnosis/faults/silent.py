@@ -78,7 +78,7 @@ class Silent(StreamTest):
         """See :meth:`StreamTest.why`."""
         if not self.enabled:
             return "no frames: these are decoded signals"
-        return f"a silence of more than {tail_words(self.tail, self.per_1000h)}"
+        return f"limit: a silence of {tail_words(self.tail, self.per_1000h)}"
 
 
 def _words(gap: float, bound: float) -> str:
