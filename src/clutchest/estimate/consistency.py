@@ -85,7 +85,7 @@ class Consistency:
         if len(z) < LEAST:
             return None
         sensor, (n, beyond) = self.model.sensors[i], self._judged[i]
-        scale = float(np.median(z)) / MEDIAN
+        scale = _median(z) / MEDIAN
         times = scale / sensor.tolerance
         self._worst[i] = max(self._worst[i], times)
         n, beyond = n + 1, tuple(k + (times > of) for k, of in zip(beyond, SHARES, strict=True))
@@ -152,6 +152,15 @@ class Consistency:
         if state in names:
             return state
         return names[max(self._worst, key=lambda i: self._worst[i])]
+
+
+def _median(z: Floats) -> float:
+    """Of numbers, at least one: what ``np.median`` gives, which takes ten times as long for few."""
+    half = len(z) // 2
+    parted = np.partition(z, half)
+    if len(z) % 2:
+        return float(parted[half])
+    return float((parted[:half].max() + parted[half]) / 2.0)
 
 
 def all_invalid(track: Track, found: Contradiction) -> Track:

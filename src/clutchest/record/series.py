@@ -9,6 +9,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
+from clutchest.native import compiled
 from clutchest.record.blueprint import COLOURS
 from clutchest.signals import Floats
 
@@ -24,25 +25,33 @@ def outline(values: Floats, most: int) -> NDArray[np.intp]:
     if n <= most:
         return np.arange(n)
     edges = np.linspace(0, n, pairs + 1).astype(np.intp)
-    widest = int(np.max(np.diff(edges)))
-    together = max(memory_mapped.PORTION // widest, 1)
-    rows = []
+    together = max(memory_mapped.PORTION * pairs // n, 1)
+    rows, count = np.empty(2 * pairs, np.intp), 0
     for first in range(0, pairs, together):
-        rows.append(_extremes(values, edges[first : first + together + 1], widest))
+        count += _extremes(values, edges[first : first + together + 1], rows[count:])
         memory_mapped.release_memory()
-    return np.concatenate(rows)
+    return rows[:count]
 
 
-def _extremes(values: Floats, edges: NDArray[np.intp], widest: int) -> NDArray[np.intp]:
-    """The rows of the lowest and highest value between each two ``edges``."""
-    # Stretches differ by one sample; the short ones see their last sample twice.
-    rows = edges[:-1, None] + np.arange(widest)
-    rows = np.minimum(rows, edges[1:, None] - 1)
-    stretches = values[rows]
-    low = np.argmin(np.where(np.isnan(stretches), np.inf, stretches), axis=1, keepdims=True)
-    high = np.argmax(np.where(np.isnan(stretches), -np.inf, stretches), axis=1, keepdims=True)
-    ends = np.sort(np.take_along_axis(rows, np.hstack([low, high]), axis=1), axis=1)
-    return ends[np.column_stack([np.ones(len(ends), bool), ends[:, 0] < ends[:, 1]])]
+@compiled
+def _extremes(values, edges, rows):  # type: ignore[no-untyped-def]
+    """Fills ``rows`` with those of the lowest and highest value between each two ``edges``, one row
+    where they are the same; returns how many there are."""
+    count = 0
+    for k in range(len(edges) - 1):
+        low = high = edges[k]
+        for i in range(edges[k], edges[k + 1]):
+            value = values[i]
+            if value < values[low] or (values[low] != values[low] and value == value):
+                low = i
+            if value > values[high] or (values[high] != values[high] and value == value):
+                high = i
+        rows[count] = min(low, high)
+        count += 1
+        if low != high:
+            rows[count] = max(low, high)
+            count += 1
+    return count
 
 
 def one_behind_another(lengths: Sequence[float]) -> tuple[list[float], float]:
