@@ -4,7 +4,7 @@ python benchmarks/foreign.py tanks DATA RESULT --draws 20 --shard tanks.jsonl: R
 machines/tanks/run.py wrote.  Each draw simulates a record of the discovery inputs with the extended
 vehicle and noise drawn in blocks, and asks discover; the shard goes on where it ended.  The tanks'
 residuals are slow: innovations of an autoregression are drawn, and added to the level.  Those of
-emps are forces that disturb the carriage under its own controller (machines/emps/closed_loop.py).
+emps are innovations of its speed, under its own controller (machines/emps/closed_loop.py).
 A finding there is a false alarm: its share, with the interval of Clopper and Pearson, is printed.
 """
 
@@ -82,14 +82,16 @@ def tanks(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
 
 
 def emps(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
-    """The carriage under its controller, disturbed by forces drawn from the residuals."""
+    """The carriage under its controller, in noise drawn from that of the record."""
     path = data / import_module("convert").FILES["emps"]
     loop = import_module("closed_loop").Loop.of(path, fitted)
+    noise = loop.noise()
 
     def simulated(seed: int) -> Signals:
         with TemporaryDirectory() as folder:
             made = Path(folder) / "record.parquet"
-            loop.record(np.random.default_rng(seed)).to_parquet(made, index=False)
+            table = loop.moved(noise.drawn(np.random.default_rng(seed)))
+            table.to_parquet(made, index=False)
             return read_log([made], fitted.vehicle)
 
     return simulated

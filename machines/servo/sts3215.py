@@ -47,12 +47,12 @@ MODEL = cm.Model(
         cm.Parameter("viscous", "Nm s/rad", "b", "viscous friction", 0.0),
     ),
     inputs=(
-        cm.Input("duty", "1", "δ", "of the bridge, with its sign"),
-        cm.Input("supply", "V", "U_0", "at the bridge", default=12.0),
-        cm.Input("position", "rad", "φ", "of the arm, 0 hanging"),
-        cm.Input("enabled", "1", "e", "1 while the bridge is on", default=1.0),
-        cm.Input("moment", "Nm", "m g l", "of mass and arm"),
-        cm.Input("load_inertia", "kg m^2", "m l²", "of mass and arm"),
+        cm.Input("duty", "1", "δ", "of the bridge, with its sign", exact=True),
+        cm.Input("supply", "V", "U_0", "at the bridge", default=12.0, exact=True),
+        cm.Input("position", "rad", "φ", "of the arm, 0 hanging", exact=True),
+        cm.Input("enabled", "1", "e", "1 while the bridge is on", default=1.0, exact=True),
+        cm.Input("moment", "Nm", "m g l", "of mass and arm", exact=True),
+        cm.Input("load_inertia", "kg m^2", "m l²", "of mass and arm", exact=True),
         cm.Input("acceleration", "rad/s^2", "dω/dt", "slope of the speed", default=0.0),
     ),
     sensors=(cm.Sensor("speed", "rad/s", "ω", "of the arm"),),
@@ -225,16 +225,16 @@ MACHINE = cm.Machine.of(
     MODEL,
     "servo with gearbox and arm (STS3215)",
     error_terms=(
-        cm.ErrorTerm("friction", {"friction": lambda value, g: value + 0.05 * g}),  # Nm
+        cm.ErrorTerm("friction", {"dry": lambda value, g: value + 0.05 * g}),  # Nm, against motion
         cm.ErrorTerm(
             "drive",
-            {"motor_torque": lambda value, g: value * (1 + 0.05 * g)},
+            {"duty_now": lambda value, g: value * (1 + 0.05 * g)},
             covariates=("duty", "supply", "speed", "time"),
         ),
         cm.ErrorTerm(
             "gravity",
             {"gravity_torque": lambda value, g: value + 0.05 * g},  # Nm
-            covariates=("position", "time"),
+            covariates=("position",),
         ),
         cm.ErrorTerm("timing:duty", late=("duty", 0.005)),
         cm.ErrorTerm("timing:enabled", late=("enabled", 0.01)),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import runpy
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from clutchest.discovery.holdout_gain import BLOCK, FEWEST, LEAST, block_length
 from clutchest.errors import ClutchestError
 from clutchest.estimate.drive_setup import DriveSetup
 from clutchest.identify.fitted_machine import FittedMachine
+from clutchest.identify.likelihood import problem_of
 from clutchest.reading import read_log
 from clutchest.vehicle import load_vehicle
 
@@ -119,28 +121,62 @@ def test_the_carriage_moves_by_its_filtered_force(made_up, tmp_path):
     assert np.std((table["force"] - made)[moving]) < 3.0
 
 
-def test_the_carriage_is_disturbed_under_its_controller(made_up, tmp_path):
-    """It follows the goal, and what the model leaves of the force is the disturbance."""
-    car, tools = vehicle("emps"), module("emps", "closed_loop")
-    own, *_ = paths = module("emps", "convert").convert(made_up, tmp_path)
+@pytest.fixture(scope="module")
+def loop(made_up, tmp_path_factory) -> tuple:
+    """A carriage fitted to a made-up record, and the loop that it moves in."""
+    car, folder = vehicle("emps"), tmp_path_factory.mktemp("loop")
+    paths = module("emps", "convert").convert(made_up, folder)
     fitted = FittedMachine.of(read_log(paths[:1], car), car)
-    loop = tools.Loop.of(made_up / "DATA_EMPS.mat", fitted)
-    push = 3.0 * np.sin(2 * np.pi * 2.0 * loop.time)
-    alone, pushed = (loop.moved(each, 0.0 * push) for each in (0.0 * push, push))
-    assert np.abs(pushed["position"] - pd.read_parquet(own)["position"]).max() < 1e-3
-    errors = [tools.force_error(fitted, tools.motion(table)) for table in (alone, pushed)]
-    expected, moves = np.interp(alone["time"], loop.time, push), alone["speed"].abs() > 0.02
-    assert (errors[0] - errors[1])[moves] == pytest.approx(expected[moves], abs=0.3)
+    return fitted, module("emps", "closed_loop").Loop.of(made_up / "DATA_EMPS.mat", fitted)
 
 
-def test_disturbances_of_a_draw_are_of_moves_alone(made_up, tmp_path):
-    car, tools = vehicle("emps"), module("emps", "closed_loop")
-    paths = module("emps", "convert").convert(made_up, tmp_path)
-    loop = tools.Loop.of(made_up / "DATA_EMPS.mat", FittedMachine.of(read_log(paths[:1], car), car))
-    assert max(np.abs(piece).max() for piece in loop.disturbances) < 15.0  # at rest up to 20 N
-    first, again, other = (loop.record(np.random.default_rng(seed)) for seed in (1, 1, 2))
+def test_the_carriage_in_the_records_own_noise_moves_as_recorded(loop):
+    made = loop[1].moved(loop[1].noise())
+    for name in ("position", "speed", "force"):
+        recorded = loop[1].record[name]
+        assert made[name].to_numpy() == pytest.approx(recorded, abs=1e-4 * np.ptp(recorded))
+
+
+def test_a_draw_follows_the_goal_and_its_innovations_are_those_of_the_record(loop, tmp_path):
+    """As the program that asks sees them, not as the draw was made."""
+    fitted, own = loop
+    noise = own.noise()
+    first, again, other = (own.moved(noise.drawn(np.random.default_rng(s))) for s in (1, 1, 2))
     pd.testing.assert_frame_equal(first, again)
     assert np.std(first["force"] - other["force"]) > 0.1
+    assert np.abs(first["position"] - own.record["position"]).max() < 1e-3
+    first.to_parquet(tmp_path / "draw.parquet", index=False)
+    drawn = read_log([tmp_path / "draw.parquet"], fitted.vehicle)
+    [prediction] = fitted.predicted(drawn, "speed")
+    rows = np.searchsorted(own.record["time"], prediction.time - 1e-6)
+    expected = noise.drawn(np.random.default_rng(1)).speed[rows]
+    assert len(rows) > 100
+    off = np.abs(prediction.error - expected)
+    # but at corners of the force, which are interpolated otherwise
+    assert np.mean(off < 0.1 * np.std(expected)) > 0.9
+
+
+def test_by_exact_inputs_derivatives_are_those_of_the_innovations(made_up, tmp_path):
+    """Though the equations are off: no input explains by its noise what they lack."""
+    text = (MACHINES / "emps" / "emps.py").read_text()
+    (tmp_path / "emps.py").write_text(re.sub(r"(cm\.Input\(.*)\),\n", r"\1, exact=True),\n", text))
+    (tmp_path / "emps.toml").write_text((MACHINES / "emps" / "emps.toml").read_text())
+    car = load_vehicle(tmp_path / "emps.toml", trust=True)
+    paths = module("emps", "convert").convert(made_up, tmp_path)
+    problem = problem_of(read_log(paths[:1], car), car)
+    names = [str(t) for t in problem.thetas]
+    off, mass, step = np.zeros(len(names)), names.index("mass"), 0.02
+    off[names.index("coulomb")] = 1.5  # 15 N too much
+
+    def linearised(change: float):
+        theta = off.copy()
+        theta[mass] += change
+        [drive] = problem.linearise(theta, {}, None, problem.implied(theta, {}))
+        return drive
+
+    change = (linearised(step).r - linearised(-step).r) / (2.0 * step)
+    assert np.std(linearised(0.0).r) > 3.0
+    assert linearised(0.0).psi[:, mass] == pytest.approx(change, abs=0.02 * np.abs(change).max())
 
 
 def test_noise_of_a_draw_is_coloured_like_the_residuals():

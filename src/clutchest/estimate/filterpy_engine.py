@@ -105,7 +105,8 @@ def filterpy_of(
 def _without_events(setup: DriveSetup) -> Timeline:
     """Regimes and the inputs' noise, and a moment with every input at its default."""
     inputs = setup.model.inputs
-    mapped = [setup.vehicle.signals.get(item.name) for item in inputs]
+    signals = setup.vehicle.signals
+    mapped = [None if item.exact else signals.get(item.name) for item in inputs]
     one = np.zeros(1, np.int64)
     W, Q, longest = setup.tables
     return Timeline(

@@ -275,6 +275,8 @@ def _inputs(
             continue
         signal, sigma = present[item.name], noises.get(item.name, setup.noise(item.name))
         u[:, j] = signal.at(t, LOST if item.name in fast else 0.0)
+        if item.exact:
+            continue
         variance[j] = sigma**2
         if item.name not in model.slopes:  # a slope's noise cancels when it is summed up
             period = timings[item.name].period

@@ -160,7 +160,8 @@ def _tracked(
     model: Model, line: Timeline, whole: Timeline, which: NDArray[np.bool_]
 ) -> TrackedStates:
     """Measured rates of the tracked states at every event of ``line``, and their values without the
-    noise of their readings, all of which are on the ``whole`` one."""
+    noise of their readings, all of which are on the ``whole`` one; none of what exact inputs
+    drive."""
     act = np.full(len(line.t), bool(model.tracked) or not model.regime)
     for flag, _ in model.renewed.values():
         act |= line.W[line.row, model.regime.index(flag)] > 0
@@ -168,7 +169,7 @@ def _tracked(
     value = rate.copy()
     edges = line.t[1:][np.diff(act) != 0]
     for j, i in enumerate(np.flatnonzero(which)):
-        if model.states[i].name not in model.renewed:
+        if model.states[i].name not in model.renewed or _exactly_driven(i, model):
             continue
         read = whole.sensor == model.sensor(model.states[i].name)
         t, z = whole.t[read], whole.z[read]
@@ -180,6 +181,15 @@ def _tracked(
         rate[:, j] = np.interp(line.t, t, np.concatenate(rates))
         value[:, j] = np.interp(line.t, t, np.concatenate(values))
     return TrackedStates(which, act, rate, value, _corrected(model, line, which), _settling(model))
+
+
+def _exactly_driven(state: np.intp, model: Model) -> bool:
+    """Whether every input that moves a state is exact.  No measured rate tells then where in its
+    noise an input lies: what the state is off its course is an error of the equations, and where
+    inputs explain it, derivatives are not those of the innovations."""
+    rate, u = model.expressions().rate[int(state)], model.expressions().u
+    driving = [item for j, item in enumerate(model.inputs) if ca.depends_on(rate, u[j])]
+    return bool(driving) and all(item.exact for item in driving)
 
 
 def _corrected(model: Model, line: Timeline, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -205,7 +215,10 @@ def _inputs(
     between = _interpolated(signals, vehicle, model, line, whole, slow)
     apart = spacing(line.t)
     mapped = [vehicle.signals.get(item.name) for item in model.inputs]
-    noise = [s.noise if s else np.inf for s in mapped]
+    noise = [
+        0.0 if item.exact else s.noise if s else np.inf
+        for item, s in zip(model.inputs, mapped, strict=True)
+    ]
     ar = [s.noise_ar if s else 0.0 for s in mapped]
     dragging = model.expressions().dragging
     denoised, deadbands = {}, {}

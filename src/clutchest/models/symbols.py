@@ -73,7 +73,9 @@ class Parameter:
 @dataclass(frozen=True, slots=True)
 class Input:
     """A signal that drives the equations.  ``default`` is used where no such signal is mapped;
-    None: the model requires the signal.  ``gap``: longest gap, s, that may be bridged."""
+    None: the model requires the signal.  ``gap``: longest gap, s, that may be bridged.  ``exact``:
+    its noise is nothing beside what the equations are off by, and derivatives are those at its
+    readings.  What a controller makes at once of a sensor's noise is not exact."""
 
     name: str
     unit: str
@@ -81,6 +83,7 @@ class Input:
     what: str
     default: float | None = None
     gap: float = 0.5
+    exact: bool = False
 
 
 @dataclass(frozen=True, slots=True)
