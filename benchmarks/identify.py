@@ -5,7 +5,8 @@
 
 Every seed is another machine, its parameters drawn from the vehicle file's spreads, and another run
 of each experiment by the independent generator; the vehicle file is what is known before.  Of the
-differential `I2-10kHz` is I2 with current and voltage at 10 kHz, `all` all logs of one specimen at
+differential `I2-10kHz` is I2 with current and voltage at 10 kHz, `I7-refit` what `--refit` gives
+beside I7, `all` all logs of one specimen at
 once, `chain` one after the other, each from the vehicle file that the one before it wrote.  Printed
 are, per parameter that was determined in a seed: how often the truth lay within two standard
 deviations, with the 95 % interval of that share (Clopper, Pearson); the mean error in standard
@@ -34,7 +35,7 @@ from clutchest.generator.generate import draw
 from clutchest.identify import identify_vehicle
 from clutchest.identify.fit import Fitted
 from clutchest.identify.likelihood import Posterior
-from clutchest.identify.parameters import determined, posterior_of, procedure_of
+from clutchest.identify.parameters import DETERMINED, determined, posterior_of, procedure_of
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
@@ -57,9 +58,16 @@ LOGS: Mapping[str, Mapping[str, Experiments]] = {
         "disc": RAMPS,
         "all": RAMPS + HEATING,
     },
-    "alsd": {**AT_200_HZ, "I2-10kHz": FAST, "all": SPECIMEN, "chain": SPECIMEN},
+    "alsd": {
+        **AT_200_HZ,
+        "I2-10kHz": FAST,
+        "I7-refit": BENCHES["I7"],
+        "all": SPECIMEN,
+        "chain": SPECIMEN,
+    },
 }
 VEHICLES = {"dry_clutch": "truck", "alsd": "alsd_rig"}
+REFIT = "refit"
 SAMPLED = 1e-4  # s, by a recorder of its own
 ALLOWED, POOLED, BIAS = (0.92, 0.98), (0.94, 0.97), 0.2
 
@@ -121,8 +129,11 @@ def _on_benches(name: str, vehicle: Vehicle, drives: Drives, truth: Mapping[str,
     if name != "chain":
         first, *later = (drives[log] for log in logs)
         signals = replace(first, later=tuple(later))
-        fit = identify_vehicle(name.partition("-")[0], signals, vehicle, lambda text, share: None)
-        return _errors(fit.parameters, truth)
+        procedure, _, way = name.partition("-")
+        fit = identify_vehicle(
+            procedure, signals, vehicle, lambda text, share: None, refit=way == REFIT
+        )
+        return _refitted(fit.parameters, truth) if way == REFIT else _errors(fit.parameters, truth)
     found: Found = {}
     for log in logs:
         fit = identify_vehicle(log[0], drives[log], vehicle, lambda text, share: None)
@@ -136,6 +147,14 @@ def _errors(fits: Mapping[str, Fitted], truth: Mapping[str, float]) -> Found:
         key: ((f.value - truth[key]) / f.std, f.std / f.prior_std)
         for key, f in fits.items()
         if f.determined and f.std and f.prior_std
+    }
+
+
+def _refitted(fits: Mapping[str, Fitted], truth: Mapping[str, float]) -> Found:
+    return {
+        key: ((f.refit.value - truth[key]) / f.refit.std, f.refit.std / f.prior_std)
+        for key, f in fits.items()
+        if f.refit and f.prior_std and f.refit.std < DETERMINED * f.prior_std
     }
 
 

@@ -2,8 +2,9 @@
 
     python benchmarks/faults/differential.py --out FOLDER [--healthy 40] [--injected 12]
 
-Every run is of another specimen, drawn from the spreads of the vehicle file.  Records in FOLDER are
-kept, so that it continues where it was stopped.
+Every run is of another specimen, drawn from the spreads of the vehicle file.  Of a fault, every
+second seed has it from the start, the others from a time within the run on.  Records in FOLDER are
+kept, so that it continues where it was stopped, and shards may share it.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ from clutchest.vehicle import load_vehicle
 DURATION = 60.0  # s
 RUNS = ("rig-steps", "rig-slow", "rig-ramps", "car", "slip-oil-sweep", "coast")
 VEHICLES = {"car": "alsd_car"}
-# fault → sizes, in turn; from the start of the run
+ONSET = (15.0, 35.0)  # s, between which a fault begins within a run
+# fault → sizes, in turn
 CASES: dict[str, tuple[float, ...]] = {
+    "angle_offset": (0.1, -0.2),
     "ball_ramp_friction": (1.0, -0.8),
     "current_gain": (0.12, -0.15),
     "friction_fade": (0.05, 0.1),
@@ -40,10 +43,12 @@ CASES: dict[str, tuple[float, ...]] = {
 }
 
 
-def tested(scenario: str, seed: int, effects: dict[str, Any]) -> FaultTestResults:
+def tested(
+    scenario: str, seed: int, effects: dict[str, Any], onset: float = 0.0
+) -> FaultTestResults:
     """The tests of the equations over one run."""
     vehicle = load_vehicle(VEHICLES.get(scenario, "alsd_rig"))
-    signals = clutchest.simulate(vehicle, scenario, seed, effects, duration=DURATION)
+    signals = clutchest.simulate(vehicle, scenario, seed, effects, duration=DURATION, onset=onset)
     blocks = blocks_of(signals, vehicle, effects_for(vehicle.machine))
     rate = vehicle.false_alarms_per_1000h
     return run_fault_tests(blocks, vehicle.machine, rate, DURATION / 3600.0)
@@ -63,28 +68,49 @@ def healthy(seed: int) -> dict[str, Any]:
         "detectable": {r.fault.name: r.detectable for r in results.faults},
         "begins": {r.fault.name: float(r.begins.max()) for r in results.faults},
         "was": {r.fault.name: float(r.was.max()) for r in results.faults},
+        **blocks(results),
+    }
+
+
+def blocks(results: FaultTestResults) -> dict[str, Any]:
+    """What the tests rest on, block by block."""
+    residuals = results.residuals
+    return {
+        "end": results.blocks.end.tolist(),
+        "count": residuals.count.tolist(),
+        "chi_square": residuals.chi_square.tolist(),
+        "z": residuals.z.tolist(),
+        "information": residuals.information.tolist(),
+        "level": results.noise_model.level,
+        "misfits": results.misfit.tolist(),
     }
 
 
 def injected(fault: str, seed: int) -> dict[str, Any]:
     """What a run with one fault gives."""
-    size = CASES[fault][seed % len(CASES[fault])]
+    size = CASES[fault][seed // 2 % len(CASES[fault])]
+    onset = float(np.random.default_rng(seed).uniform(*ONSET)) if seed % 2 else 0.0
     declared = next(f for f in load_vehicle("alsd_rig").machine.faults if f.name == fault)
-    results = tested("rig-steps", seed, {fault: {declared.key: size}})
+    results = tested("rig-steps", seed, {fault: {declared.key: size}}, onset)
     detected = [r for r in results.faults if r.detected is not None]
     names, d_prime = separability(results, np.array([r.fault.size for r in results.faults]))
     row = names.index(fault)
     scale = abs(size) / declared.size
+    if onset:  # only what follows it tells
+        scale *= np.sqrt(1.0 - onset / DURATION)
     rivals = [d_prime[row, k] for k, name in enumerate(names) if name != fault]
     record: dict[str, Any] = {
         "fault": fault,
         "seed": seed,
         "size": size,
+        "onset": onset,
         "d_prime": float(d_prime[row, -1] * scale),
         "d_prime_nearest": float(min(rivals) * scale),
         "nearest": names[[k for k, n in enumerate(names) if n != fault][int(np.argmin(rivals))]],
         "set": [],
         "detected_s": None,
+        "failed": [r.fault.name for r in results.faults if r.status == "failed"],
+        **blocks(results),
     }
     if detected:
         first = min(detected, key=lambda r: r.detected or 0)

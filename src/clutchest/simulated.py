@@ -48,9 +48,10 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 class Options(TypedDict, total=False):
-    """``duration`` s, default the scenario's own; ``nominal``: parameters as they stand in the
-    vehicle file, not drawn from their spreads; ``truck_seed``: seed of the parameters, default that
-    of the drive; ``disturbances``: name → size of what varies during the drive, see
+    """``duration`` s, default the scenario's own; ``onset`` s, from which the effects act, of
+    machines whose generator can begin them within a drive; ``nominal``: parameters as they stand in
+    the vehicle file, not drawn from their spreads; ``truck_seed``: seed of the parameters, default
+    that of the drive; ``disturbances``: name → size of what varies during the drive, see
     :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of all noise instead
     of the file's; ``outliers``: share of samples that are outliers; ``outsider``: an unmodelled
     effect, see :class:`clutchest.generator.Outsider`; ``mismatch``: what sets a
@@ -58,6 +59,7 @@ class Options(TypedDict, total=False):
     ``effects_files``: a user's own effects, which ``effects`` may name beside the library's."""
 
     duration: float | None
+    onset: float
     nominal: bool
     truck_seed: int | None
     disturbances: Mapping[str, float]
@@ -233,6 +235,7 @@ def _sampled(
         nominal=options.get("nominal", False),
         duration=options.get("duration"),
         effects=every,
+        onset=options.get("onset", 0.0),
         outliers=options.get("outliers", 0.0),
         truck_seed=options.get("truck_seed"),
         disturbances=Disturbances.of(options.get("disturbances", {})),

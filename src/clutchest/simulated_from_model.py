@@ -56,6 +56,7 @@ def generate(vehicle: Vehicle, request: DriveRequest) -> Sampled:
     Raises ClutchestError for what is unknown, for disturbances that only a generator of its own
     makes, for inputs that the excitation does not give, and where the states do not stay finite.
     """
+    request.from_the_start()
     unmade = request.outsider or request.deviations or request.mismatch != Mismatch()
     if any(request.disturbances.sizes().values()) or unmade:
         raise ClutchestError(

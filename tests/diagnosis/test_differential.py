@@ -18,9 +18,9 @@ FAULTS = {
 }
 
 
-def _tested(seed: int, effects: dict) -> FaultTestResults:
+def _tested(seed: int, effects: dict, onset: float = 0.0) -> FaultTestResults:
     rig = clutchest.load_vehicle("alsd_rig")
-    signals = clutchest.simulate(rig, "rig-steps", seed, effects, duration=DURATION)
+    signals = clutchest.simulate(rig, "rig-steps", seed, effects, duration=DURATION, onset=onset)
     blocks = blocks_of(signals, rig, effects_for(rig.machine))
     return run_fault_tests(blocks, rig.machine, rig.false_alarms_per_1000h, DURATION / 3600.0)
 
@@ -41,3 +41,17 @@ def test_a_fault_is_detected_and_told_from_all_others(fault):
     onsets = sorted({0, *(int(r.onset[r.detected]) for r in detected)})
     ranked = explanations(results, onsets, len(results.blocks))
     assert not_excluded(ranked) == (fault,)
+
+
+@pytest.mark.slow
+def test_an_encoder_that_slips_within_the_drive():
+    onset = 33.9
+    results = _tested(101, {"angle_offset": {"offset": 0.1}}, onset)
+    found = next(r for r in results.faults if r.fault.name == "angle_offset")
+    assert found.detected is not None
+    ends = results.blocks.end
+    assert onset < ends[found.detected] < onset + 5.0
+    assert ends[int(found.onset[found.detected])] > onset > 30.0
+    ranked = explanations(results, [int(found.onset[found.detected])], len(results.blocks))
+    assert not_excluded(ranked) == ("angle_offset",)
+    assert ranked[0].size == pytest.approx(0.1, rel=0.1)

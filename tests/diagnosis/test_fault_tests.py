@@ -9,7 +9,14 @@ import pytest
 from linear_drive import linear_drive
 from scipy.stats import chi2
 
-from clutchest.diagnosis.fault_tests import LEAST, SHORTEST_H, mixture_ratio, run_fault_tests
+from clutchest.diagnosis.fault_tests import (
+    LEAST,
+    SCATTER,
+    SHORTEST_H,
+    mixture_ratio,
+    run_fault_tests,
+    surprise,
+)
 from clutchest.diagnosis.thresholds import glr_path, threshold
 from clutchest.models import machine_of
 
@@ -85,3 +92,17 @@ def test_a_block_that_no_fault_explains_is_a_misfit(results):
     odd = run_fault_tests(replace(drive, gram=gram), MACHINE, RATE, 2.0)
     assert odd.misfit_detected == 40
     assert not any(result.status == "failed" for result in odd.faults)
+
+
+@pytest.mark.parametrize("count", [50, 500, 5000])
+def test_a_level_that_scatters_is_no_misfit(count):
+    """Blocks of healthy noise whose level differs a little exceed a p-value about as often as it
+    says, which long ones taken for exact would not; a level 1.4 times as high is seen in them."""
+    rng, alpha, blocks = np.random.default_rng(3), 1e-3, 400_000
+    level = 1.0 + SCATTER * rng.standard_normal(blocks)
+    ratio = level * rng.chisquare(count, blocks) / count
+    share = np.mean(surprise(ratio, np.full(blocks, count)) > -np.log(alpha))
+    assert 0.5 * alpha < share < 1.5 * alpha
+    if count == 5000:
+        assert np.mean(chi2.sf(ratio * count, count) < alpha) > 10 * alpha
+        assert surprise(np.array([1.4]), np.array([count]))[0] > 15.0

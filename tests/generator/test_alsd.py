@@ -159,6 +159,37 @@ def test_an_effect_is_absent_at_zero_and_seen_otherwise(name: str) -> None:
     assert any(not np.allclose(without[n], present[n], rtol=0, atol=1e-9) for n in without)
 
 
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("angle_offset", {"offset": 0.1}), ("motor_friction", {"change": 1.0})],
+)
+def test_an_effect_begins_within_a_drive(name: str, values: Mapping[str, float]) -> None:
+    """Bit by bit the drive without it before its onset, another one after it."""
+    without = drive("rig-steps", duration=4.0)
+    found = drive("rig-steps", duration=4.0, effects={name: values}, onset=2.5)
+    time, angle = found.signals["motor_angle"]
+    healthy = without.signals["motor_angle"][1]
+    before = time < 2.5
+    assert np.array_equal(angle[before], healthy[before])
+    assert np.abs(angle - healthy)[~before].max() > 0.05
+
+
+def test_the_onset_of_an_effect_that_is_none_changes_nothing() -> None:
+    """The plant goes on where it was, in every state."""
+    whole, cut = (drive("car", duration=3.0, onset=onset) for onset in (0.0, 1.7))
+    for name, (_, value) in whole.signals.items():
+        assert np.array_equal(value, cut.signals[name][1])
+    for name, value in whole.truth.columns.items():
+        assert np.array_equal(value, cut.truth.columns[name])
+
+
+def test_a_pack_worn_at_once_has_the_wider_play_from_then_on() -> None:
+    worn = {"free_play_growth": {"growth": 5e-5}}
+    truth = drive("rig-steps", duration=4.0, effects=worn, onset=2.0).truth
+    free_play = truth.columns["free_play"]
+    assert free_play[truth.time > 2.01] - free_play[0] == pytest.approx(5e-5)
+
+
 def test_wear_widens_the_free_play_with_slip_energy() -> None:
     o = record(held(7.0), {"free_play_growth": {"rate": 0.01}})
     grown = o["free_play"] - rig()["free_play"]
@@ -204,6 +235,8 @@ def test_bad_requests_are_refused() -> None:
         drive("rig-step")
     with pytest.raises(ClutchestError, match="scenario 'car' is for a car"):
         simulated(rig(), {}, "car", 1, [Channel("motor_angle", "M", 0.005)])
+    with pytest.raises(ClutchestError, match="onset 3 s: expected 0 to the 2 s"):
+        drive("rig-steps", duration=2.0, onset=3.0)
     with pytest.raises(ClutchestError, match="unknown effect 'wear'"):
         drive("rig-steps", duration=1.0, effects={"wear": {}})
     with pytest.raises(ClutchestError, match="parameter 'free_play' is missing"):

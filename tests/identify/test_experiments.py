@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -18,7 +19,7 @@ from clutchest.generator.alsd.generate import draw
 from clutchest.identify import identify_vehicle, procedures
 from clutchest.identify.bench_records import bench_records
 from clutchest.identify.equation_errors import fit_errors
-from clutchest.identify.fit import Fit
+from clutchest.identify.fit import Fit, fit_rows
 from clutchest.models import machine_of
 from clutchest.models.experiments import NO_OWN, BenchSection, EquationErrors
 from clutchest.vehicle import load_vehicle
@@ -233,3 +234,49 @@ def test_the_command_takes_the_bench_from_option_metadata_or_data(tmp_path):
     assert many.exit_code != 0
     other = command("I1", held, "--bench", "car", "--out", out)
     assert other.exit_code == 1 and "these are from car" in str(other.exception)
+
+
+# --- beside it: the likelihood of all readings ---
+
+
+@pytest.mark.slow
+def test_the_likelihood_of_the_record_beside_the_experiments():
+    """Every number of I7 by both ways: right, and not the same number twice."""
+    fit = identify_vehicle("I7", log("I7"), RIG, refit=True)
+    for key in ("ball_ramp_stiffness", "pack_stiffness", "free_play", "gear_backlash"):
+        found = fit.parameters[key]
+        assert abs(found.refit.value - TRUTH[key]) < 4 * found.refit.std, key
+        assert found.refit.std < RIG.parameters[key].spread
+        assert found.refit.value != found.value
+    assert fit.parameters["free_play"].refit.bench == "rig"
+    assert "likelihood of the record from" in json.dumps([row.remark for row in fit_rows(fit, RIG)])
+
+
+def test_no_refit_unless_asked_for_and_none_of_another_procedure():
+    quiet = run("I3", log("I3", duration=18.0))
+    assert all(fitted.refit is None for fitted in quiet.parameters.values())
+    truck = load_vehicle("truck")
+    with pytest.raises(ClutchestError, match="fitted by the likelihood already"):
+        identify_vehicle("disc", clutchest.read_log("demo", truck), truck, refit=True)
+
+
+@pytest.mark.parametrize("bench", machine_of("alsd").benches.names)
+def test_the_equations_on_a_bench_leave_out_what_is_not_there(bench):
+    on_bench = machine_of("alsd").on_bench(bench)
+    assert on_bench is machine_of("alsd").on_bench(bench), "declared once, not for each fit"
+    model = on_bench.to_fit(RIG.signals)
+    written = model.expressions()
+    rate = written.rate[model.state("motor_speed")]
+    assert ca.depends_on(rate, written.x) == (bench != "rotor-held")
+    loaded = ca.depends_on(rate, written.x[model.state("plate_position")])
+    assert loaded == (bench not in ("rotor-held", "motor-alone"))
+    plate = written.rate[model.state("plate_position")]
+    pressed = [q.key for q in model.parameters].index("pack_stiffness")
+    assert ca.depends_on(plate, written.p[pressed]) == (bench not in ("no-pack", "output-fixed"))
+
+
+def test_a_bench_without_equations_is_refused():
+    with pytest.raises(ClutchestError, match=r"no equations on bench 'rigs'.*rig"):
+        machine_of("alsd").on_bench("rigs")
+    with pytest.raises(ClutchestError, match="declares no equations on bench"):
+        machine_of("dry_clutch").on_bench("rig")

@@ -122,7 +122,7 @@ def test_turning_evenly_within_the_play_takes_the_motors_own_friction(bench):
     motion = np.stack([speed * time, np.full(len(time), speed), np.zeros(len(time))], axis=1)
     numbers = np.array([tuple(RIG[key] for key in path_torque.KEYS)], path_torque._NUMBERS)[0]
     torque = np.empty(len(time))
-    path_torque.along(time, motion, path_torque.BENCH_NUMBERS[bench], numbers, torque)
+    path_torque.along(time, motion, path_torque.BENCH_NUMBERS[bench], numbers, 0.0, torque)
     over = RIG["motor_static_torque"] - RIG["motor_coulomb_torque"]
     slow = (speed / RIG["motor_stribeck_speed"]) ** RIG["motor_stribeck_exponent"]
     level = RIG["motor_coulomb_torque"] + over * np.exp(-slow)
@@ -137,3 +137,19 @@ def test_an_armature_ends_where_loss_and_conductance_balance():
     armature_heat._heated(20.0, rise, decay, oil, loss, temp)
     balance = (rise[0] * 50.0 + decay * 60.0) / (decay - rise[1] * 50.0)
     assert temp[0] == 20.0 and temp[-1] == pytest.approx(balance, rel=1e-9)
+
+
+def test_an_output_held_off_its_rest_moves_the_contact():
+    """By K_br d: the motor meets the ball ramp so much later."""
+    time = np.linspace(0.0, 2.0, 2001)
+    angle = 2.0 * time
+    motion = np.column_stack([angle, np.full(len(time), 2.0), np.zeros(len(time))])
+    numbers = np.array([tuple(RIG[key] for key in path_torque.KEYS)], path_torque._NUMBERS)[0]
+    contact = []
+    for held in (0.0, 2e-6):
+        torque = np.empty(len(time))
+        path_torque.along(time, motion, path_torque.OUTPUT_FIXED, numbers, held, torque)
+        free = torque[(angle > 0.05) & (angle < 0.15)].mean()
+        contact.append(angle[np.argmax(torque > free + 1e-3)] / RIG["gear_ratio"])
+    later = RIG["ball_ramp_ratio"] * 2e-6
+    assert contact[1] - contact[0] == pytest.approx(later, abs=2e-4)

@@ -38,6 +38,15 @@ Bench = Annotated[
     ),
 ]
 
+Refit = Annotated[
+    bool,
+    typer.Option(
+        "--refit",
+        help="Beside each number of an experiment also the one by the likelihood of the "
+        "filter's innovations over its record, up to a minute of processor time each.",
+    ),
+]
+
 
 def identify(
     name: Annotated[
@@ -55,6 +64,7 @@ def identify(
     trust: Trust = False,
     holdout: Holdout = None,
     bench: Bench = None,
+    refit: Refit = False,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,
 ) -> None:
@@ -88,7 +98,7 @@ def identify(
         show("reading", None)
         signals, held_out = read_log(logs, car), read_log(holdout, car) if holdout else None
         benches = _benches(logs, signals, holdout or [], held_out, bench or [], car)
-        fit = run(name, signals, car, show, held_out, benches)
+        fit = run(name, signals, car, show, held_out, benches, refit)
         show("writing", None)
         with finished_into(out) as folder:
             (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")

@@ -61,6 +61,14 @@ class TruthOptions:
             "torque_bias_std Nm, friction_walk 1/√s from friction_std; repeat for several.",
         ),
     ] = None
+    onset: Annotated[
+        float,
+        typer.Option(
+            metavar="S",
+            min=0.0,
+            help="When the effects begin to act, s into the drive; of the differential.",
+        ),
+    ] = 0.0
     truck_seed: Annotated[
         int | None,
         typer.Option(
@@ -168,6 +176,7 @@ def simulate(
                 effects,
                 nominal=truth.nominal,
                 duration=truth.duration,
+                onset=truth.onset,
                 truck_seed=truth.truck_seed,
                 disturbances=disturbances,
                 effects_files=files,

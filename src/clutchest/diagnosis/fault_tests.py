@@ -6,7 +6,8 @@ start*?  The likelihood ratio of a fault of any plausible size to none over the 
 by Ville's inequality exceeds 1/α in a healthy vehicle with a probability of at most α, at any time.
 
 One more test knows no fault: whether a block as a whole is further off than noise explains
-(chi-square of its whitened innovations).  What no known fault explains shows there.
+(chi-square of its whitened innovations).  What no known fault explains shows there.  The level of
+healthy noise scatters a little between states of motion, which thousands of readings would show.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from clutchest.diagnosis.blocks import Blocks
@@ -29,6 +31,7 @@ from clutchest.models.machine import Machine
 from clutchest.signals import Floats
 
 SHORTEST_H = 0.25  # h; a shorter drive counts as this long
+SCATTER = 0.04  # of the mean square of healthy residuals, from block to block
 LEAST = 0.25  # of the smallest size that matters: the lower bound of the GLR's size
 
 
@@ -125,11 +128,19 @@ def run_fault_tests(
         )
         results.append(_result(fault, unit, series, noise_model, chance))
     misfit_at = log(len(blocks) / (2.0 * chance))
-    scaled = residuals.chi_square / noise_model.level**2
-    misfit = -chi2.logsf(scaled, residuals.count) / misfit_at
+    ratio = residuals.chi_square / np.maximum(residuals.count, 1) / noise_model.level**2
+    misfit = surprise(ratio, residuals.count) / misfit_at
     return FaultTestResults(
         machine, blocks, residuals, columns, tuple(results), noise_model, hours, misfit, misfit_at
     )
+
+
+def surprise(ratio: Floats, count: NDArray[np.int64]) -> Floats:
+    """−ln p (B) of blocks whose mean square is ``ratio`` (B) times that of healthy noise, of
+    ``count`` (B) readings each: chi-square, of as many fewer degrees of freedom as make up for a
+    level that scatters from block to block."""
+    freedom = 1.0 / (1.0 / np.maximum(count, 1) + SCATTER**2 / 2.0)
+    return np.asarray(-chi2.logsf(ratio * freedom, freedom))
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,7 @@ def generate(request: DriveRequest) -> Sampled:
 def drive(request: DriveRequest) -> Driven:
     """The same drive as exact sensors follow it; its channels are not asked for."""
     asked, duration = request.plan(SCENARIOS, RANGES)
+    request.from_the_start()
     mismatch = request.mismatch
     plan = mismatch.plan(asked)
     seed, parameters = request.seed, request.parameters

@@ -33,9 +33,10 @@ class DriveRequest:
     vehicle file) with standard deviations ``spreads``, undrawn if ``nominal``, as ``channels`` of a
     bus show it.
 
-    ``duration`` s, the scenario's own unless given; ``effects`` that act; ``outliers`` the share of
-    samples that are far off.  ``truck_seed`` draws the machine's parameters, ``seed`` all that a
-    drive brings: load, road, weather, noise and ``disturbances``; the same unless said.
+    ``duration`` s, the scenario's own unless given; ``effects`` that act, from ``onset`` s on;
+    ``outliers`` the share of samples that are far off.  ``truck_seed`` draws the machine's
+    parameters, ``seed`` all that a drive brings: load, road, weather, noise and ``disturbances``;
+    the same unless said.
     ``outsider``: an unmodelled effect, none of ``effects``; ``mismatch``: what sets a healthy
     machine apart from the model of it; ``deviations``: what a paper admits that its model gets
     wrong.
@@ -49,6 +50,7 @@ class DriveRequest:
     nominal: bool = False
     duration: float | None = None
     effects: Mapping[str, Values] = field(default_factory=dict)
+    onset: float = 0.0
     disturbances: Disturbances = field(default_factory=Disturbances)
     outliers: float = 0.0
     truck_seed: int | None = None
@@ -60,6 +62,13 @@ class DriveRequest:
     def machine_seed(self) -> int:
         """What the machine's own parameters are drawn with."""
         return self.seed if self.truck_seed is None else self.truck_seed
+
+    def from_the_start(self) -> None:
+        """Raises ClutchestError where the effects are to begin within the drive."""
+        if self.onset:
+            raise ClutchestError(
+                f"onset {self.onset:g} s: effects on this machine act from the start of a drive"
+            )
 
     def plan(self, scenarios: Mapping[str, Plan], needed: Iterable[str]) -> tuple[Plan, float]:
         """The scenario of that name and how long it is to last, s.
@@ -74,6 +83,8 @@ class DriveRequest:
         lasts = plan.duration if self.duration is None else float(self.duration)
         if not 0 < lasts < np.inf:
             raise ClutchestError(f"duration {lasts:g} s: expected more than 0 s")
+        if not 0.0 <= self.onset < lasts:
+            raise ClutchestError(f"onset {self.onset:g} s: expected 0 to the {lasts:g} s it lasts")
         for what, number in (("seed", self.seed), ("truck_seed", self.machine_seed)):
             if number < 0:
                 raise ClutchestError(f"{what} {number}: expected 0 or more")

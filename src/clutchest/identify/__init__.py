@@ -45,12 +45,14 @@ def identify_vehicle(
     progress: Progress = lambda text, share: None,
     holdout: Signals | Logs | None = None,
     benches: tuple[Stated, Stated] = ((), ()),
+    refit: bool = False,
 ) -> Fit:
     """Run the procedure of that ``name`` on all drives of ``signals``.
 
     ``signals`` as read, or what ``read_log`` takes; ``vehicle`` as loaded, or what ``load_vehicle``
     takes.  ``holdout``: drives that only measure what the numbers are worth; ``benches`` of each
-    drive of both, for experiments.  Raises ClutchestError where the machine has no such procedure,
+    drive of both, for experiments; with ``refit`` these are also fitted by the likelihood of the
+    filter's innovations.  Raises ClutchestError where the machine has no such procedure,
     or the drives cannot serve.
     """
     from clutchest.reading import as_signals
@@ -75,7 +77,11 @@ def identify_vehicle(
     if experiments:
         from clutchest.identify.experiments import identify_experiments
 
-        return identify_experiments(name, experiments, signals, vehicle, progress, holdout, benches)
+        return identify_experiments(
+            name, experiments, signals, vehicle, progress, holdout, benches, refit
+        )
+    if refit:
+        raise ClutchestError(f"procedure '{name}' is fitted by the likelihood already")
     from clutchest.identify.parameters import identify_parameters, procedure_of
 
     return identify_parameters(procedure_of(name, vehicle), signals, vehicle, progress, holdout)

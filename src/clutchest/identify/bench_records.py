@@ -19,10 +19,12 @@ Stated = Sequence[tuple[BenchSection, ...]]  # of each drive; empty where nothin
 
 @dataclass(frozen=True, slots=True)
 class BenchRecords:
-    """All records of some drives, and notes on how their benches are known."""
+    """All records of some drives, notes on how their benches are known, and of each record the
+    drive and the section that it is."""
 
     records: tuple[BenchRecord, ...]
     notes: tuple[str, ...]
+    sections: tuple[tuple[Signals, BenchSection], ...]
 
     def on(self, benches: Sequence[str]) -> tuple[BenchRecord, ...]:
         """Those of some benches."""
@@ -42,7 +44,7 @@ def bench_records(signals: Signals, vehicle: Vehicle, stated: Stated = ()) -> Be
     benches = vehicle.machine.benches
     if benches is None:
         raise ClutchestError(f"machine '{vehicle.machine.name}' declares no benches")
-    records, notes = [], []
+    records, notes, parts = [], [], []
     for i, drive in enumerate(signals.drives):
         whole = bench_record(drive, vehicle)
         sections = stated[i] if i < len(stated) else ()
@@ -52,7 +54,8 @@ def bench_records(signals: Signals, vehicle: Vehicle, stated: Stated = ()) -> Be
         for section in sections:
             of = whole.between(section.start, section.end)
             records.append(replace(of, bench=section.bench))
-    return BenchRecords(tuple(records), tuple(notes))
+            parts.append((drive, section))
+    return BenchRecords(tuple(records), tuple(notes), tuple(parts))
 
 
 def stated_sections(

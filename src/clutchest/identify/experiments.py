@@ -7,7 +7,7 @@ others.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 
 from clutchest.errors import ClutchestError
 from clutchest.identify.bench_records import BenchRecords, Stated, bench_records
+from clutchest.identify.bench_refit import refits
 from clutchest.identify.equation_errors import BenchPosterior, fit_errors
 from clutchest.identify.fit import NOT_VALIDATED, ErrorChange, Fit, Fitted, Validation
 from clutchest.identify.parameters import as_fitted
@@ -62,10 +63,12 @@ def identify_experiments(
     progress: Progress,
     holdout: Signals | None,
     benches: tuple[Stated, Stated] = ((), ()),
+    refit: bool = False,
 ) -> Fit:
     """The parameters of ``experiments`` from the drives, all else within its spread.
 
-    ``benches`` of each drive of ``signals`` and of ``holdout``, guessed where not stated.  Raises
+    ``benches`` of each drive of ``signals`` and of ``holdout``, guessed where not stated; with
+    ``refit`` each also by the likelihood of the filter's innovations.  Raises
     ClutchestError where no experiment finds what it needs.
     """
     records = bench_records(signals, vehicle, benches[0])
@@ -82,6 +85,9 @@ def identify_experiments(
     sources = tuple(dict.fromkeys(s for drive in signals.drives for s in drive.sources))
     source = f"clutchest identify {name}, {names_of(sources)}"
     parameters = {key: _fitted(reduced, posterior, vehicle.parameters[key], key) for key in wanted}
+    unfitted: list[str] = []
+    if refit:
+        parameters, unfitted = _refitted(parameters, experiments, records, vehicle, progress)
     changed = replace(vehicle, parameters=_changed(vehicle, parameters, source))
     validation = None
     warnings = [w for drive in signals.drives for w in drive.warnings]
@@ -93,13 +99,7 @@ def identify_experiments(
         validation = validate(holdout, reduced_records(experiments, held), vehicle, changed)
         if validation.gained < 0.0:
             warnings.append("on the log held out the new numbers are less probable than the old")
-    undetermined = [key for key, fitted in parameters.items() if not fitted.determined]
-    if undetermined:
-        stay = "they stay" if len(undetermined) > 1 else "it stays"
-        warnings.append(
-            f"these logs do not determine {', '.join(undetermined)}: {stay} at the prior"
-        )
-    warnings += _misfits(reduced, posterior)
+    warnings += [*_undetermined(parameters), *_misfits(reduced, posterior), *unfitted]
     fixed = [key for key in keys if key not in wanted]
     exact = [f"{', '.join(fixed)}: no spread in the vehicle file, taken for exact"] if fixed else []
     return Fit(
@@ -147,6 +147,26 @@ def _fitted(
     fitted = as_fitted(before, *(posterior.of(key) or (before.value, before.spread)))
     why = reduced.why(key)
     return replace(fitted, why=why) if why else fitted
+
+
+def _undetermined(parameters: Mapping[str, Fitted]) -> list[str]:
+    """That some of them stay where they were."""
+    keys = [key for key, fitted in parameters.items() if not fitted.determined]
+    stay = "they stay" if len(keys) > 1 else "it stays"
+    return [f"these logs do not determine {', '.join(keys)}: {stay} at the prior"] if keys else []
+
+
+def _refitted(
+    parameters: dict[str, Fitted],
+    experiments: Sequence[BenchExperiment],
+    records: BenchRecords,
+    vehicle: Vehicle,
+    progress: Progress,
+) -> tuple[dict[str, Fitted], list[str]]:
+    """The same with what the likelihood makes of each, and which record gave nothing."""
+    benches = dict.fromkeys(bench for experiment in experiments for bench in experiment.benches)
+    beside, unfitted = refits(list(parameters), list(benches), records, vehicle, progress)
+    return {k: replace(f, refit=beside.get(k)) for k, f in parameters.items()}, unfitted
 
 
 def _changed(

@@ -26,12 +26,22 @@ NOT_VALIDATED = "not validated on other data: --holdout LOG names a log that is 
 
 
 @dataclass(frozen=True, slots=True)
+class Refit:
+    """``value`` ± ``std`` of a parameter by the likelihood of all readings of the record from one
+    ``bench``."""
+
+    value: float
+    std: float
+    bench: str
+
+
+@dataclass(frozen=True, slots=True)
 class Fitted:
     """One number: ``value`` ± ``std``, 95 % interval ``low`` … ``high``, in ``unit``.
 
     ``prior_std`` is what was known before, None where nothing was.  Not ``determined``: ``why``
     says why, and ``value`` is the vehicle file's.  ``note``: what the number
-    contains.
+    contains.  ``refit``: the same by the likelihood of a whole record, where that was asked for.
     """
 
     value: float
@@ -43,6 +53,7 @@ class Fitted:
     determined: bool = True
     why: str | None = None
     note: str | None = None
+    refit: Refit | None = None
 
     @classmethod
     def unknown(cls, value: float, unit: str, why: str) -> Fitted:
@@ -207,7 +218,7 @@ def fit_rows(fit: Fit, before: Vehicle) -> list[FitRow]:
             was = f"{getattr(before.signals[name], leaf):.4g}{unit}"
             now = f"{fitted.value:.4g}{unit}"
         if fitted.determined:
-            remark = fitted.note or ""
+            remark = "; ".join(filter(None, (fitted.note, _refit_words(fitted))))
             rows.append(FitRow(name, leaf, words, was, now, interval(fitted), remark))
         else:
             rows.append(FitRow(name, leaf, words, was, "–", "", fitted.why or ""))
@@ -243,6 +254,13 @@ def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
         console.print(escape(note))
     for warning in fit.warnings:
         console.print(f"[yellow]warning:[/] {escape(warning)}")
+
+
+def _refit_words(fitted: Fitted) -> str:
+    if fitted.refit is None:
+        return ""
+    value, std = (f"{number:.3g}" for number in (fitted.refit.value, fitted.refit.std))
+    return f"by the likelihood of the record from {fitted.refit.bench}: {value} ± {std}"
 
 
 def _digits(fitted: Fitted) -> int:

@@ -7,13 +7,15 @@ them least, every other uncertain parameter within its prior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import nearest
+from clutchest.models.model import Model
 from clutchest.signals import Floats, Signal
 
 Parameters = Mapping[str, float]  # key → value
@@ -64,11 +66,15 @@ class BenchSection:
 class Benches:
     """The benches of a machine: ``names`` to what each is, in words; ``guess`` makes the sections
     of a record whose bench is not known; ``out_of_place`` those in which the equations of the whole
-    machine certainly do not hold."""
+    machine certainly do not hold; ``fitted`` (bench → signals → model) the form of the equations on
+    each, for fits to whole records."""
 
     names: Mapping[str, str]
     guess: Callable[[BenchRecord], tuple[BenchSection, ...]]
     out_of_place: Callable[[BenchRecord], tuple[BenchSection, ...]] = lambda record: ()
+    fitted: Mapping[str, Callable[[Container[str]], Model]] = field(
+        default_factory=lambda: MappingProxyType({})
+    )
 
 
 @dataclass(frozen=True, slots=True)

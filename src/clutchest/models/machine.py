@@ -8,7 +8,8 @@ name: it asks a :class:`Machine` for the piece, and says in one line where there
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
-from dataclasses import InitVar, dataclass, field, fields
+from dataclasses import InitVar, dataclass, field, fields, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -206,6 +207,23 @@ class Machine:
             effects=_by_name("effects", model, ((effect.name, effect) for effect in effects)),
             **pieces,
         )
+
+    @cached_property
+    def _benches(self) -> dict[str, Machine]:
+        return {}
+
+    def on_bench(self, bench: str) -> Machine:
+        """The same machine, fitted with the form of its equations on one of its benches.  Raises
+        ClutchestError where it declares none for it."""
+        if bench not in self._benches:
+            forms = self.benches.fitted if self.benches else {}
+            if bench not in forms:
+                raise ClutchestError(
+                    f"machine '{self.name}' declares no equations on bench '{bench}'"
+                    + nearest(bench, forms)
+                )
+            self._benches[bench] = replace(self, fitted=forms[bench], check_equations=False)
+        return self._benches[bench]
 
     def to_fit(self, signals: Container[str]) -> Model:
         """The form of the equations whose numbers are fitted, that these signals can drive."""

@@ -162,7 +162,8 @@ class Vehicle(Showing):
     ``checked`` names the messages whose counter and checksum are verified; ``codes``: fault → SPN
     and FMI (None: the fault's own).  ``model_file``: the Python file of a user's own machine;
     ``digests`` of the content of that and of the ``effects_files``, as they were when the vehicle
-    was loaded: other content is not run.
+    was loaded: other content is not run.  ``bench`` of the machine that its logs are from, "" for
+    the machine as a whole.
     """
 
     name: str
@@ -188,6 +189,7 @@ class Vehicle(Showing):
     model_file: Path | None = field(default=None, compare=False)
     digests: Mapping[Path, str] = field(default_factory=dict, compare=False)
     columns: Mapping[str, TableColumn] = field(default_factory=dict)
+    bench: str = ""
 
     def shown(self) -> Shown:
         """The parameters with unit, spread and source."""
@@ -209,8 +211,10 @@ class Vehicle(Showing):
     def machine(self) -> Machine:
         """The machine by name, or the one defined in ``model_file``."""
         if self.model_file is None:
-            return machine_of(self.model)
-        return machine_in_file(self.model_file, self.digests.get(self.model_file, ""))
+            machine = machine_of(self.model)
+        else:
+            machine = machine_in_file(self.model_file, self.digests.get(self.model_file, ""))
+        return machine.on_bench(self.bench) if self.bench else machine
 
     @property
     def library(self) -> Mapping[str, Effect]:

@@ -52,17 +52,21 @@ def generate(request: DriveRequest) -> Sampled:
         )
     _check_place(request)
     parameters, seed = request.parameters, request.seed
-    active = complete(request.effects, EFFECTS, LARGEST)
+    active, without = (complete(e, EFFECTS, LARGEST) for e in (request.effects, {}))
     drawn = draw(parameters, {} if request.nominal else request.spreads, request.machine_seed)
-    record = numbers(drawn, active, parameters["friction_coefficient"], request.deviations)
+    before, record = (
+        numbers(drawn, effects, parameters["friction_coefficient"], request.deviations)
+        for effects in (without, active)
+    )
     profile = plan.profile(stream(seed, "course"), duration)
-    columns = run(profile, record, plan.fast)
+    row = round(request.onset / (plan.fast * STEP))
+    columns = run(profile, record, plan.fast, before, row)
     if not all(np.isfinite(column).all() for column in columns.values()):
         raise ClutchestError(
             f"scenario '{request.scenario}', seed {seed}: these parameters and effects "
             "let the simulation diverge"
         )
-    quantities = _quantities(columns, profile, active)
+    quantities = _quantities(columns, profile, active, request.onset)
     sampled = sample(request.channels, quantities, seed, duration, request.outliers)
     truth = _truth(columns, EVERY // plan.fast)
     benches = _benches(columns["time"], profile)
@@ -90,19 +94,32 @@ def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:
     return drawn
 
 
-def run(profile: NDArray, record: NDArray, fast: int = FAST) -> dict[str, Floats]:
-    """Columns of the record along ``profile``, rows ``fast`` steps apart, from rest."""
+def run(
+    profile: NDArray,
+    record: NDArray,
+    fast: int = FAST,
+    before: NDArray | None = None,
+    onset: int = 0,
+) -> dict[str, Floats]:
+    """Columns of the record along ``profile``, rows ``fast`` steps apart, from rest; with the
+    numbers ``before`` up to row ``onset``."""
     from clutchest.generator.alsd import plant
 
-    p = record[0]
+    first = record[0] if before is None or not onset else before[0]
     state = np.zeros(1, plant.STATE)
     y = state[0]
     y["temp_pack"] = y["temp_armature"] = profile["oil"][0]
-    y["free_play"] = p["free_play"]
+    y["free_play"] = first["free_play"]
     if profile["drive"][0] == plant.SLIP:
-        y["drive_speed"] = profile["driven"][0] * p["final_drive_ratio"]
+        y["drive_speed"] = profile["driven"][0] * first["final_drive_ratio"]
     out = np.zeros((len(profile), len(plant.RECORD)))
-    plant.run(profile, fast, y, p, out)
+    if onset:
+        plant.run(profile[: onset + 1], fast, y, first, out[: onset + 1])
+        at_onset = out[onset].copy()
+        y["free_play"] += record[0]["free_play"] - first["free_play"]
+    plant.run(profile[onset:], fast, y, record[0], out[onset:])
+    if onset:
+        out[onset] = at_onset
     return {
         "time": np.arange(len(profile), dtype=np.float64) * (fast * STEP),
         **dict(zip(plant.RECORD, out.T, strict=True)),
@@ -143,23 +160,27 @@ def _truth(columns: Mapping[str, Floats], every: int) -> Truth:
 
 
 def _quantities(
-    columns: Mapping[str, Floats], profile: NDArray, effects: Mapping[str, Values]
+    columns: Mapping[str, Floats], profile: NDArray, effects: Mapping[str, Values], onset: float
 ) -> Mapping[str, Reading]:
-    """What each sensor reads, without noise, as a function of time."""
+    """What each sensor reads, without noise, as a function of time; effects from ``onset`` s on."""
 
-    def column(value: Floats, gain: float = 1.0, offset: float = 0.0) -> Reading:
-        return lambda t: offset + gain * np.interp(t, columns["time"], value)
+    def column(value: Floats, change: float = 0.0, offset: float = 0.0) -> Reading:
+        def read(t: Floats) -> Floats:
+            true = np.interp(t, columns["time"], value)
+            return true + (t >= onset) * (offset + change * true)
+
+        return read
 
     torque, mean = columns["clutch_torque"], profile["mean_wheel"]
     return {
         "armature_voltage": column(columns["voltage"]),
-        "armature_current": column(columns["current"], 1 + effects["current_gain"]["change"]),
-        "motor_angle": column(columns["motor_angle"], 1.0, effects["angle_offset"]["offset"]),
+        "armature_current": column(columns["current"], effects["current_gain"]["change"]),
+        "motor_angle": column(columns["motor_angle"], 0.0, effects["angle_offset"]["offset"]),
         "slip_speed": column(columns["slip_speed"]),
         "oil_temp": column(columns["oil"]),
         "armature_temp": column(columns["temp_armature"]),
-        "clutch_torque": column(torque, 1 + effects["torque_sensor_gain"]["change"]),
-        "shaft_torque": column(torque, 1 + effects["torque_sensor_gain"]["change"]),
+        "clutch_torque": column(torque, effects["torque_sensor_gain"]["change"]),
+        "shaft_torque": column(torque, effects["torque_sensor_gain"]["change"]),
         "motor_torque": column(columns["motor_torque"]),
         "drive_torque": column(columns["servo_torque"]),
         "drive_angle": column(columns["drive_angle"]),

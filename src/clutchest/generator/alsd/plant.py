@@ -116,7 +116,7 @@ def pack(depth: float, p: Record) -> tuple[float, float]:
 def press(plate: float, angle: float, free_play: float, h: float, bench: int, p: Record) -> float:
     """The plate's position after h s, m: d_e Δd/h = F_br − F_rs + F_lim − F_c, by Newton."""
     if bench == OUTPUT_FIXED:
-        return plate
+        return 0.0  # held where the plate rests
     held = spring(p.spring_preload, p)
     push = spring(p.spring_preload + plate, p)
     damping = p.axial_damping * (_BARE if bench == NO_PACK else 1.0) / h

@@ -35,7 +35,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
         return f"ways up and down share {shared:.0f} rad of the angle, less than {LEAST:g}"
     return EquationErrors(
         path.errors,
-        path.heat.own,
+        path.own,
         (loop(path, record.parameters),),
         (loop_curve(path, "loop.png"),),
     )
@@ -53,7 +53,7 @@ def loop(path: AnglePath, p: Parameters) -> str:
     """Half width and shift of the loop as the paper reads them, in words."""
     angle, speed = path.motion[:, 0], path.motion[:, 1]
     torque = np.full(len(angle), np.nan)
-    torque[path.counts] = path.measured(p, path.heat.own[:, 0])[1]
+    torque[path.counts] = path.measured(p, path.own[:, 0])[1]
     torque -= friction(p, speed)
     widths, shifts = [], []
     for low in np.arange(angle.min(), angle.max(), BIN):
@@ -80,7 +80,7 @@ def loop_curve(path: AnglePath, file: str) -> ExperimentCurve:
     rows = path.counts
 
     def model(p: Parameters, own: Floats) -> tuple[Floats, Floats]:
-        torque = np.where(rows, path.expected(p), np.nan)
+        torque = np.where(rows, path.expected(p, own), np.nan)
         return path.motion[:, 0], torque
 
     return ExperimentCurve(file, ("α_m1, rad", "T_m1, Nm"), path.measured, model)

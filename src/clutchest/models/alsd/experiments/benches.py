@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from clutchest.models.alsd.bench_forms import FORMS
 from clutchest.models.experiments import Benches, BenchRecord, BenchSection
 from clutchest.signals import Floats
 
@@ -125,4 +126,5 @@ BENCHES = Benches(
     },
     guess,
     out_of_place,
+    FORMS,
 )

@@ -61,6 +61,7 @@ GRID = 0.01  # s, over which readings are averaged
 WINDOW = 5  # means that give speed and acceleration
 SLOWEST = 1.5  # Stribeck speeds: slower, the motor sticks and slips
 QUIET = 30.0  # rad/s²: faster changes of the speed are not resolved
+HELD = 1e-7  # m, within which a bench holds the output where the plate rests
 TRAVELLED = 0.3  # rad since the motor turned back, to have its bristles bent the other way
 
 
@@ -103,9 +104,10 @@ def _plate(d, angle, step, bench, p):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def along(time, motion, bench, p, torque):  # type: ignore[no-untyped-def]
+def along(time, motion, bench, p, held, torque):  # type: ignore[no-untyped-def]
     """T_m1, Nm, into ``torque`` (n) at ``time`` (n) of the angle, speed and acceleration ``motion``
-    (n, 3), from rest; in SUBSTEPS between them, straight."""
+    (n, 3), from rest; in SUBSTEPS between them, straight.  An output that is fixed is ``held`` m
+    from where the plate rests."""
     bristle, ramp, plate, before = 0.0, 0.0, 0.0, FLOOR
     for k in range(len(time)):
         last, friction, load = max(k - 1, 0), 0.0, 0.0
@@ -119,7 +121,7 @@ def along(time, motion, bench, p, torque):  # type: ignore[no-untyped-def]
             bristle, friction = _motor_friction(bristle, way, w, p)
 
             angle /= p.gear_ratio
-            plate = 0.0 if bench == OUTPUT_FIXED else _plate(plate, angle, step, bench, p)
+            plate = held if bench == OUTPUT_FIXED else _plate(plate, angle, step, bench, p)
             twist = angle - p.ball_ramp_ratio * plate - p.gear_backlash
             load = p.ball_ramp_stiffness * max(twist, 0.0)
             most = p.ball_ramp_friction * p.ball_ramp_bore / 2.0 * p.ball_ramp_ratio * load
@@ -205,17 +207,24 @@ class AnglePath:
             p["motor_inertia"],
         )
 
-    def expected(self, p: Parameters) -> Floats:
+    @property
+    def own(self) -> Floats:
+        """The armature's temperature at the start, °C; where the output is held, m from rest."""
+        held = np.array([[0.0, HELD]][: int(self.bench == OUTPUT_FIXED)]).reshape(-1, 2)
+        return np.concatenate([self.heat.own, held])
+
+    def expected(self, p: Parameters, own: Floats) -> Floats:
         """T_m1 (n), Nm, that the motion takes."""
         known = {**p, "motor_inertia": self.inertia}
         numbers = np.array([tuple(known[key] for key in KEYS)], _NUMBERS)
         torque = np.empty(len(self.time))
-        along(self.time, self.motion, self.bench, numbers[0], torque)
+        held = float(own[1]) if self.bench == OUTPUT_FIXED else 0.0
+        along(self.time, self.motion, self.bench, numbers[0], held, torque)
         return torque
 
     def errors(self, p: Parameters, own: Floats) -> Floats:
-        """Of current, temperature and, where it is measured, torque; ``own``: that of its heat."""
-        rows, torque, temp = self.counts, self.expected(p), self.heat.temperature(p, own)
+        """Of current, temperature and, where it is measured, torque; ``own`` as it has them."""
+        rows, torque, temp = self.counts, self.expected(p, own), self.heat.temperature(p, own)
         amps = torque[rows] / torque_constant(p, temp[rows])
         errors = [(self.current[rows] - amps) / self.std[0], self.heat.errors(temp)]
         if self.torque is not None:

@@ -29,13 +29,13 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     path = AnglePath.of(record)
     if path is None or not path.counts.any():
         return "the motor does not turn evenly"
-    most = float(np.nanmax(np.abs(path.measured(record.parameters, path.heat.own[:, 0])[1])))
+    most = float(np.nanmax(np.abs(path.measured(record.parameters, path.own[:, 0])[1])))
     if most < LEAST:
         return f"the torque reaches {most:.2f} Nm, less than {LEAST:g} Nm"
     file = "compression.png" if record.bench == "rig" else "compression_fixed.png"
     return EquationErrors(
         path.errors,
-        path.heat.own,
+        path.own,
         (slopes(path, record.parameters, record.bench),),
         (loop_curve(path, file),),
     )
@@ -43,7 +43,7 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
 
 def slopes(path: AnglePath, p: Parameters, bench: str) -> str:
     """Slopes of both branches as the paper reads them, in words."""
-    angle, torque = path.measured(p, path.heat.own[:, 0])
+    angle, torque = path.measured(p, path.own[:, 0])
     speed = path.motion[path.counts, 1]
     found = []
     for way in (1, -1):
