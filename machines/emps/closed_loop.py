@@ -4,7 +4,8 @@ of the model, of which every finding is a false alarm.
 A simulation from the recorded force would be of an open loop.  Here the force answers to what the
 position and the speed read, as on the rig.  Noise enters as what the fitted model leaves of each
 reading when it is predicted one step ahead, and states are corrected by it as the filter does (the
-model in innovations form): a draw's innovations have the colour of the record's.
+model in innovations form).  Of the measured record it does not give the colour yet that the program
+sees there (docs/machines.md).
 """
 
 from __future__ import annotations
