@@ -22,6 +22,7 @@ START_S = 120.0  # for a worker to start in
 PATIENCE_S = 10.0  # without a log that is done, until it is asked whether there is a worker
 SETTLED_S = 1.0  # after its first task, until it counts as started
 _ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
+_FAILURES = "distributed.scheduler.allowed-failures"
 
 
 @contextmanager
@@ -44,7 +45,8 @@ def client_of(scheduler: str | None, workers: int | None) -> Iterator[Client]:
     # Dask has the C library return memory that the next array takes again: a fifth of the time
     environment.pop("MALLOC_TRIM_THRESHOLD_", None)
     with (
-        dask.config.set({_ENVIRONMENT: environment}),
+        # what has lost its worker is not given to the next one while that starts: see ``settle``
+        dask.config.set({_ENVIRONMENT: environment, _FAILURES: 0}),
         LocalCluster(
             n_workers=workers or os.cpu_count() or 1,
             threads_per_worker=1,
@@ -95,16 +97,20 @@ def _require_worker(client: Client) -> None:
         raise ClutchestError(NO_WORKER) from None
 
 
-def alone(client: Client, function: Callable[..., Any], *given: Any) -> Any:
-    """The result of a task while no other one is there: it may have been lost only because it
-    waited behind one that ends its worker.  None where it is lost again.
-
-    A worker that ends while it starts is not started again, so the task comes only when one is
-    up.  Raises ClutchestError where there is none any more.
-    """
+def settle(client: Client) -> None:
+    """Wait until a worker is up and has started: one that ends while it starts, such as by a task
+    that waited for it, is not started again.  Raises ClutchestError where none is left."""
     _require_worker(client)
     for _ in in_turn(client, [client.submit(int, pure=False)]):
         sleep(SETTLED_S)
+
+
+def alone(client: Client, function: Callable[..., Any], *given: Any) -> Any:
+    """The result of a task while no other one is there: it may have been lost only because it
+    waited behind one that ends its worker.  None where it is lost again.  Raises ClutchestError
+    where no worker is left.
+    """
+    settle(client)
     future = client.submit(function, *given, pure=False)
     for _ in in_turn(client, [future]):
         pass

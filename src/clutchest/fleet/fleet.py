@@ -13,7 +13,7 @@ import numpy as np
 from clutchest import __version__
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
-from clutchest.fleet.cluster import alone, client_of, in_turn, survived
+from clutchest.fleet.cluster import alone, client_of, in_turn, settle, survived
 from clutchest.fleet.comparison import FleetComparison, outliers
 from clutchest.fleet.logs import FleetLog, logs_of
 from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, reject
@@ -265,6 +265,7 @@ def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Prog
                         reject(task, LOST, state)
                     break
                 state = row["state"]
+        settle(client)
 
 
 def _all_done(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Progress) -> bool:
