@@ -24,6 +24,7 @@ from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import Projection, family_wise, resampled_scores
 from clutchest.inference.unknowns import UnknownGain
+from clutchest.memory import give_back
 from clutchest.models.error_term_effects import PREFIX
 from clutchest.models.error_terms import ErrorTerm
 from clutchest.signals import Floats
@@ -151,6 +152,7 @@ def tested(
         derivatives, some = _portion(objective, fit, values, portion)
         return _judged(beside.at.r, projection, blocks, choices, derivatives, some, seed)
 
+    give_back()  # of an hour, what is free in between is 100 MiB
     done = shared(judged, _portions(tables, _held(fit) // cores()))
     most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
     # noise has a Bayes factor of B once in B times at most

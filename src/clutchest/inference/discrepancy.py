@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import softmax
 
-from clutchest.inference.cores import shared
+from clutchest.inference.cores import fits_at_once, shared
 from clutchest.inference.input_noise_covariance import main_directions, shown
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import PreparedDrive
@@ -31,6 +31,7 @@ from clutchest.vehicle.state_uncertainty import Wander
 
 # Shares of what is stated that are as likely before any data: every half octave, and none.
 SHARES = np.append(0.0, 2.0 ** (np.arange(-10, 1) / 2.0))
+WIDE = 64  # numbers that a discrepancy holds of every event
 SWEEPS = 2  # over the states, of each given the others
 
 Discrepancy = Wander | SmoothError
@@ -53,7 +54,7 @@ def directions_of(
         scatter /= drive.readings.std[:, None]
         return main_directions(scatter)
 
-    return shared(directions, discrepancies)
+    return shared(directions, discrepancies, fits_at_once(WIDE * len(drive.line.t)))
 
 
 def scattering(

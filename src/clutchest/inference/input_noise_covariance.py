@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.inference.linearisation import Modulation, modulated
 from clutchest.inference.noise_model import NoiseModel, Stretches
@@ -48,7 +49,7 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
     compiled, line, at = drive.compiled, drive.line, drive.at_nominal
     span = np.diff(line.t, prepend=line.t[0])
     rates = _taken_in(drive, vehicle)
-    thetas, bases = list[int](), list[Floats]()
+    thetas, parts = list[int](), list[tuple[NDArray[np.int64], Floats]]()
     for k, unknown in enumerate(of_compiled(compiled, {})):
         if not isinstance(unknown, InputNoise):
             continue
@@ -59,18 +60,17 @@ def input_noise_directions(drive: PreparedDrive, numbers: ModelNumbers, vehicle:
         part = np.minimum(PARTS * grown / grown[-1], PARTS - 1).astype(int)
         # larger where noise does more: then all noise of a part does what one such number does
         own = np.bincount(part, rates[j] ** 2 * span, minlength=PARTS)
-        basis = np.zeros((len(span), PARTS))
-        basis[np.arange(len(span)), part] = rates[j]
-        basis *= np.sqrt(line.noise[j] / np.where(own > 0.0, own, np.inf))
+        size = np.sqrt(line.noise[j] / np.where(own > 0.0, own, np.inf))
         thetas.append(k)
-        bases.append(basis)
+        parts.append((part, rates[j] * size[part]))
     readings = len(drive.readings.t)
     every, some = [np.zeros((readings, 0))], max(int(ENTRIES / max(PARTS * readings, 1)), 1)
-    for begin in range(0, len(bases), some):  # several in one run, as many as memory holds
-        basis = np.column_stack(bases[begin : begin + some])
-        parts = Modulation(basis, np.arange(basis.shape[1]))
+    for begin in range(0, len(parts), some):  # several in one run, as many as memory holds
         of = np.repeat(thetas[begin : begin + some], PARTS)
-        columns = modulated(drive, numbers, at, of, parts)
+        basis = np.zeros((len(span), len(of)))
+        for i, (part, value) in enumerate(parts[begin : begin + some]):
+            basis[np.arange(len(span)), PARTS * i + part] = value
+        columns = modulated(drive, numbers, at, of, Modulation(basis, np.arange(len(of))))
         columns /= drive.readings.std[:, None]
         every += map(main_directions, np.split(columns, len(of) // PARTS, axis=1))
     return main_directions(np.column_stack(every))
