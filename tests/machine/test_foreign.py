@@ -15,6 +15,7 @@ from types import ModuleType
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
 from clutchest.discovery.holdout_gain import BLOCK, FEWEST, LEAST, block_length
@@ -151,9 +152,12 @@ def test_a_draw_follows_the_goal_and_its_innovations_are_those_of_the_record(loo
     rows = np.searchsorted(own.record["time"], prediction.time - 1e-6)
     expected = noise.drawn(np.random.default_rng(1)).speed[rows]
     assert len(rows) > 100
+    corner = maximum_filter1d(np.abs(np.diff(first["force"], 2, prepend=[0.0, 0.0])), 5) > 2.0  # N
+    settled = prediction.time > prediction.time[0] + 0.05  # s: the program estimates its start
+    even = settled & ~corner[rows]  # where the force has a corner, it is interpolated otherwise
+    assert np.mean(even) > 0.5
     off = np.abs(prediction.error - expected)
-    # but at corners of the force, which are interpolated otherwise
-    assert np.mean(off < 0.1 * np.std(expected)) > 0.9
+    assert np.all(off[even] < 0.1 * np.std(expected))
 
 
 def test_by_exact_inputs_derivatives_are_those_of_the_innovations(made_up, tmp_path):
