@@ -306,3 +306,20 @@ def test_without_a_worker_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         clutchest.analyse_fleet(
             str(tmp_path / "logs"), "truck", tmp_path / "out", scheduler=empty.scheduler_address
         )
+
+
+def test_in_place_of_workers_that_do_not_come_another_starts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster_module, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(cluster_module, "START_S", 2.0)
+    with (
+        distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None) as own,
+        distributed.Client(own) as client,
+    ):
+        own.sync(own.workers[0].close)
+        while client.nthreads():
+            time.sleep(0.01)
+        [future] = cluster_module.in_turn(client, [client.submit(int, pure=False)])
+        assert future.result() == 0

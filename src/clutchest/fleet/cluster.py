@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 NO_WORKER = "no worker is left; started again, what is done is kept"
-START_S = 120.0  # for a worker to start in
+START_S = 60.0  # for a worker to start in
 PATIENCE_S = 10.0  # without a log that is done, until it is asked whether there is a worker
 SETTLED_S = 1.0  # after its first task, until it counts as started
 _ENVIRONMENT = "distributed.nanny.pre-spawn-environ"
@@ -71,7 +71,7 @@ def survived(future: Future, otherwise: Callable[[], Any]) -> Any:
 
 def in_turn(client: Client, futures: Sequence[Future]) -> Iterator[Future]:
     """The same futures, each when it is done or lost.  Raises ClutchestError where no worker is
-    left that could do it: one that ends while it starts is not started again."""
+    left that could do it, nor comes."""
     finished: SimpleQueue[Future] = SimpleQueue()
     for future in futures:
         future.add_done_callback(finished.put)
@@ -87,14 +87,25 @@ def in_turn(client: Client, futures: Sequence[Future]) -> Iterator[Future]:
 
 
 def _require_worker(client: Client) -> None:
-    """Wait for a worker to be up, unless there is one, which may be short of memory for a while.
-    Raises ClutchestError where there is none any more."""
-    if client.nthreads():
+    """Wait for a worker to be up, unless there is one, which may be short of memory for a while; on
+    this machine another one is started in place of those that do not come.  Raises ClutchestError
+    where there is none any more."""
+    if client.nthreads() or _comes(client):
         return
+    if (own := client.cluster) is not None:
+        own.scale(len(own.worker_spec) + 1)
+        if _comes(client):
+            return
+    raise ClutchestError(NO_WORKER)
+
+
+def _comes(client: Client) -> bool:
+    """Whether a worker starts in time."""
     try:
         client.wait_for_workers(1, timeout=START_S)
     except TimeoutError:
-        raise ClutchestError(NO_WORKER) from None
+        return False
+    return True
 
 
 def settle(client: Client) -> None:
