@@ -91,7 +91,7 @@ def test_engines_agree_with_every_effect_at_work(model: str, bench: BenchOf) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effects", [False, True], ids=["plain", "every effect"])
-def test_engines_agree_over_half_an_hour(effects: bool, bench: BenchOf) -> None:
+def test_engines_agree_over_ten_minutes(effects: bool, bench: BenchOf) -> None:
     made = bench("dry_clutch")
-    signals = simulate(made.vehicle, "city", 3, duration=1800.0)
+    signals = simulate(made.vehicle, "city", 3, duration=600.0)
     compare(with_every_effect(made) if effects else made.bare, made, signals)
