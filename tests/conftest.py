@@ -20,6 +20,7 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.register_profile("same", derandomize=True)
     settings.register_profile("exploring", derandomize=False)
     settings.load_profile(config.getoption("--hypothesis-profile") or "same")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # processes side by side share the cores
     os.environ.setdefault("CLUTCHEST_CACHE", str(config.rootpath / ".pytest_cache" / "clutchest"))
     os.environ["CLUTCHEST_TRUST"] = str(config.rootpath / ".pytest_cache" / "trusted")
 

@@ -141,6 +141,7 @@ def test_wear_beyond_its_limit(truck):
     assert set(diagnosis.faults[0].set) == {"wear", "position_offset"}
 
 
+@pytest.mark.slow
 def test_a_stuck_sensor_is_not_blamed_on_the_clutch(truck):
     frames, _ = simulate_frames(truck, "city", 51, duration=600.0)
     broken = mangled.resummed(mangled.held(frames, mangled.ACTUATOR, 200.0, 260.0, slice(0, 2)))

@@ -77,6 +77,7 @@ def test_a_cause_that_joined_first_goes_when_another_does_without_it():
     assert all(len(h.causes) == 1 for h in search.rivals)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", ["heating", "mixed"])
 def test_a_large_play_is_found_where_its_slope_at_nought_shows_little(scenario):
     play = 0.42  # mm; where it is small, what it does is of another shape
@@ -139,6 +140,7 @@ def test_a_cause_in_the_model_explains_its_score_away(hidden):
     assert first.p_family_wise(first.p_alone(first.z)[place]) < LEVEL
 
 
+@pytest.mark.slow
 def test_each_of_two_causes_has_the_chance_that_is_its_own():
     """The one that is found first has explained the other, and alone seems surer than it is."""
     hidden = {"centrifugal": {"slope": 0.1}, "friction_speed": {"slope": 0.08}}

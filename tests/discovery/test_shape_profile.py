@@ -43,6 +43,7 @@ def gain(search: Search, h: CauseSet) -> tuple[float, float]:
     return fit.theta[h.causes[0].index] * unit, np.sqrt(np.linalg.inv(precision)[-1, -1]) * unit
 
 
+@pytest.mark.slow
 def test_what_a_shape_leaves_open_is_not_known_of_the_gain() -> None:
     off, of_shape = [], []
     for seed in range(1, 7):
