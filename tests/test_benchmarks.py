@@ -14,6 +14,7 @@ import clutchest
 BENCHMARK = Path(__file__).parents[1] / "benchmarks" / "engines.py"
 
 
+@pytest.mark.slow
 def test_kernel_is_a_hundred_times_faster_than_filterpy():
     """About 200 is usual; the quickest turn of each tells, whatever else the machine does."""
     truck = clutchest.load_vehicle("truck")

@@ -140,6 +140,7 @@ def _outsiders() -> list[str]:
     return [node.name for node in names.body if isinstance(node, ast.ClassDef) and node.bases]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _outsiders())
 def test_an_outsider_acts_where_it_says(drives, plain, name):
     """What falsifies a sensor or its timing leaves the truck alone, and the other sensors; what
@@ -200,6 +201,7 @@ def _near_misses() -> list[str]:
     return [node.name for node in classes if node.name != "NearMiss"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _near_misses())
 def test_a_near_miss_acts_where_it_says(drives, plain, name):
     """What has a law changes the truck, what has readings the sensors, and those alone."""

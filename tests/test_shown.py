@@ -112,6 +112,7 @@ def test_powers_of_units_are_raised():
     assert plus_minus(1.5, 0.1, "kg m^2") == "1.5 ± 0.1 kg m²" and printed("°C") == "°C"
 
 
+@pytest.mark.slow
 def test_diagnoses_and_fits_are_tables_too(run: Run) -> None:
     monitors = clutchest.diagnose(run).to_pandas()
     assert set(monitors["status"]) <= {"passed", "failed", "not run"}

@@ -57,6 +57,7 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
     return compiled, line, prior
 
 
+@pytest.mark.slow
 def test_without_measurements_they_spread_as_the_model_says(
     tanks: tuple[Compiled, Timeline, Belief],
 ) -> None:

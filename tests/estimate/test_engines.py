@@ -35,6 +35,7 @@ def compare(compiled: Compiled, bench: Bench, signals: Signals) -> None:
     assert np.array_equal(ours.P, ours.P.transpose(0, 2, 1))
 
 
+@pytest.mark.slow
 def test_engines_agree_on_what_parameters_may_do(bench: BenchOf) -> None:
     """Schmidt's filter, once with the parameters as states and once through their signatures."""
     made = bench("dry_clutch")
@@ -74,6 +75,7 @@ def noisy(bench: Bench, share: float = 1.0) -> Signals:
     return bench.setup.drive(bench.vehicle, share * bench.setup.duration, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", list(BENCHES))
 def test_engines_agree_over_a_drive(model: str, bench: BenchOf) -> None:
     made = bench(model)
@@ -86,7 +88,7 @@ def test_engines_agree_over_a_drive(model: str, bench: BenchOf) -> None:
 @pytest.mark.parametrize("model", list(BENCHES))
 def test_engines_agree_with_every_effect_at_work(model: str, bench: BenchOf) -> None:
     made = bench(model)
-    compare(with_every_effect(made), made, noisy(made, 0.4))
+    compare(with_every_effect(made), made, noisy(made, 0.2))
 
 
 @pytest.mark.slow

@@ -59,6 +59,7 @@ def test_likelihood_is_that_of_the_samples_that_are_there():
     np.testing.assert_allclose(fast - slow, constant, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ar", [0.0, 0.9])
 def test_noise_of_a_signal_that_wanders_and_is_rounded(ar):
     n, step = 24 * sensor_noise.WINDOW, 0.2

@@ -194,7 +194,7 @@ def test_samples_of_inputs_stay_where_no_reading_is_near(line):
     assert set(t[inside]) <= set(bare)
 
 
-@pytest.mark.parametrize("scenario", ["city", "pulses"])
+@pytest.mark.parametrize("scenario", ["city", pytest.param("pulses", marks=pytest.mark.slow)])
 def test_samples_of_inputs_tell_nothing_beside_readings(scenario, monkeypatch):
     """Every cause's score and information are what they are with all the samples."""
     truck = clutchest.load_vehicle("truck")

@@ -43,6 +43,7 @@ def test_they_come_back_from_a_file_as_stated(tmp_path) -> None:
     assert (again.healthy, again.smooth_errors) == (gains, two)
 
 
+@pytest.mark.slow
 def test_any_curve_as_smooth_as_stated_lies_within_their_directions() -> None:
     """Of what such a curve does to innovations, by the equations with the curve in them, next to
     nothing is left beside the directions."""
