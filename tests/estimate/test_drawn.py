@@ -19,6 +19,7 @@ from drawn import Driver, draw
 
 BenchOf = Callable[[str], Bench]
 DRAWS = 400
+pytestmark = pytest.mark.slow  # of the compiler that draws
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,6 @@ def tanks() -> tuple[Compiled, Timeline, Belief]:
     return compiled, line, prior
 
 
-@pytest.mark.slow
 def test_without_measurements_they_spread_as_the_model_says(
     tanks: tuple[Compiled, Timeline, Belief],
 ) -> None:
