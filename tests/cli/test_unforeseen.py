@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from io import BytesIO, TextIOWrapper
 from pathlib import Path
 
@@ -41,6 +42,15 @@ def test_an_output_that_takes_nothing_is_one_line():
             check=False,
         )
     assert (done.returncode, done.stderr) == (1, "clutchest: No space left on device\n")
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning")
+def test_what_is_loaded_meanwhile_and_fails_says_nothing():
+    """As where a log is missing, and the program ends before the modules are there."""
+    before = set(threading.enumerate())
+    terminal.meanwhile("no_module_of_this_name")
+    for thread in set(threading.enumerate()) - before:
+        thread.join()
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp437"])

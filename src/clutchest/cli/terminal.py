@@ -83,8 +83,9 @@ def meanwhile(*modules: str) -> None:
     work."""
 
     def load() -> None:
-        for module in modules:
-            import_module(module)
+        with suppress(Exception):  # where the module is needed it fails again, and is answered
+            for module in modules:
+                import_module(module)
 
     Thread(target=load).start()
 
