@@ -74,6 +74,10 @@ def test_the_plan_holds_what_it_must():
     assert Case("mismatch", ALL, 0.0, "white", 1000).drive().mismatches == tuple(GROUPS)
     assert Case("null", "", 0.0, "white", 1000).drive().mismatches == ()
     few_each = each(["mismatch", "near-miss"], 3)
+    assert set(few_each) == {
+        *each(["mismatch", "near-miss"], 1),
+        *each(["mismatch", "near-miss"], 2, after=1),
+    }
     kinds = [case.cause for case in few_each]
     assert {kinds.count(kind) for kind in kinds} == {3} and set(kinds) > {*GROUPS, *NEAR_MISSES}
     assert drawn(PARTS, 50) == drawn(PARTS, 80)[:50]

@@ -1,7 +1,7 @@
 """The blind suite: causes hidden in simulated drives, looked for by `clutchest discover`.
 
     python benchmarks/blind --out blind-out [--parts null effect two outsider] [--limit 900]
-                            [--least 12] [--each 4] [--shard 0/2] [--measured] [--alone]
+                            [--least 12] [--each 4 [--after 8]] [--shard 0/2] [--measured] [--alone]
     python benchmarks/blind --out blind-out --hour
     python benchmarks/blind --out blind-out --table
     python benchmarks/blind --ci --out blind-ci [--shard 0/2]
@@ -9,10 +9,10 @@
 
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
-one holding the smaller; ``--each`` the first so many of every cause, group or noise of the parts;
-``--least`` only cases aimed at so large a d′.  ``--ci`` is the fixed
-short run, whose sizes are already known; with ``--table`` it fails where a case is missing, or
-where what must be reached lies outside a row's interval.
+one holding the smaller; ``--each`` the first so many of every cause, group or noise of the parts,
+without the ``--after`` so many that were used before; ``--least`` only cases aimed at so large a
+d′.  ``--ci`` is the fixed short run, whose sizes are already known; with ``--table`` it fails where
+a case is missing, or where what must be reached lies outside a row's interval.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour;
 ``--alone`` holds no drive out, which could take a finding back.  The table counts the first run of
 every case and says by which version; ``--again`` runs cases once more, for a second column.
@@ -130,6 +130,7 @@ def main() -> None:
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--limit", type=int, help="a random part of so many cases")
     parser.add_argument("--each", type=int, help="so many cases of every cause of the parts")
+    parser.add_argument("--after", type=int, default=0, help="without the first so many of each")
     parser.add_argument(
         "--least", type=float, default=0.0, metavar="d′", help="only cases aimed at so much or more"
     )
@@ -145,8 +146,10 @@ def main() -> None:
     given.out.mkdir(parents=True, exist_ok=True)
     if given.ci:
         cases = quick()
+    elif given.each:
+        cases = each(given.parts, given.each, given.after)
     else:
-        cases = each(given.parts, given.each) if given.each else drawn(given.parts, given.limit)
+        cases = drawn(given.parts, given.limit)
     cases = [case for case in cases if case.d_prime >= given.least]
     if given.prepare:
         return prepare(cases, given.shard, given.out)

@@ -93,14 +93,14 @@ def drawn(parts: Sequence[str], limit: int | None = None) -> list[Case]:
     return [cases[i] for i in order[:limit]]
 
 
-def each(parts: Sequence[str], count: int) -> list[Case]:
-    """The first ``count`` cases of every cause in these parts, in the order drawn."""
+def each(parts: Sequence[str], count: int, after: int = 0) -> list[Case]:
+    """``count`` cases of every cause in these parts ``after`` so many, in the order drawn."""
     taken: dict[tuple[str, str], int] = {}
     chosen = []
     for case in drawn(parts):
         kind = case.part, case.cause or case.noise
         taken[kind] = taken.get(kind, 0) + 1
-        if taken[kind] <= count:
+        if after < taken[kind] <= after + count:
             chosen.append(case)
     return chosen
 
