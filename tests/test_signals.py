@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.signals import LOST, Signal
+from clutchest.signals import LOST, Signal, Signals
 
 TIME = np.array([1.0, 2.0, 4.0, 15.0, 15.0, 16.0])
 VALUE = np.array([10.0, 20.0, -20.0, 5.0, 7.0, 8.0])
@@ -27,3 +27,14 @@ def test_the_gap_that_is_bridged():
     for step, middle in ((LOST, 4.0), (LOST * 1.01, 0.0)):
         signal = Signal.of("a", "1", np.array([0.0, step]), np.array([0.0, 8.0]))
         np.testing.assert_allclose(signal.at(np.array([step / 2])), middle)
+
+
+def test_a_part_of_a_drive():
+    late = Signal.of("late", "1", np.array([15.5]), np.array([1.0]))
+    drive = Signals({"a": Signal.of("a", "1", TIME, VALUE), "late": late}, end=16.0)
+    part = Signals(drive.signals, end=16.0, later=(drive,)).between(2.0, 15.0)
+    assert list(part) == ["a"] and part.end == 15.0 and part.drives == (part,)
+    np.testing.assert_array_equal(part["a"].time, [2.0, 4.0])
+    np.testing.assert_array_equal(part["a"].value, [20.0, -20.0])
+    assert drive.between(end=99.0).end == 16.0
+    np.testing.assert_array_equal(drive.between(end=99.0)["a"].value, VALUE)

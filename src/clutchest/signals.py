@@ -263,6 +263,16 @@ class Signals(Showing, Mapping[str, Signal]):
         """Names of the signals with a valid sample in this drive."""
         return frozenset(name for name, signal in self.signals.items() if signal.valid.any())
 
+    def between(self, start: float = -np.inf, end: float = np.inf) -> Signals:
+        """The samples of this drive alone from ``start`` s on, before ``end`` s, at the times that
+        they have; signals without any are left out."""
+        inside = {
+            name: signal.take(slice(*np.searchsorted(signal.time, (start, end))))
+            for name, signal in self.signals.items()
+        }
+        kept = {name: signal for name, signal in inside.items() if len(signal)}
+        return replace(self, signals=kept, end=min(end, self.end), later=())
+
     def has_samples_of(self, other: Signals) -> bool:
         """Whether the signals available in both drives have the same values, at whatever times."""
         both = self.available & other.available

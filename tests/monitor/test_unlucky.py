@@ -25,12 +25,15 @@ pytestmark = pytest.mark.slow
 
 
 @contextmanager
-def driving(folder: Path, speed=4):
-    """A bus with the shipped log on it."""
+def monitored(folder: Path, out: Path, *more: object, speed: int = 1, **how: object):
+    """A bus and a session on it that writes to ``out``: its models are compiled when the shipped
+    log begins, so that nothing has piled up."""
     bus = Bus(folder)
-    bus.start("player", "play", "demo", "--speed", speed)
     try:
-        yield bus
+        session = bus.start("session", "monitor", "--vehicle", "truck", "--out", out, *more, **how)
+        wait_for((out / "session.json").exists)
+        bus.start("player", "play", "demo", "--speed", speed)
+        yield bus, session
     finally:
         bus.close()
 
@@ -72,9 +75,7 @@ def test_files_that_may_not_grow_end_the_session(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
 
     out = tmp_path / "out"
-    with driving(tmp_path) as bus:
-        arguments = ("monitor", "--vehicle", "truck", "--out", out, "--json")
-        session = bus.start("session", *arguments, preexec_fn=limit)
+    with monitored(tmp_path, out, "--json", preexec_fn=limit) as (bus, session):
         assert session.wait(240) == 1
         (line,) = bus.said("session", "err").splitlines()
         assert str(out) in line and ("File too large" in line or "cannot be written" in line)
@@ -98,8 +99,7 @@ def small_disk(tmp_path):
 
 def test_a_full_disk_ends_the_session(tmp_path, small_disk):
     out = small_disk / "out"
-    with driving(tmp_path, speed=1) as bus:  # frames still come when the disk is full
-        session = bus.start("session", "monitor", "--vehicle", "truck", "--out", out, "--json")
+    with monitored(tmp_path, out, "--json") as (bus, session):
         wait_for(lambda: written_by(out) > 20_000)
         ballast = small_disk / "ballast"
         left = os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize
@@ -131,8 +131,7 @@ def test_a_replay_onto_a_full_disk_leaves_the_earlier_results(tmp_path, small_di
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM], ids=["hang-up", "terminate"])
 def test_a_signal_ends_a_session_as_an_interrupt_does(tmp_path, number):
     out = tmp_path / "out"
-    with driving(tmp_path) as bus:
-        session = bus.start("session", "monitor", "--vehicle", "truck", "--out", out, "--json")
+    with monitored(tmp_path, out, "--json") as (bus, session):
         wait_for(lambda: written_by(out) > 20_000)
         session.send_signal(number)
         session.send_signal(number)
@@ -143,8 +142,7 @@ def test_a_signal_ends_a_session_as_an_interrupt_does(tmp_path, number):
 
 def test_a_session_that_was_stopped_has_every_frame_with_its_own_stamp(tmp_path):
     out = tmp_path / "out"
-    with driving(tmp_path, 2) as bus:
-        session = bus.start("session", "monitor", "--vehicle", "truck", "--out", out, "--json")
+    with monitored(tmp_path, out, "--json") as (bus, session):
         wait_for(lambda: written_by(out) > 10_000)
         session.send_signal(signal.SIGSTOP)
         before = len(read_frames(out / "received.log"))
@@ -174,14 +172,13 @@ def answers(address: str) -> bool:
 def test_no_viewer_is_left_behind(tmp_path, number):
     pytest.importorskip("rerun")
     out, port = tmp_path / "out", 19_000 + os.getpid() % 1000 * 2
-    with driving(tmp_path) as bus:
-        arguments = ("monitor", "--vehicle", "truck", "--out", out, "--serve", "--port", port)
-        session = bus.start("session", *arguments)
+    with monitored(tmp_path, out, "--serve", "--port", port) as (bus, session):
         wait_for(lambda: "live viewer: " in bus.said("session", "err"))
         address = bus.said("session", "err").split("live viewer: ")[1].split()[0]
         page = address.split("?")[0]
         wait_for(lambda: answers(page))
-        second = bus.start("second", *arguments[:-5], "--out", tmp_path / "b", *arguments[-3:])
+        again = ("monitor", "--vehicle", "truck", "--out", tmp_path / "b", "--serve", "--port")
+        second = bus.start("second", *again, port)
         assert second.wait(240) == 1
         assert f"port {port - 1} of 127.0.0.1" in bus.said("second", "err")
         until = time.monotonic() + 60.0

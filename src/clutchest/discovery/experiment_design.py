@@ -7,7 +7,6 @@ there is computed from the estimator's own equations, so that nothing but the mo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -69,11 +68,7 @@ def beginning(drive: Signals, longest: float) -> Signals:
     """As much of a drive as takes ``STEPS`` steps of ``longest`` s: of fast equations, ten minutes
     would take as long as all other manoeuvres together."""
     first = min(signal.time[0] for signal in drive.values() if len(signal.time))
-    end = first + STEPS * longest
-    if drive.end <= end:
-        return drive
-    kept = {n: s.take(slice(0, int(np.searchsorted(s.time, end)))) for n, s in drive.items()}
-    return replace(drive, signals=kept, end=end)
+    return drive.between(end=first + STEPS * longest)
 
 
 def _least_distance(rivals: Sequence[Sized], beside: Sequence[Sized], problem: Problem) -> float:

@@ -142,10 +142,9 @@ def _fitting(signals: Signals, vehicle: Vehicle, progress: Progress | None) -> l
             if progress:
                 progress("trying explanations", number / len(group))
             mended = replace(begin, signals={**begin.signals, **remedy.mended})
-            quick = _fit(_until(mended, shortest), vehicle, remedy.factor, remedy.signal)
-            if quick is None or not quick.right:
-                continue
-            fit = _fit(mended, vehicle, remedy.factor, remedy.signal)
+            fit = _fit(mended.between(end=shortest), vehicle, remedy.factor, remedy.signal)
+            if shortest < begin.end and fit is not None and fit.right:
+                fit = _fit(mended, vehicle, remedy.factor, remedy.signal)
             if fit is not None and _explains(fit, as_read):
                 fitting.append((fit.log_likelihood, remedy))
         if fitting:
@@ -168,26 +167,18 @@ def _begin(signals: Signals) -> Signals:
     for signal in signals.signals.values():
         if len(signal) > READINGS:
             end = min(end, float(signal.time[READINGS]))
-    return _until(signals, end)
+    return signals.between(end=end)
 
 
 def _shortest_misfit(signals: Signals, vehicle: Vehicle) -> float:
-    """How much of the drive's begin it takes, s, until signals and model do not fit."""
+    """How much of the drive's begin it takes, s, until signals and model do not fit; ∞: all."""
     end = SHORTEST_S
     while end < signals.end:
-        fit = _fit(_until(signals, end), vehicle, 1.0, "")
+        fit = _fit(signals.between(end=end), vehicle, 1.0, "")
         if fit is not None and not fit.right:
             return end
         end *= 2.0
-    return signals.end
-
-
-def _until(signals: Signals, end: float) -> Signals:
-    return replace(
-        signals,
-        signals={n: s.take(s.time <= end) for n, s in signals.items() if (s.time <= end).any()},
-        end=min(end, signals.end),
-    )
+    return np.inf
 
 
 def remedies(signals: Signals, vehicle: Vehicle) -> Iterator[Remedy]:

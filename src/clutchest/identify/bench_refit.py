@@ -19,9 +19,7 @@ from clutchest.identify.bench_records import BenchRecords
 from clutchest.identify.fit import Refit
 from clutchest.identify.likelihood import Posterior, most_probable, problem_of
 from clutchest.inference.unknowns import InitialState
-from clutchest.models.experiments import BenchSection
 from clutchest.progress import Progress
-from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
 
@@ -41,7 +39,8 @@ def refits(
         progress(f"fitting the record from {section.bench}", None)
         try:
             on_bench = replace(vehicle, bench=section.bench)
-            posterior = most_probable(problem_of(_within(drive, section), on_bench))
+            part = drive.between(section.start, section.end)
+            posterior = most_probable(problem_of(part, on_bench))
         except ClutchestError as problem:
             notes.append(f"refit of the record from {section.bench}: {problem}")
             continue
@@ -50,15 +49,6 @@ def refits(
             if of is not None and (key not in found or of[1] < found[key].std):
                 found[key] = Refit(*of, section.bench)
     return found, notes
-
-
-def _within(drive: Signals, section: BenchSection) -> Signals:
-    """The samples of one section of a drive."""
-    signals = {
-        name: signal.take(slice(*np.searchsorted(signal.time, (section.start, section.end))))
-        for name, signal in drive.signals.items()
-    }
-    return replace(drive, signals=signals, end=min(drive.end, section.end), later=())
 
 
 def _start_of(posterior: Posterior, key: str) -> tuple[float, float] | None:
