@@ -4,15 +4,16 @@
                             [--least 12] [--each 4 [--after 8]] [--shard 0/2] [--measured] [--alone]
     python benchmarks/blind --out blind-out --hour
     python benchmarks/blind --out blind-out --table
-    python benchmarks/blind --ci --out blind-ci [--shard 0/2]
-    python benchmarks/blind --ci --out blind-ci --table
+    python benchmarks/blind --ci --out blind-ci [--thin 3] [--shard 0/2]
+    python benchmarks/blind --ci --out blind-ci [--thin 3] --table
 
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
 one holding the smaller; ``--each`` the first so many of every cause, group or noise of the parts,
 without the ``--after`` so many that were used before; ``--least`` only cases aimed at so large a
 d′.  ``--ci`` is the fixed short run, whose sizes are already known; with ``--table`` it fails where
-a case is missing, or where what must be reached lies outside a row's interval.
+a case is missing, or where what must be reached lies outside a row's interval.  ``--thin`` takes
+every n-th of the cases.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour;
 ``--alone`` holds no drive out, which could take a finding back.  The table counts the first run of
 every case and says by which version; ``--again`` runs cases once more, for a second column.
@@ -134,6 +135,7 @@ def main() -> None:
     parser.add_argument(
         "--least", type=float, default=0.0, metavar="d′", help="only cases aimed at so much or more"
     )
+    parser.add_argument("--thin", metavar="n", type=int, default=1, help="every n-th case only")
     parser.add_argument("--shard", default="0/1", metavar="i/n")
     parser.add_argument("--ci", action="store_true", help="the fixed short run")
     parser.add_argument("--measured", action="store_true", help="gain on the drive held out")
@@ -150,7 +152,7 @@ def main() -> None:
         cases = each(given.parts, given.each, given.after)
     else:
         cases = drawn(given.parts, given.limit)
-    cases = [case for case in cases if case.d_prime >= given.least]
+    cases = [case for case in cases if case.d_prime >= given.least][:: given.thin]
     if given.prepare:
         return prepare(cases, given.shard, given.out)
     if given.hour:
@@ -170,7 +172,7 @@ def main() -> None:
         )
     found = tell(given.out)
     if given.ci and given.table:
-        missing = {case.name for case in quick()} - set(table.finished(given.out))
+        missing = {case.name for case in cases} - set(table.finished(given.out))
         refuted = [row.what for row in found if row.refuted]
         if missing or refuted:
             parser.exit(1, f"{len(missing)} cases missing; refuted: {', '.join(refuted)}\n")
