@@ -10,6 +10,7 @@ from pathlib import Path
 
 from clutchest.models import machine_of
 from clutchest.models.effects import Effect, Number
+from clutchest.shown import with_unit
 
 PAGE = Path(__file__).with_name("effects.md")
 HEADING = """# Effects
@@ -55,9 +56,9 @@ def _row(effect: Effect) -> str:
 
 
 def _number(number: Number) -> str:
-    unit = "" if number.unit == "1" else f" {number.unit}"
     default = f", default {number.default:g}" if number.shape else ""
-    return f"`{number.key}` {number.lower:g} … {number.upper:g}{unit}{default}"
+    limits = with_unit(f"{number.lower:g} … {number.upper:g}", number.unit)
+    return f"`{number.key}` {limits}{default}"
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run
 from clutchest.record.files import json_text
 from clutchest.shown import Shown, plus_minus, printed
+from clutchest.units import parse
 
 PNG = b"\x89PNG"
 
@@ -109,7 +110,31 @@ def test_identify_and_discover_by_name() -> None:
 
 def test_powers_of_units_are_raised():
     assert printed("Nm/mm^3") == "Nm/mm³" and printed("kg m^-2") == "kg m⁻²"
-    assert plus_minus(1.5, 0.1, "kg m^2") == "1.5 ± 0.1 kg m²" and printed("°C") == "°C"
+    assert plus_minus(1.5, 0.1, "kg m^2") == "1.50 ± 0.10 kg m²" and printed("°C") == "°C"
+
+
+@pytest.mark.parametrize(
+    ("unit", "read"),
+    [
+        ("1/(100 K)", "per 100 K"),
+        ("1/mm", "per mm"),
+        ("s/(100 rad)", "per 100 rad/s"),
+        ("Nm s/(100 rad)", "Nm per 100 rad/s"),
+        ("s/(20 m)", "per 20 m/s"),
+        ("s^2/(100 rad)^2", "per (100 rad/s)²"),
+        ("W/(m K)", "W/(m K)"),
+        ("mm/s", "mm/s"),
+    ],
+)
+def test_units_are_printed_as_people_say_them(unit: str, read: str) -> None:
+    parse(unit)
+    assert printed(unit) == read
+
+
+def test_a_value_has_the_digits_that_its_uncertainty_supports() -> None:
+    assert plus_minus(40512.3, 1634.2) == "40512 ± 1634"
+    assert plus_minus(-0.0001, 0.39) == "0.00 ± 0.39"
+    assert plus_minus(1.234e-8, 2e-10) == "1.234e-08 ± 2e-10"
 
 
 @pytest.mark.slow

@@ -7,12 +7,21 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from math import floor, isfinite, log10
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+MOST_DECIMALS = 6  # beyond, a number is easier to read with an exponent
+
+# units are written with one division; people say "per", and name a speed as one
+_AS_READ = (
+    (re.compile(r"1/\(?([^()]+)\)?"), r"per \1"),
+    (re.compile(r"(?:(.+) )?s/\((\d+ \w+)\)"), r"\1 per \2/s"),
+    (re.compile(r"s\^2/\((\d+ \w+)\)\^2"), r"per (\1/s)^2"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +89,39 @@ class Tabulated(Showing):
 
 
 def plus_minus(value: float, std: float, unit: str = "") -> str:
-    """A value with its standard deviation, as many digits as that deserves."""
-    words = f"{value:.4g} ± {std:.2g}"
-    return words if unit in ("", "1") else f"{words} {printed(unit)}"
+    """A value with its standard deviation, as many digits as that supports."""
+    return with_unit(rounded(value, std), unit)
+
+
+def rounded(value: float, std: float) -> str:
+    """``82.1 ± 3.4``: the value is given to the digits that its uncertainty supports."""
+    places = decimals(std, 2) if std > 0 else decimals(value, 4)
+    if places > MOST_DECIMALS:
+        return f"{value:.4g} ± {std:.2g}"
+    return f"{value:z.{places}f} ± {std:.{places}f}"
+
+
+def decimals(value: float, digits: int) -> int:
+    """After how many decimals ``value`` has so many significant digits."""
+    if value == 0 or not isfinite(value):
+        return 0
+    return max(0, digits - 1 - floor(log10(abs(value))))
+
+
+def with_unit(number: str, unit: str) -> str:
+    """A number with its unit as people read it; a pure number alone."""
+    return number if unit in ("", "1") else f"{number} {printed(unit)}".lstrip()
 
 
 def printed(unit: str) -> str:
-    """A unit with its powers raised: ``Nm/mm³`` of ``Nm/mm^3``."""
-    return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_RAISED), unit)
+    """A unit as people read it: ``Nm/mm³`` of ``Nm/mm^3``, ``per 100 K`` of ``1/(100 K)``,
+    ``Nm per 100 rad/s`` of ``Nm s/(100 rad)``, ``per (100 rad/s)²`` of ``s^2/(100 rad)^2``."""
+    for form, words in _AS_READ:
+        if match := form.fullmatch(unit):
+            return raised(match.expand(words).strip())
+    return raised(unit)
+
+
+def raised(text: str) -> str:
+    """With its powers raised: ``10¹¹`` of ``10^11``."""
+    return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_RAISED), text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
@@ -257,6 +258,13 @@ class Signals(Showing, Mapping[str, Signal]):
     def drives(self) -> tuple[Signals, ...]:
         """Every drive, this one first."""
         return (replace(self, later=()), *self.later)
+
+    @property
+    def begun(self) -> str:
+        """When t = 0 was, in words; "" where the log only has relative times."""
+        if self.start_ns is None:
+            return ""
+        return f"{datetime.fromtimestamp(self.start_ns / 1e9, UTC):%F %T} UTC"
 
     @property
     def available(self) -> frozenset[str]:

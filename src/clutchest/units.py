@@ -136,13 +136,16 @@ def _parsed(text: str) -> Unit:
     source = re.sub(r"[·*]", " ", source)
     numerator, _, denominator = source.partition("/")
     denominator = denominator.strip()
-    if denominator.startswith("(") and denominator.endswith(")"):
-        denominator = denominator[1:-1]
+    times = 1
+    if match := re.fullmatch(r"\((.*)\)(?:\^(\d))?", denominator):
+        denominator, times = match[1], int(match[2] or 1)
     if "/" in denominator or "(" in denominator:
         raise ClutchestError(f"unit '{text}': write one division only, as in 'W/(m K)'")
     top, bottom = _product(numerator, text), _product(denominator or "1", text)
-    dimensions = tuple(a - b for a, b in zip(top.dimensions, bottom.dimensions, strict=True))
-    return Unit(top.scale / bottom.scale, dimensions, top.offset)  # type: ignore[arg-type]
+    dimensions = tuple(
+        a - times * b for a, b in zip(top.dimensions, bottom.dimensions, strict=True)
+    )
+    return Unit(top.scale / bottom.scale**times, dimensions, top.offset)  # type: ignore[arg-type]
 
 
 def _product(text: str, whole: str) -> Unit:

@@ -140,7 +140,7 @@ _CATALOGUE = {
     "coolant_coupling": "change 1",
     "housing_airflow": "slope s/(20 m)",
     "position_hysteresis": "+ play mm",
-    "centrifugal": "slope s^2/10000",
+    "centrifugal": "slope s^2/(100 rad)^2",
     "viscous_drag": "+ coefficient Nm s/(100 rad)",
 }
 TRUCK = Setup(

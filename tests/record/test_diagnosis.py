@@ -129,6 +129,6 @@ def test_a_freeze_frame_has_the_units_that_people_read(diagnosis):
     assert "| motor_friction | +0.1 ± 0.01 rad | 0.0 |" in text
 
 
-@pytest.mark.parametrize(("unit", "words"), [("1", "-0.1 ± 0.011"), ("1/s", "-0.1 ± 0.011 1/s")])
+@pytest.mark.parametrize(("unit", "words"), [("1", "-0.1 ± 0.011"), ("1/s", "-0.1 ± 0.011 per s")])
 def test_a_magnitude_has_all_its_digits(unit, words):
     assert Explanation("torque_gain", -0.1, 0.011, unit, 0, 0.0).magnitude == words

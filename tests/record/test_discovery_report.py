@@ -153,7 +153,7 @@ def test_words_of_each_verdict(tell):
         assert f"In one sentence: {verdict}." in text
         assert "parameter 'kiss_point' is a guess" in text
         assert "Not detectable in this log even at the largest plausible size: housing_air" in text
-    assert "slope 0.123 ± 0.011 1/(100 K), onset 160 °C" in texts["named"]
+    assert "slope 0.123 ± 0.011 per 100 K, onset 160 °C" in texts["named"]
     assert "81.3" in texts["named"] and "3e-15" in texts["named"]
     assert (
         "in the equation torque and correlates with disc temperature, then with slip speed"
@@ -168,7 +168,7 @@ def test_words_of_each_verdict(tell):
     )
     for verdict in ("named", "ambiguous", "unknown"):
         assert "friction_level" in texts[verdict] and "33 times less likely" in texts[verdict]
-        assert "10^13 times less likely" in texts[verdict]
+        assert "10¹³ times less likely" in texts[verdict]
         assert texts[verdict].index("friction_level") < texts[verdict].index("centrifugal")
     assert "less likely" not in texts["none"] and "The error" not in texts["none"]
 
@@ -179,16 +179,17 @@ def test_a_report_begins_with_whether_the_model_fits():
         report(discovery("named")).split("\n\n"),
     )
     assert (
-        fits[1]
+        fits[2]
         == "Does the model fit? The residuals are consistent with noise (p = 0.43, all tests)."
     )
-    assert fits[2].startswith("**")
+    assert fits[1] == "Vehicle: truck. Log: monday.log, tuesday.log."
+    assert fits[3].startswith("**")
     assert (
         "The residuals are not noise (p = 2e-07, all tests): engine_speed while slipping."
-        in misfits[1]
+        in misfits[2]
     )
-    assert LINE in misfits[2] and "residuals are positive" not in misfits[2], "not significant"
-    assert "The same test of the extended model: p = 0.43." in misfits[3]
+    assert LINE in misfits[3] and "residuals are positive" not in misfits[3], "not significant"
+    assert "The same test of the extended model: p = 0.43." in misfits[4]
     assert "consistent with noise" in printed(discovery("none"))
 
 
@@ -268,8 +269,9 @@ def test_what_could_be_told_is_printed():
         "friction_fade",
         "0.05",
         "0.4",
-        "1/(100",
-        "K)",
+        "per",
+        "100",
+        "K",
         "friction_temperature",
         "7.2",
     ]

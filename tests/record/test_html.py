@@ -18,6 +18,7 @@ from clutchest.fleet.fleet import Fleet, FleetVehicle
 from clutchest.fleet.report import fleet_page
 from clutchest.identify.fit import Fit, Fitted
 from clutchest.models.error_curve import ErrorCurve
+from clutchest.record.error_curve import error_curve_words
 from clutchest.record.html import page
 from clutchest.record.html_reports import diagnosis_page, discovery_page, fit_page, run_page
 from discoveries import VERDICTS, discovery
@@ -85,7 +86,7 @@ def test_a_diagnosis(healthy: clutchest.Diagnosis) -> None:
     assert len(read(text).images) == 1
     assert "no fault detected" in text and "Detection limits" in text
     for monitor in healthy.monitors:
-        assert f"<td>{monitor.name}</td>" in text
+        assert f">{monitor.name}</td>" in text
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -105,11 +106,33 @@ def test_the_curve_of_an_unknown_error_is_in_physical_units() -> None:
     before = len(read(discovery_page(replace(found, curve=None))).images)
     text = discovery_page(replace(found, extended=extended, curve="curve_1"))
     assert len(read(text).images) == before + 1
-    words = re.search(r"is largest at (\S+) rpm of engine speed: (\S+) ± 0 ?(\S*)\.", text)
+    words = re.search(r"The engine torque reads (\S+) (\S+) high at (\S+) rpm", text)
     assert words is not None
-    assert float(words[1]) == pytest.approx(1146, abs=1)
-    assert float(words[2]) == pytest.approx(0.2 * term.size, rel=0.01)
-    assert words[3] == term.unit
+    assert float(words[1]) == pytest.approx(0.2 * term.size, rel=0.01)
+    assert words[2] == term.unit
+    assert float(words[3]) == pytest.approx(1146, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        (
+            "sensor:engine_torque",
+            (-0.46, 0.6),
+            "reads 6 % high at 1146 rpm and 4.6 % low at 573 rpm",
+        ),
+        ("timing:engine_torque", (0.5, 0.0), "is 10 ms late at 573 rpm of engine speed."),
+        ("torque", (0.0, -0.3), "The error in the equation torque is -3 % at 1146 rpm"),
+    ],
+)
+def test_what_an_unknown_error_does_in_words(
+    name: str, values: tuple[float, float], words: str
+) -> None:
+    found = discovery("unknown")
+    curve = ErrorCurve(name, "engine_speed", (60.0, 120.0), values, ())
+    extended = replace(found.extended, curves={"curve_1": curve})
+    said = error_curve_words(replace(found, extended=extended, curve="curve_1"))
+    assert words in said
 
 
 def test_a_fit(tmp_path: Path) -> None:
@@ -127,7 +150,7 @@ def test_a_fit(tmp_path: Path) -> None:
     assert len(read(text).images) == 1
     words_of = truck.machine.parameters
     what = next(p.what for p in words_of if p.key == "torque_cubic")
-    for words in ("1.3 … 1.7", "no ramp in these logs", "a note", "a warning", "a.log", what):
+    for words in ("1.300 … 1.700", "no ramp in these logs", "a note", "a warning", "a.log", what):
         assert words in text
 
 

@@ -11,6 +11,7 @@ from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.fault_tests import FaultTestResults
 from clutchest.diagnosis.recursive_residuals import onset_scores
 from clutchest.inference.score_test import NOT_EXCLUDED, d_prime
+from clutchest.shown import with_unit
 from clutchest.signals import Floats
 
 AROUND = 2  # blocks by which the onset may be off
@@ -31,8 +32,7 @@ class Explanation:
     @property
     def magnitude(self) -> str:
         """Its size with sign, standard deviation and unit."""
-        words = f"{self.size:+.3g} ± {self.std:.2g}"
-        return words if self.unit == "1" else f"{words} {self.unit}"
+        return with_unit(f"{self.size:+.3g} ± {self.std:.2g}", self.unit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from clutchest.diagnosis.faults import Alarm, StreamTest
 from clutchest.diagnosis.result import MonitorStatus
 from clutchest.estimate.run import Run
 from clutchest.models.fault import ModelFault
+from clutchest.shown import with_unit
 
 Lanes = dict[str, tuple[tuple[tuple[float, str], ...], ...]]
 
@@ -70,16 +71,16 @@ def _fault_status(fault: ModelFault, k: int, drive: DriveDiagnosis) -> tuple[str
     if drive.equations is None:
         return "not run", drive.why_not
     result = drive.equations.faults[k]
-    unit = "" if fault.gain.unit == "1" else f" {fault.gain.unit}"
+    unit = fault.gain.unit
     if result.status == "not run":
         return "not run", (
-            f"even the largest plausible size, {result.unit:g}{unit}, would give "
+            f"even the largest plausible size, {with_unit(f'{result.unit:g}', unit)}, would give "
             f"d′ = {result.d_prime:.2g}; {result.needed:.2g} is needed"
         )
     if result.status == "failed":
         at = float(drive.equations.blocks.end[result.detected or 0])
         return "failed", f"log-likelihood ratio above {result.begins_at:.1f} at {at:.1f} s"
-    return "passed", f"detectable from {result.detectable:.2g}{unit} (50 %)"
+    return "passed", f"detectable from {with_unit(f'{result.detectable:.2g}', unit)} (50 %)"
 
 
 def _misfit_status(drive: DriveDiagnosis) -> tuple[str, str]:

@@ -358,6 +358,7 @@ def _experiment(task: _Task, verdict: SearchVerdict) -> Experiment:
 def _provenance(task: _Task, problem: Problem) -> dict[str, str]:
     return {
         "logs": names_of(task.signals.drives),
+        "begun": task.signals.begun,
         "clutchest": __version__,
         "python": platform.python_version(),
         "numba": version("numba"),

@@ -92,7 +92,7 @@ def _draw_compared(misfit: Misfit, compared: Comparison, extended: bool, axes: A
     drives = f"drive {drive}, " if len(misfit.torque) > 1 else ""
     axes.set_title(f"largest error of the {compared.what}", loc="left", fontsize=9)
     axes.set_xlabel(f"{drives}time [s]")
-    axes.set_ylabel(compared.unit)
+    axes.set_ylabel(f"{compared.what} [{compared.unit}]")
     axes.legend(fontsize=8)
 
 
@@ -125,9 +125,9 @@ def _draw_bins(
     if extended:
         axes.legend(fontsize=8)
     sensor = Quantity(bins.sensor, "1").words
-    axes.set_title(f"residual of {sensor}, {bins.mode}", loc="left", fontsize=9)
+    axes.set_title(f"{sensor}, {bins.mode}: mean ± 2 standard errors", loc="left", fontsize=9)
     axes.set_xlabel(quantity.label)
-    axes.set_ylabel("standard deviations, mean ± 2 standard errors")
+    axes.set_ylabel("residual [standard deviations]")
 
 
 def _say(axes: Axes, text: str) -> None:

@@ -325,6 +325,16 @@ def _without_name(i: Identifiable) -> dict[str, Any]:
     return {key: value for key, value in asdict(i).items() if key != "effect"}
 
 
+_PLACE = {"sensor": "the readings of", "timing": "the time stamps of"}
+
+
+def place_words(equation: str) -> str:
+    """Where an error is, in words, by the name of its equation or of its error term: "the equation
+    torque", "the readings of engine_torque"."""
+    kind, colon, signal = equation.partition(",")[0].partition(":")
+    return f"{_PLACE.get(kind, kind)} {signal}" if colon else f"the equation {kind}"
+
+
 def either(sets: Sequence[Sequence[str]]) -> str:
     """Sets of things of which one holds, in words: "a and b"; "a and one of b, c"; "a and perhaps
     b"; "one of: a and b; c and d"."""

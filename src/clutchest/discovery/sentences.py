@@ -10,8 +10,10 @@ import numpy as np
 from clutchest.discovery.answer import Sizes, sizes_by_effect, sizes_of
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.goodness_of_fit import GoodnessOfFit
-from clutchest.discovery.result import Cause, FormCurve, Where, either
+from clutchest.discovery.result import Cause, FormCurve, Where, either, place_words
 from clutchest.models.effects import Effect
+from clutchest.quantity import Quantity
+from clutchest.shown import with_unit
 
 
 def sentence(
@@ -35,11 +37,12 @@ def sentence(
                 "No error of the equations is detectable, but the residuals are not noise: "
                 f"{fit.tests[0].words}."
             )
-        errors = [f"'{w.equation}' has an error{_correlation(w)}" for w in (where, *where.others)]
-        which = "these" if where.others else "it"
-        equations = " and the equation ".join(errors)
-        known = "no known cause explains"
-        return f"The equation {equations}, and {known} {which}."
+        errors = [
+            f"an error in {place_words(w.equation)}{_correlation(w)}"
+            for w in (where, *where.others)
+        ]
+        explains = f"no known cause explains {'these' if where.others else 'it'}"
+        return f"There is {', and '.join(errors)}; {explains}."
     sizes = sizes_of(causes)
     required = either([_with_sizes(h, sizes) for h in sets])
     which = "; they do not separate these" if verdict == "ambiguous" else ""
@@ -52,7 +55,7 @@ def _correlation(where: Where) -> str:
     """What an error correlates with, in words."""
     if not where.covariates:
         return ""
-    first = where.covariates[0]
+    first = Quantity(where.covariates[0], "1").words
     return f" that correlates with {f'the highest {first} so far' if where.peak else first}"
 
 
@@ -62,10 +65,11 @@ def refuted(cause: Cause, effect: Effect) -> str:
     assert curve is not None and p_value is not None
     doc = inspect.cleandoc(type(effect).__doc__ or "").split("\n\n")[0]
     formula = " ".join(doc.replace("``", "").split()).rstrip(".")
-    what = f"the error in '{curve.of}' {trend(curve)} with {curve.covariate}"
+    how = f"{trend(curve)} with {Quantity(curve.covariate, '1').words}"
+    what = f"the error in {place_words(curve.of)} {how}"
     stated = f"but not as {effect.name} has it ({formula})"
     if curve.of_gain:
-        what, stated = f"{curve.of} {trend(curve)} with {curve.covariate}", "and is not constant"
+        what, stated = f"{curve.of} {how}", "and is not constant"
     return f"The form of {effect.name} is refuted (p = {p_value:.1g}): {what}, {stated}."
 
 
@@ -93,7 +97,7 @@ def _with_sizes(h: CauseSet, sizes: Sizes) -> list[str]:
     for name, own in sizes_by_effect(h, sizes).items():
         units = {n.key: n.unit for n in effects[name].parameters}
         numbers = [
-            f"{key} = {size.value:.3g} ± {size.std:.2g} {units[key]}".removesuffix(" 1")
+            with_unit(f"{key} = {size.value:.3g} ± {size.std:.2g}", units[key])
             for key, size in own.items()
         ]
         meanings = [w.of(own[key].value) for key, w in effects[name].wording.items() if key in own]
@@ -118,7 +122,8 @@ def implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
         nearest = min(max(size.value, n.lower), n.upper)
         if abs(size.value - nearest) > 2.0 * size.std:
             warnings.append(
-                f"{cause.effect}: {n.key} = {size.value:.3g} ± {size.std:.2g} {n.unit} "
+                f"{cause.effect}: {n.key} = "
+                f"{with_unit(f'{size.value:.3g} ± {size.std:.2g}', n.unit)} "
                 f"is larger than plausible ({nearest:.3g})"
             )
     return warnings

@@ -13,6 +13,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Contradiction
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Belief, Compiled, copied, first_belief, run
+from clutchest.shown import with_unit
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import prior_std, process_noise
@@ -279,8 +280,8 @@ def _check_possible(compiled: Compiled, state: Mapping[str, Any]) -> None:
             continue
         (low, high), margin = each.possible, 3.0 * float(np.sqrt(variance))
         if not low - margin <= value <= high + margin:
-            unit = "" if each.unit == "1" else f" {each.unit}"
-            raise _damaged("x", f"physically possible: {each.name} is {value:.4g}{unit}")
+            shown = with_unit(f"{value:.4g}", each.unit)
+            raise _damaged("x", f"physically possible: {each.name} is {shown}")
 
 
 def _damaged(key: str, expected: str) -> StateError:

@@ -153,7 +153,9 @@ class Fleet(Tabulated):
         head = [
             f"{name} [{units[name]}]" if units.get(name, "1") != "1" else name for name in names
         ]
-        line = f"{len(self.vehicles)} vehicles, {len(self.outliers)} differ from the fleet"
+        count = len(self.outliers)
+        differ = "differs" if count == 1 else "differ"
+        line = f"{len(self.vehicles)} vehicles, {count} {differ} from the fleet"
         return Shown(line, ("vehicle", "drives", *head), rows)
 
 

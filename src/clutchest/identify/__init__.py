@@ -5,6 +5,7 @@ procedures that the vehicle's machine declares.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from clutchest.callable_room import call_by
@@ -65,6 +66,21 @@ def identify_vehicle(
         raise ClutchestError(f"unknown procedure '{name}'{declares}{nearest(name, known)}")
     signals = as_signals(signals, vehicle)
     holdout = None if holdout is None else as_signals(holdout, vehicle)
+    fit = _identified(name, signals, vehicle, progress, holdout, benches, refit)
+    return replace(fit, begun=signals.begun)
+
+
+def _identified(
+    name: str,
+    signals: Signals,
+    vehicle: Vehicle,
+    progress: Progress,
+    holdout: Signals | None,
+    benches: tuple[Stated, Stated],
+    refit: bool,
+) -> Fit:
+    """By the procedure of that ``name``, one of the machine's."""
+    machine = vehicle.machine
     if name == NOISE:
         if holdout is not None:
             raise ClutchestError(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from math import ceil, log10
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
 from clutchest.paths import names_of
-from clutchest.shown import Shown, Tabulated, plus_minus, printed
+from clutchest.shown import MOST_DECIMALS, Shown, Tabulated, decimals, plus_minus, with_unit
 from clutchest.vehicle import Vehicle, dump_vehicle
 
 if TYPE_CHECKING:
@@ -118,6 +117,7 @@ class Fit(Tabulated):
     ``vehicle`` has the determined numbers in it.  ``parameters``: key in the vehicle file, dotted
     unless it is a parameter's, to its result.  ``draw`` writes the pictures into a folder.
     ``validation``: what the numbers are worth on logs not used to fit them, None without any.
+    ``begun``: when the logs do, in words.
     """
 
     procedure: str
@@ -128,6 +128,7 @@ class Fit(Tabulated):
     warnings: tuple[str, ...]
     draw: Callable[[Path], None]
     validation: Validation | None = None
+    begun: str = ""
 
     def shown(self) -> Shown:
         """Every number with its standard deviation, or why it is not determined."""
@@ -206,17 +207,16 @@ def fit_rows(fit: Fit, before: Vehicle) -> list[FitRow]:
     what = {parameter.key: parameter.what for parameter in before.machine.parameters}
     rows = []
     for key, fitted in fit.parameters.items():
-        unit = "" if fitted.unit == "1" else f" {printed(fitted.unit)}"
         if key in before.parameters:
             name, leaf, words = key, "", what.get(key, "")
             was = plus_minus(before.parameters[key].value, fitted.prior_std or 0.0, fitted.unit)
-            now = f"{fitted.value:.{_digits(fitted)}g} ± {fitted.std or 0.0:.2g}{unit}"
+            now = plus_minus(fitted.value, fitted.std or 0.0, fitted.unit)
         else:
             section, _, leaf = key.rpartition(".")
             name = section.rpartition(".")[2]
             words = QUANTITIES.get(leaf, "")
-            was = f"{getattr(before.signals[name], leaf):.4g}{unit}"
-            now = f"{fitted.value:.4g}{unit}"
+            was = with_unit(f"{getattr(before.signals[name], leaf):.4g}", fitted.unit)
+            now = with_unit(f"{fitted.value:.4g}", fitted.unit)
         if fitted.determined:
             remark = "; ".join(filter(None, (fitted.note, _refit_words(fitted))))
             rows.append(FitRow(name, leaf, words, was, now, interval(fitted), remark))
@@ -263,17 +263,13 @@ def _refit_words(fitted: Fitted) -> str:
     return f"by the likelihood of the record from {fitted.refit.bench}: {value} ± {std}"
 
 
-def _digits(fitted: Fitted) -> int:
-    """How many digits of a value matter, by its standard deviation."""
-    if not fitted.std or not fitted.value:
-        return 4
-    return max(4, ceil(log10(abs(fitted.value) / fitted.std)) + 1)
-
-
 def interval(fitted: Fitted) -> str:
     """The 95 % interval, as many digits as it deserves."""
-    digits = max(3, _digits(fitted) - 1) if fitted.std else 3
-    return f"{fitted.low:.{digits}g} … {fitted.high:.{digits}g}"
+    assert fitted.low is not None and fitted.high is not None
+    places = decimals(fitted.high - fitted.low, 3)
+    if places > MOST_DECIMALS:
+        return f"{fitted.low:.3g} … {fitted.high:.3g}"
+    return f"{fitted.low:z.{places}f} … {fitted.high:z.{places}f}"
 
 
 def in_words(validation: Validation) -> str:

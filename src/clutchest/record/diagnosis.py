@@ -18,6 +18,7 @@ from clutchest.record.diagnosis_report import details, headline
 from clutchest.record.files import finished_into, json_text
 from clutchest.record.html_reports import NAME as REPORT
 from clutchest.record.html_reports import diagnosis_page
+from clutchest.shown import with_unit
 
 STYLES = {"failed": "bold red", "passed": "green", "not run": "dim"}
 
@@ -82,7 +83,7 @@ def _detectability(isolability: Isolability) -> Table:
         table.add_row(
             str(i + 1),
             escape(fault),
-            never if size is None else _sized(size, isolability.units[i]),
+            never if size is None else with_unit(f"{size:.2g}", isolability.units[i]),
             escape("; ".join(isolability.structure.get(fault, ())) or "no sensor"),
         )
     return table
@@ -98,7 +99,7 @@ def _separability(isolability: Isolability) -> Table:
     for i, fault in enumerate(isolability.faults):
         *others, none = (f"{d:.1f}" for d in isolability.d_prime[i])
         others[i] = "–"
-        size = _sized(isolability.sizes[i], isolability.units[i])
+        size = with_unit(f"{isolability.sizes[i]:.2g}", isolability.units[i])
         table.add_row(numbers[i], escape(f"{fault} {size}"), none, *others)
     return table
 
@@ -114,7 +115,3 @@ def _compact(*head: str, title: str) -> Table:
         padding=(0, 1, 0, 0),
         pad_edge=False,
     )
-
-
-def _sized(size: float, unit: str) -> str:
-    return f"{size:.2g}" if unit == "1" else f"{size:.2g} {unit}"

@@ -11,6 +11,7 @@ from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.models.machine import Machine
 from clutchest.quantity import Quantity
 from clutchest.record.report import plus_minus, sources, table
+from clutchest.shown import with_unit
 
 
 def headline(fault: Fault) -> str:
@@ -81,6 +82,6 @@ def _limits(isolability: Isolability) -> str:
     for i, fault in enumerate(isolability.faults):
         size, unit = isolability.detectable[i], isolability.units[i]
         never = "its limit" if fault == WEAR else "never"
-        words = never if size is None else f"{size:.2g}" + ("" if unit == "1" else f" {unit}")
+        words = never if size is None else with_unit(f"{size:.2g}", unit)
         rows.append((fault, words, "; ".join(isolability.structure.get(fault, ())) or "no sensor"))
     return table(("fault", "detectable from (50 %)", "affects"), rows)

@@ -8,17 +8,26 @@ from collections.abc import Mapping, Sequence
 from math import exp, isfinite, log, sqrt
 
 from clutchest.discovery.goodness_of_fit import REJECTED, DistortionTest, GoodnessOfFit
-from clutchest.discovery.result import Cause, Discovery, Form, Gain, Rival, Size, either
+from clutchest.discovery.result import (
+    Cause,
+    Discovery,
+    Form,
+    Gain,
+    Rival,
+    Size,
+    either,
+    place_words,
+)
 from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
 from clutchest.record.error_curve import error_curve_words
-from clutchest.record.report import rounded, table
+from clutchest.record.report import heading, table
 from clutchest.shipped import shipped
+from clutchest.shown import raised, rounded, with_unit
 from clutchest.signals import Counts
 from clutchest.vehicle import Vehicle
 
-_EQUATION = {"sensor": "the readings of", "timing": "the time stamps of"}
 HYPOTHESES_HEAD = ("effect", "fitted ± 1σ", "z", "nearest rival", "verdict")
 CAUSES_HEAD = ("effect", "fitted ± 1σ", "2 Δ ln L", "p-value", "form")
 
@@ -40,13 +49,13 @@ def whereabouts(discovery: Discovery) -> str | None:
     where = discovery.where
     if where is None or where.distorted:
         return None
-    place = _place(where.equation)
+    place = place_words(where.equation)
     words = [Quantity(name, "1").words for name in where.covariates[:3]]
     if where.peak:
         words[0] = f"the highest {words[0]} so far"
     covariates = ", then with ".join(words)
     more = f" and correlates with {covariates}." if covariates else "."
-    others = [_place(other.equation) for other in where.others]
+    others = [place_words(other.equation) for other in where.others]
     beside = f"  Beside it there is an error in {' and in '.join(others)}." if others else ""
     return f"The error is in {place}{more}{beside}"
 
@@ -68,11 +77,6 @@ def fit_words(discovery: Discovery) -> str:
 
 def _significant(fit: GoodnessOfFit) -> list[DistortionTest]:
     return [test for test in fit.tests if test.p_value < REJECTED] or list(fit.tests[:1])
-
-
-def _place(equation: str) -> str:
-    kind, colon, signal = equation.partition(":")
-    return f"{_EQUATION.get(kind, kind)} {signal}" if colon else f"the equation {equation}"
 
 
 def causes_rows(discovery: Discovery) -> list[tuple[str, ...]]:
@@ -131,20 +135,24 @@ def gain_words(gain: Gain, compared: Comparison | None) -> str:
     digits = 1 if high - low < 100 else 0
     verdict = "" if low > 0 else "  The interval includes 0: the improvement is not significant."
     verdict = verdict if high > 0 else "  The extension makes the prediction worse."
-    change = f"rises by {value:.{digits}f} [95 %: {low:.{digits}f} to {high:.{digits}f}]"
+    rise = f"rises by {value:.{digits}f} [95 %: {low:.{digits}f} to {high:.{digits}f}]"
     if value < 0:
-        change = f"falls by {-value:.{digits}f} [95 %: {-high:.{digits}f} to {-low:.{digits}f}]"
+        rise = f"falls by {-value:.{digits}f} [95 %: {-high:.{digits}f} to {-low:.{digits}f}]"
     open_loop = ""
     if compared is not None and before is not None and after is not None:
         decimals = 1 if min(before, after) >= 0.1 else 4
-        error = f"{before:.{decimals}f} to {after:.{decimals}f} {compared.unit}"
-        open_loop = f", the open-loop {compared.what} error from {error}"
-    first, then = f"{gain.rmse_before:.3f}", f"{gain.rmse_after:.3f}"
-    rms = f"changes from {first} to {then}" if first != then else f"stays at {first}"
+        change = _changed(f"{before:.{decimals}f}", f"{after:.{decimals}f}")
+        open_loop = f", the open-loop {compared.what} error {change} {compared.unit}"
+    rms = _changed(f"{gain.rmse_before:.3f}", f"{gain.rmse_after:.3f}")
     return (
-        f"{on} ln L {change}, the rms innovation over its predicted standard deviation {rms}"
+        f"{on} ln L {rise}, the rms innovation over its predicted standard deviation {rms}"
         f"{open_loop}.{verdict}"
     )
+
+
+def _changed(before: str, after: str) -> str:
+    """From one number to the other, or that it does not change."""
+    return f"changes from {before} to {after}" if before != after else f"stays at {before}"
 
 
 def unmeasured_words(discovery: Discovery) -> str:
@@ -162,6 +170,11 @@ def unexcited_words(discovery: Discovery) -> str:
         return "This log would reveal every effect of plausible size."
     names = ", ".join(discovery.unexcited)
     return f"Not detectable in this log even at the largest plausible size: {names}."
+
+
+def capitalised(words: str) -> str:
+    """As a sentence of its own."""
+    return f"{words[:1].upper()}{words[1:].rstrip('.')}."
 
 
 def next_commands(discovery: Discovery) -> list[str]:
@@ -187,7 +200,9 @@ def report(
 ) -> str:
     """One page of Markdown; ``picture`` is the file name of the misfit's, ``forms`` that of the
     causes' forms, ``curve`` that of an error without a name, if they stand beside."""
-    parts = [f"# {discovery.vehicle.name}: {title(discovery)}", *_fit(discovery)]
+    made = discovery.provenance
+    logs = heading(discovery.vehicle, made.get("logs", ""), made.get("begun", ""))
+    parts = [f"# {discovery.vehicle.name}: {title(discovery)}", logs, *_fit(discovery)]
     parts.append(f"**{discovery.sentence}**")
     parts += [words] if (words := whereabouts(discovery)) else []
     if picture:
@@ -196,7 +211,7 @@ def report(
     parts += [f"![The error over what it correlates with]({curve})"] if curve else []
     parts += _results(discovery, forms)
     if discovery.experiment:
-        parts += ["## Next manoeuvre", discovery.experiment.words]
+        parts += ["## Next manoeuvre", capitalised(discovery.experiment.words)]
         if commands := next_commands(discovery):
             parts.append("To try it in simulation:\n\n" + _code(commands))
     parts += ["## Not detectable in this log", unexcited_words(discovery)]
@@ -205,11 +220,11 @@ def report(
         parts += ["## Residuals of the original model", _levels(discovery)]
     if discovery.warnings:
         parts += ["## Warnings", "\n".join(f"- {text}" for text in discovery.warnings)]
-    made = discovery.provenance
-    if logs := made.get("logs"):
+    if made.get("logs"):
         held_out = f", held-out data {made['held_out']}," if made["held_out"] else ""
         parts.append(
-            f"From {logs}{_lost(discovery.counts)}{held_out} by clutchest {made['clutchest']}."
+            f"From {made['logs']}{_lost(discovery.counts)}{held_out} "
+            f"by clutchest {made['clutchest']}."
         )
     return "\n\n".join(parts) + "\n"
 
@@ -236,8 +251,8 @@ def _limits(discovery: Discovery) -> str:
             i.effect,
             "no size"
             if i.detectable_size is None
-            else f"{i.detectable_size:.3g} {_unit(i.unit)}".rstrip(),
-            f"{i.plausible_size:.3g} {_unit(i.unit)}".rstrip(),
+            else with_unit(f"{i.detectable_size:.3g}", i.unit),
+            with_unit(f"{i.plausible_size:.3g}", i.unit),
             "yes" if i.excited else "no",
         )
         for i in discovery.identifiability
@@ -323,7 +338,7 @@ def _levels(discovery: Discovery) -> str:
 def _fitted(cause: Cause, effect: Effect | None) -> str:
     units = {number.key: number.unit for number in effect.parameters} if effect else {}
     return ", ".join(
-        f"{key} {_number(number)} {_unit(units.get(key, ''))}".rstrip()
+        with_unit(f"{key} {_number(number)}", units.get(key, ""))
         for key, number in cause.parameters.items()
     )
 
@@ -333,14 +348,10 @@ def _number(number: Size) -> str:
     return rounded(number.value, number.std) if known else f"{number.value:.4g}"
 
 
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
-
-
 def _times(behind: float) -> str:
     """``behind`` in 2 Δ ln L as a ratio of likelihoods."""
     decades = behind / 2 / log(10)
-    return f"{exp(behind / 2):.2g} times" if decades < 4 else f"10^{decades:.0f} times"
+    return f"{exp(behind / 2):.2g} times" if decades < 4 else raised(f"10^{decades:.0f} times")
 
 
 def _meaning(effect: Effect | None) -> str:

@@ -23,6 +23,7 @@ from clutchest.record.discovery_report import (
     whereabouts,
 )
 from clutchest.record.terminal import print_warnings
+from clutchest.shown import with_unit
 
 
 def print_discovery(discovery: Discovery, console: Console) -> None:
@@ -81,7 +82,7 @@ def print_identifiable(effects: Sequence[Identifiable], console: Console) -> Non
             i.effect,
             "never" if i.detectable_size is None else f"{i.detectable_size:.3g}",
             f"{i.plausible_size:.3g}",
-            "" if i.unit == "1" else escape(i.unit),
+            escape(with_unit("", i.unit)),
             i.nearest or "",
             "" if i.d_prime_nearest is None else f"{i.d_prime_nearest:.1f}",
             style=None if i.excited else "dim",

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from clutchest.identify.fit import Fit, FitRow, fit_rows, in_words
-from clutchest.record.report import table
+from clutchest.paths import names_of
+from clutchest.record.report import heading, table
 from clutchest.vehicle import Vehicle
 
 HEAD = ("what", "before", "fitted", "95 % interval", "remark, or why it is not determined")
@@ -24,10 +25,11 @@ def fit_markdown(fit: Fit, before: Vehicle, pictures: Sequence[str] = ()) -> str
         for row in fit_rows(fit, before)
     ]
     count = sum(fitted.determined for fitted in fit.parameters.values())
-    logs = ", ".join(Path(source).name for source in fit.sources)
+    logs = names_of(fit.sources)
     parts = [
-        f"# {fit.vehicle.name}: {fit.procedure}",
-        f"{count} of {len(rows)} numbers determined from {logs}. {HOW_TO_READ}",
+        f"# {fit.vehicle.name}: identify {fit.procedure}",
+        heading(before, logs, fit.begun),
+        f"{count} of {len(rows)} numbers determined. {HOW_TO_READ}",
         table(HEAD, rows),
     ]
     if fit.validation is not None:

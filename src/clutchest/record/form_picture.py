@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from clutchest.discovery.result import Cause, Discovery, FormCurve
+from clutchest.discovery.result import Cause, Discovery, FormCurve, place_words
 from clutchest.models.quantities import quantity_of
 from clutchest.pictures import Picture
 
@@ -37,6 +37,6 @@ def _draw(discovery: Discovery, axes: Axes, cause: Cause, curve: FormCurve) -> N
         f"{cause.effect}: form {cause.form.state or 'not tested'}", loc="left", fontsize=9
     )
     axes.set_xlabel(driver.label)
-    what = curve.of if curve.of_gain else f"error in {curve.of}"
+    what = curve.of if curve.of_gain else f"error in {place_words(curve.of)}"
     axes.set_ylabel(what if curve.unit == "1" else f"{what} [{curve.unit}]")
     axes.legend(fontsize=8)

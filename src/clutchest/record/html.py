@@ -17,6 +17,7 @@ from clutchest import __version__
 if TYPE_CHECKING:
     from clutchest.pictures import Picture
 
+SHORT = 24  # characters of a table's cell that stay on one line
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; color: #1b1f24; max-width: 62rem; margin: 2rem auto;
        padding: 0 1.2rem; }
@@ -24,7 +25,7 @@ h1 { font-size: 1.6rem; margin-bottom: .2rem; } h2 { font-size: 1.2rem; margin-t
 table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums; }
 th, td { border-bottom: 1px solid #d0d7de; padding: .25rem .7rem; text-align: left;
          vertical-align: top; }
-th { background: #f3f5f7; } img { max-width: 100%; height: auto; }
+.short { white-space: nowrap; } th { background: #f3f5f7; } img { max-width: 100%; height: auto; }
 code, pre { font-family: ui-monospace, monospace; font-size: .9em; background: #f3f5f7; }
 pre { padding: .6rem; overflow-x: auto; } footer { color: #59636e; margin-top: 3rem; }
 @media print { body { max-width: none; margin: 0; font-size: 11px; } h2 { break-after: avoid; }
@@ -41,6 +42,7 @@ def page(title: str, markdown: str, pictures: Mapping[str, str] | None = None) -
     for name, source in (pictures or {}).items():
         body = body.replace(f'src="{escape(name)}"', f'src="{source}"')
     body = re.sub(r'<img src="(?!data:)[^>]*>', "", body)
+    body = re.sub(rf"<td>(?=[^<]{{1,{SHORT}}}</td>)", '<td class="short">', body)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

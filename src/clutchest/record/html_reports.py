@@ -19,7 +19,7 @@ DRAWN = 4  # drives whose estimates are drawn
 
 
 def run_page(run: Run) -> str:
-    """Estimates over time of the first drives, then the tables of the report."""
+    """The tables of the report, with the estimates of the first drives over time."""
     from clutchest.record.report import markdown
 
     count = min(len(run.tracks), DRAWN) if installed("matplotlib") else 0
@@ -32,7 +32,7 @@ def run_page(run: Run) -> str:
         parts.append(f"![Estimates of drive {drive} over time](drive{drive})")
     if drawn and len(run.tracks) > len(drawn):
         parts.append(f"Drawn are {len(drawn)} of {len(run.tracks)} drives.")
-    return page(run.vehicle.name, markdown(run, "") + "\n" + "\n\n".join(parts), pictures)
+    return page(f"{run.vehicle.name}: estimates", markdown(run, "", parts), pictures)
 
 
 def diagnosis_page(diagnosis: Diagnosis) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,8 @@ from clutchest.paths import names_of
 from clutchest.quantity import Quantity
 from clutchest.record.quantities import states_of
 from clutchest.record.tracking import judder_words, tracking_head, tracking_note, tracking_rows
+from clutchest.shown import rounded, with_unit
+from clutchest.vehicle import Vehicle
 
 _HOW_TO_READ = (
     "Lines are estimates, the bands around them one standard deviation; a line is grey "
@@ -35,18 +36,6 @@ def plus_minus(quantity: Quantity, value: float | None, std: float | None) -> st
     return f"{rounded(shown, spread)} {quantity.shown}".rstrip()
 
 
-def rounded(value: float, std: float) -> str:
-    """``82.1 ± 3.4``: the value is given to the digits that its uncertainty supports."""
-    decimals = _decimals(std, 2) if std > 0 else _decimals(value, 4)
-    return f"{value:.{decimals}f} ± {std:.{decimals}f}"
-
-
-def _decimals(value: float, digits: int) -> int:
-    if value == 0 or not np.isfinite(value):
-        return 0
-    return int(np.clip(digits - 1 - np.floor(np.log10(abs(value))), 0, 6))
-
-
 def informed(state: Mapping[str, Any]) -> str:
     """Why an entry of the summary's ``states`` is not valid and what would inform it; else its
     source of information and what limits it."""
@@ -62,9 +51,11 @@ def informed(state: Mapping[str, Any]) -> str:
     return "; ".join(parts)
 
 
-def markdown(run: Run, how_to_read: str = _HOW_TO_READ) -> str:
-    """Summary, final states, engagements and warnings of ``run`` as one Markdown text."""
-    parts = [f"# {run.vehicle.name}", *map(_bold, contradiction(run)), sources(run), how_to_read]
+def markdown(run: Run, how_to_read: str = _HOW_TO_READ, pictures: Sequence[str] = ()) -> str:
+    """Summary, final states, engagements and warnings of ``run`` as one Markdown text, ``pictures``
+    (Markdown too) behind what they show."""
+    parts = [f"# {run.vehicle.name}: estimates", sources(run), *map(_bold, contradiction(run))]
+    parts += [how_to_read] if how_to_read else []
     parts += ["## Estimates at the end", _states(run), BITS]
     if run.summary["wear"]:
         parts += ["## Wear", " ".join(run.summary["wear"]["words"])]
@@ -76,7 +67,7 @@ def markdown(run: Run, how_to_read: str = _HOW_TO_READ) -> str:
         parts += ["## Judder", "\n".join(f"- {text}" for text in words)]
     if run.summary.get("warnings"):
         parts += ["## Warnings", "\n".join(f"- {text}" for text in run.summary["warnings"])]
-    parts += ["## Residuals of the sensors", _sensors(run)]
+    parts += [*pictures, "## Residuals of the sensors", _sensors(run)]
     made_by = [
         (what, value if len(value) < 24 else f"{value[:12]}…")
         for what, value in run.provenance.items()
@@ -102,13 +93,18 @@ def _bold(words: str) -> str:
 
 
 def sources(run: Run) -> str:
-    """The logs of a run, how long they are, and when they begin."""
+    """The vehicle of a run, its logs, how long they are, and when they begin."""
     names = names_of(name for drive in run.signals.drives for name in drive.sources)
     duration = sum(float(t.time[-1] - t.time[0]) for t in run.tracks if len(t.time))
-    begun = run.signals.start_ns
-    when = "" if begun is None else f", begun {datetime.fromtimestamp(begun / 1e9, UTC):%F %T} UTC"
     drives = "" if len(run.tracks) == 1 else f"{len(run.tracks)} drives, "
-    return f"{names or 'decoded signals'}: {drives}{duration:.0f} s{when}"
+    return heading(run.vehicle, names, run.signals.begun, f"{drives}{duration:.0f} s")
+
+
+def heading(vehicle: Vehicle, logs: str, begun: str, length: str = "") -> str:
+    """What a page is of: vehicle, logs, how long they are, and when they begin."""
+    parts = (length, f"begun {begun}" if begun else "")
+    of = ", ".join(words for words in (logs or "decoded signals", *parts) if words)
+    return f"Vehicle: {vehicle.name}. Log: {of}."
 
 
 def _states(run: Run) -> str:
@@ -188,12 +184,15 @@ def _whole(value: float) -> str:
 
 
 def _sensors(run: Run) -> str:
-    rows = [
-        (name, str(s["count"]), _short(s["innovation_rms"]), _short(s["nis_mean"]))
-        for name, s in run.summary["sensors"].items()
-    ]
+    units = {sensor.name: sensor.unit for sensor in run.vehicle.machine.sensors}
+    rows = []
+    for name, s in run.summary["sensors"].items():
+        quantity, rms = Quantity(name, units.get(name, "1")), s["innovation_rms"]
+        shown = "–" if rms is None else f"{float(quantity.read_spread(np.array(rms))):.3g}"
+        rms = with_unit(shown, quantity.shown) if rms is not None else shown
+        rows.append((quantity.words, str(s["count"]), rms, _short(s["nis_mean"])))
     note = "NIS, the normalised innovation squared, is 1 on average if the model is right."
-    return table(("sensor", "samples", "rms innovation [SI, mm]", "mean NIS"), rows) + "\n\n" + note
+    return table(("sensor", "samples", "rms innovation", "mean NIS"), rows) + "\n\n" + note
 
 
 def _short(value: float | None) -> str:

@@ -14,7 +14,7 @@ class Centrifugal(Effect):
     name = "centrifugal"
     model = "dry_clutch"
     equation = "torque"
-    parameters = (Number("slope", "s^2/10000", -0.1, 0.1),)
+    parameters = (Number("slope", "s^2/(100 rad)^2", -0.1, 0.1),)
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""
