@@ -59,6 +59,7 @@ def test_what_the_model_foresees_is_what_the_generator_s_drive_shows(monkeypatch
     words = propose(
         rivals, [], machine, driven, lambda signals: Problem.of(signals, vehicle, effects)
     )
+    assert words.words.endswith(vehicle.machine.manoeuvres["launches"])
     assert words.scenario == "launches" and asked == ["launches"] * 2
     told = float(words.words.split(" by ")[1].split()[0])
     oracle, off = Oracle(Nominal(1, "white")), []
@@ -66,6 +67,12 @@ def test_what_the_model_foresees_is_what_the_generator_s_drive_shows(monkeypatch
         twin = oracle.twin({cause.name: {cause.gain.key: size * cause.gain.upper}})
         off.append(oracle.distance(twin, [rival.name]))
     assert min(off) == pytest.approx(told, rel=0.3)
+
+
+@pytest.mark.parametrize("name", ["dry_clutch", "alsd"])
+def test_every_manoeuvre_is_said_in_words_that_can_be_driven(name):
+    machine = machine_of(name)
+    assert set(machine.manoeuvres) == set(machine.scenarios())
 
 
 def test_a_manoeuvre_is_judged_by_its_beginning():

@@ -39,7 +39,7 @@ def own(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("verdict", discoveries.VERDICTS)
 def test_its_line_stands_in_every_report(verdict):
     answer = replace(discoveries.discovery(verdict), hypotheses=(LINE,))
-    row = ("own", "loss 0.12 ± 0.034", "1.2", "wear, d′ 2.7", "not significant")
+    row = ("own", "loss 0.120 ± 0.034", "1.2", "wear, d′ 2.7", "not significant")
     assert hypotheses_rows(answer) == [row]
     assert "| " + " | ".join(row) + " |" in report(answer)
     (told,) = json.loads(json.dumps(answer.summary()))["hypotheses"]

@@ -53,8 +53,12 @@ def propose(
         if least > best:
             best, scenario = least, name
     if scenario is not None and best >= SEPARATED:
+        how = machine.manoeuvres.get(scenario)
+        driven_so = f". How to drive it: {how}" if how else ""
         return Experiment(
-            f"drive '{scenario}': it separates {names} by {best:.0f} standard deviations", scenario
+            f"drive '{scenario}': it separates {names} by {best:.0f} standard deviations "
+            f"(the expected d′; {SEPARATED:g} are enough){driven_so}",
+            scenario,
         )
     sensor = machine.sensor_to_separate([c.effect.equation for c, _ in rivals])
     if not simulable:

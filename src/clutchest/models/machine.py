@@ -96,6 +96,7 @@ class Machine:
     ``delay_relations``, how late signals are behind the equations' anchor.
 
     For simulation: ``generate``, a program of its own, and the names of its ``scenarios``;
+    ``manoeuvres``: scenario → what a driver does in it, in words;
     ``own_effects`` (effect → its numbers, parameters by key) gives the generator's ``Outsider``
     for a user's own effects; where
     there is none, ``excitations`` drive the machine's own equations: scenario → function (random
@@ -152,6 +153,7 @@ class Machine:
     delay_relations: tuple[DelayRelation, ...] = ()
     generate: Callable[..., Any] | None = None
     scenarios: Callable[[], Sequence[str]] = tuple
+    manoeuvres: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     own_effects: OwnEffects | None = None
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
     template: str = ""

@@ -13,7 +13,6 @@ from clutchest.discovery.result import (
     Discovery,
     Form,
     Gain,
-    Rival,
     Size,
     either,
     place_words,
@@ -82,11 +81,10 @@ def _significant(fit: GoodnessOfFit) -> list[DistortionTest]:
 def causes_rows(discovery: Discovery) -> list[tuple[str, ...]]:
     """Per cause its name, numbers with ±, improvement of the fit (2 Δ ln L), p-value, and whether
     its form holds."""
-    known = discovery.extended.library
     return [
         (
             c.effect,
-            _fitted(c, known.get(c.effect)),
+            _fitted(c, _units(discovery, c.effect)),
             f"{c.statistic:.1f}",
             f"{c.p_value:.2g}" if c.p_value > 0.0 else "< 1e-300",
             _form(c.form),
@@ -102,11 +100,15 @@ def _form(form: Form) -> str:
     return f"{form.state} (p = {form.p_value:.2g})"
 
 
-def rivals_rows(rivals: Sequence[Rival]) -> list[tuple[str, str, str]]:
-    """Per rival, best first, its name, fitted numbers, and how much less likely it is."""
+def rivals_rows(discovery: Discovery) -> list[tuple[str, str, str]]:
+    """Per rejected effect, best first, its name, fitted numbers, and how much less likely it is."""
     rows = []
-    for rival in rivals:
-        numbers = ", ".join(f"{key} {value:.3g}" for key, value in rival.parameters.items())
+    for rival in discovery.rivals:
+        units = _units(discovery, rival.effect)
+        numbers = ", ".join(
+            with_unit(f"{key} {value:.3g}", units.get(key, ""))
+            for key, value in rival.parameters.items()
+        )
         rows.append((rival.effect, numbers, f"{_times(rival.behind)} less likely"))
     return rows
 
@@ -116,8 +118,9 @@ def hypotheses_rows(discovery: Discovery) -> list[tuple[str, str, str, str, str]
     and "named" or why not."""
     rows = []
     for h in discovery.hypotheses:
+        units = _units(discovery, h.effect)
         numbers = [
-            f"{key} {size.value:.3g}" + (f" ± {size.std:.2g}" if size.std else "")
+            with_unit(f"{key} {_number(size)}", units.get(key, ""))
             for key, size in h.parameters.items()
         ]
         rival = "" if h.nearest is None else f"{h.nearest}, d′ {h.d_prime_nearest:.1f}"
@@ -270,7 +273,7 @@ def _results(discovery: Discovery, forms: str | None) -> list[str]:
             parts.append(f"![What each cause does over its driver: effect and data]({forms})")
         parts += [f"{c.effect}: {c.form.added}." for c in discovery.causes if c.form.added]
     if discovery.rivals:
-        rows = rivals_rows(discovery.rivals)
+        rows = rivals_rows(discovery)
         parts += ["## Rejected alternatives", table(("effect", "fitted", "likelihood"), rows)]
     if own := hypotheses_rows(discovery):
         parts += ["## Your own hypotheses", table(HYPOTHESES_HEAD, own)]
@@ -335,8 +338,17 @@ def _levels(discovery: Discovery) -> str:
     return table(head, rows)
 
 
-def _fitted(cause: Cause, effect: Effect | None) -> str:
-    units = {number.key: number.unit for number in effect.parameters} if effect else {}
+def _units(discovery: Discovery, effect: str) -> Mapping[str, str]:
+    """Number → unit of an effect; of a user's own that is not in the extended model, that of its
+    size."""
+    if (known := discovery.extended.library.get(effect)) is not None:
+        return {number.key: number.unit for number in known.parameters}
+    own = next((i.unit for i in discovery.identifiability if i.effect == effect), "")
+    sizes = [h.parameters for h in discovery.hypotheses if h.effect == effect]
+    return {key: own for parameters in sizes for key in list(parameters)[:1]}
+
+
+def _fitted(cause: Cause, units: Mapping[str, str]) -> str:
     return ", ".join(
         with_unit(f"{key} {_number(number)}", units.get(key, ""))
         for key, number in cause.parameters.items()

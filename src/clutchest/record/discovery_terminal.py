@@ -44,7 +44,7 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
         for row in causes_rows(discovery):
             table.add_row(*map(escape, row))
         console.print(table)
-    for name, numbers, why in rivals_rows(discovery.rivals):
+    for name, numbers, why in rivals_rows(discovery):
         console.print(escape(f"rejected: {name} ({numbers}), {why}"))
     for name, numbers, z, rival, why in hypotheses_rows(discovery):
         details = "; ".join(words for words in (numbers, z and f"z {z}", rival, why) if words)

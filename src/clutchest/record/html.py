@@ -42,7 +42,7 @@ def page(title: str, markdown: str, pictures: Mapping[str, str] | None = None) -
     for name, source in (pictures or {}).items():
         body = body.replace(f'src="{escape(name)}"', f'src="{source}"')
     body = re.sub(r'<img src="(?!data:)[^>]*>', "", body)
-    body = re.sub(rf"<td>(?=[^<]{{1,{SHORT}}}</td>)", '<td class="short">', body)
+    body = re.sub(rf"<(t[dh])>(?=[^<]{{1,{SHORT}}}</\1>)", r'<\1 class="short">', body)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -26,6 +26,7 @@ from clutchest.models.alsd.experiments import BENCHES, EXPERIMENTS
 from clutchest.models.alsd.fitted import to_fit
 from clutchest.models.alsd.inverse import INVERSE
 from clutchest.models.alsd.judder import JUDDER
+from clutchest.models.alsd.manoeuvres import MANOEUVRES
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
@@ -97,6 +98,7 @@ MACHINE = Machine(
     benches=BENCHES,
     generate=_generate,
     scenarios=_scenarios,
+    manoeuvres=MANOEUVRES,
     template="alsd_rig",
     check_equations=False,
     reservations={

@@ -16,6 +16,7 @@ from clutchest.models.dry_clutch.error_terms import (
     SENSOR_FOR,
     SEPARATING_SENSORS,
 )
+from clutchest.models.dry_clutch.manoeuvres import MANOEUVRES
 from clutchest.models.dry_clutch.own_effects import OwnEffects
 from clutchest.models.dry_clutch.procedures import (
     PROCEDURES,
@@ -92,6 +93,7 @@ MACHINE = Machine(
     delay_relations=DELAY_RELATIONS,
     generate=_generate,
     scenarios=_scenarios,
+    manoeuvres=MANOEUVRES,
     own_effects=OwnEffects,
     template="truck",
     car_template="gt350",
