@@ -127,5 +127,5 @@ def test_spikes_and_gaps_are_the_same_in_portions(request):
     whole = warnings_of(signals, setting)
     request.getfixturevalue("long_arrays")
     assert warnings_of(signals, setting) == whole
-    assert any("outlier(s)" in text for text in whole)
-    assert any("gap(s), the longest" in text for text in whole)
+    assert any("outlier" in text for text in whole)
+    assert any(", the longest" in text for text in whole)

@@ -134,6 +134,7 @@ def test_units_are_printed_as_people_say_them(unit: str, read: str) -> None:
 def test_a_value_has_the_digits_that_its_uncertainty_supports() -> None:
     assert plus_minus(40512.3, 1634.2) == "40512 ± 1634"
     assert plus_minus(-0.0001, 0.39) == "0.00 ± 0.39"
+    assert plus_minus(4.5e8, 7e6, "N/m") == "4.5e+08 ± 7e+06 N/m"
     assert plus_minus(1.234e-8, 2e-10) == "1.234e-08 ± 2e-10"
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-MOST_DECIMALS = 6  # beyond, a number is easier to read with an exponent
+MOST_DECIMALS, LARGE = 6, 1e6  # beyond, a number is easier to read with an exponent
 
 # units are written with one division; people say "per", and name a speed as one
 _AS_READ = (
@@ -96,7 +96,7 @@ def plus_minus(value: float, std: float, unit: str = "") -> str:
 def rounded(value: float, std: float) -> str:
     """``82.1 ± 3.4``: the value is given to the digits that its uncertainty supports."""
     places = decimals(std, 2) if std > 0 else decimals(value, 4)
-    if places > MOST_DECIMALS:
+    if places > MOST_DECIMALS or abs(value) >= LARGE:
         return f"{value:.4g} ± {std:.2g}"
     return f"{value:z.{places}f} ± {std:.{places}f}"
 
@@ -106,6 +106,11 @@ def decimals(value: float, digits: int) -> int:
     if value == 0 or not isfinite(value):
         return 0
     return max(0, digits - 1 - floor(log10(abs(value))))
+
+
+def counted(number: int, what: str) -> str:
+    """``1 drive``, ``4 drives``."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def with_unit(number: str, unit: str) -> str:

@@ -13,8 +13,8 @@ import clutchest
 from clutchest.estimate.run import Estimate
 from clutchest.models import machine_of
 from clutchest.record import series
-from clutchest.record.blueprint import INVALID, panel
-from clutchest.record.rerun import write_recording
+from clutchest.record.blueprint import INVALID, Panel, panel
+from clutchest.record.rerun import _informative, _overview, write_recording
 from clutchest.record.series import outline
 
 RPM = 60 / (2 * np.pi)
@@ -238,3 +238,19 @@ def test_ranges_take_no_infinity():
     assert made.low < 2.0 and made.high > 5.0 and made.high - made.low < 4.0
     empty = panel("t", "°C", ["a"], np.array([np.nan]), np.array([np.nan]))
     assert np.isfinite([empty.low, empty.high]).all()
+
+
+@pytest.mark.parametrize("low, high", [(0.95, 1.06), (41.0, 129.0), (-0.02, 0.003), (3.0, 3.0)])
+def test_the_axis_of_a_panel_has_two_numbers_at_least(low, high):
+    shown = panel("", "", ["a"], np.array([low]), np.array([high]))
+    step = 10.0 ** np.floor(np.log10(shown.high - shown.low))
+    assert np.floor(shown.high / step) > np.ceil(shown.low / step)
+    assert shown.low < low and high < shown.high
+
+
+def test_the_opening_page_of_the_truck_has_speeds_and_slave_position():
+    run = clutchest.replay("demo", "truck")
+    assert [p.title for p in _overview(run)] == ["speeds [rpm]", "slave position [mm]"]
+    assert not run.tracks[0].states["wear_rate"].valid.any()
+    panels = [Panel(name, "", (f"state/{name}",), 0.0, 1.0) for name in ("wear_rate", "friction")]
+    assert _informative(run, panels) == panels[1:]

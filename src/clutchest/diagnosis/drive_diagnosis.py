@@ -18,7 +18,7 @@ from clutchest.models.effects import Effect
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.quantity import Quantity
-from clutchest.shown import plus_minus
+from clutchest.shown import plus_minus, with_unit
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
@@ -147,9 +147,10 @@ def _wear(run: Run, track: Track, per_1000h: float, length: float) -> WearTest:
     last = int(np.flatnonzero(state.valid)[-1])
     shown = Quantity(wear.state, wear.unit)
     value, std, most = shown.read(np.array([worn[last], state.std[last], limit.value]))
-    words = f"{plus_minus(value, std)} {shown.shown} of {most:g} {shown.shown}"
+    now = with_unit(plus_minus(value, std), shown.shown)
+    words = f"{now} of {most:g} {shown.shown}"
     if not exceeded.any():
-        return WearTest(None, "passed", words)
+        return WearTest(None, "passed", f"limit: {most:g} {shown.shown}; worn {now}")
     k = int(np.argmax(exceeded))
     chance = float(norm.sf((worn[k] - limit.value) / state.std[k]))
     alarm = Alarm(0.0, float(track.time[k]), chance=chance, what=f"worn by {words}")

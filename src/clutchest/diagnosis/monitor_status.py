@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import exp
 
 from clutchest.diagnosis.codes import MISFIT, WEAR
 from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis
@@ -88,7 +89,8 @@ def _misfit_status(drive: DriveDiagnosis) -> tuple[str, str]:
         return "not run", drive.why_not
     blocks, k = drive.equations.blocks, drive.equations.misfit_detected
     if k is None:
-        return "passed", f"chi-square of each of {len(blocks)} blocks"
+        limit = exp(-drive.equations.misfit_at)
+        return "passed", f"limit: chi-square with p = {limit:.1g} in each of {len(blocks)} blocks"
     return "failed", f"chi-square above its threshold at {blocks.end[k]:.1f} s"
 
 

@@ -122,7 +122,9 @@ class Diagnosis(Tabulated):
         names = ", ".join(fault.fault for fault in self.faults) or "no fault"
         ran = sum(m.status != "not run" for m in self.monitors)
         rows = [(f.fault, "fault", f.what) for f in self.faults]
-        rows += [(m.name, m.status, m.why) for m in self.monitors]
+        first = ("failed", "passed", "not run").index
+        ranked = sorted(self.monitors, key=lambda monitor: first(monitor.status))
+        rows += [(m.name, m.status, m.why) for m in ranked]
         line = f"{names}; {ran} of {len(self.monitors)} monitors ran"
         return Shown(line, ("name", "status", "why"), rows)
 

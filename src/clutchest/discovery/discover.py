@@ -56,6 +56,7 @@ from clutchest.models.effects.effect import TIME
 from clutchest.models.error_term_effects import PREFIX, error_term_effects
 from clutchest.progress import Progress
 from clutchest.reading import Logs, as_signals
+from clutchest.shown import counted
 from clutchest.signals import Counts, Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -313,7 +314,7 @@ def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
     ]
     if more := len(problem.drives) - len(task.signals.drives):
         words.append(
-            f"{more} gap(s) in which heat may have been generated unobserved: "
+            f"{counted(more, 'gap')} in which heat may have been generated unobserved: "
             "the data after each are treated as a separate drive"
         )
     # without a cause, a start may stand in for it

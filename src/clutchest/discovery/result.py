@@ -246,11 +246,13 @@ class Discovery(Tabulated):
 
     def shown(self) -> Shown:
         """The causes with their sizes."""
+        library = self.extended.library
+        units = {(e.name, n.key): n.unit for e in library.values() for n in e.parameters}
         rows = [
             (
                 cause.effect,
                 ", ".join(
-                    f"{key} = {plus_minus(size.value, size.std)}"
+                    f"{key} = {plus_minus(size.value, size.std, units[cause.effect, key])}"
                     for key, size in cause.parameters.items()
                 ),
                 f"{cause.statistic:.1f}",

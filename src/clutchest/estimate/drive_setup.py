@@ -17,6 +17,7 @@ from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.models.model import Model
 from clutchest.models.regimes import SLIDING
 from clutchest.models.thresholds import Thresholds
+from clutchest.shown import counted
 from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import process_noise
@@ -203,12 +204,12 @@ def warnings_of(signals: Signals, setup: DriveSetup) -> tuple[str, ...]:
             gaps.append(end - last)
         if outliers:
             warnings.append(
-                f"{name}: {outliers} outlier(s) far from both neighbours removed, "
+                f"{name}: {counted(outliers, 'outlier')} far from both neighbours removed, "
                 f"{100 * outliers / count:.2g} %"
             )
         if gaps:
             gap_warnings[name] = (
-                f"{name}: {len(gaps)} gap(s), the longest {max(gaps):.1f} s; "
+                f"{name}: {counted(len(gaps), 'gap')}, the longest {max(gaps):.1f} s; "
                 "energy dissipated in a gap is not counted"
             )
     return (*warnings, *(gap_warnings[name] for name in steady if name in gap_warnings))

@@ -14,7 +14,7 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.observability import Information
 from clutchest.paths import names_of
-from clutchest.shown import Showing, Shown, plus_minus
+from clutchest.shown import Showing, Shown, counted, plus_minus
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 
@@ -217,8 +217,8 @@ class Run(Showing):
             for name, state in self.summary["states"].items()
         ]
         return Shown(
-            f"{self.vehicle.name}, {len(self.tracks)} drive(s), {seconds:.1f} s, "
-            f"{events} slip event(s)",
+            f"{self.vehicle.name}, {counted(len(self.tracks), 'drive')}, {seconds:.1f} s, "
+            f"{counted(events, 'slip event')}",
             ("state", "last estimate", "not valid"),
             rows,
         )

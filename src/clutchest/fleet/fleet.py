@@ -74,12 +74,17 @@ class Fleet(Tabulated):
         words = []
         for name, (comparison, differ) in self.compared.items():
             for k in np.flatnonzero(differ):
-                one, unit = self.vehicles[k], self.units[name]
-                value = plus_minus(*one.properties[name], unit)
-                usual = plus_minus(comparison.expected[k], comparison.spread[k], unit)
+                one, quantity = self.vehicles[k], self._quantity(name)
+                value, usual = (
+                    plus_minus(*self._read(name, *each), quantity.shown)
+                    for each in (
+                        one.properties[name],
+                        (comparison.expected[k], comparison.spread[k]),
+                    )
+                )
                 words.append(
-                    f"{one.name}: {name} {value}, the other vehicles lead one to expect {usual} "
-                    f"(p = {comparison.p_value[k]:.1g})"
+                    f"{one.name}: {quantity.words} {value}, the other vehicles lead one to expect "
+                    f"{usual} (p = {comparison.p_value[k]:.1g})"
                 )
         return words
 
@@ -87,6 +92,14 @@ class Fleet(Tabulated):
     def units(self) -> dict[str, str]:
         """Property → unit."""
         return units_of(self.vehicle.machine)
+
+    def _quantity(self, name: str) -> Quantity:
+        return Quantity(name, self.units[name])
+
+    def _read(self, name: str, value: float, std: float) -> tuple[float, float]:
+        """A property and its standard deviation in the unit that people read."""
+        quantity = self._quantity(name)
+        return float(quantity.read(np.array(value))), float(quantity.read_spread(np.array(std)))
 
     def rows(self) -> list[dict[str, Any]]:
         """One row a vehicle, as ``summary.parquet`` holds it."""
@@ -128,7 +141,7 @@ class Fleet(Tabulated):
         from clutchest.fleet.picture import draw_fleet
 
         missing = (np.nan, np.nan)
-        quantities = {name: Quantity(name, self.units[name]) for name in self.compared}
+        quantities = {name: self._quantity(name) for name in self.compared}
         numbers = {
             quantity: tuple(np.array([v.properties.get(name, missing) for v in self.vehicles]).T)
             for name, quantity in quantities.items()
@@ -145,14 +158,11 @@ class Fleet(Tabulated):
             for name in names:
                 if name in one.properties:
                     mark = " !" if self.compared[name][1][k] else ""
-                    cells.append(plus_minus(*one.properties[name]) + mark)
+                    cells.append(plus_minus(*self._read(name, *one.properties[name])) + mark)
                 else:
                     cells.append("")
             rows.append(tuple(cells))
-        units = self.units
-        head = [
-            f"{name} [{units[name]}]" if units.get(name, "1") != "1" else name for name in names
-        ]
+        head = [self._quantity(name).label for name in names]
         count = len(self.outliers)
         differ = "differs" if count == 1 else "differ"
         line = f"{len(self.vehicles)} vehicles, {count} {differ} from the fleet"

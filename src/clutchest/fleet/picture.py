@@ -23,8 +23,9 @@ def draw_fleet(
 ) -> Picture:
     """A panel a property: of vehicles ``names`` (v,) value and standard deviation (v,) each."""
     width = min(4.5 * len(numbers), 14.0)
-    figure = Picture(figsize=(width, 1.2 + 0.28 * len(names)), layout="constrained")
+    figure = Picture(figsize=(width, 1.2 + 0.28 * len(names)))
     FigureCanvasAgg(figure)
+    figure.set_layout_engine("constrained", w_pad=0.15)  # inches, between the numbers of two axes
     panels = figure.subplots(1, len(numbers), sharey=True, squeeze=False)[0]
     rows = np.arange(len(names))
     for axes, (quantity, (value, std)) in zip(panels, numbers.items(), strict=True):

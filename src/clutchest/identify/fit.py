@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
 from clutchest.paths import names_of
-from clutchest.shown import MOST_DECIMALS, Shown, Tabulated, decimals, plus_minus, with_unit
+from clutchest.shown import LARGE, MOST_DECIMALS, Shown, Tabulated, decimals, plus_minus, with_unit
 from clutchest.vehicle import Vehicle, dump_vehicle
 
 if TYPE_CHECKING:
@@ -267,8 +267,8 @@ def interval(fitted: Fitted) -> str:
     """The 95 % interval, as many digits as it deserves."""
     assert fitted.low is not None and fitted.high is not None
     places = decimals(fitted.high - fitted.low, 3)
-    if places > MOST_DECIMALS:
-        return f"{fitted.low:.3g} … {fitted.high:.3g}"
+    if places > MOST_DECIMALS or abs(fitted.high) >= LARGE:
+        return f"{fitted.low:.4g} … {fitted.high:.4g}"
     return f"{fitted.low:z.{places}f} … {fitted.high:z.{places}f}"
 
 

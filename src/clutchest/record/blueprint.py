@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import ceil, floor, inf, log10
 
 import numpy as np
 import rerun as rr
@@ -57,7 +57,18 @@ def panel(title: str, unit: str, entities: Sequence[str], lows: Floats, highs: F
     if bottom > top:
         bottom, top = 0.0, 1.0
     air = 0.06 * (top - bottom) or max(0.1 * abs(top), 0.1)
-    return Panel(title, unit, tuple(entities), bottom - air, top + air)
+    return Panel(title, unit, tuple(entities), *_with_two_ticks(bottom - air, top + air))
+
+
+def _with_two_ticks(low: float, high: float) -> tuple[float, float]:
+    """The range with at least two powers of ten's multiples in it: there the viewer has numbers."""
+    step = 10.0 ** floor(log10(high - low))
+    first, last = ceil(low / step), floor(high / step)
+    if last > first:
+        return low, high
+    edge = 0.02 * (high - low)
+    below, above = (first - 1) * step, (last + 1) * step
+    return (below - edge, high) if low - below < above - high else (low, above + edge)
 
 
 class _Opening(rrb.Blueprint):
@@ -103,7 +114,7 @@ def blueprint(
             contents=[f"/{lane}" for lane in lanes],
             time_view=rrb.TimeAxis(link="LinkToGlobal"),
         )
-        views.insert(1, (lane_view, 0.6 + 0.9 * len(lanes)))
+        views.insert(1, (lane_view, 1.5 + 0.9 * len(lanes)))
     words: rrb.View | rrb.Container = rrb.TextDocumentView(name="report", origin="/report")
     if faults:
         frame = rrb.TextDocumentView(name="freeze frame", origin="/fault/freeze_frame")

@@ -170,14 +170,18 @@ def _send_signals(stream: rr.RecordingStream, run: Run, starts: Sequence[float])
 
 
 def _overview(run: Run) -> list[Panel]:
-    """A panel for each signal that the machine wants on the opening page."""
+    """The signals that the machine wants on the opening page, those of a unit in one panel."""
+    values = {
+        Quantity(name, run.vehicle.machine.units[name]): [
+            drive[name].value for drive in run.signals.drives if name in drive
+        ]
+        for name in run.vehicle.machine.overview
+    }
     panels = []
-    for name in run.vehicle.machine.overview:
-        values = [drive[name].value for drive in run.signals.drives if name in drive]
-        if values:
-            quantity = Quantity(name, run.vehicle.machine.units[name])
-            value = quantity.read(np.concatenate(values))
-            panels.append(panel(quantity.label, quantity.shown, [f"can/{name}"], value, value))
+    for group in _by_unit(quantity for quantity, seen in values.items() if seen).values():
+        value = np.concatenate([q.read(np.concatenate(values[q])) for q in group])
+        entities = [f"can/{quantity.name}" for quantity in group]
+        panels.append(panel(_heading(group), group[0].shown, entities, value, value))
     return panels
 
 
@@ -265,10 +269,16 @@ def _send_smoothed(
 
 
 def _informative(run: Run, states: Sequence[Panel]) -> list[Panel]:
-    """The panels about the clutch: not those of states that are measured as they are."""
+    """The panels about the clutch: not those of states that are measured as they are, or are never
+    valid."""
+    never = {
+        f"state/{name}"
+        for name in run.tracks[0].states
+        if not any(track.states[name].valid.any() for track in run.tracks)
+    }
     plain = {f"state/{name}" for drive in run.signals.drives for name in drive}
     plain.add(f"state/{SLIP_ENERGY.name}")  # the report has it event by event
-    return [p for p in states if not plain & set(p.entities)]
+    return [p for p in states if not plain & set(p.entities) and not never >= set(p.entities)]
 
 
 def _send_residuals(stream: rr.RecordingStream, run: Run, starts: Sequence[float]) -> list[Panel]:

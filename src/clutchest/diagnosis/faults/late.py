@@ -93,8 +93,8 @@ class Late(StreamTest):
             return "too few frames"
         return (
             f"limit: {self.threshold:.2g} periods of {1e3 * (self.period or 0.0):.4g} ms, summed "
-            f"up where one is {SMALLEST:.0%} and more too long; jitter {tail_mean(self.tail):.1%} "
-            f"on average, from {int(self.tail[COUNT])} frames"
+            f"up where one is {100 * SMALLEST:.0f} % and more too long; jitter "
+            f"{100 * tail_mean(self.tail):.1f} % on average, from {int(self.tail[COUNT])} frames"
         )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from clutchest.diagnosis.faults.messages import fluctuating
 from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
 from clutchest.diagnosis.sequential import new_tail, tail_bound, tail_mean, tail_take
+from clutchest.shown import with_unit
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
 
@@ -35,9 +36,16 @@ class Noise(StreamTest):
     kind, fmi = "noise", 2
 
     def __init__(
-        self, subject: str, per_1000h: float, std: float, ar: float, guessed: bool = False
+        self,
+        subject: str,
+        per_1000h: float,
+        std: float,
+        ar: float,
+        guessed: bool = False,
+        unit: str = "1",
     ) -> None:
         super().__init__(subject, per_1000h)
+        self.unit = unit
         self.std, self.ar, self.guessed, self.sum, self.begun = std, ar, guessed, 0.0, 0.0
         self.tail, self.pending = new_tail(1.0), list[float]()
         self.rest = np.zeros((2, 0))
@@ -47,8 +55,16 @@ class Noise(StreamTest):
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
         """See :meth:`StreamTest.of`."""
         mapped = [vehicle.signals[name] for name in fluctuating(vehicle)]
+        units = vehicle.machine.units
         return [
-            cls(s.name, per_1000h, s.noise, s.noise_ar, s.noise_source.startswith("guess"))
+            cls(
+                s.name,
+                per_1000h,
+                s.noise,
+                s.noise_ar,
+                s.noise_source.startswith("guess"),
+                units.get(s.name, "1"),
+            )
             for s in mapped
         ]
 
@@ -122,13 +138,14 @@ class Noise(StreamTest):
         """See :meth:`StreamTest.why`."""
         if self.guessed:
             return (
-                f"its noise, {self.std:.3g}, is a guess of the vehicle file: "
-                "`clutchest identify noise` measures it"
+                f"its noise, {with_unit(f'{self.std:.3g}', self.unit)}, is a guess of the vehicle "
+                "file: `clutchest identify noise` measures it"
             )
         if not self.blocks:
             return "too few samples without motion"
         tested = f"tested over {self.blocks} blocks of {BLOCK} samples"
-        return f"limit: twice the stated noise of {self.std:.3g}; {tested}"
+        stated = with_unit(f"{self.std:.3g}", self.unit)
+        return f"limit: twice the variance of the stated noise of {stated}; {tested}"
 
 
 def _variance(weights: Floats, ar: float) -> float:

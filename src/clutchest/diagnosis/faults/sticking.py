@@ -111,7 +111,10 @@ class Sticking(StreamTest):
         if not self.count:
             return f"{words(self.pair.leader)} never moved beyond its free stroke"
         leader, follower = words(self.pair.leader), words(self.pair.follower)
-        return f"{follower} against {leader}, over {self.count} moves"
+        return (
+            f"limit: a log-likelihood ratio of {self._bound():.1f}; {follower} against {leader}, "
+            f"over {self.count} moves"
+        )
 
 
 def words(signal: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import log
+from math import ceil, log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +71,10 @@ class WrongFrames(StreamTest):
         """See :meth:`StreamTest.why`."""
         if not self.enabled:
             return "no frame of this message that can be tested"
-        return f"{int(self.state[WRONG])} of {int(self.state[FRAMES])} frames wrong while healthy"
+        wrong, frames = int(self.state[WRONG]), int(self.state[FRAMES])
+        usual = min((wrong + 0.5) / (frames + PRIOR_FRAMES), FAULTY_SHARE / 2.0)
+        limit = ceil(self._bound() / log(FAULTY_SHARE / usual))
+        return f"limit: {limit} wrong frames in a row; {wrong} of {frames} wrong while healthy"
 
 
 @compiled

@@ -65,6 +65,7 @@ MACHINE = Machine(
         rate_state="wear_rate",
         same_as=("position_offset",),
     ),
+    overview=("engine_speed", "input_shaft_speed", "slave_position"),
     limits={"wear": "mm"},
     error_terms=ERROR_TERMS,
     covariates=COVARIATES,
