@@ -247,12 +247,12 @@ class Discovery(Tabulated):
     def shown(self) -> Shown:
         """The causes with their sizes."""
         library = self.extended.library
-        units = {(e.name, n.key): n.unit for e in library.values() for n in e.parameters}
+        of = {(e.name, n.key): n.unit for e in library.values() for n in e.parameters}
         rows = [
             (
                 cause.effect,
                 ", ".join(
-                    f"{key} = {plus_minus(size.value, size.std, units[cause.effect, key])}"
+                    f"{key} = {plus_minus(size.value, size.std, of.get((cause.effect, key), ''))}"
                     for key, size in cause.parameters.items()
                 ),
                 f"{cause.statistic:.1f}",
