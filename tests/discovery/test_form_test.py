@@ -77,7 +77,7 @@ def test_words_say_which_way_the_data_go_where_they_do():
     cause = Cause("friction_fade", "torque", {"slope": Size(0.1, 0.01)}, 80.0, 1e-9, form)
     words = refuted(cause, EFFECTS["friction_fade"])
     assert words.startswith("The form of friction_fade is refuted (p = 2e-06)")
-    assert "falls with temp_disc, but not as friction_fade has it (Torque × (1" in words
+    assert "falls with disc temperature, but not as friction_fade has it (Torque × (1" in words
 
 
 class BellShaped:

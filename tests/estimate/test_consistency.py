@@ -178,7 +178,7 @@ def test_a_wrong_sign_makes_every_state_invalid_everywhere(demo, healthy):
         if state["value"] is not None
     )
     assert not run.to_pandas().filter(like="_valid").to_numpy().any()
-    assert markdown(run).splitlines()[2].startswith("**signals and model contradict each other")
+    assert markdown(run).splitlines()[4].startswith("**signals and model contradict each other")
     again = replay(demo, "truck", state={**run.final, "time_ns": None})
     assert any("nothing of it is carried over" in w for w in again.summary["warnings"])
     np.testing.assert_array_equal(
