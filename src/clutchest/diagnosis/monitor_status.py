@@ -81,7 +81,11 @@ def _fault_status(fault: ModelFault, k: int, drive: DriveDiagnosis) -> tuple[str
     if result.status == "failed":
         at = float(drive.equations.blocks.end[result.detected or 0])
         return "failed", f"log-likelihood ratio above {result.begins_at:.1f} at {at:.1f} s"
-    return "passed", f"detectable from {with_unit(f'{result.detectable:.2g}', unit)} (50 %)"
+    least = with_unit(f"{result.detectable:.2g}", unit)
+    return "passed", (
+        f"limit: a log-likelihood ratio of {result.begins_at:.1f}; half of all faults of {least} "
+        "exceed it"
+    )
 
 
 def _misfit_status(drive: DriveDiagnosis) -> tuple[str, str]:

@@ -227,16 +227,20 @@ def fit_rows(fit: Fit, before: Vehicle) -> list[FitRow]:
 
 def print_fit(fit: Fit, before: Vehicle, console: Console) -> None:
     """Print what was determined, and what could not be, against the file that it started from."""
+    from rich.box import SIMPLE_HEAD
     from rich.markup import escape
-    from rich.table import Table
+    from rich.table import Column, Table
 
     rows = fit_rows(fit, before)
     of_signals = any(row.leaf for row in rows)
+    named = ("signal", "quantity") if of_signals else ("parameter",)
     table = Table(
-        *(("signal", "quantity") if of_signals else ("parameter",)),
+        *(Column(words, no_wrap=True) for words in named),  # on 80 columns, numbers give way
         "before",
         "fitted",
         "95 % interval",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
         title=f"{fit.vehicle.name}: {fit.procedure}",
         title_justify="left",
     )
