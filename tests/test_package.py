@@ -118,7 +118,7 @@ def test_three_commands_of_the_readme_find_a_hidden_cause(tmp_path):
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "COLUMNS": "200"},
         )
         said.append(ran.stdout)
-    verdict = re.compile(r"data require (\w+) \((\w+) = (\S+) ± ([\d.]+) s/\(100 rad\)")
+    verdict = re.compile(r"data require (\w+) \((\w+) = (\S+) ± ([\d.]+) per 100 rad/s")
     (stated,), (printed,) = verdict.findall(README), verdict.findall(said[1])
     assert printed[:2] == stated[:2] == ("friction_speed", "slope")
     (value, sigma), (size, spread) = map(float, stated[2:]), map(float, printed[2:])
