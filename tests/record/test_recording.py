@@ -236,6 +236,8 @@ def test_outline_keeps_the_extremes_of_every_stretch(n):
 def test_ranges_take_no_infinity():
     made = panel("t", "°C", ["a"], np.array([-np.inf, 2.0]), np.array([np.nan, 5.0]))
     assert made.low < 2.0 and made.high > 5.0 and made.high - made.low < 4.0
+    wide = panel("t", "°C", ["a"], np.array([-1.7e308]), np.array([1.7e308]))
+    assert wide.low < 0.0 < wide.high
     empty = panel("t", "°C", ["a"], np.array([np.nan]), np.array([np.nan]))
     assert np.isfinite([empty.low, empty.high]).all()
 

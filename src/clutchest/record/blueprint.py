@@ -17,6 +17,7 @@ from clutchest.signals import Floats
 COLOURS = (0xF3A712FF, 0x4F9DDEFF, 0xE4572EFF, 0x76B041FF, 0xA06CD5FF, 0x2EC4B6FF, 0xE377C2FF)
 INVALID = 0x8A8A8AFF
 BOUND = 0x9A9A9AFF
+TINY = 1e-300  # a range that is smaller has no ticks of its own
 MODE_COLOURS = {
     "open": 0x3D5A80FF,
     "slipping": 0xC8553DFF,
@@ -62,6 +63,8 @@ def panel(title: str, unit: str, entities: Sequence[str], lows: Floats, highs: F
 
 def _with_two_ticks(low: float, high: float) -> tuple[float, float]:
     """The range with at least two powers of ten's multiples in it: there the viewer has numbers."""
+    if not TINY < high - low < inf:
+        return low, high
     step = 10.0 ** floor(log10(high - low))
     first, last = ceil(low / step), floor(high / step)
     if last > first:
