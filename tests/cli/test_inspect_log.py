@@ -108,6 +108,7 @@ def test_draft_replays_at_once_and_names_its_guess(found, log, truck, tmp_path):
     assert runs[0]["contradiction"] is None and slipping[0] == pytest.approx(slipping[1], abs=0.5)
 
 
+@pytest.mark.slow
 def test_messages_of_another_period_than_the_database_states(log, tmp_path):
     """A healthy vehicle that sends EEC1 half as often as the database says is not late."""
     frames = read_frames(log)

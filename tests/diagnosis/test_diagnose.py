@@ -135,6 +135,7 @@ class TestEquations:
         assert isolability.structure["friction_level"] != isolability.structure["position_offset"]
 
 
+@pytest.mark.slow
 def test_wear_beyond_its_limit(truck):
     diagnosis = diagnosed(truck, {"wear": {"amount": 3.6}})
     assert [f.fault for f in diagnosis.faults] == ["wear"]

@@ -85,6 +85,7 @@ def test_engines_agree_over_a_drive(model: str, bench: BenchOf) -> None:
     compare(made.bare, made, noisy(made))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", list(BENCHES))
 def test_engines_agree_with_every_effect_at_work(model: str, bench: BenchOf) -> None:
     made = bench(model)

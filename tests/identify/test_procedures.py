@@ -81,6 +81,7 @@ def test_a_drive_without_slip_tells_nothing():
     assert all(key in warning for key in ("expansion_disc", "heat_capacity_disc"))
 
 
+@pytest.mark.slow
 def test_found_numbers_pay_on_another_drive(ramps):
     fit = run("disc", ramps, holdout=drive("ramps", OTHER, duration=100.0))
     found = fit.validation

@@ -51,6 +51,7 @@ def problem(drive: Signals) -> Problem:
     return Problem.of(drive, TRUCK, ())
 
 
+@pytest.mark.slow
 def test_noise_that_heats_the_clutch_scatters_readings_as_foreseen(drive, problem):
     """Noise of the coolant's temperature, and of the position during slips, where it is not read
     itself, moves the zero positions read afterwards along the walk's main directions as far as

@@ -68,6 +68,7 @@ def test_any_curve_as_smooth_as_stated_lies_within_their_directions() -> None:
     assert np.linalg.norm(left) < 0.05 * np.linalg.norm(change)
 
 
+@pytest.mark.slow
 def test_without_an_error_term_among_the_effects_there_is_none() -> None:
     signals = clutchest.simulate(TRUCK, "launches", 5, duration=120.0)
     stated = replace(TRUCK, smooth_errors=(STATED,))

@@ -155,7 +155,7 @@ def delivered(frames, start, stop):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda f: delivered(f, 1.3, 4.8),
+        pytest.param(lambda f: delivered(f, 1.3, 4.8), marks=pytest.mark.slow),
         lambda f: without(f, 0.5, 8.0),
         lambda f: delivered(delivered(f, 11.0, 15.7), 20.0, 21.5),
     ],
