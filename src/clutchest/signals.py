@@ -97,6 +97,10 @@ class Signal:
         """The samples of ``rows``."""
         return Signal(self.name, self.unit, self.time[rows], self.value[rows], self.why[rows])
 
+    def between(self, start: float, end: float) -> Signal:
+        """The samples from ``start`` s on, before ``end`` s."""
+        return self.take(slice(*np.searchsorted(self.time, (start, end))))
+
     def then(self, later: Signal) -> Signal:
         """These samples and behind them those of ``later``."""
         return Signal.joined((self, later))
@@ -274,10 +278,7 @@ class Signals(Showing, Mapping[str, Signal]):
     def between(self, start: float = -np.inf, end: float = np.inf) -> Signals:
         """The samples of this drive alone from ``start`` s on, before ``end`` s, at the times that
         they have; signals without any are left out."""
-        inside = {
-            name: signal.take(slice(*np.searchsorted(signal.time, (start, end))))
-            for name, signal in self.signals.items()
-        }
+        inside = {name: signal.between(start, end) for name, signal in self.signals.items()}
         kept = {name: signal for name, signal in inside.items() if len(signal)}
         return replace(self, signals=kept, end=min(end, self.end), later=())
 

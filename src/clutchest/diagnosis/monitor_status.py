@@ -8,7 +8,7 @@ from math import exp
 from clutchest.diagnosis.codes import MISFIT, WEAR
 from clutchest.diagnosis.drive_diagnosis import DriveDiagnosis
 from clutchest.diagnosis.faults import Alarm, StreamTest
-from clutchest.diagnosis.result import MonitorStatus
+from clutchest.diagnosis.result import STATUSES, MonitorStatus
 from clutchest.estimate.run import Run
 from clutchest.models.fault import ModelFault
 from clutchest.shown import with_unit
@@ -43,9 +43,7 @@ def _monitor(
     """From status, reason and threshold of each drive; a failed drive takes precedence over a
     passed one, and that over one that was not run."""
     statuses = tuple(status for status, _ in words)
-    chosen = min(
-        range(len(statuses)), key=lambda i: ("failed", "passed", "not run").index(statuses[i])
-    )
+    chosen = min(range(len(statuses)), key=lambda i: STATUSES.index(statuses[i]))
     return MonitorStatus(
         name, *words[chosen], at[chosen], run.vehicle.false_alarms_per_1000h, statuses
     )

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 
 _COLOURS = {"passed": "tab:green", "failed": "tab:red", "not run": "0.9"}
+STATUSES = ("failed", "passed", "not run")  # of a monitor, the worst first
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +123,7 @@ class Diagnosis(Tabulated):
         names = ", ".join(fault.fault for fault in self.faults) or "no fault"
         ran = sum(m.status != "not run" for m in self.monitors)
         rows = [(f.fault, "fault", f.what) for f in self.faults]
-        first = ("failed", "passed", "not run").index
-        ranked = sorted(self.monitors, key=lambda monitor: first(monitor.status))
+        ranked = sorted(self.monitors, key=lambda monitor: STATUSES.index(monitor.status))
         rows += [(m.name, m.status, m.why) for m in ranked]
         line = f"{names}; {ran} of {len(self.monitors)} monitors ran"
         return Shown(line, ("name", "status", "why"), rows)

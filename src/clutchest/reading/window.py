@@ -112,6 +112,5 @@ def _ns(moment: Moment, first_ns: int) -> int:
 
 
 def _between(signal: Signal, start: float, stop: float) -> Signal:
-    first, last = np.searchsorted(signal.time, (start, stop))
-    inside = signal.take(slice(first, last))
+    inside = signal.between(start, stop)
     return replace(inside, time=inside.time - start)

@@ -72,16 +72,21 @@ class WrongFrames(StreamTest):
         if not self.enabled:
             return "no frame of this message that can be tested"
         wrong, frames = int(self.state[WRONG]), int(self.state[FRAMES])
-        usual = min((wrong + 0.5) / (frames + PRIOR_FRAMES), FAULTY_SHARE / 2.0)
-        limit = ceil(self._bound() / log(FAULTY_SHARE / usual))
+        limit = ceil(self._bound() / log(FAULTY_SHARE / _usual(self.state)))
         return f"limit: {limit} wrong frames in a row; {wrong} of {frames} wrong while healthy"
+
+
+@compiled
+def _usual(state):  # type: ignore[no-untyped-def]
+    """The share of wrong frames in healthy traffic, as far as seen."""
+    return min((state[WRONG] + 0.5) / (state[FRAMES] + PRIOR_FRAMES), FAULTY_SHARE / 2.0)
 
 
 @compiled
 def _bernoulli(time, wrong, state, bound, changes):  # type: ignore[no-untyped-def]
     n = 0
     for k in range(len(time)):
-        usual = min((state[WRONG] + 0.5) / (state[FRAMES] + PRIOR_FRAMES), FAULTY_SHARE / 2.0)
+        usual = _usual(state)
         share, before = (FAULTY_SHARE, usual) if wrong[k] else (1.0 - FAULTY_SHARE, 1.0 - usual)
         n = cusum_step(state, np.log(share / before), bound, time[k], changes, n)
         if not state[FAILING]:
