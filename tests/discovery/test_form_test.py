@@ -101,7 +101,7 @@ def test_a_near_miss_keeps_its_name_but_its_form_is_refuted(tmp_path: Path):
     (cause,) = answer.causes
     assert (cause.effect, cause.form.state) == ("friction_slip", "refuted")
     assert cause.form.curve is not None and cause.form.curve.covariate == "slip_speed"
-    assert "falls with slip_speed, but not as friction_slip has it" in answer.sentence
+    assert "falls with slip speed, but not as friction_slip has it" in answer.sentence
     assert answer.where is not None and answer.where.covariates[0] == "slip_speed"
     assert answer.curve is not None, "the patch is data"
     assert tmp_path / "form.png" in write_discovery(answer, tmp_path)
