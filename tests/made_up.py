@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
 from clutchest.inference.discrepancy import Discrepancy
+from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.objective import Objective
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.inference.prepared_drive import Readings
-from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import Shapes, Unknown, UnknownGain, UnknownParameter
 from clutchest.signals import Floats
 

@@ -14,7 +14,16 @@ import pytest
 
 from bench import BENCHES, Bench
 from clutchest.compute import build, choices
-from clutchest.compute.lower import _CALLS, covariance_step, lower, signature_step
+from clutchest.compute.lower import (
+    _CALLS,
+    columns_of,
+    covariance_step,
+    lower,
+    signature_step,
+)
+from clutchest.compute.lower import (
+    product as matrix_product,
+)
 from clutchest.compute.step import heun
 from clutchest.models.model import Model
 from equations import argument_names, draw, vector
@@ -348,3 +357,20 @@ def test_products_with_the_zeros_of_a_step(make: Callable[[str, ca.SX], str]) ->
         function(P, F, Q, np.zeros((4, 4)))
         assert pytest.approx(wanted, rel=1e-13) == P
         assert np.array_equal(P, P.T)
+
+
+def test_a_product_overwrites_and_its_columns_are_named():
+    """Beside numpy's, for a matrix with zeros, an empty row and an empty column."""
+    rng = np.random.default_rng(4)
+    pattern = np.array([[1, 1, 0, 0], [0, 1, 0, 1], [0, 0, 0, 0], [1, 1, 0, 1]])
+    matrix = ca.sparsify(ca.SX(pattern))
+    text = "\n".join([matrix_product("lowered", matrix), *columns_of("FIRST", "ROW", matrix)])
+    function = runnable(text)
+    F, X, T = pattern * rng.normal(size=(4, 4)), rng.normal(size=(4, 5)), np.full((4, 5), np.nan)
+    function(F, X, T, 5)
+    assert pytest.approx(F @ X, rel=1e-13) == T
+    named: dict[str, np.ndarray] = {}
+    exec("\n".join(columns_of("FIRST", "ROW", matrix)), {"np": np}, named)
+    for k in range(4):
+        rows = named["ROW"][named["FIRST"][k] : named["FIRST"][k + 1]]
+        np.testing.assert_array_equal(rows, np.flatnonzero(pattern[:, k]))

@@ -15,8 +15,9 @@ from clutchest.discovery.discover import discover
 from clutchest.discovery.effect_drivers import by_shapes, drivers_of
 from clutchest.discovery.result import Cause, Form, FormCurve, Size
 from clutchest.discovery.sentences import refuted, trend
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.objective import Objective
-from clutchest.inference.problem import NO_DERIVATIVES, Problem
+from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.record.discovery import write_discovery
 

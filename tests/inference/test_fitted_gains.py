@@ -7,10 +7,11 @@ import pytest
 
 import clutchest
 from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import settle
 from clutchest.inference.objective import Objective
 from clutchest.inference.preparation import at_file, with_gains_at
-from clutchest.inference.problem import NO_DERIVATIVES, Problem
+from clutchest.inference.problem import Problem
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,10 @@ import pytest
 
 import clutchest
 from clutchest.generator import Sampled
+from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Objective
-from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import (
     InitialState,
     SignalDelay,

@@ -11,9 +11,10 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 import clutchest
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import SETTLED, improve, most_probable, settle
 from clutchest.inference.objective import Objective
-from clutchest.inference.problem import NO_DERIVATIVES, Problem
+from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import UnknownParameter
 from clutchest.models import machine_of
 from clutchest.signals import Floats

@@ -10,7 +10,8 @@ from scipy.ndimage import uniform_filter1d
 
 import clutchest
 from clutchest.inference.covariates import covariates
-from clutchest.inference.problem import NO_DERIVATIVES, Problem
+from clutchest.inference.innovations import NO_DERIVATIVES
+from clutchest.inference.problem import Problem
 from clutchest.models.alsd import motor_friction
 from clutchest.models.alsd.fitted import FITTED, to_fit
 
@@ -127,3 +128,25 @@ def test_a_motor_that_stands_is_not_shaken_until_it_creeps():
     error = np.sqrt(np.var(up) / len(up) + np.var(down) / len(down))
     assert min(len(up), len(down)) > 1000
     assert abs(np.mean(up) - np.mean(down)) < 3.0 * error
+
+
+def test_steps_are_short_while_the_motor_moves_and_as_good_where_it_stands(monkeypatch):
+    """Innovations with steps as short throughout differ by a small part of their noise."""
+    problem, theta = problem_of(31)
+    drive, moving = problem.drives[0], FITTED.regime.index("moving")
+    moves = drive.line.W[:, moving] > 0
+    assert set(drive.line.longest[moves]) == {FITTED.longest[0]}
+    assert set(drive.line.longest[~moves]) == {FITTED.longest[1]}
+    short = replace(FITTED, longest=(FITTED.longest[0],) * 2)
+    monkeypatch.setattr(type(RIG), "machine", replace(RIG.machine, fitted=lambda names: short))
+    finer, _ = problem_of(31)
+    found = {}
+    for made in (problem, finer):
+        readings = made.drives[0].readings
+        r = made.linearise(theta, {}, NO_DERIVATIVES)[0].r
+        where = zip(readings.sensor.tolist(), readings.t.tolist(), strict=True)
+        found[made is finer] = dict(zip(where, r, strict=True))
+    both = found[True].keys() & found[False].keys()
+    assert len(both) > 0.99 * len(found[True])  # hardly a reading is used by one alone
+    off = np.array([found[True][key] - found[False][key] for key in both])
+    assert np.sqrt(np.mean(off**2)) < 0.03

@@ -10,6 +10,7 @@ import casadi as ca
 
 from clutchest.compute.lower import (
     CONTRACTED,
+    columns_of,
     covariance_step,
     dispatch,
     lower,
@@ -135,6 +136,7 @@ class _Functions:
                 compiled=CONTRACTED,
             ),
             product("carry", by_state),
+            *columns_of("FIRST", "ROW", by_theta),
             lower("gathered", over | {"q": taken.q, "noise": taken.noise}, {"Q": taken.Q}),
         ]
 

@@ -12,6 +12,7 @@ _APART = "@compiled(apart=True)"
 # a product and a sum in one instruction, rounded once instead of twice: no longer the same to the
 # last bit beside a term that is zero
 CONTRACTED = "@compiled(contract=True)"
+_APART_CONTRACTED = "@compiled(apart=True, contract=True)"
 _LONGEST = 160  # characters, beyond which an expression gets a name of its own
 
 # What each operation of CasADi is in Python; see compute.choices for the named ones.
@@ -133,22 +134,27 @@ def _values(
 
 
 def product(name: str, matrix: ca.SX) -> str:
-    """A function ``name(F, X, T, columns)``: T ← T + F X for an F with zeros where ``matrix`` has
+    """A function ``name(F, X, T, columns)``: T ← F X for an F with zeros where ``matrix`` has
     them.  All rows of a column at once, so that columns are loaded once and go in parallel."""
-    places = list(zip(*matrix.sparsity().get_triplet(), strict=True))
-    rows = {i: [k for row, k in places if row == i] for i, _ in places}
+    rows, known = _rows(matrix)
     lines = [
-        CONTRACTED,
+        _APART_CONTRACTED,
         f"def {name}(F, X, T, columns):",
-        *(f"    f{i}_{k} = F[{i}, {k}]" for i, k in places),
-        "    for c in range(columns):",
-        *(f"        x{k} = X[{k}, c]" for k in sorted({k for _, k in places})),
-        *(
-            f"        T[{i}, c] += {' + '.join(f'f{i}_{k} * x{k}' for k in of)}"
-            for i, of in rows.items()
-        ),
+        *known,
+        *_columns("X", "columns", rows),
+        *(f"        T[{i}, c] = {_sum(i, of)}" for i, of in rows.items()),
     ]
     return "\n".join(lines) + "\n"
+
+
+def columns_of(first: str, row: str, matrix: ca.SX) -> list[str]:
+    """Two constants: where each column of a ``matrix`` begins, and ends, among its places that can
+    differ from zero, column by column, and in which row each of these lies."""
+    sparsity = matrix.sparsity()
+    return [
+        f"{first} = np.array({sparsity.colind()}, np.int64)",
+        f"{row} = np.array({sparsity.row()}, np.int64)",
+    ]
 
 
 def covariance_step(name: str, matrix: ca.SX) -> str:

@@ -13,6 +13,9 @@ STATES = INPUTS = OUTPUTS = SENSORS = THETAS = 0
 HAS_MAP = False
 SCALES: Any = ()  # states that are factors
 DOUBTED: Any = ()  # states whose standard deviations stand at the end of w
+# of the G of a ``transition``: FIRST[k] to FIRST[k + 1] are column k's places, in these ROWs
+FIRST: Any = ()
+ROW: Any = ()
 
 
 def step(
@@ -82,7 +85,7 @@ def transition(
 
 
 def carry(F: Any, X: Any, T: Any, columns: int) -> None:
-    """T ← T + F X, the first ``columns`` of them, for the F of a ``transition``."""
+    """T ← F X, the first ``columns`` of them, for the F of a ``transition``."""
     raise NotImplementedError
 
 

@@ -9,7 +9,9 @@ from math import ceil
 import numpy as np
 
 from clutchest.compute.lowered import (
+    FIRST,
     INPUTS,
+    ROW,
     STATES,
     THETAS,
     carry,
@@ -87,10 +89,10 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
         if not tracking.frozen:
             gathered(xc, va, vb, dt, w, p, g, moves, regimes.Q[row], regimes.noise, work.Q)
             spread(P, F, work.Q, tracking.states, work.P)
-        for j in range(STATES):
-            for c in range(len(active)):
-                T[j, c] = G[j, active[c]] * work.acts[c]
         carry(F, S, T, T.shape[1])
+        for c in range(len(active)):
+            for q in range(FIRST[active[c]], FIRST[active[c] + 1]):
+                T[ROW[q], c] += G[ROW[q], active[c]] * work.acts[c]
         S, T = T, S
     return x, xn, S, T
 

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.map_fit import most_probable, settle
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.objective import Objective
 from clutchest.inference.prepared_drive import Readings
-from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import Unknown
 from clutchest.models.effects import Effect
 from clutchest.models.symbols import State

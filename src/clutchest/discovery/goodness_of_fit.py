@@ -23,7 +23,8 @@ from clutchest.discovery.noise_contrasts import (
 )
 from clutchest.discovery.residual_series import ResidualSeries, residual_series
 from clutchest.discovery.spectral_lines import lines
-from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.innovations import NormalisedInnovations
+from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import family_wise
 from clutchest.signals import Floats
 

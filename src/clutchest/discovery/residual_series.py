@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.noise_model import Stretches
 from clutchest.inference.prepared_drive import PreparedDrive
-from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.problem import Problem
 from clutchest.signals import Floats
 
 SAME = 1e-9  # of all readings' range: what differs by less is the same reading

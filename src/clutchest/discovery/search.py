@@ -18,9 +18,10 @@ from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.continuation import continue_towards_prior
 from clutchest.inference.cores import shared
 from clutchest.inference.estimated_noise import EstimatedNoise, with_estimated_noise
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import improve, settle
 from clutchest.inference.objective import SAME, Linearisation, Objective
-from clutchest.inference.problem import NO_DERIVATIVES, Problem
+from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest, score_test
 from clutchest.inference.unknowns import InitialState, Shapes
 from clutchest.progress import Progress
@@ -176,7 +177,7 @@ def begin(problem: Problem, progress: Progress | None = None) -> Search:
     """The model without a cause, fitted to its priors, and the score of every candidate."""
     if progress:
         progress("fitting the model without a cause", None)
-    objective, fit = settle(Objective.of(problem), problem.near)
+    objective, fit = settle(Objective.of(problem), problem.begin)
     unusual = _unusual_starts(problem, fit.theta)
     if len(unusual):
         objective, fit = settle(objective.with_prior(unusual, LOOSE), fit.theta)

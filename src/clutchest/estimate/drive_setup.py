@@ -15,7 +15,6 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.outliers import without_spikes
 from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.models.model import Model
-from clutchest.models.regimes import SLIDING
 from clutchest.models.thresholds import Thresholds
 from clutchest.shown import counted
 from clutchest.signals import HEAD, LOST, Floats, Signal, Signals
@@ -242,5 +241,6 @@ def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
 
 def _longest(model: Model, table: Floats) -> Floats:
     """The longest step, s, under every row of flags."""
-    sliding = table[:, model.regime.index(SLIDING)] > 0 if SLIDING in model.regime else [True]
-    return np.broadcast_to(np.where(sliding, *model.longest), len(table)).copy()
+    flag = model.fast_while
+    fast = table[:, model.regime.index(flag)] > 0 if flag in model.regime else [True]
+    return np.broadcast_to(np.where(fast, *model.longest), len(table)).copy()

@@ -8,6 +8,8 @@ from them, or nowhere, has met another motion still, and says nothing.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from clutchest.inference.map_fit import cooled, improve
@@ -32,6 +34,8 @@ def with_fitted_gains(problem: Problem) -> Problem:
         with np.errstate(over="ignore", invalid="ignore"):  # of a fit that leads nowhere
             begun = cooled(objective, objective.linearise_at(near, active=free), free)
             fitted = improve(objective, begun, free, derivatives=False).theta
-        if np.all(np.abs(fitted[free]) < FAR):
-            near = fitted
-    return problem.with_gains_at(near).with_input_noise_at(near)
+        met = bool(np.all(np.abs(fitted[free]) < FAR))
+        near = fitted if met else near
+    if met or not near.any():
+        part = problem.with_gains_at(near)
+    return replace(part.with_input_noise_at(near), begin=fitted)

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.linear_solve import solved
 from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
-from clutchest.inference.problem import NO_DERIVATIVES
 from clutchest.inference.unknowns import Shapes
 from clutchest.signals import Floats
 
@@ -28,6 +28,7 @@ NEAR = 10.0  # mean square of the innovations: from here on steps lead on
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a hot step, until it pays
 GROWING = (0.0625, 0.25)  # of a drive's time: parts of it that are fitted first
 STEPS, PATIENCE, TURNS = 40, 3, 6  # at most
+STALLED = 10  # trials in a row, none of which lowered the cost by the share that counts
 ALIKE, LONGEST = 0.95, 10.0  # cosine of steps in one direction; by how much one is lengthened
 WALL = 30.0  # times the best cost: a climb beyond leads nowhere
 AHEAD = 0.05  # of a step: where the bend of a valley is measured
@@ -50,6 +51,19 @@ class Tolerance(NamedTuple):
 
 
 COARSE, FINE = Tolerance(), Tolerance(1e-4, 0.0)
+
+
+class _Counted(NamedTuple):
+    """The ``cost`` when it last fell by a share that counts, and the ``trials`` since."""
+
+    cost: float
+    trials: int = 0
+
+    def after(self, cost: float, tolerance: Tolerance) -> _Counted:
+        """The same after a trial that led to this cost."""
+        if cost < (1.0 - tolerance.share) * self.cost:
+            return _Counted(cost)
+        return self._replace(trials=self.trials + 1)
 
 
 def settle(
@@ -165,6 +179,7 @@ def improve(
     if lin.active is not None and not len(lin.active):
         lin = objective.relinearise(lin, lin.theta, active=free)
     best, damping, climbs = lin, 0.0, 0
+    counted = _Counted(lin.cost)
     last, bend, share = np.zeros(len(lin.theta)), None, 1.0
     for _ in range(STEPS):
         move = step(objective, lin, free, damping)
@@ -177,6 +192,8 @@ def improve(
         theta = objective.within_bounds(lin.theta + path, free)
         there = objective.relinearise(lin, theta, active=NO_DERIVATIVES)
         straight = bend is None and not damping
+        if (counted := counted.after(there.cost, tolerance)).trials > STALLED:
+            break
         if there.cost < best.cost:
             gained, climbs, damping = best.cost - there.cost, 0, damping / 10.0
             last, bend, share = path if straight else 0.0 * path, None, min(1.0, 2.0 * share)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.inference.cores import shared
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import SETTLED, curvature, improve
 from clutchest.inference.objective import Linearisation, Objective
-from clutchest.inference.problem import NO_DERIVATIVES
 from clutchest.signals import Floats
 
 ASIDE = 2.0  # standard deviations, by which starts lie aside

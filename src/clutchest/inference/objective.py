@@ -20,12 +20,13 @@ from clutchest.inference.discrepancy import (
     probable_shares,
     scattering,
 )
+from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance, white_covariances
 from clutchest.inference.linear_solve import add_product, solved
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.noise_model import NoiseModel, Stretches
 from clutchest.inference.operating_point import OperatingPoint
-from clutchest.inference.problem import NormalisedInnovations, Problem
+from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import Shapes, UnknownGain, UnknownParameter
 from clutchest.signals import Floats
 
@@ -86,8 +87,7 @@ class Linearisation:
             return self.by_active[:, thetas]
         place = np.full(len(self.theta), -1)
         place[self.active] = np.arange(len(self.active))
-        known = place[thetas] >= 0
-        some = np.zeros((len(self.r), len(thetas)))
+        known, some = place[thetas] >= 0, np.zeros((len(self.r), len(thetas)))
         some[:, known] = self.by_active[:, place[thetas][known]]
         return some
 

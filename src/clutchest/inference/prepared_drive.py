@@ -10,7 +10,7 @@ as far as they like, and no adapting state swallows what a cause leaves in the d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from clutchest.compute.records import Belief
 from clutchest.estimate.timeline import Timeline
 from clutchest.estimate.whole_log import Compiled
 from clutchest.inference.input_interpolation import InterpolatedInput
+from clutchest.inference.last_runs import LastRuns
 from clutchest.inference.noise_model import Stretches
 from clutchest.inference.operating_point import OperatingPoint
 from clutchest.signals import Floats
@@ -159,7 +160,8 @@ class PreparedDrive:
     ``unaveraged``: index of a sensor of which the line has averages → all its readings;
     ``nominal`` (n) first states, ``start`` what the filter knows of the tracked ones then;
     ``plays``: numbers of effects that give an input a play; ``at_nominal``: the operating point at
-    the vehicle file's numbers, from which linearisations at any others begin.
+    the vehicle file's numbers, from which linearisations at any others begin; ``runs``: the last
+    ones of this drive.
     """
 
     compiled: Compiled
@@ -174,6 +176,7 @@ class PreparedDrive:
     gains: FrozenGains
     readings: Readings
     at_nominal: OperatingPoint
+    runs: LastRuns = field(default_factory=LastRuns, init=False, repr=False, compare=False)
 
     def until(self, end: float) -> PreparedDrive:
         """The same drive as far as ``end`` s."""

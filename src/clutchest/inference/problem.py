@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
 from clutchest.inference.discrepancy import Discrepancy, directions_of
+from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.input_noise_covariance import taken_in
 from clutchest.inference.linearisation import Derivatives, Modulation, linearise, modulated
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
@@ -40,45 +41,6 @@ STEPS = 2  # from nominal inputs to those that numbers imply
 # s, standard deviation by which the delay of a signal in white noise comes out wrong beside what
 # that noise makes of it: measured on 140 simulated drives; samples come 20 times as far apart.
 CLOCK = 0.0005
-NO_DERIVATIVES = np.zeros(0, np.int64)
-
-
-@dataclass(frozen=True, slots=True)
-class NormalisedInnovations:
-    """Of the readings (K) of one drive, sensor after sensor, each in order of time.
-
-    ``table`` (K, 1 + a): ``r`` (K) innovations over their predicted standard deviation, and their
-    derivatives by the ``active`` (a) ones of ``count`` thetas, all unless given, each in its unit;
-    ``implied``: the operating point of the drive there.
-    """
-
-    table: Floats
-    count: int
-    implied: OperatingPoint
-    active: NDArray[np.int64] | None = None
-
-    @property
-    def r(self) -> Floats:
-        """Shape (K,)."""
-        return self.table[:, 0]
-
-    @property
-    def psi(self) -> Floats:
-        """Derivatives by every θ, shape (K, count): 0 by those that are not active."""
-        if self.active is None:
-            return self.table[:, 1:]
-        every = np.zeros((len(self.table), self.count))
-        every[:, self.active] = self.table[:, 1:]
-        return every
-
-    @property
-    def alone(self) -> NormalisedInnovations:
-        """The same without derivatives, in memory of its own."""
-        return replace(self, table=self.table[:, :1].copy(), active=NO_DERIVATIVES)
-
-    def change(self, step: Floats) -> Floats:
-        """ψ · ``step`` (count): by how much the innovations (K) change, to first order."""
-        return self.table[:, 1:] @ (step if self.active is None else step[self.active])
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +53,8 @@ class Problem:
     ``usable``: the signals of which every drive has readings; ``delayed``: indices of gains that
     are the delay of a signal; ``tolerated``: of the last thetas, each of which acts as a gain does
     and has a prior, the index of this gain; ``discrepancies``: what else the equations of a healthy
-    machine are off by; ``near`` (m): θ of the gains by which states are tracked, near which fits
-    begin.
+    machine are off by; ``near`` (m): θ of the gains by which states are tracked; ``begin`` (m):
+    where the fit without a cause begins.
     """
 
     vehicle: Vehicle
@@ -107,6 +69,7 @@ class Problem:
     nuisances: NDArray[np.int64]
     discrepancies: tuple[Discrepancy, ...]
     near: Floats
+    begin: Floats
 
     @classmethod
     def of(
@@ -153,8 +116,7 @@ class Problem:
             *(HealthyPart(h.effect, h.key, h.std) for h in healthy),
         )
         units = np.array([t.unit for t in (*shared, *starts)])
-        exact = [isinstance(t, StatedGain) and t.exact for t in thetas]
-        gains = [isinstance(t, UnknownGain) for t in thetas]
+        exact = {i for i, t in enumerate(thetas) if isinstance(t, StatedGain) and t.exact}
         return cls(
             vehicle,
             compiled,
@@ -165,8 +127,9 @@ class Problem:
             delayed,
             (*delayed, *(places[h.gain] for h in healthy)),
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
-            np.flatnonzero(~np.array(exact) & ~np.array(gains)),
+            np.array([i for i in range(len(thetas)) if i not in {*exact, *places.values()}]),
             (*wanders, *(errors if discrepant else ())),
+            np.zeros(len(thetas)),
             np.zeros(len(thetas)),
         )
 
@@ -298,6 +261,15 @@ class Problem:
         self, drive: int, numbers: ModelNumbers, wanted: NDArray[np.bool_], at: OperatingPoint
     ) -> NormalisedInnovations:
         """One drive, with derivatives by the ``wanted`` thetas (m)."""
+        known = self.drives[drive].runs.at(numbers, at, wanted)
+        if known is None:
+            known = self._run(drive, numbers, wanted, at)
+            self.drives[drive].runs.keep(numbers, at, wanted, known)
+        return known
+
+    def _run(
+        self, drive: int, numbers: ModelNumbers, wanted: NDArray[np.bool_], at: OperatingPoint
+    ) -> NormalisedInnovations:
         prepared_drive, units = self.drives[drive], self.units
         std = prepared_drive.readings.std
         active = np.flatnonzero(wanted)

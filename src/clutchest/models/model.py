@@ -11,6 +11,7 @@ import numpy as np
 
 from clutchest.casadi_later import ca
 from clutchest.models.effects.effect import Effect, Gains
+from clutchest.models.regimes import SLIDING
 from clutchest.models.symbols import Input, Parameter, Sensor, State
 from clutchest.signals import Floats
 
@@ -120,8 +121,8 @@ class Model:
     them.
     ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
     sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
-    of a signal's slope: input → signal.  ``longest`` s, a step may be while the surfaces slide, and
-    otherwise.
+    of a signal's slope: input → signal.  ``longest`` s, a step may be under the flag
+    ``fast_while``, and otherwise; the first throughout where ``regime`` has no such flag.
     ``doubted`` names states whose standard deviation, as a filter holds it, equations may use as
     ``<state>_std``; where nothing is estimated it is 0.
     ``unobservable``: state → why no available signal informs it.  ``implied``: noisy input → the
@@ -140,6 +141,7 @@ class Model:
     anchor: str = ""
     slopes: Mapping[str, str] = field(default_factory=dict)
     longest: tuple[float, float] = (0.02, 0.5)
+    fast_while: str = SLIDING
     doubted: tuple[str, ...] = ()
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     tracked: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

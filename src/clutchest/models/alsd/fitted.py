@@ -94,7 +94,8 @@ FITTED = replace(
     sensors=tuple(replace(sensor, mode="") for sensor in ALSD.sensors),
     pieces=PIECES,
     doubted=(),
-    longest=(2.5e-4, 2.5e-4),
+    longest=(2.5e-4, 2e-3),
+    fast_while="moving",
     tracked={n: {"engaged": free, "fast": creeps} for n, (_, creeps, free) in NOISE.items()},
     uncorrected={"motor_speed": "moving", "motor_bristle": "moving"},
     exact=("armature_inductance",),  # samples come ten times as far apart as the current settles

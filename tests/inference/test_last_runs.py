@@ -1,0 +1,68 @@
+"""What the last runs of a drive gave is not computed again, and cannot be spoilt."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import clutchest
+from clutchest.inference import problem as runs
+from clutchest.inference.innovations import NO_DERIVATIVES
+from clutchest.inference.problem import Problem
+
+RIG = clutchest.load_vehicle("alsd_rig")
+
+
+@pytest.fixture
+def problem() -> Problem:
+    return Problem.of(clutchest.simulate(RIG, "rig-steps", 5, duration=2.0), RIG, ())
+
+
+@pytest.fixture
+def counted(monkeypatch) -> list[int]:
+    """How many derivatives each run was asked for."""
+    asked, linearise = list[int](), runs.linearise
+
+    def once(drive, numbers, at, active, into):
+        asked.append(len(active))
+        return linearise(drive, numbers, at, active, into)
+
+    monkeypatch.setattr(runs, "linearise", once)
+    return asked
+
+
+def test_the_same_numbers_are_run_once(problem, counted):
+    theta = np.zeros(len(problem.thetas))
+    (every,) = problem.linearise(theta, {})
+    (some,) = problem.linearise(theta, {}, np.array([1, 3]))
+    (none,) = problem.linearise(theta, {}, NO_DERIVATIVES)
+    assert len(counted) == 1
+    np.testing.assert_array_equal(some.table, every.table[:, [0, 2, 4]])
+    np.testing.assert_array_equal(none.r, every.r)
+    np.testing.assert_array_equal(some.psi[:, [1, 3]], every.psi[:, [1, 3]])
+
+
+def test_other_numbers_or_more_derivatives_are_run(problem, counted):
+    theta = np.zeros(len(problem.thetas))
+    problem.linearise(theta, {}, NO_DERIVATIVES)
+    problem.linearise(theta, {}, np.array([2]))
+    problem.linearise(theta + 0.1, {}, np.array([2]))
+    problem.linearise(theta, {}, NO_DERIVATIVES)
+    assert counted == [0, 1, 1]
+
+
+def test_gains_at_other_numbers_are_another_drive(problem, counted):
+    theta = np.zeros(len(problem.thetas))
+    before = problem.linearise(theta, {}, NO_DERIVATIVES)[0].r
+    moved = problem.with_gains_at(theta + 0.5)
+    after = moved.linearise(theta, {}, NO_DERIVATIVES)[0].r
+    assert len(counted) == 2 and not np.array_equal(before, after)
+
+
+def test_what_a_user_does_to_a_table_stays_his_own(problem):
+    theta = np.zeros(len(problem.thetas))
+    (first,) = problem.linearise(theta, {})
+    kept = first.table.copy()
+    first.table[:] = np.nan
+    problem.linearise(theta, {})[0].table[:] = 0.0
+    np.testing.assert_array_equal(problem.linearise(theta, {})[0].table, kept)
