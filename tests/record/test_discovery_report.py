@@ -21,6 +21,7 @@ from clutchest.record.discovery import write_discovery
 from clutchest.record.discovery_recording import write_discovery_recording
 from clutchest.record.discovery_report import gain_words, next_commands, report, title
 from clutchest.record.discovery_terminal import print_discovery, print_identifiable
+from clutchest.shown import with_unit
 from clutchest.vehicle import load_vehicle
 from discoveries import CURVE, FADE, GAIN, LINE, NO_GAIN, VERDICTS, discovery, misfit
 
@@ -95,8 +96,9 @@ def test_files(tmp_path, verdict, gain):
     assert "(misfit.png)" in (out / "report.md").read_text("utf-8")
 
 
-def test_what_a_log_can_tell_is_whole_on_80_columns():
-    effects = machine_of("dry_clutch").effects.values()
+@pytest.mark.parametrize("machine", ["dry_clutch", "alsd"])
+def test_what_a_log_can_tell_is_whole_on_80_columns(machine):
+    effects = machine_of(machine).effects.values()
     longest = max((effect.name for effect in effects), key=len)
     tells = [
         Identifiable(effect.name, n.unit, 0.00123456, n.upper, longest, 12.3)
@@ -107,8 +109,12 @@ def test_what_a_log_can_tell_is_whole_on_80_columns():
     print_identifiable(tells, Console(file=text, width=80))
     said = text.getvalue()
     assert "…" not in said
+    assert max(map(len, said.splitlines())) <= 80
     for effect in effects:
-        assert re.search(rf"^{effect.name} +0\.00123 .* {longest} +12\.3 *$", said, re.MULTILINE)
+        assert re.search(rf"^{effect.name} +0\.00123 .* {longest[:12]}.* 12\.3 *$", said, re.M)
+        for number in effect.gains:
+            assert set(with_unit("", number.unit).split()) <= set(said.split())
+    assert re.search("_(\n.* )?".join(longest.split("_")), said)  # it may go on in the next line
 
 
 def test_numbers_that_are_not_finite_become_null(tmp_path):

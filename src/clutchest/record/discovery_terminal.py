@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from textwrap import wrap
 
 from rich.console import Console
 from rich.markup import escape
@@ -24,6 +25,10 @@ from clutchest.record.discovery_report import (
 )
 from clutchest.record.terminal import print_warnings
 from clutchest.shown import with_unit
+
+# characters: of a terminal that has room for whole names of rivals; of such a name's lines in a
+# narrower one, and of a unit's
+WIDE, NARROW, UNIT = 100, 20, 9
 
 
 def print_discovery(discovery: Discovery, console: Console) -> None:
@@ -63,12 +68,13 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
 
 def print_identifiable(effects: Sequence[Identifiable], console: Console) -> None:
     """Print what a log can reveal of every effect."""
-    whole = partial(Column, no_wrap=True)  # on 80 columns, units give way
+    whole = partial(Column, no_wrap=True)
+    room = NARROW if console.width < WIDE else console.width
     table = Table(
         whole("effect"),
         whole("detect-\nable at"),
         whole("plausible\nup to"),
-        "",
+        Column("", min_width=UNIT),
         whole("nearest rival"),
         whole("d′"),
         title="identifiability: size detected in 50 % of such logs, separability d′ (σ)",
@@ -83,8 +89,13 @@ def print_identifiable(effects: Sequence[Identifiable], console: Console) -> Non
             "never" if i.detectable_size is None else f"{i.detectable_size:.3g}",
             f"{i.plausible_size:.3g}",
             escape(with_unit("", i.unit)),
-            i.nearest or "",
+            _in_lines(i.nearest or "", room),
             "" if i.d_prime_nearest is None else f"{i.d_prime_nearest:.1f}",
             style=None if i.excited else "dim",
         )
     console.print(table)
+
+
+def _in_lines(name: str, room: int) -> str:
+    """A name that breaks after underscores where it has more characters than there is ``room``."""
+    return "\n".join(line.replace("_ ", "_") for line in wrap(name.replace("_", "_ "), room))
