@@ -327,9 +327,17 @@ def test_the_worst_slip_is_the_one_shown():
 
 def test_bins_of_the_first_driver_that_tell_most():
     shown = misfit()
-    assert most_significant(shown.bins, "temp_disc") is shown.bins[0]
-    assert most_significant(shown.bins, None) is shown.bins[2]
-    assert most_significant(shown.bins, "time") is None
+    assert most_significant(shown.bins, "temp_disc", False) is shown.bins[0]
+    assert most_significant(shown.bins, None, False) is shown.bins[2]
+    assert most_significant(shown.bins, "time", False) is None
+
+
+def test_bins_of_an_extended_model_are_those_that_it_mended():
+    first, second, third = misfit().bins[:3]
+    bins = (first, replace(second, after=0.0 * second.mean), replace(third, after=third.mean))
+    bins = (replace(first, after=first.mean), *bins[1:])
+    assert most_significant(bins, None, True) is bins[1]
+    assert most_significant(bins, None, False) is bins[2]
 
 
 def test_a_drive_without_slip_or_bins_has_a_picture_too(tmp_path):

@@ -45,14 +45,17 @@ def worst_stretch(misfit: Misfit) -> tuple[int, slice] | None:
     return drive, piece
 
 
-def most_significant(bins: Sequence[Bins], covariate: str | None) -> Bins | None:
+def most_significant(bins: Sequence[Bins], covariate: str | None, extended: bool) -> Bins | None:
     """Of the bins over ``covariate`` (over anything if None) those whose means deviate most from
-    noise."""
+    noise; of an ``extended`` model those in which it removed most of that."""
 
     def excess(b: Bins) -> float:
         counted = (b.count > 0) & (b.error > 0)
         n = np.count_nonzero(counted)
         chi2 = np.sum((b.mean[counted] / b.error[counted]) ** 2)
+        if extended:
+            left = np.sum((b.after[counted] / b.error[counted]) ** 2)
+            return float(chi2 - left)
         return float((chi2 - n) / np.sqrt(2 * n)) if n else -np.inf
 
     over = [b for b in bins if covariate in (None, b.covariate)]
@@ -99,7 +102,7 @@ def _draw_compared(misfit: Misfit, compared: Comparison, extended: bool, axes: A
 def _draw_bins(
     misfit: Misfit, machine: Machine, driver: str | None, extended: bool, axes: Axes
 ) -> None:
-    bins = most_significant(misfit.bins, driver)
+    bins = most_significant(misfit.bins, driver, extended)
     if bins is None:
         _say(axes, "too few readings for binned residuals")
         return
@@ -123,7 +126,8 @@ def _draw_bins(
             label=label,
         )
     if extended:
-        axes.legend(fontsize=8)
+        axes.margins(y=0.3)  # room for the legend
+        axes.legend(fontsize=8, ncols=2, loc="upper center")
     sensor = Quantity(bins.sensor, "1").words
     axes.set_title(f"{sensor}, {bins.mode}: mean ± 2 standard errors", loc="left", fontsize=9)
     axes.set_xlabel(quantity.label)
