@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, State, Trust, VehicleName
-from clutchest.cli.terminal import print_json, progress
+from clutchest.cli.terminal import answer, print_shown, progress
 
 
 def feedforward(
@@ -47,10 +47,10 @@ def feedforward(
         show("calculating", None)
         found = inverse(car, request, state=before)
         write_feedforward(found, out)
-    if as_json:
-        print_json(
-            {"out": str(out), "files": [NAME], "taken": dict(found.taken), "ranges": found.ranges}
-        )
-        return
-    print(found.shown().line)
-    print(f"Written to {out}: {NAME}")
+    answer(
+        {"out": str(out), "files": [NAME], "taken": dict(found.taken), "ranges": found.ranges},
+        as_json,
+        lambda console: print_shown(found.shown(), console),
+        out,
+        [NAME],
+    )

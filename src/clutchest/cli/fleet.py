@@ -9,7 +9,7 @@ import typer
 
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Trust, VehicleName
-from clutchest.cli.terminal import answer, meanwhile, progress
+from clutchest.cli.terminal import answer, meanwhile, print_shown, progress
 from clutchest.extras import installed
 
 if TYPE_CHECKING:
@@ -103,13 +103,8 @@ def fleet(
 def _print(result: Fleet, console: Console) -> None:
     """Who differs in what, what was not used, and the table."""
     from rich.markup import escape
-    from rich.table import Table
 
-    shown = result.shown()
-    table = Table(*map(escape, shown.header), title=escape(shown.line), title_justify="left")
-    for row in shown.rows:
-        table.add_row(*map(escape, row))
-    console.print(table)
+    print_shown(result.shown(), console)
     for words in result.differences():
         console.print(f"[bold red]{escape(words)}[/]")
     for log, why in result.rejected.items():

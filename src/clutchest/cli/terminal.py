@@ -23,6 +23,7 @@ from clutchest.progress import Progress
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from clutchest.shown import Shown
     from clutchest.vehicle import Vehicle
 
 
@@ -114,6 +115,17 @@ def answer(
         print(f"To view it: rerun {out / 'recording.rrd'}")
     elif RECORDED & set(written) and not installed("rerun"):
         print("Without a recording for the Rerun viewer: pip install 'clutchest[rerun]'")
+
+
+def print_shown(shown: Shown, console: Console) -> None:
+    """Print a line and the table below it."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(*map(escape, shown.header), title=escape(shown.line), title_justify="left")
+    for row in shown.rows:
+        table.add_row(*map(escape, row))
+    console.print(table)
 
 
 def loaded(vehicle: str, trust: bool) -> Vehicle:

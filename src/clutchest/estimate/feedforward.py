@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 ROW = 1e-3  # s between rows
 LONGEST = 3600.0  # s of a request
+NOTHING = 1e-9  # of the largest value: what is left of a sum that is zero
 
 Request = Signals | str | Path | tuple[Sequence[float], Sequence[float]]
 
@@ -39,10 +40,11 @@ class Feedforward(Showing):
 
     def shown(self) -> Shown:
         """The range of every column."""
-        rows = [
-            (name, self.units[name], f"{each['lowest']:.4g}", f"{each['highest']:.4g}")
-            for name, each in self.ranges.items()
-        ]
+        rows = []
+        for name, each in self.ranges.items():
+            digits = NOTHING * max(map(abs, each.values()))
+            ends = (0.0 if abs(end) < digits else end for end in each.values())
+            rows.append((name, self.units[name], *(f"{end:.4g}" for end in ends)))
         taken = ", ".join(f"{name} {value:.4g}" for name, value in self.taken.items())
         line = f"{self.vehicle}, {len(self.columns['time'])} rows"
         line += f"; estimated: {taken}" if taken else "; by the vehicle file alone"
