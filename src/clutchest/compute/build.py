@@ -34,7 +34,7 @@ def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]
 
 def _lowered_once(model: Model, thetas: tuple[tuple[str, str], ...]) -> str:
     """:func:`module_text`; drives that follow each other need the same."""
-    for known, taken, text in _lowered:
+    for known, taken, text in tuple(_lowered):  # another thread may add to it meanwhile
         if taken == thetas and known == model:
             return text
     text = module_text(model, thetas)

@@ -120,15 +120,19 @@ class _Functions:
 
     def denoised_steps(self) -> list[str]:
         """The same where step maps see inputs without their noise, part by part: ``follow``,
-        ``transition`` with ``carry``, ``gathered``."""
+        ``settle``, ``transition`` with ``carry``, ``gathered``."""
         model, e = self.model, self.e
         moves = ca.SX.sym("moves", len(model.inputs))
         taken = heun(model, e, moves) if e.dragging else heun(model, e)
         over = self.over(taken) | {"moves": moves}
         by_state = ca.jacobian(taken.x, e.x)
         by_theta = self.by_theta(taken.x, taken) + self.by_noise(taken)
+        settled = ca.SX(len(model.states), 1)
+        for i in map(int, model.settling):
+            settled[i] = taken.x[i]
         return [
             lower("follow", over, {"xn": taken.x}),
+            lower("settle", over, {"xn": settled}),
             lower(
                 "transition",
                 over | {"slope": self.slope},

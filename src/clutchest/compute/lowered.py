@@ -67,6 +67,13 @@ def follow(
     raise NotImplementedError
 
 
+def settle(
+    x: Any, u0: Any, u1: Any, dt: float, w: Any, p: Any, g: Any, moves: Any, xn: Any
+) -> float:
+    """The same of the states alone that an input settles at once."""
+    raise NotImplementedError
+
+
 def transition(
     x: Any,
     u0: Any,

@@ -20,6 +20,7 @@ from clutchest.compute.lowered import (
     gathered,
     reading,
     reading_signature,
+    settle,
     transition,
 )
 from clutchest.compute.records import SensitivityWork
@@ -78,7 +79,7 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
         for j in tracking.settling:
             xc[j] = work.xs[j]
         if len(tracking.settling) > 0:
-            follow(xc, va, vb, dt, w, p, g, moves, work.xd)
+            settle(xc, va, vb, dt, w, p, g, moves, work.xd)
             for j in tracking.settling:
                 work.xs[j] = work.xd[j]
         follow(x, ua, ub, dt, w, p, g, moves, xn)

@@ -129,7 +129,7 @@ def _calmed(line: Timeline, inputs: PreparedInputs, compiled: Compiled, at: Floa
     for sensor in range(len(model.sensors)):
         compiled.functions.reading(sensor, at, line.u[0], *numbers, H)
         of = line.sensor == sensor
-        for i in _settling(model):
+        for i in model.settling:
             z[of] += H[i] / A[i, i] * (noise[of] @ B[i])
     return replace(line, u=line.u - noise, z=z)
 
@@ -180,7 +180,7 @@ def _tracked(
         values = [deadband(t[k], z[k], np.ones(len(k), bool)) for k in pieces]
         rate[:, j] = np.interp(line.t, t, np.concatenate(rates))
         value[:, j] = np.interp(line.t, t, np.concatenate(values))
-    return TrackedStates(which, act, rate, value, _corrected(model, line, which), _settling(model))
+    return TrackedStates(which, act, rate, value, _corrected(model, line, which), model.settling)
 
 
 def _exactly_driven(state: np.intp, model: Model) -> bool:
@@ -196,7 +196,7 @@ def _corrected(model: Model, line: Timeline, which: NDArray[np.bool_]) -> NDArra
     """Whether a reading corrects each tracked state (K, c): none what an input settles at once,
     nor what sticks while it stands, which its noise would shake, and let creep."""
     corrected = np.ones((len(line.t), len(which)), bool)
-    corrected[:, _settling(model)] = False
+    corrected[:, model.settling] = False
     for name, flag in model.uncorrected.items():
         corrected[:, model.state(name)] = line.W[line.row, model.regime.index(flag)] > 0.0
     return corrected[:, which]
@@ -275,13 +275,6 @@ def _interpolated(
                 between = InterpolatedInput.straight(own, mean)
         inputs.append(between)
     return inputs
-
-
-def _settling(model: Model) -> NDArray[np.int64]:
-    """Indices of the tracked states that an input settles at once."""
-    e = model.expressions()
-    states = [(i, s) for i, s in enumerate(model.states) if s.name in model.tracked and s.stiff]
-    return np.array([i for i, _ in states if ca.depends_on(e.rate[i], e.u)], np.int64)
 
 
 def _driving_tracked(model: Model) -> set[int]:

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.casadi_later import ca
 from clutchest.models.effects.effect import Effect, Gains
@@ -212,6 +213,13 @@ class Model:
     def followed(self) -> frozenset[str]:
         """States that a fit corrects by readings: those renewed, and those tracked."""
         return frozenset(self.renewed) | frozenset(self.tracked)
+
+    @cached_property
+    def settling(self) -> NDArray[np.int64]:
+        """Indices of the tracked states that an input settles at once."""
+        e = self.expressions()
+        stiff = [i for i, s in enumerate(self.states) if s.name in self.tracked and s.stiff]
+        return np.array([i for i in stiff if ca.depends_on(e.rate[i], e.u)], np.int64)
 
     @property
     def numbers(self) -> tuple[tuple[Effect, str], ...]:
