@@ -3,8 +3,8 @@
 python benchmarks/foreign.py tanks DATA RESULT --draws 20 --shard tanks.jsonl: RESULT is what
 machines/tanks/run.py wrote.  Each draw simulates a record of the discovery inputs with the extended
 vehicle and noise drawn in blocks, and asks discover; the shard goes on where it ended.  The tanks'
-residuals are slow: innovations of an autoregression are drawn, and added to the level.  Those of
-emps are innovations of its speed, under its own controller (machines/emps/closed_loop.py).
+residuals are slow: innovations of an autoregression are drawn, and added to the level.  The emps is
+simulated under its own controller, disturbed by a force (machines/emps/closed_loop.py).
 A finding there is a false alarm: its share, with the interval of Clopper and Pearson, is printed.
 """
 
@@ -20,6 +20,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pandas as pd
 from scipy.signal import lfilter
 from scipy.stats import binomtest
 
@@ -82,19 +83,18 @@ def tanks(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
 
 
 def emps(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
-    """The carriage under its controller, in noise drawn from that of the record."""
-    path = data / import_module("convert").FILES["emps"]
-    loop = import_module("closed_loop").Loop.of(path, fitted)
-    noise = loop.noise()
+    """The carriage under its controller, disturbed by noise of the record's colour."""
+    loop = import_module("closed_loop")
+    rig = loop.Loop.of(data / import_module("convert").FILES["emps"], fitted)
 
-    def simulated(seed: int) -> Signals:
+    def read(table: pd.DataFrame) -> Signals:
         with TemporaryDirectory() as folder:
             made = Path(folder) / "record.parquet"
-            table = loop.moved(noise.drawn(np.random.default_rng(seed)))
             table.to_parquet(made, index=False)
             return read_log([made], fitted.vehicle)
 
-    return simulated
+    spectrum = loop.spectrum_of(rig, fitted, signals, read)
+    return lambda seed: read(rig.drawn(spectrum, seed))
 
 
 DRAWS = {"tanks": tanks, "emps": emps}

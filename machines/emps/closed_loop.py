@@ -1,17 +1,15 @@
-"""The EMPS under its own position controller, as a fitted model moves it: records without an error
-of the model, of which every finding is a false alarm.
+"""The EMPS under its own position controller, at 1 kHz, as a fitted model moves it: records without
+an error of the model, of which every finding is a false alarm.
 
-A simulation from the recorded force would be of an open loop.  Here the force answers to what the
-position and the speed read, as on the rig.  Noise enters as what the fitted model leaves of each
-reading when it is predicted one step ahead, and states are corrected by it as the filter does (the
-model in innovations form).  Of the measured record it does not give the colour yet that the program
-sees there (docs/machines.md).
+The plant is the fitted model, the controller the published one; a stationary force disturbs the
+carriage.  Its spectrum is that with which the program's innovations of such records have the
+variance and the autocorrelation of its innovations of the measured one.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,164 +17,120 @@ import casadi as ca
 import numpy as np
 import pandas as pd
 from scipy.io import loadmat
-from scipy.optimize import newton
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from convert import filtered, table  # noqa: E402
-from run import inputs_of, motion, states_of  # noqa: E402
+from convert import WIDTH, filtered  # noqa: E402
 
 from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
+from clutchest.signals import Signals  # noqa: E402
 
-PAST = 4  # speeds that the controller's is made of
-BLOCK = 32  # readings of a block of noise: 0.3 s
-STEPS = 20  # of an integration, between two readings
-EXACT = 1e-6  # N, to which the force and the speed that it answers to agree
-
-
-@dataclass(frozen=True)
-class Controller:
-    """force = ``gain`` · (``kp`` · (goal − position) − ``taps`` (PAST) · speeds, the newest first):
-    N per m/s, and 1/s."""
-
-    gain: float
-    kp: float
-    taps: np.ndarray
-
-    @classmethod
-    def of(cls, record: Mapping[str, np.ndarray], gain: float, kp: float) -> Controller:
-        """That of a record with ``goal``, ``position``, ``speed`` and ``force`` (K)."""
-        wanted = kp * (record["goal"] - record["position"]) - record["force"] / gain
-        return cls(gain, kp, np.linalg.lstsq(past(record["speed"]), wanted, rcond=None)[0])
-
-    def force(self, ahead: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-        """N (…) at a goal that is ``ahead`` (…) m, and ``speeds`` (…, PAST)."""
-        return self.gain * (self.kp * ahead - speeds @ self.taps)
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Of every reading (K): what the ``speed`` is beside the prediction, m/s, the ``position``
-    beside the speed's integral, m, and the ``force`` beside the controller's, N."""
-
-    speed: np.ndarray
-    position: np.ndarray
-    force: np.ndarray
-
-    def drawn(self, rng: np.random.Generator) -> Noise:
-        """The same anew: blocks that begin anywhere, on a circle."""
-        count = len(self.speed)
-        begins = rng.integers(count, size=count // BLOCK + 1)
-        rows = (begins[:, None] + np.arange(BLOCK)).ravel()[:count] % count
-        return Noise(self.speed[rows], self.position[rows], self.force[rows])
+SAMPLE = 1e-3  # s, of the controller
+STEPS = 10  # of an integration, in a sample
+RESOLUTION = 5e-8  # m, of the encoder as recorded
+READING = 0.01  # s, from one reading of the converted record to the next
+LAGS = 24  # readings, over which innovations are compared
+PASSED = 48.0  # Hz, above which nothing of the disturbance passes the converter's filter
+FREQUENCIES = np.linspace(0.0, 500.0, 501)  # Hz
+FIRST = 1e-3  # N²/Hz, the spectrum that the search begins with
+TURNS, DRAWS = 6, 4  # of the search, and records of each
+LEAST = 0.02  # of the variance of innovations: smaller spectra are not told from it
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A ``record`` (K readings at 100 Hz) with its goal; the fitted model's ``inputs`` (nu, K), of
-    which the force is one, its ``step`` from one reading to the next, from ``start`` (n) on, and
-    the filter's ``gain`` (n, K)."""
+    """A record of ``time`` (K) s and ``goal`` (K) m at 1 kHz: ``moves`` leads from the ``start`` to
+    what encoder and amplifier report, at a goal and a disturbance of every sample."""
 
-    record: Mapping[str, np.ndarray]
-    inputs: np.ndarray
-    force: int
-    step: ca.Function
+    time: np.ndarray
+    goal: np.ndarray
     start: np.ndarray
-    gain: np.ndarray
-    controller: Controller
+    moves: ca.Function
 
     @classmethod
     def of(cls, path: Path, fitted: FittedMachine) -> Loop:
-        """The loop of an official file, as a fitted model moves it."""
+        """That of an official file, as a fitted model moves it."""
         official = loadmat(path)
-        time, goal = official["t"].ravel(), official["qg"].ravel()
-        volts, kp, kv = (official[k].item() for k in ("gtau", "kp", "kv"))
-        record = {**motion(table(path)), "goal": filtered(time, goal, goal)["position"].to_numpy()}
-        names = [item.name for item in fitted.posterior.problem.compiled.model.inputs]
-        return cls(
-            record,
-            inputs_of(fitted, record),
-            names.index("force"),
-            stepped(fitted, period_of(record)),
-            states_of(fitted, record)[:, 0],
-            gains_of(fitted),
-            Controller.of(record, volts * kv, kp),
-        )
+        time, goal, begin = (official[name].ravel() for name in ("t", "qg", "qm"))
+        volts, kp, kv = (official[name].item() for name in ("gtau", "kp", "kv"))
+        model = fitted.posterior.problem.compiled.model
+        once = _sample(fitted, volts * kv, kp)
+        x = np.zeros(len(model.states))
+        # curves over time begin where the converted record does
+        late = [state.name.endswith("_time") for state in model.states]
+        x[late] = time[0] - time[WIDTH]
+        start = np.concatenate([x, np.full(3, begin[0]), [official["vir"][0, 0] * volts]])
+        return cls(time, goal, start, once.mapaccum("moves", len(time)))
 
-    def noise(self) -> Noise:
-        """That of the record."""
-        goal, position, speed, force = (
-            self.record[name] for name in ("goal", "position", "speed", "force")
-        )
-        x, off = self.start, np.zeros(len(speed))
-        for k, reading in enumerate(speed):
-            if k:
-                x = self._ahead(x, k, force[k - 1], force[k])
-            off[k] = reading - x[0]
-            x = x + self.gain[:, k] * off[k]
-        moved = period_of(self.record) * (speed[1:] + speed[:-1]) / 2.0
-        made = self.controller.force(goal - position, past(speed))
-        drift = np.diff(position, prepend=position[0]) - np.append(0.0, moved)
-        return Noise(off, drift, force - made)
+    def moved(self, disturbance: np.ndarray) -> pd.DataFrame:
+        """A record with this force (K) N on the carriage, as the converter gives it."""
+        _, reported = self.moves(self.start, np.vstack([self.goal, disturbance]))
+        position, force = np.array(reported)
+        return filtered(self.time, position, force)
 
-    def moved(self, noise: Noise) -> pd.DataFrame:
-        """A record with this noise, as the converter gives it."""
-        goal, half = self.record["goal"], period_of(self.record) / 2.0
-        position, speed, force = (
-            np.full(len(goal), self.record[name][0]) for name in ("position", "speed", "force")
-        )
-        x = self.start + self.gain[:, 0] * noise.speed[0]
-        for k in range(1, len(goal)):
-
-            def excess(answer: float, x: np.ndarray = x, k: int = k) -> float:
-                """The force that the controller gives beyond the one that it answers to, N."""
-                speed[k] = self._ahead(x, k, force[k - 1], answer)[0] + noise.speed[k]
-                position[k] = position[k - 1] + half * (speed[k] + speed[k - 1]) + noise.position[k]
-                newest = speed[np.maximum(np.arange(k, k - PAST, -1), 0)]
-                made = self.controller.force(goal[k] - position[k], newest)
-                return float(made + noise.force[k] - answer)
-
-            force[k] = newton(excess, force[k - 1], tol=EXACT)
-            excess(force[k])
-            x = self._ahead(x, k, force[k - 1], force[k]) + self.gain[:, k] * noise.speed[k]
-        columns = {"position": position, "speed": speed, "force": force}
-        return pd.DataFrame({"time": self.record["time"], **columns})
-
-    def _ahead(self, x: np.ndarray, k: int, before: float, force: float) -> np.ndarray:
-        """The states (n) carried from reading k − 1 to k by a force that changes evenly."""
-        u = self.inputs[:, k - 1 : k + 1].copy()
-        u[self.force] = before, force
-        return np.array(self.step(x, u)).ravel()
+    def drawn(self, spectrum: np.ndarray, seed: int) -> pd.DataFrame:
+        """The same with noise of a ``spectrum`` N²/Hz at the ``FREQUENCIES``."""
+        rng, count = np.random.default_rng(seed), len(self.time)
+        own = np.interp(np.fft.rfftfreq(count, SAMPLE), FREQUENCIES, spectrum)
+        white = rng.standard_normal((2, len(own)))
+        size = np.sqrt(own * count / SAMPLE / 4.0)
+        return self.moved(np.fft.irfft((white[0] + 1j * white[1]) * size, count))
 
 
-def period_of(record: Mapping[str, np.ndarray]) -> float:
-    """s from one reading to the next."""
-    return float(np.median(np.diff(record["time"])))
+def _sample(fitted: FittedMachine, gain: float, kp: float) -> ca.Function:
+    """One sample: states, position, the last two readings of it and the last force; goal and
+    disturbance → the same one sample later; position and force as they are recorded.
 
-
-def stepped(fitted: FittedMachine, period: float) -> ca.Function:
-    """The states (n), and inputs (nu, 2) at both ends of a ``period`` s → the states at its end."""
+    force = ``gain`` · (``kp`` · (goal − position) − speed), the speed over two samples: it gives
+    the recorded one back to 0.13 N.  It acts until the next sample, and is recorded as its mean
+    around each.
+    """
     model, rates = fitted.posterior.problem.compiled.model, fitted.rates()
-    begin, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("u", len(model.inputs), 2)
-    x, dt = begin, period / STEPS
-    for i in range(STEPS):
-        first, last = (u[:, 0] + (i + s) / STEPS * (u[:, 1] - u[:, 0]) for s in (0.0, 1.0))
-        slope = rates(x, first, 1.0)
-        x = x + dt / 2.0 * (slope + rates(x + dt * slope, last, 1.0))
-    return ca.Function("step", [begin, u], [x])
+    n, of = len(model.states), [item.name for item in model.inputs]
+    begin, given = ca.SX.sym("x", n + 4), ca.SX.sym("given", 2)
+    x, position, dt = begin[:n], begin[n], SAMPLE / STEPS
+    read = ca.floor(position / RESOLUTION + 0.5) * RESOLUTION
+    speed = (read - begin[n + 2]) / (2.0 * SAMPLE)
+    force = gain * (kp * (given[0] - read) - speed)
+    row = [state.name for state in model.states].index("speed")
+    for _ in range(STEPS):
+        known = {"force": force - given[1], "position": position}
+        u = ca.vertcat(*(known.get(name, 0.0) for name in of))
+        slope = rates(x, u, 1.0)
+        ahead = x + dt * (slope + rates(x + dt * slope, u, 1.0)) / 2.0
+        position += dt * (x[row] + ahead[row]) / 2.0
+        x = ahead
+    end = ca.vertcat(x, position, read, begin[n + 1], force)
+    reported = ca.vertcat(read, (begin[n + 3] + force) / 2.0)
+    return ca.Function("sample", [begin, given], [end, reported])
 
 
-def past(speed: np.ndarray) -> np.ndarray:
-    """Speeds (K, PAST): each reading and those before."""
-    padded = np.pad(speed, (PAST - 1, 0), mode="edge")
-    return np.lib.stride_tricks.sliding_window_view(padded, PAST)[:, ::-1]
+def spectrum_of(
+    loop: Loop, fitted: FittedMachine, signals: Signals, read: Callable[[pd.DataFrame], Signals]
+) -> np.ndarray:
+    """The spectrum, N²/Hz at the ``FREQUENCIES``, of the disturbance that gives innovations of the
+    model, ``fitted`` anew to each record, the autocovariance of those of the ``signals``;
+    ``read``: a converted table as signals."""
+    wanted, spectrum = _visible(fitted, signals), np.full(len(FREQUENCIES), FIRST)
+    for turn in range(TURNS):
+        own = [read(loop.drawn(spectrum, 1_000_000 + turn * DRAWS + k)) for k in range(DRAWS)]
+        made = [_visible(FittedMachine.of(each, fitted.vehicle), each) for each in own]
+        spectrum = spectrum * wanted / np.mean(made, axis=0)
+        spectrum[FREQUENCIES > PASSED] = np.median(spectrum[FREQUENCIES <= PASSED])
+    return spectrum
 
 
-def gains_of(fitted: FittedMachine) -> np.ndarray:
-    """By what the filter corrects each state after each reading (n, K)."""
-    [drive] = fitted.posterior.problem.drives
-    reads = drive.line.sensor >= 0
-    gain = np.zeros((len(drive.tracked.which), np.count_nonzero(reads)))
-    gain[drive.tracked.which] = drive.gains.gain[reads].T
-    return gain
+def _visible(fitted: FittedMachine, signals: Signals) -> np.ndarray:
+    """The spectrum of the innovations at the ``FREQUENCIES``, by their autocovariances (Blackman
+    and Tukey)."""
+    [own] = fitted.predicted(signals, "speed")
+    place = np.round((own.time - own.time[0]) / READING).astype(int)
+    error = np.full(place[-1] + 1, np.nan)
+    error[place] = own.error
+    pairs = [error[lag:] * error[: len(error) - lag] for lag in range(LAGS + 1)]
+    covariance = np.array([np.nanmean(each) for each in pairs])
+    taper = np.hanning(2 * LAGS + 3)[LAGS + 1 : -1]
+    waves = np.cos(2.0 * np.pi * READING * np.outer(FREQUENCIES, np.arange(1, LAGS + 1)))
+    spectrum = covariance[0] + 2.0 * waves @ (taper * covariance)[1:]
+    return np.maximum(spectrum, LEAST * covariance[0])

@@ -40,10 +40,18 @@ def inputs_of(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.nda
 
 
 def states_of(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The speed as measured, and states of effects as they are in steady motion (n, K)."""
-    names = [state.name for state in fitted.posterior.problem.compiled.model.states]
-    speed = record["speed"]
-    return np.array([speed if name == "speed" else np.sign(speed) for name in names])
+    """The speed as measured, the time that curves are over, and other states of effects as they are
+    in steady motion (n, K)."""
+    speed, since = record["speed"], record["time"] - record["time"][0]
+
+    def measured(state: str) -> np.ndarray:
+        """Of one state."""
+        if state == "speed":
+            return speed
+        return since if state.endswith("_time") else np.sign(speed)
+
+    model = fitted.posterior.problem.compiled.model
+    return np.array([measured(state.name) for state in model.states])
 
 
 def force_error(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.ndarray:

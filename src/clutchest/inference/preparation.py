@@ -32,6 +32,7 @@ from clutchest.inference.prepared_drive import (
 )
 from clutchest.models.effects.effect import TIME, Lateness
 from clutchest.models.model import Model
+from clutchest.models.symbols import Input
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
@@ -332,10 +333,11 @@ def _since_acting(drive: PreparedDrive) -> Floats:
 
 def _bent(drive: PreparedDrive, signals: Signals, vehicle: Vehicle) -> NDArray[np.bool_]:
     """Events (K) at which the tracked states still hold the error of an input that turned so
-    sharply that when it did so, between two samples, matters."""
+    sharply that when it did so, between two samples, matters.  One that moves none of them at the
+    file's numbers does not matter: a position read to a micrometre bends whenever it moves."""
     t, late = drive.line.t, delays(vehicle)
     bends = np.zeros(len(t) + 1, int)
-    for item in drive.compiled.model.inputs:
+    for item in _moving(drive.compiled, drive.tracked.which):
         mapped = vehicle.signals.get(item.name)
         if item.name not in signals or mapped is None or len(signals[item.name].time) < 3:
             continue
@@ -345,6 +347,13 @@ def _bent(drive: PreparedDrive, signals: Signals, vehicle: Vehicle) -> NDArray[n
         for edges, change in ((begins, 1), (ends, -1)):
             np.add.at(bends, np.searchsorted(t, edges - late.get(item.name, 0.0)), change)
     return np.cumsum(bends[:-1]) > 0
+
+
+def _moving(compiled: Compiled, which: NDArray[np.bool_]) -> list[Input]:
+    """The inputs that move any of the states ``which`` (n), effects of no size left out."""
+    model, e = compiled.model, compiled.model.expressions()
+    rate = ca.substitute(e.rate, e.g, ca.DM(compiled.g))[np.flatnonzero(which).tolist()]
+    return [item for j, item in enumerate(model.inputs) if ca.depends_on(rate, e.u[j])]
 
 
 def _delayed(signals: Signals, compiled: Compiled, t: Floats) -> list[DelayedSignal]:
