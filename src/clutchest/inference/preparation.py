@@ -20,6 +20,7 @@ from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_m
 from clutchest.inference.input_interpolation import InterpolatedInput, spacing
 from clutchest.inference.input_noise_covariance import input_noise_directions
 from clutchest.inference.linearisation import Derivatives, filtered
+from clutchest.inference.noise_at_rest import without_noise
 from clutchest.inference.operating_point import ModelNumbers, OperatingPoint
 from clutchest.inference.prepared_drive import (
     DelayedSignal,
@@ -62,7 +63,7 @@ def prepared(
     first = nominal(compiled, whole)
     drive = PreparedDrive(
         compiled,
-        _calmed(replace(line, u=line.u - off), inputs, compiled, first),
+        without_noise(replace(line, u=line.u - off), inputs, compiled, first),
         _unaveraged(whole, model),
         first,
         start,
@@ -106,33 +107,6 @@ def with_input_noise_at(
 def at_file(drive: PreparedDrive) -> ModelNumbers:
     """The numbers of the vehicle file."""
     return ModelNumbers(drive.compiled.p, drive.compiled.g, drive.nominal, {})
-
-
-def _calmed(line: Timeline, inputs: PreparedInputs, compiled: Compiled, at: Floats) -> Timeline:
-    """The drive as driven by smooth inputs where they are calm, the smoother while what they drive
-    stands: shaken by their noise, a motor that sticks would creep.  Readings of what an input
-    settles at once keep that noise, as ``at`` these states (n) it would stand in them, so that
-    their noise is the same throughout."""
-    model, noise = compiled.model, np.zeros_like(line.u)
-    flags = [model.regime.index(flag) for flag in set(model.uncorrected.values())]
-    stands = (line.W[line.row][:, flags] == 0.0).any(axis=1)
-    for j, each in enumerate(inputs.interpolated):
-        if each.shakes is not None and each.at_rest is not None:
-            moving, at_rest = (np.interp(line.t, each.time, n) for n in (each.shakes, each.at_rest))
-            noise[:, j] = np.where(stands, at_rest, moving)
-    if not noise.any():
-        return line
-    n, nu = len(at), len(model.inputs)
-    f, A, B, H = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu)), np.zeros(n)
-    numbers = line.W[line.row[0]], compiled.p, compiled.g
-    compiled.functions.dynamics(at, line.u[0], *numbers, f, A, B)
-    z = line.z.copy()
-    for sensor in range(len(model.sensors)):
-        compiled.functions.reading(sensor, at, line.u[0], *numbers, H)
-        of = line.sensor == sensor
-        for i in model.settling:
-            z[of] += H[i] / A[i, i] * (noise[of] @ B[i])
-    return replace(line, u=line.u - noise, z=z)
 
 
 def _timeline(

@@ -1,0 +1,68 @@
+"""A drive whose inputs are calm where what they drive stands; its readings keep their noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from clutchest.estimate.timeline import Timeline
+from clutchest.estimate.whole_log import Compiled
+from clutchest.inference.prepared_drive import PreparedInputs
+from clutchest.signals import Floats
+
+KNOTS = 33  # of a drive's time, between which the response to the inputs' noise is a straight line
+
+
+def without_noise(
+    line: Timeline, inputs: PreparedInputs, compiled: Compiled, at: Floats
+) -> Timeline:
+    """The drive as driven by smooth inputs where they are calm, the smoother while what they drive
+    stands: shaken by their noise, a motor that sticks would creep.  Readings of what an input
+    settles at once keep that noise, as it would stand in them ``at`` these states (n), and at the
+    temperatures that are read: a resistance that has risen by a tenth lets a tenth less through."""
+    model, noise = compiled.model, np.zeros_like(line.u)
+    flags = [model.regime.index(flag) for flag in set(model.uncorrected.values())]
+    stands = (line.W[line.row][:, flags] == 0.0).any(axis=1)
+    for j, each in enumerate(inputs.interpolated):
+        if each.shakes is not None and each.at_rest is not None:
+            moving, at_rest = (np.interp(line.t, each.time, n) for n in (each.shakes, each.at_rest))
+            noise[:, j] = np.where(stands, at_rest, moving)
+    if not noise.any():
+        return line
+    z, knots = line.z.copy(), np.linspace(line.t[0], line.t[-1], KNOTS)
+    states = _read_directly(line, compiled, at, knots)
+    for sensor in range(len(model.sensors)):
+        of = line.sensor == sensor
+        gains = _settled_gains(sensor, states, line, compiled)
+        for j in range(len(model.inputs)):
+            z[of] += np.interp(line.t[of], knots, gains[:, j]) * noise[of, j]
+    return replace(line, u=line.u - noise, z=z)
+
+
+def _read_directly(line: Timeline, compiled: Compiled, at: Floats, times: Floats) -> Floats:
+    """States (k, n) at ``times`` (k): those that a sensor reads, and no fit corrects, by its
+    readings, others ``at`` these (n)."""
+    model, states, H = compiled.model, np.tile(at, (len(times), 1)), np.zeros(len(at))
+    followed = [i for i, state in enumerate(model.states) if state.name in model.followed]
+    for sensor in range(len(model.sensors)):
+        numbers = line.W[line.row[0]], compiled.p, compiled.g
+        compiled.functions.reading(sensor, at, line.u[0], *numbers, H)
+        (read,), of = np.nonzero(H), line.sensor == sensor
+        if len(read) == 1 and H[read[0]] == 1.0 and read[0] not in followed and of.any():
+            states[:, read[0]] = np.interp(times, line.t[of], line.z[of])
+    return states
+
+
+def _settled_gains(sensor: int, states: Floats, line: Timeline, compiled: Compiled) -> Floats:
+    """Derivatives (k, nu) of a sensor's reading by the inputs at ``states`` (k, n), by way of what
+    an input settles at once, with their sign reversed."""
+    n, nu = states.shape[1], line.u.shape[1]
+    f, A, B, H = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu)), np.zeros(n)
+    numbers, gains = (line.W[line.row[0]], compiled.p, compiled.g), np.zeros((len(states), nu))
+    for k, x in enumerate(states):
+        compiled.functions.dynamics(x, line.u[0], *numbers, f, A, B)
+        compiled.functions.reading(sensor, x, line.u[0], *numbers, H)
+        for i in compiled.model.settling:
+            gains[k] += H[i] / A[i, i] * B[i]
+    return gains
