@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from clutchest.diagnosis.blocks import blocks_of
 from clutchest.diagnosis.codes import WEAR
@@ -141,7 +141,7 @@ def _wear(run: Run, track: Track, per_1000h: float, length: float) -> WearTest:
         return WearTest(None, "not run", f"the {name} is not identifiable from this log")
     nominal = run.vehicle.parameters[wear.nominal].value
     hours = max(length / 3600.0, SHORTEST_H)
-    reach = float(norm.isf(per_1000h * hours / 1000.0))
+    reach = float(-ndtri(per_1000h * hours / 1000.0))
     worn = wear.sign * (state.value - nominal)
     exceeded = state.valid & (worn - limit.value > reach * state.std)
     last = int(np.flatnonzero(state.valid)[-1])
@@ -152,6 +152,6 @@ def _wear(run: Run, track: Track, per_1000h: float, length: float) -> WearTest:
     if not exceeded.any():
         return WearTest(None, "passed", f"limit: {most:g} {shown.shown}; worn {now}")
     k = int(np.argmax(exceeded))
-    chance = float(norm.sf((worn[k] - limit.value) / state.std[k]))
+    chance = float(ndtr((limit.value - worn[k]) / state.std[k]))
     alarm = Alarm(0.0, float(track.time[k]), chance=chance, what=f"worn by {words}")
     return WearTest(alarm, "failed", words)

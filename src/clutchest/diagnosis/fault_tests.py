@@ -17,7 +17,7 @@ from math import log
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, log_ndtr
 
 from clutchest.diagnosis.blocks import Blocks
 from clutchest.diagnosis.recursive_residuals import (
@@ -140,7 +140,8 @@ def surprise(ratio: Floats, count: NDArray[np.int64]) -> Floats:
     ``count`` (B) readings each: chi-square, of as many fewer degrees of freedom as make up for a
     level that scatters from block to block."""
     freedom = 1.0 / (1.0 / np.maximum(count, 1) + SCATTER**2 / 2.0)
-    return np.asarray(-chi2.logsf(ratio * freedom, freedom))
+    with np.errstate(divide="ignore"):  # beyond 700, infinite
+        return np.asarray(-np.log(chdtrc(freedom, ratio * freedom)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,5 +196,5 @@ def mixture_ratio(score: Floats, information: Floats, one_sided: bool) -> Floats
     spread = 1.0 + np.maximum(information, 0.0)
     ratio = (score**2 / spread - np.log(spread)) / 2.0
     if one_sided:
-        ratio = ratio + np.log(2.0) + norm.logcdf(score / np.sqrt(spread))
+        ratio = ratio + np.log(2.0) + log_ndtr(score / np.sqrt(spread))
     return np.asarray(ratio)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from clutchest.signals import Floats
 
@@ -54,7 +54,7 @@ def deviation(
     left = r + columns @ (along / strength)
     variance = strength * _dispersion(columns, left, blocks, strength)
     statistic = float(np.sum(along**2 / (variance + (inexact * strength) ** 2)))
-    return FormDeviation(statistic, len(strength), float(chi2.sf(statistic, len(strength))))
+    return FormDeviation(statistic, len(strength), float(chdtrc(len(strength), statistic)))
 
 
 def _dispersion(

@@ -13,6 +13,7 @@ import numpy as np
 from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.result import Experiment
 from clutchest.errors import ClutchestError
+from clutchest.inference.cores import shared
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ScoreTest, d_prime, score_test
@@ -39,29 +40,30 @@ def propose(
     and the causes ``beside`` it that are certain being there; each judged by one drive of a healthy
     vehicle, ``driven`` by its name."""
     names = " or ".join(c.name for c, _ in rivals)
-    best, scenario, simulable, why = 0.0, None, False, ""
-    scenarios = machine.scenario_names
-    for k, name in enumerate(scenarios):
+    scenarios, refused = machine.scenario_names, []
+
+    def judged(name: str) -> float:
         if progress:
-            progress(f"simulating '{name}'", k / len(scenarios))
+            progress(f"simulating '{name}'", scenarios.index(name) / len(scenarios))
         try:
-            least = _least_distance(rivals, beside, problem_of(driven(name)))
+            return _least_distance(rivals, beside, problem_of(driven(name)))
         except ClutchestError as error:
-            why = str(error)
-            continue
-        simulable = True
-        if least > best:
-            best, scenario = least, name
-    if scenario is not None and best >= SEPARATED:
-        how = machine.manoeuvres.get(scenario)
+            refused.append(str(error))
+            return 0.0
+
+    distances = dict(zip(scenarios, shared(judged, scenarios), strict=True))
+    best = max(distances, key=lambda name: distances[name], default="")
+    if best and distances[best] >= SEPARATED:
+        how = machine.manoeuvres.get(best)
         driven_so = f". How to drive it: {how}" if how else ""
         return Experiment(
-            f"drive '{scenario}': it separates {names} by {best:.0f} standard deviations "
+            f"drive '{best}': it separates {names} by {distances[best]:.0f} standard deviations "
             f"(the expected d′; {SEPARATED:g} are enough){driven_so}",
-            scenario,
+            best,
         )
     sensor = machine.sensor_to_separate([c.effect.equation for c, _ in rivals])
-    if not simulable:
+    if len(refused) == len(scenarios):
+        why = refused[-1] if refused else "the machine has none"
         return Experiment(
             f"no manoeuvre could be simulated ({why}); {sensor} would separate {names}", None
         )

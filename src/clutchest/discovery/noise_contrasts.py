@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtr
 
 from clutchest.discovery.residual_series import ResidualSeries
 from clutchest.inference.noise_model import NoiseModel, Stretches
@@ -157,4 +157,4 @@ def _welch(sides: NDArray, values: NDArray) -> tuple[Floats, Floats]:
     difference = mean[..., 0, :] - mean[..., 1, :]
     statistic = np.abs(difference) / np.sqrt(variance.sum(axis=-2))
     freedom = variance.sum(axis=-2) ** 2 / (variance**2 / (count - 1.0)).sum(axis=-2)
-    return difference, np.log(2.0) + student.logsf(statistic, freedom)
+    return difference, np.log(2.0 * stdtr(freedom, -statistic))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from clutchest.discovery.candidates import CandidateCause, candidates, settings
 from clutchest.discovery.cause_set import CauseSet, cost_of
@@ -129,7 +129,7 @@ class Search:
     def p_of_improvement(self, cause: CandidateCause, improvement: float) -> float:
         """Family-wise p-value of a cause that improves the fit by so much, 2 Δ ln L."""
         sides = 1.0 if cause.gain.one_sided else 2.0
-        p = sides * norm.sf(np.sqrt(max(improvement, 0.0)))
+        p = sides * ndtr(-np.sqrt(max(improvement, 0.0)))
         return float(self.null_scores.p_family_wise(p))
 
     def least_gain(self, beside: CauseSet | None = None) -> float:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm
+from scipy.special import log_ndtr, ndtri
 
 from clutchest.discovery.result import Gain
 
@@ -25,7 +25,7 @@ def given_above(gain: Gain, least: float) -> Gain:
     """A gain that is reported only where it is ``least`` at least, with an interval that allows for
     that; as it is where it would have been reported in any case (−∞)."""
     low, high = gain.ci95
-    std = float((high - low) / (norm.ppf(LEVELS[0]) - norm.ppf(LEVELS[1])))
+    std = float((high - low) / (ndtri(LEVELS[0]) - ndtri(LEVELS[1])))
     if least == -np.inf or std <= 0.0:
         return gain
 
@@ -35,7 +35,7 @@ def given_above(gain: Gain, least: float) -> Gain:
         measured = (gain.total - least) / std
 
         def excess(true: float) -> float:
-            return float(norm.logsf(measured - true) - norm.logsf(-true) - np.log1p(-share))
+            return float(log_ndtr(true - measured) - log_ndtr(true) - np.log1p(-share))
 
         lowest, highest = measured - FURTHEST, measured + FURTHEST
         if excess(lowest) > 0.0:

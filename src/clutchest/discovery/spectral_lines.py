@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import log_ndtr
 
 from clutchest.discovery.noise_contrasts import periodograms
 from clutchest.signals import Floats
@@ -65,8 +65,8 @@ def lines(
         found.append(
             LineTests(
                 (bins + 1 + _offset(np.log(spectrum))[bins]) / size,
-                norm.logsf((excess - middle) / spread),
-                norm.logsf(((null - middle) / spread).max(axis=1)),
+                log_ndtr((middle - excess) / spread),
+                log_ndtr(-((null - middle) / spread).max(axis=1)),
                 amplitude,
             )
         )

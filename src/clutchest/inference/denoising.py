@@ -6,13 +6,11 @@ the two seem to have something in common.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
 
+from clutchest.inference.parabolas import parabolas
 from clutchest.native import compiled
 from clutchest.signals import Floats
 
@@ -133,19 +131,7 @@ def _smooth(t: Floats, value: Floats, window: float, rate: int = 0) -> Floats:
     grid, count = np.arange(t[0], t[-1], GRID), round(window / GRID) | 1
     if len(grid) < count:
         return np.zeros_like(value) if rate else value  # too short to tell a rate
-    read, half = np.interp(grid, t, value), count // 2
-    parabolas = savgol_filter(read, count, 2, deriv=rate, delta=GRID, mode="constant")
-    ends = _through(count, rate)  # at the ends, filtering by itself would fit them anew
-    parabolas[:half] = ends[:half] @ read[:count]
-    parabolas[len(read) - half :] = ends[count - half :] @ read[-count:]
-    return np.asarray(np.interp(t, grid, parabolas))
-
-
-@lru_cache
-def _through(count: int, rate: int) -> Floats:
-    """What takes so many samples on the grid to the parabola through them (count, count), or with
-    1 to its ``rate``."""
-    return np.asarray(savgol_filter(np.eye(count), count, 2, deriv=rate, delta=GRID, axis=0))
+    return np.asarray(np.interp(t, grid, parabolas(np.interp(grid, t, value), count, rate, GRID)))
 
 
 @compiled

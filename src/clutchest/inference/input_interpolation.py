@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import savgol_filter
 
 from clutchest.inference.denoising import adaptive_mean
+from clutchest.inference.parabolas import parabolas
 from clutchest.native import compiled
 from clutchest.signals import Floats
 
@@ -65,7 +65,7 @@ class InterpolatedInput:
         count = round(WINDOW / period) // 2 * 2 + 1
         if not CLOSE <= count <= len(time):
             return cls.straight(time, read)
-        close, smooth = _parabolas(read, CLOSE, noise), savgol_filter(read, count, 2)
+        close, smooth = _parabolas(read, CLOSE, noise), parabolas(read, count)
         off = maximum_filter1d(np.abs(close - smooth), CLOSE) > CALM * noise
         value = np.where(off, close, adaptive_mean(time, read, noise, ar))
         shakes, at_rest = (np.where(off, 0.0, read - each) for each in (smooth, value))
@@ -144,13 +144,13 @@ def slopes_of(t: Floats, at: Floats, time: Floats, value: Floats, j: int, out: F
 def _parabolas(read: Floats, count: int, noise: float) -> Floats:
     """Parabolas through so many samples, and readings (k) themselves where those are off by more
     than noise."""
-    smooth = savgol_filter(read, count, 2)
+    smooth = parabolas(read, count)
     return np.where(np.abs(read - smooth) > BENDS * noise, read, smooth)
 
 
 def _second(time: Floats, read: Floats, period: float, noise: float) -> Floats:
     """Second derivative (k) of readings, of parabolas through five, where it is no noise."""
-    second = savgol_filter(read, FIVE, 2, deriv=2, delta=period)
+    second = parabolas(read, FIVE, 2, period)
     scatter = noise * np.sqrt(2.0 / 7.0) / period**2  # of five samples of white noise
     gaps = np.concatenate([[True], np.diff(time) > GAP * period, [True]])
     near = np.convolve(gaps, np.ones(FIVE - 1))[2 : len(time) + 2] > 0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import inf
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from clutchest.diagnosis.faults.messages import TEMPERATURE
 from clutchest.diagnosis.faults.stream_test import Alarm, Batch, StreamTest
@@ -81,7 +81,7 @@ class Implausible(StreamTest):
     def margin(self) -> float:
         """What noise adds to so many consecutive samples at the stated false-alarm rate."""
         count = 3.6e6 / max(self.period, 1e-3) / self.per_1000h
-        return float(self.noise * norm.isf((1.0 / max(count, 10.0)) ** (1.0 / CONSECUTIVE)))
+        return float(-self.noise * ndtri((1.0 / max(count, 10.0)) ** (1.0 / CONSECUTIVE)))
 
     @property
     def threshold(self) -> float | None:
