@@ -1,14 +1,19 @@
-"""The differential: what `discover` says of healthy specimens, and of one hidden effect each.
+"""The differential: what `discover` says of healthy specimens, and of one hidden effect each, of
+two, or of a cause that stands in no library.
 
     python benchmarks/alsd_discovery.py size --out DIR
     python benchmarks/alsd_discovery.py null --out DIR [--first 1001] [--seeds 8] [--shard 1/2]
     python benchmarks/alsd_discovery.py effect --out DIR [--first 2001] [--seeds 1] [--shard 1/2]
+    python benchmarks/alsd_discovery.py two --out DIR [--first 3001] [--seeds 12] [--shard 1/2]
+    python benchmarks/alsd_discovery.py outsider --out DIR [--first 4001] [--seeds 2] [--shard 1/2]
     python benchmarks/alsd_discovery.py table --out DIR
 
-Every seed draws a specimen and its noise.  An effect is hidden in the scenario that shows it
-best, TIMES as large as one that is detected in half of the logs; which one that is, and how large,
-`size` takes from scores of a healthy specimen, whose seed SIZED is used for nothing else.  Every
-run is one line of JSON in DIR, and is not run again.
+Every seed draws a specimen and its noise.  An effect is hidden in the scenario that shows it best,
+TIMES as large as one that is detected in half of the logs; which one that is, and how large, `size`
+takes from scores of a healthy specimen, whose seed SIZED is used for nothing else.  Of two effects
+the seed draws both, and a scenario that shows them; of an outsider its scenario and size, between
+the two shares OUTSIDE of the largest possible.  Every run is one line of JSON in DIR, and is not
+run again.
 """
 
 from __future__ import annotations
@@ -18,9 +23,14 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import partial
+from itertools import combinations
 from pathlib import Path
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from alsd_outsiders import OUTSIDERS
 
 from clutchest import load_vehicle
 from clutchest.discovery.discover import discover
@@ -36,24 +46,44 @@ SCENARIOS = ("rig-steps", "rig-slow", "rig-ramps", "car", "slip-oil-sweep", "coa
 DURATION = 60.0  # s
 SIZED, SIZES = 902, "sizes.json"
 TIMES = 2.0
+OUTSIDE = (0.25, 0.5)
 SHOWN = 3  # tests of the residuals that a record keeps
+DRIVERS = 2  # of an error without a name, among which its driver is to be
 Hidden = Mapping[str, Mapping[str, float]]
 
 
-def judged(scenario: str, seed: int, effects: Hidden) -> dict[str, Any]:
+class Case(NamedTuple):
+    """A run of a scenario with the specimen of a seed, and what is hidden in it: effects, or an
+    outsider of a size."""
+
+    scenario: str
+    seed: int
+    effects: Hidden
+    outsider: str = ""
+    size: float = 0.0
+
+
+def judged(case: Case) -> dict[str, Any]:
     """What `discover` says of one run, and how it came to it."""
-    vehicle = VEHICLES.get(scenario, "alsd_rig")
-    record: dict[str, Any] = {"scenario": scenario, "seed": seed, "effects": effects}
-    signals = simulate(vehicle, scenario, seed, effects, duration=DURATION)
+    vehicle = VEHICLES.get(case.scenario, "alsd_rig")
+    record: dict[str, Any] = case._asdict()
+    hidden = OUTSIDERS[case.outsider](case.size, case.seed % 7 / 7.0) if case.outsider else None
+    signals = simulate(
+        vehicle, case.scenario, case.seed, case.effects, duration=DURATION, outsider=hidden
+    )
     begun = process_time()
     try:
         found = discover(signals, vehicle)
     except ClutchestError as error:
         return record | {"verdict": "error", "sentence": str(error)}
+    where = found.where
     return record | {
         "verdict": found.verdict,
         "sentence": found.sentence,
         "sets": [sorted(names) for names in found.sets],
+        "refuted": [c.effect for c in found.causes if c.form and c.form.refuted],
+        "where": where and where.summary(),
+        "others": [each.summary() for each in where.others] if where else [],
         "sizes": {
             f"{cause.effect}.{key}": [size.value, size.std]
             for cause in found.causes
@@ -71,11 +101,11 @@ def records(out: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines]
 
 
-def nulls(first: int, seeds: int) -> Iterator[tuple[str, int, Hidden]]:
+def nulls(first: int, seeds: int) -> Iterator[Case]:
     """Healthy specimens."""
     for seed in range(first, first + seeds):
         for scenario in SCENARIOS:
-            yield scenario, seed, {}
+            yield Case(scenario, seed, {})
 
 
 def sizes(scenario: str) -> dict[str, dict[str, list[float]]]:
@@ -97,7 +127,7 @@ def sizes(scenario: str) -> dict[str, dict[str, list[float]]]:
     return found
 
 
-def hidden(out: Path, first: int, seeds: int) -> Iterator[tuple[str, int, Hidden]]:
+def hidden(out: Path, first: int, seeds: int) -> Iterator[Case]:
     """Specimens with one effect each, where it shows best."""
     sized = json.loads((out / SIZES).read_text())
     for number, name in enumerate(sorted(machine_of("alsd").effects)):
@@ -113,42 +143,97 @@ def hidden(out: Path, first: int, seeds: int) -> Iterator[tuple[str, int, Hidden
         scenario, key = min(shares, key=lambda each: shares[each])
         size = TIMES * sized[scenario][name][key][0]
         for k in range(seeds):
-            yield scenario, first + seeds * number + k, {name: {key: size}}
+            yield Case(scenario, first + seeds * number + k, {name: {key: size}})
+
+
+def two(out: Path, first: int, seeds: int) -> Iterator[Case]:
+    """Specimens with two effects each."""
+    sized = json.loads((out / SIZES).read_text())
+    shown = {
+        scenario: {
+            name: {key: TIMES * size}
+            for name, gains in of.items()
+            for key, (size, plausible) in gains.items()
+            if TIMES * size <= plausible
+        }
+        for scenario, of in sized.items()
+    }
+    for seed in range(first, first + seeds):
+        rng = np.random.default_rng(seed)
+        scenario = SCENARIOS[rng.integers(len(SCENARIOS))]
+        pairs = list(combinations(sorted(shown[scenario]), 2))
+        names = pairs[rng.integers(len(pairs))]
+        yield Case(scenario, seed, {name: shown[scenario][name] for name in names})
+
+
+def outsiders(first: int, seeds: int) -> Iterator[Case]:
+    """Specimens with a cause that stands in no library."""
+    for number, (name, outsider) in enumerate(OUTSIDERS.items()):
+        for seed in range(first + seeds * number, first + seeds * (number + 1)):
+            rng = np.random.default_rng(seed)
+            scenario = outsider.scenarios[rng.integers(len(outsider.scenarios))]
+            yield Case(scenario, seed, {}, name, float(rng.uniform(*OUTSIDE) * outsider.largest))
 
 
 def table(out: Path) -> None:
-    """Healthy runs by scenario and verdict, then every run with an effect."""
+    """Every run with something hidden, then healthy runs by scenario and verdict."""
     healthy, right = Counter[tuple[str, str]](), Counter[str]()
     for record in records(out):
-        if not record["effects"]:
+        if not record["effects"] and not record.get("outsider"):
             healthy[record["scenario"], record["verdict"]] += 1
             continue
-        (name,) = record["effects"]
-        ((key, size),) = record["effects"][name].items()
-        sets = " or ".join("+".join(names) for names in record.get("sets", ()))
-        value, std = record.get("sizes", {}).get(f"{name}.{key}", (float("nan"),) * 2)
-        right[_judged(name, record)] += 1
-        print(
-            f"{name} {size:.3g} in {record['scenario']} ({record['seed']}): {record['verdict']} "
-            f"{sets} {value:.3g} ± {std:.2g}: {_judged(name, record)}"
-        )
+        what = _unnamed(record) if record.get("outsider") else _named(record)
+        right[what] += 1
+        print(f"{_described(record)} in {record['scenario']} ({record['seed']}): {what}")
     for (scenario, verdict), count in sorted(healthy.items()):
         print(f"healthy, {scenario}: {verdict} {count}")
     print(", ".join(f"{what} {count}" for what, count in sorted(right.items())))
 
 
-def _judged(name: str, record: Mapping[str, Any]) -> str:
+def _described(record: Mapping[str, Any]) -> str:
+    """What was hidden, and what was found."""
+    found = " or ".join("+".join(names) for names in record.get("sets", ()))
+    if name := record.get("outsider"):
+        where = record.get("where") or {"equation": "", "drivers": []}
+        said = f"{where['equation']} over {', '.join(where['drivers'][:DRIVERS])}"
+        return f"{name} {record['size']:.3g} {OUTSIDERS[name].unit}, {found or said}"
+    words = []
+    for name, gains in record["effects"].items():
+        ((key, size),) = gains.items()
+        value, std = record.get("sizes", {}).get(f"{name}.{key}", (float("nan"),) * 2)
+        words.append(f"{name} {size:.3g}, found {value:.3g} ± {std:.2g}")
+    return f"{'; '.join(words)} as {found or 'nothing'}"
+
+
+def _named(record: Mapping[str, Any]) -> str:
+    """How effects came out."""
+    effects = set(record["effects"])
     if record["verdict"] in ("none", "unknown", "error"):
         return str(record["verdict"])
-    own = [names for names in record["sets"] if name in names]
-    if not own:
-        return "wrong"
-    return "named" if len(record["sets"]) == 1 and len(own[0]) == 1 else "in the set"
+    whole = [names for names in record["sets"] if set(names) == effects]
+    if whole:
+        return "named" if len(record["sets"]) == 1 else "in the set"
+    parts = [names for names in record["sets"] if set(names) < effects]
+    return "one of two" if len(parts) == len(record["sets"]) else "wrong"
+
+
+def _unnamed(record: Mapping[str, Any]) -> str:
+    """How a cause came out that has no name."""
+    if record["verdict"] in ("none", "error"):
+        return f"outsider: {record['verdict']}"
+    if record["verdict"] != "unknown":
+        honest = set(record["refuted"]) >= {n for names in record["sets"] for n in names}
+        return "outsider: form refuted" if honest else "outsider: named"
+    outsider, where = OUTSIDERS[record["outsider"]], record["where"]
+    if where["equation"] not in outsider.equations:
+        return "outsider: unknown, another equation"
+    known = set(outsider.drivers) & set(where["drivers"][:DRIVERS])
+    return "outsider: unknown, equation" + (" and driver" if known else "")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="discovery on the differential")
-    parser.add_argument("what", choices=("size", "null", "effect", "table"))
+    parser.add_argument("what", choices=("size", "null", "effect", "two", "outsider", "table"))
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--first", type=int, default=1001)
     parser.add_argument("--seeds", type=int, default=1)
@@ -162,14 +247,22 @@ def main() -> None:
         found = {scenario: sizes(scenario) for scenario in SCENARIOS}
         (given.out / SIZES).write_text(json.dumps(found, indent=1))
         return
-    cases = nulls if given.what == "null" else lambda *drawn: hidden(given.out, *drawn)
+    drawn = {
+        "null": nulls,
+        "effect": partial(hidden, given.out),
+        "two": partial(two, given.out),
+        "outsider": outsiders,
+    }
     part, parts = map(int, given.shard.split("/"))
     path = given.out / f"{given.what}-{part}.jsonl"
-    done = [(r["scenario"], r["seed"], r["effects"]) for r in records(given.out)]
-    for case in list(cases(given.first, given.seeds))[part - 1 :: parts]:
+    done = [
+        (r["scenario"], r["seed"], r["effects"], r.get("outsider", ""), r.get("size", 0.0))
+        for r in records(given.out)
+    ]
+    for case in list(drawn[given.what](given.first, given.seeds))[part - 1 :: parts]:
         if case in done:
             continue
-        record = judged(*case)
+        record = judged(case)
         with path.open("a") as file:
             file.write(json.dumps(record) + "\n")
         print(*case, record["verdict"], record["sentence"], flush=True)

@@ -1,5 +1,5 @@
 """Unmodelled effects: terms that neither the model nor the generator's equations have, and where
-they act upon the truck and its sensors."""
+they act upon a machine, here the truck, and its sensors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ class Outsider(Protocol):
     """An unmodelled effect, none of ``EFFECTS``; any object with these two methods.  A slow one
     may have a ``pace``, s, at which its law is evaluated; ``SLICE`` unless it has.
 
-    A law is given the true ``time`` s, ``temp_body``, ``temp_housing``, ``temp_disc`` °C,
+    What a law of the differential is given, and gives, stands in ``generator.alsd.outsider``.  One
+    of the truck is given the true ``time`` s, ``temp_body``, ``temp_housing``, ``temp_disc`` °C,
     ``engine_speed``, ``input_shaft_speed``, ``slip_speed`` rad/s, ``vehicle_speed`` m/s,
     ``engine_torque``, ``clutch_torque`` Nm, ``energy`` J of slip, ``slave_position``,
     ``motor_position`` mm, ``position_rate`` mm/s, ``coolant_temp``, ``ambient_temp`` °C.  It gives

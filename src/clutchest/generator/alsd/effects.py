@@ -159,7 +159,17 @@ _GAINS = (
     "drag",
     "known_friction",
 )
-NUMBERS = np.dtype([(key, np.float64) for key in (*RANGES, *_GAINS, *DEVIATIONS)])
+# What acts on the differential from outside these equations (see ``outsider``), 0 unless something
+# does: voltage lost before the motor (V), load on it (Nm), shift of the stop at which it is at home
+# (rad at the ball ramp), shares of the axial damping and of the friction coefficient that are added
+# to them, torque that a film carries (Nm).
+FOREIGN = ("voltage", "load", "home", "damping", "friction", "film")
+NUMBERS = np.dtype(
+    [
+        (key, np.float64)
+        for key in (*RANGES, *_GAINS, *DEVIATIONS, *(f"foreign_{name}" for name in FOREIGN))
+    ]
+)
 
 
 def numbers(
@@ -190,5 +200,6 @@ def numbers(
         "drag": effects["viscous_drag"]["coefficient"],
         "known_friction": known_friction,
         **{name: deviations.get(name, 0.0) for name in DEVIATIONS},
+        **{f"foreign_{name}": 0.0 for name in FOREIGN},
     }
     return np.array([tuple(changed[key] for key in NUMBERS.names or ())], NUMBERS)

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
+from clutchest.generator.alsd.outsider import run_under
 from clutchest.generator.alsd.plant import FAST, STEP, WHEELS
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, SCENARIOS
 from clutchest.generator.effects import Values, complete
 from clutchest.generator.mismatch import Mismatch
-from clutchest.generator.outsider import Reading
+from clutchest.generator.outsider import Law, Reading
 from clutchest.generator.request import DriveRequest
 from clutchest.generator.sampling import Sampled, sample
 from clutchest.generator.surroundings import Disturbances, stream
@@ -40,16 +41,13 @@ LARGEST: Values = {
 def generate(request: DriveRequest) -> Sampled:
     """A run of a differential.
 
-    ``deviations`` as ``effects.DEVIATIONS`` has them; disturbances, mismatches and unmodelled
-    effects are the truck's alone.  Raises ClutchestError for an unknown scenario, effect, channel
+    ``deviations`` as ``effects.DEVIATIONS`` has them; disturbances and mismatches are the truck's
+    alone.  Raises ClutchestError for an unknown scenario, effect, channel
     or missing parameter.
     """
     plan, duration = request.plan(SCENARIOS, RANGES)
-    if request.outsider or request.mismatch != Mismatch() or request.disturbances != Disturbances():
-        raise ClutchestError(
-            "nothing but effects can be wrong with a differential here: "
-            "disturbances, mismatches and unmodelled effects are the truck's"
-        )
+    if request.mismatch != Mismatch() or request.disturbances != Disturbances():
+        raise ClutchestError("disturbances and mismatches are the truck's, not the differential's")
     _check_place(request)
     parameters, seed = request.parameters, request.seed
     active, without = (complete(e, EFFECTS, LARGEST) for e in (request.effects, {}))
@@ -60,13 +58,16 @@ def generate(request: DriveRequest) -> Sampled:
     )
     profile = plan.profile(stream(seed, "course"), duration)
     row = round(request.onset / (plan.fast * STEP))
-    columns = run(profile, record, plan.fast, before, row)
+    law = request.outsider.law() if request.outsider else None
+    columns = run(profile, record, plan.fast, before, row, law)
     if not all(np.isfinite(column).all() for column in columns.values()):
         raise ClutchestError(
             f"scenario '{request.scenario}', seed {seed}: these parameters and effects "
             "let the simulation diverge"
         )
     quantities = _quantities(columns, profile, active, request.onset)
+    if request.outsider:
+        quantities = request.outsider.readings(quantities)
     sampled = sample(request.channels, quantities, seed, duration, request.outliers)
     truth = _truth(columns, EVERY // plan.fast)
     benches = _benches(columns["time"], profile)
@@ -100,9 +101,11 @@ def run(
     fast: int = FAST,
     before: NDArray | None = None,
     onset: int = 0,
+    law: Law | None = None,
 ) -> dict[str, Floats]:
     """Columns of the record along ``profile``, rows ``fast`` steps apart, from rest; with the
-    numbers ``before`` up to row ``onset``."""
+    numbers ``before`` up to row ``onset``, and from there under the ``law`` of an unmodelled
+    effect."""
     from clutchest.generator.alsd import plant
 
     first = record[0] if before is None or not onset else before[0]
@@ -117,7 +120,10 @@ def run(
         plant.run(profile[: onset + 1], fast, y, first, out[: onset + 1])
         at_onset = out[onset].copy()
         y["free_play"] += record[0]["free_play"] - first["free_play"]
-    plant.run(profile[onset:], fast, y, record[0], out[onset:])
+    if law is None:
+        plant.run(profile[onset:], fast, y, record[0], out[onset:])
+    else:
+        run_under(law, profile, fast, onset, y, record[0], out)
     if onset:
         out[onset] = at_onset
     return {

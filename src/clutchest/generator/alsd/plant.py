@@ -120,6 +120,7 @@ def press(plate: float, angle: float, free_play: float, h: float, bench: int, p:
     held = spring(p.spring_preload, p)
     push = spring(p.spring_preload + plate, p)
     damping = p.axial_damping * (_BARE if bench == NO_PACK else 1.0) / h
+    damping *= 1.0 + p.foreign_damping
     d = plate
     for _ in range(12):
         twist = angle - p.ball_ramp_ratio * d - p.gear_backlash
@@ -156,7 +157,7 @@ def friction_coefficient(slip: float, oil: float, pack: float, p: Record) -> flo
     """μ with what slip and the temperatures of oil and pack make of it."""
     mu = p.friction_coefficient * (1.0 + p.slip_change * exp(-abs(slip) / p.slip_speed))
     mu *= 1.0 - p.fade * max(pack - p.fade_onset, 0.0) / 100.0
-    return mu * (1.0 + p.oil_slope * (oil - 60.0) / 100.0)
+    return mu * (1.0 + p.oil_slope * (oil - 60.0) / 100.0) * (1.0 + p.foreign_friction)
 
 
 @compiled
@@ -199,7 +200,8 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
     R = p.armature_resistance * (1.0 + p.resistance_temp_coefficient * warm)
     L = p.armature_inductance * (1.0 + p.inductance_temp_coefficient * warm)
     Kt = p.torque_constant * (1.0 + p.torque_constant_temp_coefficient * warm)
-    settled = (y.voltage - p.back_emf_constant * y.motor_speed) / (R + p.harness)
+    across = y.voltage - p.foreign_voltage
+    settled = (across - p.back_emf_constant * y.motor_speed) / (R + p.harness)
     y.current = settled + (y.current - settled) * exp(-h / L * (R + p.harness))  # (1)
 
     w = y.motor_speed
@@ -216,7 +218,7 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
     if c.bench < MOTOR_ALONE:
         angle = y.motor_angle / p.gear_ratio
         twist = angle - p.ball_ramp_ratio * y.plate - p.gear_backlash
-        home = min(angle + p.gear_backlash, 0.0) * p.ball_ramp_stiffness
+        home = min(angle + p.gear_backlash - p.foreign_home, 0.0) * p.ball_ramp_stiffness
         torque = max(twist, 0.0) * p.ball_ramp_stiffness
         most = level(p.ball_ramp_ratio * torque, w, p)
         sigma = p.ball_ramp_bristle_stiffness
@@ -234,7 +236,8 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
         if twist > 0.0:
             load += sigma * y.ramp_bristle  # (9)
     if c.bench != ROTOR_HELD:
-        y.motor_speed += h / p.motor_inertia * (Kt * y.current - friction - load / p.gear_ratio)
+        net = Kt * y.current - friction - load / p.gear_ratio - p.foreign_load
+        y.motor_speed += h / p.motor_inertia * net
         y.motor_angle += h * y.motor_speed
     if c.bench < MOTOR_ALONE:
         y.plate = press(y.plate, y.motor_angle / p.gear_ratio, y.free_play, h, c.bench, p)
@@ -256,7 +259,7 @@ def slide(
     z = max(y.wind_up - p.differential_backlash, 0.0) + min(
         y.wind_up + p.differential_backlash, 0.0
     )
-    return stiffness * z + p.drag * slip / 10.0, potential
+    return stiffness * z + p.drag * slip / 10.0 + p.foreign_film, potential
 
 
 @compiled
@@ -305,6 +308,6 @@ def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
         row[10] = y.voltage
         row[11] = p.torque_constant * (1 + p.torque_constant_temp_coefficient * warm) * y.current
         row[12], row[13], row[14], row[15] = y.servo_torque, y.drive_angle, c.oil, y.energy
-        held = abs(torque - p.drag * slip / 10.0) < 0.999 * potential
+        held = abs(torque - p.drag * slip / 10.0 - p.foreign_film) < 0.999 * potential
         row[16] = 0.0 if force <= 0.0 else (2.0 if held else 1.0)
         row[17], row[18], row[19] = y.wind_up, y.plate, c.asked

@@ -1,0 +1,64 @@
+"""Where unmodelled effects act upon the differential; see ``generator.outsider``.
+
+A law is given the true ``time`` s, ``current`` A, ``voltage`` V, ``motor_speed`` rad/s,
+``motor_angle`` rad, ``plate`` and ``free_play`` m, ``pack_force`` N, ``slip_speed`` rad/s,
+``clutch_torque`` Nm, ``temp_pack``, ``temp_armature``, ``oil`` °C and ``energy`` J of slip.  It
+gives any of ``effects.FOREIGN``.
+"""
+
+from __future__ import annotations
+
+from numpy.typing import NDArray
+
+from clutchest.errors import ClutchestError, nearest
+from clutchest.generator.alsd.effects import FOREIGN
+from clutchest.generator.outsider import Law
+from clutchest.signals import Floats
+
+SLICE = 0.002  # s for which a value of a law holds: the motor starts and stops within 20 ms
+
+
+def run_under(
+    law: Law, profile: NDArray, fast: int, begin: int, y: NDArray, p: NDArray, out: Floats
+) -> None:
+    """``plant.run`` along ``profile`` (K) from row ``begin`` on in slices, between which ``law``
+    may act.
+
+    Raises ClutchestError where it names something that cannot be acted on.
+    """
+    from clutchest.generator.alsd import plant
+
+    rows = max(round(SLICE / (fast * plant.STEP)), 1)
+    for row in range(begin, len(profile), rows):
+        seen = out[max(row - 1, begin)]
+        true = {name: float(y[name]) for name in plant.NAMES if name in _STATES}
+        true |= {name: float(seen[plant.RECORD.index(name)]) for name in _RECORDED}
+        true |= {"time": row * fast * plant.STEP, "oil": float(profile["oil"][row])}
+        for name, value in law(true).items():
+            if name not in FOREIGN:
+                raise ClutchestError(
+                    f"an unmodelled effect acts on '{name}', which the differential does not have"
+                    + nearest(name, FOREIGN)
+                )
+            p[f"foreign_{name}"] = value
+        first = max(row - 1, begin)  # a slice begins with the row before it, which is known
+        known = out[first].copy()
+        plant.run(profile[first : row + rows], fast, y, p, out[first : row + rows])
+        if row > begin:
+            out[first] = known
+
+
+_STATES = frozenset(
+    {
+        "current",
+        "voltage",
+        "motor_speed",
+        "motor_angle",
+        "plate",
+        "free_play",
+        "temp_pack",
+        "temp_armature",
+        "energy",
+    }
+)
+_RECORDED = ("pack_force", "slip_speed", "clutch_torque")
