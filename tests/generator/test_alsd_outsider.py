@@ -71,5 +71,5 @@ def test_each_acts_from_when_it_is_said(plain: Signals, name: str):
 
 
 def test_what_a_differential_does_not_have(plain: Signals):
-    with pytest.raises(ClutchestError, match="acts on 'frictio'.*did you mean 'friction'"):
+    with pytest.raises(ClutchestError, match=r"acts on 'frictio'.*did you mean 'friction'"):
         run(lambda time: {"frictio": 0.1})
