@@ -174,16 +174,13 @@ TABLES = (
         "alsd-healthy",
         "alsd-results.md#discovery",
         60,
-        "python benchmarks/alsd_discovery.py null --out {out} --first 1301 --seeds 16"
-        " && python benchmarks/alsd_discovery.py table --out {out}",
+        "python benchmarks/blind --machine alsd --parts null --each 16 --out {out}",
     ),
     Table(
         "alsd-effects",
         "alsd-results.md#discovery",
         60,
-        "python benchmarks/alsd_discovery.py size --out {out}"
-        " && python benchmarks/alsd_discovery.py effect --out {out} --first 2001"
-        " && python benchmarks/alsd_discovery.py table --out {out}",
+        "python benchmarks/blind --machine alsd --parts effect two outsider --each 8 --out {out}",
     ),
     Table(
         "alsd-faults",

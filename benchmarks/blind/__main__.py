@@ -6,6 +6,8 @@
     python benchmarks/blind --out blind-out --table
     python benchmarks/blind --ci --out blind-ci [--thin 3] [--shard 0/2]
     python benchmarks/blind --ci --out blind-ci [--thin 3] --table
+    python benchmarks/blind --machine alsd --out blind-alsd [--parts null effect two outsider]
+                            [--each 4 [--after 8]] [--shard 0/2] [--table]
 
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
@@ -17,6 +19,8 @@ every n-th of the cases.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour;
 ``--alone`` holds no drive out, which could take a finding back.  The table counts the first run of
 every case and says by which version; ``--again`` runs cases once more, for a second column.
+``--machine alsd``: the differential's suite, see ``differential``; ``--each`` counts the cases of
+every scenario without a cause, of every effect and outsider, and the pairs of effects.
 """
 
 from __future__ import annotations
@@ -34,6 +38,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a folder, not as a package
 
+from blind import differential as suite
+from blind import differential_table as suite_table
 from blind import table
 from blind.cases import NAMED, answer
 from blind.plan import PARTS, Case, drawn, each, quick
@@ -104,6 +110,21 @@ def tell(out: Path) -> list[Row]:
     return found
 
 
+def differential(parts: Collection[str], numbers: range, shard: str, out: Path) -> None:
+    """Run every n-th case of the differential's suite; ``numbers``: which of every kind."""
+    which, of = map(int, shard.split("/"))
+    cases = suite.cases(parts, numbers, out)
+    suite.run(cases[which::of], out, f"records-{which}-of-{of}.jsonl", version())
+
+
+def tell_differential(out: Path) -> None:
+    """Print the table of the differential's suite, and every case below it."""
+    records = suite.records(out)
+    print(f"first run, {table.versions(records)}", "", table.HEAD, sep="\n")
+    print(*map(table.line, suite_table.rows(records)), sep="\n")
+    print("", *suite_table.lines(records), sep="\n")
+
+
 def prepare(cases: list[Case], shard: str, out: Path) -> None:
     """Ask the oracle for the answers of cases, once; shards leave theirs under ``out``, and
     whoever comes last puts all of them together."""
@@ -128,6 +149,7 @@ def prepared(out: Path) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="causes hidden in simulated drives")
     parser.add_argument("--out", type=Path, default=Path("blind-out"))
+    parser.add_argument("--machine", choices=("dry_clutch", "alsd"), default="dry_clutch")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
     parser.add_argument("--limit", type=int, help="a random part of so many cases")
     parser.add_argument("--each", type=int, help="so many cases of every cause of the parts")
@@ -146,6 +168,11 @@ def main() -> None:
     parser.add_argument("--prepare", action="store_true", help="only the sizes to hide")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
+    if given.machine == "alsd":
+        if not given.table:
+            numbers = range(given.after, given.after + (given.each or 1))
+            differential(given.parts, numbers, given.shard, given.out)
+        return tell_differential(given.out)
     if given.ci:
         cases = quick()
     elif given.each:

@@ -15,6 +15,7 @@ from blind.first_run import first_run
 from blind.row import Record, Row, share
 
 NOT_STATED = "not stated"
+HEAD = f"{'what':56}{'must':>20}{'cases':>7}{'value':>9}  {'interval':25}"
 HOURS: Mapping[str, Mapping[str, Mapping[str, float]]] = {  # logs of one hour, and what they hide
     "hour": {},
     "hour with a cause": {"friction_fade": {"slope": 0.02, "onset": 120.0}},
@@ -105,17 +106,16 @@ def show(first: Sequence[Record], again: Sequence[Record]) -> str:
     main = len([*first_run(first), *cost(first)])
     lines = [f"first run, {versions(first)}"]
     lines += [f"again, {versions(again)}"] if again else []
-    head = f"{'what':56}{'must':>20}{'cases':>7}{'value':>9}  {'interval':25}" + "again" * bool(
-        again
-    )
+    head = HEAD + "again" * bool(again)
     for i, row in enumerate(rows(first)):
         if i in (0, main):
             lines += ["", "all cases" if i == 0 else "of these, by what the drive can show", head]
-        lines.append(_line(row, repeated.get(row.what)))
+        lines.append(line(row, repeated.get(row.what)))
     return "\n".join(lines)
 
 
-def _line(row: Row, again: Row | None) -> str:
+def line(row: Row, again: Row | None = None) -> str:
+    """One of its lines as text."""
     beside = f"{again.value:.3g} ({again.count})" if again and again.value is not None else ""
     begin = f"{row.what:56}{row.must:>20}{row.count:7d}"
     if row.value is None:
