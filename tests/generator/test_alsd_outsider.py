@@ -23,7 +23,11 @@ SHOWS = {
     "home": (0.01, "motor_angle"),
     "damping": (3.0, "motor_angle"),
     "friction": (-0.2, "clutch_torque"),
+    "ramp": (1.0, "motor_angle"),
     "film": (30.0, "clutch_torque"),
+    "pack_heat": (1e5, "temp_pack"),
+    "armature_heat": (1e3, "temp_armature"),
+    "play": (1e-5, "free_play"),
 }
 
 

@@ -161,9 +161,21 @@ _GAINS = (
 )
 # What acts on the differential from outside these equations (see ``outsider``), 0 unless something
 # does: voltage lost before the motor (V), load on it (Nm), shift of the stop at which it is at home
-# (rad at the ball ramp), shares of the axial damping and of the friction coefficient that are added
-# to them, torque that a film carries (Nm).
-FOREIGN = ("voltage", "load", "home", "damping", "friction", "film")
+# (rad at the ball ramp), shares of the axial damping and of the coefficients of friction, the
+# clutch's and the ball ramp's, that are added to them, torque that a film carries (Nm), heat into
+# pack and armature (W), free play (m).
+FOREIGN = (
+    "voltage",
+    "load",
+    "home",
+    "damping",
+    "friction",
+    "ramp",
+    "film",
+    "pack_heat",
+    "armature_heat",
+    "play",
+)
 NUMBERS = np.dtype(
     [
         (key, np.float64)

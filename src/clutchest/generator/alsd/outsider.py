@@ -1,9 +1,10 @@
 """Where unmodelled effects act upon the differential; see ``generator.outsider``.
 
-A law is given the true ``time`` s, ``current`` A, ``voltage`` V, ``motor_speed`` rad/s,
-``motor_angle`` rad, ``plate`` and ``free_play`` m, ``pack_force`` N, ``slip_speed`` rad/s,
-``clutch_torque`` Nm, ``temp_pack``, ``temp_armature``, ``oil`` °C and ``energy`` J of slip.  It
-gives any of ``effects.FOREIGN``.
+A law is given the true ``time`` s, ``current`` A, ``armature_voltage`` V, ``motor_speed`` rad/s,
+``motor_angle``, ``ball_ramp_bristle``, ``wind_up`` rad, ``plate`` and ``free_play`` m,
+``pack_force`` N, ``slip_speed`` rad/s, ``clutch_torque`` Nm, ``friction`` (of its nominal
+coefficient), ``temp_pack``, ``temp_armature``, ``oil_temp`` °C and ``energy`` J of slip.  It gives
+any of ``effects.FOREIGN``.
 """
 
 from __future__ import annotations
@@ -31,9 +32,10 @@ def run_under(
     rows = max(round(SLICE / (fast * plant.STEP)), 1)
     for row in range(begin, len(profile), rows):
         seen = out[max(row - 1, begin)]
-        true = {name: float(y[name]) for name in plant.NAMES if name in _STATES}
+        true = {name: float(y[name]) for name in plant.NAMES}
         true |= {name: float(seen[plant.RECORD.index(name)]) for name in _RECORDED}
-        true |= {"time": row * fast * plant.STEP, "oil": float(profile["oil"][row])}
+        true |= {"time": row * fast * plant.STEP, "oil_temp": float(profile["oil"][row])}
+        true |= {"armature_voltage": true["voltage"], "ball_ramp_bristle": true["ramp_bristle"]}
         for name, value in law(true).items():
             if name not in FOREIGN:
                 raise ClutchestError(
@@ -48,17 +50,4 @@ def run_under(
             out[first] = known
 
 
-_STATES = frozenset(
-    {
-        "current",
-        "voltage",
-        "motor_speed",
-        "motor_angle",
-        "plate",
-        "free_play",
-        "temp_pack",
-        "temp_armature",
-        "energy",
-    }
-)
-_RECORDED = ("pack_force", "slip_speed", "clutch_torque")
+_RECORDED = ("friction", "pack_force", "slip_speed", "clutch_torque")

@@ -147,7 +147,7 @@ def press(plate: float, angle: float, free_play: float, h: float, bench: int, p:
 @compiled
 def level(force: float, speed: float, p: Record) -> float:
     """Coulomb level of the ball ramp (7), Nm; with what the deviations of the rig make of it."""
-    share = p.ball_ramp_friction / (1.0 + p.easing * force / 3e4)
+    share = p.ball_ramp_friction * (1.0 + p.foreign_ramp) / (1.0 + p.easing * force / 3e4)
     share *= 1.0 - p.dither * speed * speed / (speed * speed + 400.0)
     return max(share * p.ball_ramp_bore / 2.0 * abs(force), _FLOOR)
 
@@ -240,8 +240,10 @@ def actuate(y: Record, c: Record, h: float, p: Record) -> None:
         y.motor_speed += h / p.motor_inertia * net
         y.motor_angle += h * y.motor_speed
     if c.bench < MOTOR_ALONE:
-        y.plate = press(y.plate, y.motor_angle / p.gear_ratio, y.free_play, h, c.bench, p)
-    loss = R * y.current * y.current
+        y.plate = press(
+            y.plate, y.motor_angle / p.gear_ratio, y.free_play + p.foreign_play, h, c.bench, p
+        )
+    loss = R * y.current * y.current + p.foreign_armature_heat
     cooling = p.armature_conductance * (y.temp_armature - c.oil)
     y.temp_armature += h / p.armature_heat_capacity * (loss - cooling)
 
@@ -251,7 +253,7 @@ def slide(
     y: Record, slip: float, h: float, oil: float, stiffness: float, p: Record
 ) -> tuple[float, float]:
     """Clutch torque and friction potential, Nm, after slipping for h s."""
-    force, _ = pack(y.plate - y.free_play, p)
+    force, _ = pack(y.plate - y.free_play - p.foreign_play, p)
     mu = friction_coefficient(slip, oil, y.temp_pack, p)
     potential = mu * p.friction_surfaces * p.equivalent_radius * force
     most = potential / stiffness + p.differential_backlash
@@ -295,14 +297,15 @@ def run(profile: NDArray, fast: int, y: Record, p: Record, out: Floats) -> None:
             y.energy += h * power
             y.free_play += h * p.wear_rate * 1e-6 * power
             cooling = p.pack_oil_conductance * (y.temp_pack - c.oil)
-            y.temp_pack += h / p.pack_heat_capacity * (power - cooling)
+            heat = power - cooling + p.foreign_pack_heat
+            y.temp_pack += h / p.pack_heat_capacity * heat
         warm = y.temp_armature - p.armature_reference_temp
-        force, _ = pack(y.plate - y.free_play, p)
+        force, _ = pack(y.plate - y.free_play - p.foreign_play, p)
         if c.bench == NO_PACK:
             force = 0.0
         row = out[k]
         row[0], row[1], row[2] = y.current, y.motor_speed, y.motor_angle
-        row[3], row[4] = force, y.free_play
+        row[3], row[4] = force, y.free_play + p.foreign_play
         row[5] = p.friction_coefficient / p.known_friction
         row[6], row[7], row[8], row[9] = y.temp_pack, y.temp_armature, torque, slip
         row[10] = y.voltage

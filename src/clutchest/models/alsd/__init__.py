@@ -27,6 +27,7 @@ from clutchest.models.alsd.fitted import to_fit
 from clutchest.models.alsd.inverse import INVERSE
 from clutchest.models.alsd.judder import JUDDER
 from clutchest.models.alsd.manoeuvres import MANOEUVRES
+from clutchest.models.alsd.own_effects import DifferentialEffects
 from clutchest.models.alsd.parameters import PARAMETERS
 from clutchest.models.alsd.regimes import RULES
 from clutchest.models.alsd.symbols import COLUMNS, SENSORS, SEPARATING_MANOEUVRES, STATES
@@ -99,6 +100,7 @@ MACHINE = Machine(
     generate=_generate,
     scenarios=_scenarios,
     manoeuvres=MANOEUVRES,
+    own_effects=DifferentialEffects,
     template="alsd_rig",
     check_equations=False,
     reservations={

@@ -17,7 +17,7 @@ from clutchest.models.dry_clutch.error_terms import (
     SEPARATING_SENSORS,
 )
 from clutchest.models.dry_clutch.manoeuvres import MANOEUVRES
-from clutchest.models.dry_clutch.own_effects import OwnEffects
+from clutchest.models.dry_clutch.own_effects import TruckEffects
 from clutchest.models.dry_clutch.procedures import (
     PROCEDURES,
     RELATIVE_STATES,
@@ -95,7 +95,7 @@ MACHINE = Machine(
     generate=_generate,
     scenarios=_scenarios,
     manoeuvres=MANOEUVRES,
-    own_effects=OwnEffects,
+    own_effects=TruckEffects,
     template="truck",
     car_template="gt350",
     check_equations=False,
