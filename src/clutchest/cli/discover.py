@@ -17,7 +17,7 @@ from clutchest.cli.options import (
     VehicleName,
     disjoint,
 )
-from clutchest.cli.terminal import answer, progress
+from clutchest.cli.terminal import answer, meanwhile, progress
 
 EffectsFiles = Annotated[
     list[Path] | None,
@@ -55,19 +55,20 @@ def discover(
         show("loading", None)
         from rich.console import Console
 
-        from clutchest.discovery.discover import discover as search
         from clutchest.discovery.user_effects import user_effects
         from clutchest.reading import read_log
-        from clutchest.record.discovery import write_discovery
-        from clutchest.record.discovery_terminal import print_discovery, print_identifiable
         from clutchest.vehicle import load_vehicle
 
         car = load_vehicle(vehicle, trust=trust)
         user_effects(effects or (), car)  # a slip of the pen shows now, not when the logs are read
         disjoint(logs, holdout or ())
         show("reading", None)
+        meanwhile("clutchest.discovery.discover")
         signals = read_log(logs, car)
         held_out = read_log(holdout, car).drives if holdout else None
+        from clutchest.discovery.discover import discover as search
+        from clutchest.record.discovery_terminal import print_discovery, print_identifiable
+
         discovery = search(
             signals,
             car,
@@ -77,6 +78,8 @@ def discover(
             on_identifiability=None if as_json else lambda i: print_identifiable(i, Console()),
         )
         show("writing", None)
+        from clutchest.record.discovery import write_discovery
+
         names = [path.name for path in write_discovery(discovery, out)]
     answer(
         discovery.summary(),
