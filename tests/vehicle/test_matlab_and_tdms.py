@@ -20,19 +20,11 @@ from clutchest.reading import read_log
 from clutchest.reading.table_formats import is_table
 from clutchest.reading.table_inspection import inspect_tables
 from clutchest.record.inspection_terminal import print_table_inspection
-from clutchest.vehicle import TableColumn, load_vehicle
+from clutchest.vehicle import TableColumn
+from table_rows import RPM, SPEED, TIME, N
 
-RPM = np.pi / 30
-N = 400
-TIME = 0.01 * np.arange(N)
-SPEED = 100.0 + 60.0 * np.sin(np.arange(N) / 60.0)  # rad/s
 SLOW, WATER = TIME[::10], np.full(N // 10, 85.0)
 COLUMNS = {"engine_speed": TableColumn("nEng", "rpm"), "coolant_temp": TableColumn("T_KMT", "°C")}
-
-
-@pytest.fixture(scope="module")
-def truck():
-    return load_vehicle("truck")
 
 
 @pytest.fixture(scope="module")

@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
-from clutchest.vehicle import load_vehicle
-
-N = 400
-TIME = 0.01 * np.arange(N)
-SPEED = 100.0 + 60.0 * np.sin(np.arange(N) / 60.0)  # rad/s
-
-
-@pytest.fixture(scope="module")
-def truck():
-    return load_vehicle("truck")
-
-
-def written(folder: Path, text: str) -> Path:
-    (folder / "a.csv").write_text(text)
-    return folder / "a.csv"
+from table_rows import SPEED, TIME, N, written
 
 
 def test_iso_times_are_absolute(truck, tmp_path):

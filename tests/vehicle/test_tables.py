@@ -13,16 +13,7 @@ import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.vehicle import TableColumn, dump_vehicle, load_vehicle
-
-RPM = np.pi / 30
-N = 400
-TIME = 0.01 * np.arange(N)
-SPEED = 100.0 + 60.0 * np.sin(np.arange(N) / 60.0)  # rad/s
-
-
-@pytest.fixture(scope="module")
-def truck():
-    return load_vehicle("truck")
+from table_rows import RPM, SPEED, TIME, N, written
 
 
 def only_columns(truck, **columns: TableColumn):
@@ -36,11 +27,6 @@ def only_columns(truck, **columns: TableColumn):
         n: replace(s, reference=None, fraction=None, friction=None) for n, s in signals.items()
     }
     return replace(truck, dbc=(), checked=(), signals=signals, columns=columns)
-
-
-def written(folder: Path, text: str, name: str = "a.csv") -> Path:
-    (folder / name).write_bytes(text.encode() if isinstance(text, str) else text)
-    return folder / name
 
 
 @pytest.mark.parametrize(
