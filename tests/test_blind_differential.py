@@ -92,11 +92,12 @@ def test_outsiders_falsify_equations_that_there_are_over_drivers_that_are_known(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", range(8))
 def test_an_outsider_acts_from_the_half_of_the_largest_on(name: int):
+    from differential_runs import vehicle_of
+
     kind = list(outsiders().values())[name]
     scenario = kind.scenarios[0]
-    vehicle = "alsd_car" if scenario == "car" else "alsd_rig"
     plain, acted = (
-        simulate(vehicle, scenario, 1, duration=24.0, nominal=True, outsider=outsider)
+        simulate(vehicle_of(scenario), scenario, 1, duration=24.0, nominal=True, outsider=outsider)
         for outsider in (None, kind(kind.largest / 2.0))
     )
     assert plain.truth and acted.truth

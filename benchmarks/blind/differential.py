@@ -19,6 +19,7 @@ from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
+from differential_runs import DURATION, SCENARIOS, vehicle_of
 
 from blind.differential_outsiders import OUTSIDERS
 from clutchest import load_vehicle
@@ -30,9 +31,6 @@ from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
 from clutchest.simulated import simulate
 
-VEHICLES = {"car": "alsd_car"}
-SCENARIOS = ("rig-steps", "rig-slow", "rig-ramps", "car", "slip-oil-sweep", "coast")
-DURATION = 60.0  # s
 SIZED, SIZES = 902, "sizes.json"
 TIMES = 2.0
 OUTSIDE = (0.25, 0.5)
@@ -89,7 +87,7 @@ def records(out: Path) -> list[dict[str, Any]]:
 
 def judged(case: Case) -> dict[str, Any]:
     """What `discover` says of one run, and how it came to it."""
-    vehicle = VEHICLES.get(case.scenario, "alsd_rig")
+    vehicle = vehicle_of(case.scenario)
     record: dict[str, Any] = case._asdict()
     hidden = OUTSIDERS[case.outsider](case.size, case.seed % 7 / 7.0) if case.outsider else None
     signals = simulate(
@@ -132,7 +130,7 @@ def sizes(out: Path) -> Sized:
 def _sizes(scenario: str) -> dict[str, dict[str, list[float]]]:
     """Effect → gain → what is detected in half of the runs of this scenario, its numbers of shape
     as the effect has them by default, and the largest plausible size."""
-    vehicle = load_vehicle(VEHICLES.get(scenario, "alsd_rig"))
+    vehicle = load_vehicle(vehicle_of(scenario))
     signals = simulate(vehicle, scenario, SIZED, duration=DURATION)
     effects = machine_of("alsd").effects
     problem = with_fitted_gains(

@@ -11,12 +11,17 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
+
+sys.path.insert(0, str(Path(__file__).parent.parent))  # what benchmarks share is a file beside
+
+from differential_runs import DURATION, SCENARIOS, vehicle_of
 
 import clutchest
 from clutchest.diagnosis.blocks import blocks_of
@@ -25,9 +30,6 @@ from clutchest.diagnosis.fault_tests import FaultTestResults, run_fault_tests
 from clutchest.diagnosis.isolation import explanations, not_excluded, separability
 from clutchest.vehicle import load_vehicle
 
-DURATION = 60.0  # s
-RUNS = ("rig-steps", "rig-slow", "rig-ramps", "car", "slip-oil-sweep", "coast")
-VEHICLES = {"car": "alsd_car"}
 ONSET = (15.0, 35.0)  # s, between which a fault begins within a run
 # fault → sizes, in turn
 CASES: dict[str, tuple[float, ...]] = {
@@ -47,7 +49,7 @@ def tested(
     scenario: str, seed: int, effects: dict[str, Any], onset: float = 0.0
 ) -> FaultTestResults:
     """The tests of the equations over one run."""
-    vehicle = load_vehicle(VEHICLES.get(scenario, "alsd_rig"))
+    vehicle = load_vehicle(vehicle_of(scenario))
     signals = clutchest.simulate(vehicle, scenario, seed, effects, duration=DURATION, onset=onset)
     blocks = blocks_of(signals, vehicle, effects_for(vehicle.machine))
     rate = vehicle.false_alarms_per_1000h
@@ -56,7 +58,7 @@ def tested(
 
 def healthy(seed: int) -> dict[str, Any]:
     """What a run without a fault gives."""
-    scenario = RUNS[seed % len(RUNS)]
+    scenario = SCENARIOS[seed % len(SCENARIOS)]
     results = tested(scenario, seed, {})
     z = results.residuals.z
     return {
