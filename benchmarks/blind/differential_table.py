@@ -65,13 +65,14 @@ def lines(records: Sequence[Record]) -> list[str]:
 
 
 def _line(record: Record) -> str:
-    found = " or ".join("+".join(names) for names in record.get("sets", ()))
-    said = found or (f"{record['equation']} over {', '.join(record['drivers'][:2])}")
+    said = " or ".join("+".join(names) for names in record.get("sets", ()))
+    if not said and record["equation"]:
+        said = f"{record['equation']} over {', '.join(record['drivers'][:2])}"
     if name := record.get("outsider"):
         hidden = f"{name} {record['size']:.3g} {OUTSIDERS[name].unit}"
     else:
-        hidden = " and ".join(map(_size, *_sizes(record))) if record["effects"] else ""
-    answer = f"{record['verdict']}: {said}" if said.strip(" over") else record["verdict"]
+        hidden = " and ".join(map(_size, *_sizes(record)))
+    answer = f"{record['verdict']}: {said}" if said else record["verdict"]
     refuted = f" (form refuted: {', '.join(record['refuted'])})" if record["refuted"] else ""
     return f"{hidden}, {record['scenario']} {record['seed']}: {answer}{refuted}"
 
