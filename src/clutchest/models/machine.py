@@ -211,21 +211,23 @@ class Machine:
         )
 
     @cached_property
-    def _benches(self) -> dict[str, Machine]:
-        return {}
+    def _on_benches(self) -> Mapping[str, Machine]:
+        """Bench → the same machine, fitted with the form of its equations there."""
+        forms = self.benches.fitted if self.benches else {}
+        return {
+            bench: replace(self, fitted=form, check_equations=False)
+            for bench, form in forms.items()
+        }
 
     def on_bench(self, bench: str) -> Machine:
         """The same machine, fitted with the form of its equations on one of its benches.  Raises
         ClutchestError where it declares none for it."""
-        if bench not in self._benches:
-            forms = self.benches.fitted if self.benches else {}
-            if bench not in forms:
-                raise ClutchestError(
-                    f"machine '{self.name}' declares no equations on bench '{bench}'"
-                    + nearest(bench, forms)
-                )
-            self._benches[bench] = replace(self, fitted=forms[bench], check_equations=False)
-        return self._benches[bench]
+        if bench not in self._on_benches:
+            raise ClutchestError(
+                f"machine '{self.name}' declares no equations on bench '{bench}'"
+                + nearest(bench, self._on_benches)
+            )
+        return self._on_benches[bench]
 
     def to_fit(self, signals: Container[str]) -> Model:
         """The form of the equations whose numbers are fitted, that these signals can drive."""
