@@ -24,7 +24,7 @@ from clutchest.signals import Floats
 from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
 
-ROW = 1e-3  # s
+PERIOD = 1e-3  # s between rows
 ON, OFF, END = 0.2, 1.4, 2.0  # s
 SLIP, OIL = 25 * np.pi / 30, 40.0  # rad/s, °C
 SETTLED = {12.0: 2314.0, 7.0: 1217.0, 2.5: 323.0}  # A → Nm of the nominal rig, held
@@ -46,7 +46,7 @@ class Case:
 
 def cases() -> list[Case]:
     """Steps to what 12, 7 and 2.5 A hold, and a sine of 1 Hz."""
-    time = np.arange(round(END / ROW) + 1) * ROW
+    time = np.arange(round(END / PERIOD) + 1) * PERIOD
     steps = [
         Case(
             f"step to {torque:.0f} Nm",
@@ -56,7 +56,7 @@ def cases() -> list[Case]:
         )
         for torque in SETTLED.values()
     ]
-    long = np.arange(round(4.5 / ROW) + 1) * ROW
+    long = np.arange(round(4.5 / PERIOD) + 1) * PERIOD
     sine = 900.0 - 600.0 * np.cos(2 * np.pi * (long - 0.5))
     sine = np.where(long < 0.5, np.interp(long, (0.2, 0.215), (0.0, 300.0)), sine)
     return [*steps, Case("sine of 1 Hz, 300 to 1500 Nm", long, sine, (1.0, 4.5))]
@@ -68,7 +68,7 @@ def played(record: np.ndarray, current: Floats, angle: Floats | None, oil: float
     profile["asked"], profile["driven"], profile["oil"] = current, SLIP, oil
     if angle is not None:
         profile["actuator"], profile["angle"] = plant.GUIDED, angle
-        profile["turning"] = np.gradient(angle, ROW)
+        profile["turning"] = np.gradient(angle, PERIOD)
     return run(profile, record)["clutch_torque"]
 
 

@@ -33,7 +33,7 @@ READING = 0.01  # s, from one reading of the converted record to the next
 LAGS = 24  # readings, over which innovations are compared
 PASSED = 48.0  # Hz, above which nothing of the disturbance passes the converter's filter
 FREQUENCIES = np.linspace(0.0, 500.0, 501)  # Hz
-FIRST = 1e-3  # N²/Hz, the spectrum that the search begins with
+INITIAL = 1e-3  # N²/Hz, the spectrum that the search begins with
 TURNS, DRAWS = 6, 4  # of the search, and records of each
 LEAST = 0.02  # of the variance of innovations: smaller spectra are not told from it
 
@@ -112,7 +112,7 @@ def spectrum_of(
     """The spectrum, N²/Hz at the ``FREQUENCIES``, of the disturbance that gives innovations of the
     model, ``fitted`` anew to each record, the autocovariance of those of the ``signals``;
     ``read``: a converted table as signals."""
-    wanted, spectrum = _visible(fitted, signals), np.full(len(FREQUENCIES), FIRST)
+    wanted, spectrum = _visible(fitted, signals), np.full(len(FREQUENCIES), INITIAL)
     for turn in range(TURNS):
         own = [read(loop.drawn(spectrum, 1_000_000 + turn * DRAWS + k)) for k in range(DRAWS)]
         made = [_visible(FittedMachine.of(each, fitted.vehicle), each) for each in own]

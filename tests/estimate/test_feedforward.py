@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import clutchest
 from clutchest.cli import app
 from clutchest.errors import ClutchestError
-from clutchest.estimate.feedforward import ROW, Feedforward, feedforward
+from clutchest.estimate.feedforward import PERIOD, Feedforward, feedforward
 from clutchest.estimate.replay import replay
 from clutchest.generator.alsd import plant
 from clutchest.generator.alsd.effects import EFFECTS, numbers
@@ -24,7 +24,7 @@ from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
 
 ON, OFF, END = 0.2, 1.0, 1.4  # s
-TIME = np.arange(round(END / ROW) + 1) * ROW
+TIME = np.arange(round(END / PERIOD) + 1) * PERIOD
 
 
 def step(height: float) -> Floats:
@@ -69,7 +69,7 @@ def test_the_supplys_voltage_limits_it() -> None:
     vehicle = load_vehicle("alsd_rig")
     p = {key: value.value for key, value in vehicle.parameters.items()}
     columns = planned(2314.0).columns
-    change = np.gradient(columns["current"], ROW)
+    change = np.gradient(columns["current"], PERIOD)
     warm = 1 + p["resistance_temp_coefficient"] * (60.0 - p["armature_reference_temp"])
     voltage = p["armature_resistance"] * warm * columns["current"]
     voltage += p["back_emf_constant"] * columns["motor_speed"]
@@ -80,7 +80,7 @@ def test_the_supplys_voltage_limits_it() -> None:
 
 def test_the_loop_is_in_the_current() -> None:
     """The same torque takes more current when it was reached from below than from above."""
-    time = np.arange(round(4.0 / ROW) + 1) * ROW
+    time = np.arange(round(4.0 / PERIOD) + 1) * PERIOD
     request = np.interp(time, (0.2, 1.5, 2.0, 3.3), (400.0, 1400.0, 1400.0, 400.0))
     columns = feedforward("alsd_rig", (time, request)).columns
     rising, falling = (float(np.interp(t, time, columns["current"])) for t in (0.85, 2.65))
@@ -95,7 +95,7 @@ def test_the_way_through_the_free_play() -> None:
     vehicle = load_vehicle("alsd_rig")
     p = {key: value.value for key, value in vehicle.parameters.items()}
     columns = planned(1217.0).columns
-    assert np.abs(columns["motor_angle"][: round(ON / ROW)]).max() < 0.01
+    assert np.abs(columns["motor_angle"][: round(ON / PERIOD)]).max() < 0.01
     first = int(np.argmax(columns["friction_potential"] > 1.0))
     way = p["gear_ratio"] * (p["gear_backlash"] + p["ball_ramp_ratio"] * p["free_play"])
     assert way < columns["motor_angle"][first] < 1.15 * way

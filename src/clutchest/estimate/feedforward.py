@@ -21,7 +21,7 @@ from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 if TYPE_CHECKING:
     import pandas as pd
 
-ROW = 1e-3  # s between rows
+PERIOD = 1e-3  # s between rows
 LONGEST = 3600.0  # s of a request
 NOTHING = 1e-9  # of the largest value: what is left of a sum that is zero
 
@@ -94,8 +94,8 @@ def feedforward(
         parameters,
         start | taken,
         inputs,
-        ROW,
-        round(ROW / inverse.step),
+        PERIOD,
+        round(PERIOD / inverse.step),
         vehicle.effect_numbers,
     )
     if not all(np.isfinite(column).all() for column in columns.values()):
@@ -139,11 +139,11 @@ def _inputs(signals: Signals, inverse: Inverse) -> tuple[Floats, dict[str, Float
         raise ClutchestError(
             f"the request lasts {last - first:g} s, expected more than 0 and at most {LONGEST:g} s"
         )
-    time = first + np.arange(round((last - first) / ROW) + 1, dtype=np.float64) * ROW
+    time = first + np.arange(round((last - first) / PERIOD) + 1, dtype=np.float64) * PERIOD
     inputs: dict[str, Floats] = {}
     for item in inverse.model.inputs:
         if (of := inverse.model.slopes.get(item.name)) is not None:
-            inputs[item.name] = np.gradient(signals[of].only_valid().at(time), ROW)
+            inputs[item.name] = np.gradient(signals[of].only_valid().at(time), PERIOD)
         elif item.name in signals.available:
             inputs[item.name] = signals[item.name].only_valid().at(time)
         else:
