@@ -63,22 +63,13 @@ def judder(
     windows = _windows(signals, track, sensor, weights)
     if windows is None:
         return None
-    highest = HIGHEST / float(np.median(np.diff(windows.time[0])))
-    rate = windows.slip / (2.0 * pi)  # revolutions per second
-    lines = np.arange(LOWEST, highest, 1.0 / WINDOW)
-    fastest = float(rate.max())
-    most = highest / max(float(np.median(rate)), fastest / RANGE)
-    orders = np.arange(LOWEST / fastest, most, 1.0 / WINDOW / fastest)
-    by_time = _strongest(windows.z, windows.time, lines, np.ones((len(rate), len(lines)), bool))
-    turning = np.outer(rate, orders)
-    seen = (turning > LOWEST) & (turning < highest)
-    by_slip = _strongest(windows.z, windows.turned, orders, seen)
+    by_time, by_slip = _by_time_and_slip(windows)
     if by_time is None:
         return None
     hours = max(float(track.time[-1] - track.time[0]) / 3600.0, SHORTEST_H)
     level = log(per_1000h * hours / 1000.0)
-    is_order = by_slip is not None and by_slip.log_p < by_time.log_p
-    best = by_slip if by_slip is not None and is_order else by_time
+    best = by_slip if by_slip and by_slip.log_p < by_time.log_p else by_time
+    is_order = best is by_slip
     if best.log_p > level:
         return None
     amplitude = windows.std * best.amplitude
@@ -141,6 +132,23 @@ class _Line:
     line: float
     amplitude: float
     log_p: float
+
+
+def _by_time_and_slip(windows: _Windows) -> tuple[_Line | None, _Line | None]:
+    """The strongest lines at fixed frequencies, and at fixed orders of the slip; None for too few
+    of them."""
+    highest = HIGHEST / float(np.median(np.diff(windows.time[0])))
+    rate = windows.slip / (2.0 * pi)  # revolutions per second
+    lines = np.arange(LOWEST, highest, 1.0 / WINDOW)
+    fastest = float(rate.max())
+    most = highest / max(float(np.median(rate)), fastest / RANGE)
+    orders = np.arange(LOWEST / fastest, most, 1.0 / WINDOW / fastest)
+    turning = np.outer(rate, orders)
+    seen = (turning > LOWEST) & (turning < highest)
+    return (
+        _strongest(windows.z, windows.time, lines, np.ones((len(rate), len(lines)), bool)),
+        _strongest(windows.z, windows.turned, orders, seen),
+    )
 
 
 def _strongest(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_]) -> _Line | None:
