@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
+import clutchest
 from clutchest.discovery.goodness_of_fit import REJECTED, GoodnessOfFit, of_series
 from clutchest.discovery.noise_contrasts import periodograms, windows
 from clutchest.discovery.residual_series import ResidualSeries, likeliest_variance
@@ -193,3 +194,17 @@ def test_innovations_of_what_is_tracked_are_as_large_at_every_gain(walks):
 def test_innovations_that_nothing_corrects_keep_their_variance():
     noise, ones = white(np.random.default_rng(4)), np.ones(INTERVALS * LONG)
     np.testing.assert_array_equal(likeliest_variance(noise, ones, ones), ones)
+
+
+@pytest.mark.slow
+def test_noise_far_above_what_is_stated_is_said():
+    """An error may pass for it: that no error is detectable is not that the model explains all."""
+    truck = clutchest.load_vehicle("truck")
+    loud = replace(truck.signals["slave_position"], noise=5 * truck.signals["slave_position"].noise)
+    noisy = replace(truck, signals={**truck.signals, "slave_position": loud})
+    log = clutchest.simulate(noisy, "ramps", 3)
+    found = clutchest.discover(log, truck)
+    assert found.verdict == "none"
+    assert found.sentence.startswith("No error is detectable, but an error may pass for noise")
+    times = float(found.sentence.partition("zero_position ")[2].partition(" times")[0])
+    assert 4.0 < times < 6.0

@@ -225,7 +225,7 @@ def test_two_numbers_of_one_effect_act_together_and_a_sensor_may_do_for_one_of_t
         verdict = SearchVerdict(refined, order[0], order[1:], [], 0.0, spreads, [], False, [])
         causes = causes_of(verdict)
         assert {c.effect for c in causes} == {"wear", "position_offset"}
-        words = sentence("ambiguous", verdict.sets, causes, None, FITS, True)
+        words = sentence("ambiguous", verdict.sets, causes, None, FITS, {}, True)
         assert words.startswith("The data require one of: wear (")
         assert words.count("amount = ") == 1
         first = sizes_by_effect(order[0], sizes_of(causes))

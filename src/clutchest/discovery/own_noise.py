@@ -34,7 +34,8 @@ def with_noise_of_likeliest(search: Search) -> Search:
     what the model without a cause leaves is no noise of the stated level, and yet no score is
     significant; else as it is."""
     significant = search.null_scores.least_p <= LEVEL
-    if significant or _loudness(search.null.fit, search.objective) < LOUD:
+    loudest = max(loudness(search.null.fit, search.objective).values(), default=0.0)
+    if significant or loudest < LOUD:
         return search
     none, _, _ = _settled(search, (), search.null.fit.theta)
     tasks = [(c, size) for c in search.candidates for size in _sizes(c)]
@@ -88,15 +89,14 @@ def _sizes(cause: CandidateCause) -> tuple[float, ...]:
     return (SIZE * gain.upper,) if gain.one_sided else (SIZE * gain.lower, SIZE * gain.upper)
 
 
-def _loudness(fit: Linearisation, objective: Objective) -> float:
-    """Rms innovation of the loudest sensor, of its stated noise."""
+def loudness(fit: Linearisation, objective: Objective) -> dict[str, float]:
+    """Sensor → its rms innovation at a fit, of its stated noise."""
     at = objective.linearise_at(fit.theta, fit.shapes, np.zeros(0, np.int64))
     drives = objective.problem.drives
     sensor = np.concatenate([drive.readings.sensor for drive in drives])
     r = np.concatenate([innovations.r for innovations in at.raw])
-    return max(
-        (float(np.sqrt(np.mean(r[sensor == i] ** 2))) for i in np.unique(sensor)), default=0.0
-    )
+    names = [each.name for each in objective.problem.compiled.model.sensors]
+    return {names[i]: float(np.sqrt(np.mean(r[sensor == i] ** 2))) for i in np.unique(sensor)}
 
 
 def _settled(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -22,12 +22,20 @@ def sentence(
     causes: Sequence[Cause],
     where: Where | None,
     fit: GoodnessOfFit,
+    loud: Mapping[str, float],
     excited: bool,
 ) -> str:
     """The answer in words, with the sizes of the ``causes``; ``fit`` of the model without a cause;
-    ``excited``: whether the data could show any cause at all."""
+    ``loud``: sensors whose residuals are so many times their stated noise, in which an error may
+    be; ``excited``: whether the data could show any cause at all."""
     if verdict == "none" and not excited:
         return "These data excite no known cause: they neither confirm nor refute the model."
+    if verdict == "none" and loud:
+        each = " and ".join(f"{name} {times:.1f} times" for name, times in loud.items())
+        return (
+            f"No error is detectable, but an error may pass for noise: the residuals of {each} "
+            "the noise that the vehicle file states."
+        )
     if verdict == "none":
         return "The model explains these data: no error is detectable in them."
     if verdict == "unknown":
