@@ -3,7 +3,7 @@ they act upon a machine, here the truck, and its sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from clutchest.errors import ClutchestError, nearest
@@ -43,11 +43,26 @@ class Outsider(Protocol):
         ...
 
 
-def run_under(law: Law, pace: float, steps: int, drive: TruckDrive, record: TruckRecord) -> None:
-    """``plant.run`` from 0 to ``steps`` in slices of ``pace`` s, between which ``law`` may act.
+def acting(
+    law: Law, true: Mapping[str, float], foreign: Sequence[str], machine: str
+) -> dict[str, float]:
+    """What a ``law`` does at the ``true`` quantities, under the names of the plant's numbers.
 
-    Raises ClutchestError where it names something that cannot be acted on.
+    Raises ClutchestError where it names something that is not among what is ``foreign``.
     """
+    acts = law(true)
+    for name in acts:
+        if name not in foreign:
+            raise ClutchestError(
+                f"an unmodelled effect acts on '{name}', which the {machine} does not have"
+                + nearest(name, foreign)
+            )
+    return {f"foreign_{name}": value for name, value in acts.items()}
+
+
+def run_under(law: Law, pace: float, steps: int, drive: TruckDrive, record: TruckRecord) -> None:
+    """``plant.run`` from 0 to ``steps`` in slices of ``pace`` s, between which ``law`` may act; see
+    :func:`acting`."""
     from clutchest.generator import plant
 
     each = round(pace / plant.STEP)
@@ -55,13 +70,8 @@ def run_under(law: Law, pace: float, steps: int, drive: TruckDrive, record: Truc
     for begin in range(0, steps + 1, each):
         true = _true(begin, (s["slave"] - slave) / pace, drive)
         slave = float(s["slave"])
-        for name, value in law(true).items():
-            if name not in plant.FOREIGN:
-                raise ClutchestError(
-                    f"an unmodelled effect acts on '{name}', which the truck does not have"
-                    + nearest(name, plant.FOREIGN)
-                )
-            s[f"foreign_{name}"] = value
+        for name, value in acting(law, true, plant.FOREIGN, "truck").items():
+            s[name] = value
         plant.run(begin, min(begin + each, steps + 1), 1, drive, record)
 
 

@@ -11,9 +11,8 @@ from __future__ import annotations
 
 from numpy.typing import NDArray
 
-from clutchest.errors import ClutchestError, nearest
 from clutchest.generator.alsd.effects import FOREIGN
-from clutchest.generator.outsider import Law
+from clutchest.generator.outsider import Law, acting
 from clutchest.signals import Floats
 
 SLICE = 0.002  # s for which a value of a law holds: the motor starts and stops within 20 ms
@@ -23,27 +22,18 @@ def run_under(
     law: Law, profile: NDArray, fast: int, begin: int, y: NDArray, p: NDArray, out: Floats
 ) -> None:
     """``plant.run`` along ``profile`` (K) from row ``begin`` on in slices, between which ``law``
-    may act.
-
-    Raises ClutchestError where it names something that cannot be acted on.
-    """
+    may act; see :func:`acting`."""
     from clutchest.generator.alsd import plant
 
     rows = max(round(SLICE / (fast * plant.STEP)), 1)
     for row in range(begin, len(profile), rows):
-        seen = out[max(row - 1, begin)]
+        first = max(row - 1, begin)  # a slice begins with the row before it, which is known
         true = {name: float(y[name]) for name in plant.NAMES}
-        true |= {name: float(seen[plant.RECORD.index(name)]) for name in _RECORDED}
+        true |= {name: float(out[first][plant.RECORD.index(name)]) for name in _RECORDED}
         true |= {"time": row * fast * plant.STEP, "oil_temp": float(profile["oil"][row])}
         true |= {"armature_voltage": true["voltage"], "ball_ramp_bristle": true["ramp_bristle"]}
-        for name, value in law(true).items():
-            if name not in FOREIGN:
-                raise ClutchestError(
-                    f"an unmodelled effect acts on '{name}', which the differential does not have"
-                    + nearest(name, FOREIGN)
-                )
-            p[f"foreign_{name}"] = value
-        first = max(row - 1, begin)  # a slice begins with the row before it, which is known
+        for name, value in acting(law, true, FOREIGN, "differential").items():
+            p[name] = value
         known = out[first].copy()
         plant.run(profile[first : row + rows], fast, y, p, out[first : row + rows])
         if row > begin:
