@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,11 +18,12 @@ from clutchest.models.local_changes import LocalChanges
 from clutchest.models.model import Model
 from clutchest.signals import Floats
 
+if TYPE_CHECKING:
+    from clutchest.generator.outsider import Law, Reading
+
 TURNS = 4  # of the iteration from a truth to its reading
 
-Reading = Callable[[Floats], Floats]
 Seen = Mapping[str, float]
-Law = Callable[[Seen], Mapping[str, float]]
 Acts = Callable[[Seen, Mapping[str, float], Mapping[str, float]], dict[str, float]]
 
 
