@@ -136,6 +136,9 @@ def test_a_value_has_the_digits_that_its_uncertainty_supports() -> None:
     assert plus_minus(-0.0001, 0.39) == "0.00 ± 0.39"
     assert plus_minus(4.5e8, 7e6, "N/m") == "4.5e+08 ± 7e+06 N/m"
     assert plus_minus(1.234e-8, 2e-10) == "1.234e-08 ± 2e-10"
+    assert plus_minus(0.03970837, 1.4e-6, "V s") == "0.0397084 ± 1.4e-06 V s"
+    assert plus_minus(123456789.0, 12.0) == "123456789 ± 12"
+    assert plus_minus(0.0, 2e-9) == "0 ± 2e-09" and plus_minus(4e6, 0.0) == "4e+06 ± 0"
 
 
 @pytest.mark.slow

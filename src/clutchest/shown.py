@@ -97,8 +97,17 @@ def rounded(value: float, std: float) -> str:
     """``82.1 ± 3.4``: the value is given to the digits that its uncertainty supports."""
     places = decimals(std, 2) if std > 0 else decimals(value, 4)
     if places > MOST_DECIMALS or abs(value) >= LARGE:
-        return f"{value:.4g} ± {std:.2g}"
+        return f"{with_exponent(value, std, 2)} ± {std:.2g}"
     return f"{value:z.{places}f} ± {std:.{places}f}"
+
+
+def with_exponent(value: float, of: float, digits: int) -> str:
+    """``value`` to the place where ``of`` has so many significant digits: four digits at least,
+    fifteen, which is all that a number holds, at most."""
+    if value == 0 or of == 0 or not isfinite(value / of):
+        return f"{value:.4g}"
+    more = floor(log10(abs(value))) - floor(log10(abs(of))) + digits
+    return f"{value:.{min(max(more, 4), 15)}g}"
 
 
 def decimals(value: float, digits: int) -> int:

@@ -3,6 +3,7 @@ knows the estimated free play, the friction and the direction of loading."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,8 @@ def test_the_estimate_of_a_drive_is_used() -> None:
     known = planned(1217.0, state=state)
     assert known.taken["friction"] == pytest.approx(0.7, abs=0.03)
     assert known.taken["free_play"] == pytest.approx(2.9e-4, abs=5e-6)
+    assert re.search(r"estimated: free play 0\.2\d+ mm, friction 0\.\d+$", known.shown().line)
+    assert set(known.to_pandas().attrs["units"]) == set(known.columns)
     specimen = {"friction_coefficient": 0.7 * 0.11, "free_play": 2.9e-4}
     settled = (TIME > ON + 0.4) & (TIME < OFF)
     missed = [

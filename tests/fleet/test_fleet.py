@@ -20,6 +20,7 @@ from clutchest.errors import ClutchestError
 from clutchest.fleet import cluster as cluster_module
 from clutchest.fleet import one_log
 from clutchest.fleet.comparison import compare, fleet_level, outliers
+from clutchest.fleet.fleet import Fleet, FleetVehicle, compared
 from clutchest.fleet.logs import FleetLog, logs_of
 from clutchest.fleet.one_log import LogTask, estimate_log, read_row
 from clutchest.shipped import shipped
@@ -94,6 +95,32 @@ def test_vehicles_that_differ_are_found_beside_each_other() -> None:
 def test_too_few_vehicles_are_not_compared() -> None:
     y = np.array([1.0, 2.0, np.nan, 4.0])
     assert np.isnan(compare(y, np.ones(4)).p_value).all()
+
+
+def test_what_a_fleet_says_of_itself() -> None:
+    """Fewer vehicles than a comparison takes are not said to be alike."""
+    truck = clutchest.load_vehicle("truck")
+
+    def line(friction: list[float]) -> str:
+        vehicles = tuple(
+            FleetVehicle(f"truck-{k}", (), {}, (), {"friction": (value, 0.01)}, None)
+            for k, value in enumerate(friction)
+        )
+        return Fleet(truck, vehicles, compared(vehicles, ["friction"])).shown().line
+
+    assert line([1.0]) == "1 vehicle; not compared, which takes 4"
+    assert line([1.0, 1.0, 0.5]) == "3 vehicles; not compared, which takes 4"
+    assert line([1.0, 1.01, 0.99, 1.0]) == "4 vehicles, 0 differ from the fleet"
+    assert line([1.0, 1.01, 0.99, 1.0, 1.0, 0.99, 0.3]) == "7 vehicles, 1 differs from the fleet"
+
+
+@pytest.mark.slow
+def test_no_usable_log_is_named_once(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    (tmp_path / "empty.log").touch()
+    with pytest.raises(ClutchestError, match="the file is empty") as refused:
+        clutchest.analyse_fleet(str(tmp_path / "empty.log"), "truck", tmp_path / "out", workers=1)
+    assert str(refused.value).count("empty.log") == 1
 
 
 def write_logs(folder: Path, vehicles: int = 4, worn: int = 2) -> None:

@@ -152,6 +152,11 @@ def test_a_fit(tmp_path: Path) -> None:
     what = next(p.what for p in words_of if p.key == "torque_cubic")
     for words in ("1.300 … 1.700", "no ramp in these logs", "a note", "a warning", "a.log", what):
         assert words in text
+    assert "remark" in text  # a column that only what is not determined needs
+    fine = {"torque_cubic": Fitted(0.03970837, "Nm/mm³", 1.4e-6, 0.03970563, 0.03971111, 0.5)}
+    text = fit_page(replace(fit, parameters=fine), truck)
+    assert "remark" not in text
+    assert "0.0397084 ± 1.4e-06 Nm/mm³" in text and "0.03970563 … 0.03971111" in text
 
 
 def test_a_fleet() -> None:

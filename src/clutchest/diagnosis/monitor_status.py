@@ -73,8 +73,8 @@ def _fault_status(fault: ModelFault, k: int, drive: DriveDiagnosis) -> tuple[str
     unit = fault.gain.unit
     if result.status == "not run":
         return "not run", (
-            f"even the largest plausible size, {with_unit(f'{result.unit:g}', unit)}, would give "
-            f"d′ = {result.d_prime:.2g}; {result.needed:.2g} is needed"
+            f"even the largest plausible size, {with_unit(f'{result.unit:g}', unit)}, would "
+            f"have a separability of {result.d_prime:.2g} σ; {result.needed:.2g} σ are needed"
         )
     if result.status == "failed":
         at = float(drive.equations.blocks.end[result.detected or 0])

@@ -13,8 +13,9 @@ from clutchest.compute.forward import forward
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import present_effects
 from clutchest.models.declarations import Inverse
+from clutchest.quantity import Quantity
 from clutchest.reading import read_log
-from clutchest.shown import Showing, Shown
+from clutchest.shown import Showing, Shown, with_unit
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 
@@ -30,8 +31,8 @@ Request = Signals | str | Path | tuple[Sequence[float], Sequence[float]]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Feedforward(Showing):
-    """``columns`` (k,) by name, ``time`` s and the request first, with their ``units``; ``taken``:
-    states that come from an estimate, others are the vehicle file's."""
+    """``columns`` (k,) by name, ``time`` s and the request first, with their ``units``, which has
+    those of ``taken`` too: states that come from an estimate, others are the vehicle file's."""
 
     vehicle: str
     columns: Mapping[str, Floats]
@@ -45,10 +46,16 @@ class Feedforward(Showing):
             digits = NOTHING * max(map(abs, each.values()))
             ends = (0.0 if abs(end) < digits else end for end in each.values())
             rows.append((name, self.units[name], *(f"{end:.4g}" for end in ends)))
-        taken = ", ".join(f"{name} {value:.4g}" for name, value in self.taken.items())
+        taken = ", ".join(self._words(name, value) for name, value in self.taken.items())
         line = f"{self.vehicle}, {len(self.columns['time'])} rows"
         line += f"; estimated: {taken}" if taken else "; by the vehicle file alone"
         return Shown(line, ("column", "unit", "lowest", "highest"), rows)
+
+    def _words(self, name: str, value: float) -> str:
+        """A state with its value, in the unit that people read."""
+        quantity = Quantity(name, self.units[name])
+        shown = float(quantity.read(np.array(value)))
+        return f"{quantity.words} {with_unit(f'{shown:.4g}', quantity.shown)}"
 
     @property
     def ranges(self) -> dict[str, dict[str, float]]:
@@ -63,7 +70,7 @@ class Feedforward(Showing):
         import pandas as pd
 
         table = pd.DataFrame(dict(self.columns))
-        table.attrs["units"] = dict(self.units)
+        table.attrs["units"] = {name: self.units[name] for name in self.columns}
         return table
 
 
@@ -103,7 +110,8 @@ def feedforward(
             f"the actuator of '{vehicle.name}' leaves the finite numbers: see the parameters"
         )
     asked = {"time": time, inverse.request: inputs[inverse.request]}
-    units = {"time": "s", inverse.request: _unit(inverse), **inverse.columns}
+    units = {s.name: s.unit for s in model.states if s.name in taken}
+    units |= {"time": "s", inverse.request: _unit(inverse), **inverse.columns}
     return Feedforward(vehicle.name, {**asked, **columns}, units, taken)
 
 

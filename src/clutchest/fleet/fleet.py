@@ -14,13 +14,13 @@ from clutchest import __version__
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
 from clutchest.fleet.cluster import alone, client_of, in_turn, settle, survived
-from clutchest.fleet.comparison import FleetComparison, outliers
+from clutchest.fleet.comparison import FEWEST, FleetComparison, outliers
 from clutchest.fleet.logs import FleetLog, logs_of
 from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, reject
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.quantity import Quantity
-from clutchest.shown import Shown, Tabulated, plus_minus
+from clutchest.shown import Shown, Tabulated, counted, plus_minus
 from clutchest.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
@@ -163,9 +163,11 @@ class Fleet(Tabulated):
                     cells.append("")
             rows.append(tuple(cells))
         head = [self._quantity(name).label for name in names]
-        count = len(self.outliers)
-        differ = "differs" if count == 1 else "differ"
-        line = f"{len(self.vehicles)} vehicles, {count} {differ} from the fleet"
+        count, line = len(self.outliers), counted(len(self.vehicles), "vehicle")
+        if len(self.vehicles) < FEWEST:
+            line += f"; not compared, which takes {FEWEST}"
+        else:
+            line += f", {count} {'differs' if count == 1 else 'differ'} from the fleet"
         return Shown(line, ("vehicle", "drives", *head), rows)
 
 
@@ -213,7 +215,8 @@ def analyse_fleet(
     vehicles = tuple(_vehicle_of(name, some, car) for name, some in tasks.items())
     if not any(one.drives for one in vehicles):
         log, why = next((log, why) for one in vehicles for log, why in one.rejected.items())
-        raise ClutchestError(f"no log could be used; the first, {log}: {why}")
+        first = why if why.startswith(f"{log}: ") else f"{log}: {why}"
+        raise ClutchestError(f"no log could be used; the first, {first}")
     return Fleet(car, vehicles, compared(vehicles, list(units_of(car.machine))))
 
 

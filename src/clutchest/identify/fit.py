@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
 from clutchest.paths import names_of
-from clutchest.shown import LARGE, MOST_DECIMALS, Shown, Tabulated, decimals, plus_minus, with_unit
+from clutchest.shown import (
+    LARGE,
+    MOST_DECIMALS,
+    Shown,
+    Tabulated,
+    decimals,
+    plus_minus,
+    with_exponent,
+    with_unit,
+)
 from clutchest.vehicle import Vehicle, dump_vehicle
 
 if TYPE_CHECKING:
@@ -270,9 +279,11 @@ def _refit_words(fitted: Fitted) -> str:
 def interval(fitted: Fitted) -> str:
     """The 95 % interval, as many digits as it deserves."""
     assert fitted.low is not None and fitted.high is not None
+    ends = (fitted.low, fitted.high)
     places = decimals(fitted.high - fitted.low, 3)
     if places > MOST_DECIMALS or abs(fitted.high) >= LARGE:
-        return f"{fitted.low:.4g} … {fitted.high:.4g}"
+        low, high = (with_exponent(end, fitted.high - fitted.low, 3) for end in ends)
+        return f"{low} … {high}"
     return f"{fitted.low:z.{places}f} … {fitted.high:z.{places}f}"
 
 

@@ -22,5 +22,8 @@ def write_feedforward(found: Feedforward, out: Path) -> None:
 
     with without_pandas(), finished_into(out) as folder:
         table = pa.table(dict(found.columns))
-        metadata = {"vehicle": found.vehicle, "units": json.dumps(dict(found.units))}
+        metadata = {
+            "vehicle": found.vehicle,
+            "units": json.dumps({name: found.units[name] for name in found.columns}),
+        }
         pq.write_table(table.replace_schema_metadata(metadata), folder / NAME)

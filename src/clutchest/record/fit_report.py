@@ -24,13 +24,14 @@ def fit_markdown(fit: Fit, before: Vehicle, pictures: Sequence[str] = ()) -> str
         (_named(row), row.before, row.now, row.interval or "–", row.remark)
         for row in fit_rows(fit, before)
     ]
+    head = HEAD if any(row[-1] for row in rows) else HEAD[:-1]
     count = sum(fitted.determined for fitted in fit.parameters.values())
     logs = names_of(fit.sources)
     parts = [
         f"# {fit.vehicle.name}: identify {fit.procedure}",
         heading(before, logs, fit.begun),
         f"{count} of {len(rows)} numbers determined. {HOW_TO_READ}",
-        table(HEAD, rows),
+        table(head, [row[: len(head)] for row in rows]),
     ]
     if fit.validation is not None:
         parts += ["## On logs that were not used", in_words(fit.validation)]

@@ -150,7 +150,9 @@ PARAMETERS = (
         0.0,
         plausible=(0.0, 0.03),
     ),
-    Parameter("free_play", "m", "x_fp", "of the clutch pack", 0.0, plausible=(0.0, 0.005)),
+    Parameter(
+        "free_play", "m", "x_fp", "free play of the clutch pack", 0.0, plausible=(0.0, 0.005)
+    ),
     Parameter(
         "pack_stiffness",
         "N/m",
