@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 import clutchest
@@ -55,3 +57,13 @@ def test_an_encoder_that_slips_within_the_drive():
     ranked = explanations(results, [int(found.onset[found.detected])], len(results.blocks))
     assert not_excluded(ranked) == ("angle_offset",)
     assert ranked[0].size == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_signal_that_is_not_in_the_log_is_said():
+    log = clutchest.simulate("alsd_rig", "rig-steps", 1, duration=6.0)
+    rest = {name: signal for name, signal in log.signals.items() if name != "clutch_torque"}
+    diagnosis = clutchest.diagnose(replace(log, signals=rest), "alsd_rig")
+    why = {m.name: m.why for m in diagnosis.monitors if m.name.endswith(":clutch_torque")}
+    assert why == dict.fromkeys(
+        ("noise:clutch_torque", "stuck:clutch_torque"), "no valid sample of it"
+    )

@@ -146,3 +146,11 @@ def test_command(tmp_path: Path) -> None:
     same = clutchest.feedforward("alsd_rig", request).to_pandas()
     np.testing.assert_allclose(table["current"], same["current"])
     assert same.attrs["units"]["motor_angle"] == "rad"
+
+
+def test_a_request_beyond_the_actuator_is_said() -> None:
+    assert not planned(2314.0).unmet
+    beyond = planned(1e7)
+    reached = beyond.columns["friction_potential"].max()
+    assert beyond.unmet == f"the request is not met: {reached:.4g} Nm at most, of 1e+07 Nm"
+    assert beyond.shown().line.endswith(beyond.unmet)

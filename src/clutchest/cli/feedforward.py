@@ -48,7 +48,13 @@ def feedforward(
         found = inverse(car, request, state=before)
         write_feedforward(found, out)
     answer(
-        {"out": str(out), "files": [NAME], "taken": dict(found.taken), "ranges": found.ranges},
+        {
+            "out": str(out),
+            "files": [NAME],
+            "taken": dict(found.taken),
+            "ranges": found.ranges,
+            "unmet": found.unmet,
+        },
         as_json,
         lambda console: print_shown(found.shown(), console),
         out,

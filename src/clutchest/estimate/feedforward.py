@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PERIOD = 1e-3  # s between rows
+MET = 0.9  # of the highest request, from which on it is met
 LONGEST = 3600.0  # s of a request
 NOTHING = 1e-9  # of the largest value: what is left of a sum that is zero
 
@@ -31,10 +32,13 @@ Request = Signals | str | Path | tuple[Sequence[float], Sequence[float]]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Feedforward(Showing):
-    """``columns`` (k,) by name, ``time`` s and the request first, with their ``units``, which has
-    those of ``taken`` too: states that come from an estimate, others are the vehicle file's."""
+    """``columns`` (k,) by name, ``time`` s and the ``request`` first, which ``reached`` answers to,
+    with their ``units``, which has those of ``taken`` too: states that come from an estimate,
+    others are the vehicle file's."""
 
     vehicle: str
+    request: str
+    reached: str
     columns: Mapping[str, Floats]
     units: Mapping[str, str]
     taken: Mapping[str, float]
@@ -49,6 +53,7 @@ class Feedforward(Showing):
         taken = ", ".join(self._words(name, value) for name, value in self.taken.items())
         line = f"{self.vehicle}, {len(self.columns['time'])} rows"
         line += f"; estimated: {taken}" if taken else "; by the vehicle file alone"
+        line += f"; {self.unmet}" if self.unmet else ""
         return Shown(line, ("column", "unit", "lowest", "highest"), rows)
 
     def _words(self, name: str, value: float) -> str:
@@ -56,6 +61,15 @@ class Feedforward(Showing):
         quantity = Quantity(name, self.units[name])
         shown = float(quantity.read(np.array(value)))
         return f"{quantity.words} {with_unit(f'{shown:.4g}', quantity.shown)}"
+
+    @property
+    def unmet(self) -> str:
+        """In words, how far the highest request is from being met; empty where it is."""
+        asked, given = (np.abs(self.columns[n]).max() for n in (self.request, self.reached))
+        if given >= MET * asked:
+            return ""
+        unit = self.units[self.reached]
+        return f"the request is not met: {given:.4g} {unit} at most, of {asked:.4g} {unit}"
 
     @property
     def ranges(self) -> dict[str, dict[str, float]]:
@@ -112,7 +126,8 @@ def feedforward(
     asked = {"time": time, inverse.request: inputs[inverse.request]}
     units = {s.name: s.unit for s in model.states if s.name in taken}
     units |= {"time": "s", inverse.request: _unit(inverse), **inverse.columns}
-    return Feedforward(vehicle.name, {**asked, **columns}, units, taken)
+    every = {**asked, **columns}
+    return Feedforward(vehicle.name, inverse.request, inverse.reached, every, units, taken)
 
 
 def _unit(inverse: Inverse) -> str:

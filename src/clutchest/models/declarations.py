@@ -120,11 +120,12 @@ class Inverse:
     """A machine turned round: what its actuator has to do for a requested output.
 
     ``model``: equations whose input ``request`` asks for the output and that contain the control
-    which follows it; ``columns``: quantities of them that are written, with their units; ``step``
-    s between their steps.
+    which follows it; ``reached``: what answers to it, one of the ``columns``, quantities that are
+    written, with their units; ``step`` s between their steps.
     """
 
     model: Model
     request: str
+    reached: str
     columns: Mapping[str, str]
     step: float

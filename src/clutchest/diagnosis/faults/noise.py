@@ -141,6 +141,8 @@ class Noise(StreamTest):
                 f"its noise, {with_unit(f'{self.std:.3g}', self.unit)}, is a guess of the vehicle "
                 "file: `clutchest identify noise` measures it"
             )
+        if not self.blocks and not self.rest.size:
+            return "no valid sample of it"
         if not self.blocks:
             return "too few samples without motion"
         tested = f"tested over {self.blocks} blocks of {BLOCK} samples"

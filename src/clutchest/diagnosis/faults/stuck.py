@@ -54,6 +54,8 @@ class Stuck(RepeatTest):
         """See :meth:`StreamTest.why`."""
         if not self.fluctuates:
             return "a healthy signal of this kind may be constant"
+        if np.isnan(self.last):
+            return "no valid sample of it"
         if not self.enabled:
             return "no sample of it away from standstill"
         return self.repeats.words("samples")

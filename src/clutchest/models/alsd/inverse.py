@@ -129,6 +129,7 @@ MODEL = Model(
 INVERSE = Inverse(
     model=MODEL,
     request="torque_request",
+    reached="friction_potential",
     columns={
         "current": "A",
         "motor_angle": "rad",
