@@ -94,9 +94,10 @@ def explained(
     if fitting:
         words = found.words if found else LARGER
         since = found.since_s if found else 0.0
-        mended = ", or ".join(each.words for each in fitting) + ": mended, all signals fit"
+        causes = ", or ".join(each.words for each in fitting)
+        cure = f"{causes}: corrected in the log or the vehicle file, all signals would fit"
         first, *others = dict.fromkeys(each.signal for each in fitting)
-        return Contradiction(words, first, since, mended, fitting[0].kind, tuple(others))
+        return Contradiction(words, first, since, cure, fitting[0].kind, tuple(others))
     if found is None:
         read = {s.name: s.column or s.name for s in model.sensors}
         wrong = {read[name] for name in read if rms_of(track, frozenset({name})) >= SUSPICIOUS}
