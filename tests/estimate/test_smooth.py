@@ -290,7 +290,7 @@ def test_without_smoothing_nothing_is_said_of_it() -> None:
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize(("scenario", "drives"), [("launches", 40), ("city", 20)])
+@pytest.mark.parametrize(("scenario", "drives"), [("launches", 24), ("city", 20)])
 def test_it_is_better_than_the_filter(scenario: str, drives: int) -> None:
     """But where the manual says that it is not.  Launches hardly inform the housing, which the
     generator starts far closer to rest than the prior says: who moves it least is best."""
