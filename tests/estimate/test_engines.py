@@ -94,7 +94,7 @@ def test_engines_agree_with_every_effect_at_work(model: str, bench: BenchOf) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("effects", "duration"), [(False, 600.0), (True, 200.0)], ids=["plain", "every effect"]
+    ("effects", "duration"), [(False, 300.0), (True, 200.0)], ids=["plain", "every effect"]
 )
 def test_engines_agree_over_minutes(effects: bool, duration: float, bench: BenchOf) -> None:
     made = bench("dry_clutch")
