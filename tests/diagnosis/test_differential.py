@@ -60,7 +60,7 @@ def test_an_encoder_that_slips_within_the_drive():
 
 
 def test_a_signal_that_is_not_in_the_log_is_said():
-    log = clutchest.simulate("alsd_rig", "rig-steps", 1, duration=6.0)
+    log = clutchest.simulate("alsd_rig", "rig-steps", 1, duration=2.0)
     rest = {name: signal for name, signal in log.signals.items() if name != "clutch_torque"}
     diagnosis = clutchest.diagnose(replace(log, signals=rest), "alsd_rig")
     why = {m.name: m.why for m in diagnosis.monitors if m.name.endswith(":clutch_torque")}
