@@ -172,6 +172,7 @@ def test_what_has_the_same_signature_is_at_no_distance(oracle):
     assert level < 0.5 / 0.02, "healthy trucks' friction scatters by 2 %"
 
 
+@pytest.mark.slow
 def test_a_cause_explains_itself_whatever_its_size(oracle):
     for name, key, size in (
         ("friction_level", "change", -0.2),

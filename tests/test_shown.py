@@ -90,6 +90,7 @@ def test_other_parameters() -> None:
         truck.with_parameters(engine_inertia=float("nan"))
 
 
+@pytest.mark.slow
 def test_logs_and_vehicles_by_name(run: Run) -> None:
     """Wherever a log or a vehicle is meant, its name will do."""
     by_name, known = clutchest.diagnose("demo", "truck"), clutchest.diagnose(run)

@@ -72,6 +72,7 @@ def test_finds_what_the_truck_maps(found, truck):
     assert found.companions["engine_torque"]["fraction"].signal == torque.fraction.signal
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("vehicle", "scenario"), [("alsd_rig", "rig-steps"), ("alsd_car", "car")])
 def test_finds_what_the_differential_maps(vehicle, scenario, tmp_path):
     """Its vehicle file, drafted from a log, has every signal, in its unit, and drives the

@@ -211,6 +211,7 @@ def test_on_a_linear_model_it_is_the_kalman_filter(
     assert not build.is_compiled("0" * 16)
 
 
+@pytest.mark.slow
 def test_filterpys_engine_agrees_on_a_linear_model(
     tanks: tuple[Compiled, Timeline, Belief],
 ) -> None:

@@ -44,6 +44,7 @@ def test_an_effect_is_driven_by_what_its_terms_read(effect, gain, drivers):
     assert drivers_of(EFFECTS[effect], gain, KNOWN) == drivers
 
 
+@pytest.mark.slow
 def test_derivatives_by_a_shape_are_those_of_the_innovations():
     hidden = {"friction_slip": {"change": 0.2, "speed": 15.0}}
     log = clutchest.simulate(TRUCK, "launches", 11, hidden, duration=90.0)

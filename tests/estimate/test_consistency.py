@@ -186,6 +186,7 @@ def test_a_wrong_sign_makes_every_state_invalid_everywhere(demo, healthy):
     )
 
 
+@pytest.mark.slow
 def test_no_life_and_no_heat_follow_from_signals_that_contradict_the_model(demo, healthy):
     assert "of heat" in printed(healthy) and "Remaining life" in printed(healthy)
     assert healthy.summary["wear"] and healthy.summary["slip_energy_J"] > 0.0

@@ -18,6 +18,7 @@ from clutchest.estimate.whole_log import CONSIDERING
 PAGE = Path(__file__).parents[2] / "docs" / "filterpy.md"
 
 
+@pytest.mark.slow
 def test_what_the_docs_show_is_the_replay(capsys: pytest.CaptureFixture[str]) -> None:
     code = PAGE.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
     names: dict[str, object] = {}
@@ -42,6 +43,7 @@ def test_what_the_docs_show_is_the_replay(capsys: pytest.CaptureFixture[str]) ->
     assert np.max(np.abs(ours.final.S - theirs.S) * ekf.compiled.spread / std[:n, None]) <= 1e-9
 
 
+@pytest.mark.slow
 def test_a_replay_with_either_engine_is_the_same() -> None:
     vehicle = clutchest.load_vehicle("truck")
     signals = clutchest.simulate(vehicle, "launches", 3, duration=25.0)

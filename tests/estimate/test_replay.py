@@ -108,6 +108,7 @@ def test_innovations_of_the_zero_position_lie_between_average_and_noise(drives):
     assert 1 / np.sqrt(17) < np.mean(sizes) / noise < 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "state", "shift"),
     [

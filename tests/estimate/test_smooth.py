@@ -274,6 +274,7 @@ def judged(scenario: str, seeds: range, duration: float | None) -> dict[str, np.
     return {name: np.array(rows) for name, rows in found.items()}
 
 
+@pytest.mark.slow
 def test_the_truth_lies_within_the_stated_uncertainty() -> None:
     for name, rows in judged("launches", range(4), 400.0).items():
         assert np.mean(rows[:, 2]) >= 0.9, name

@@ -136,6 +136,7 @@ def test_a_log_without_its_signal_is_refused():
         run("I4", replace(signals, signals=without))
 
 
+@pytest.mark.slow
 def test_benches_are_guessed_from_the_data():
     expected = {
         "I1": ["rotor-held"],

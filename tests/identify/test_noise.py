@@ -161,6 +161,7 @@ def test_a_short_log_determines_nothing_and_keeps_the_file():
     assert all(f.why for f in fit.parameters.values())
 
 
+@pytest.mark.slow
 def test_the_verb(tmp_path, monkeypatch, capsys):
     log, out = tmp_path / "d.csv", tmp_path / "out"
     truck = clutchest.load_vehicle("truck")
