@@ -30,7 +30,7 @@ from clutchest.discovery.holdout_curves import HeldOutCurves
 from clutchest.discovery.holdout_gain import cross_validated_gain, held_out_gain
 from clutchest.discovery.identifiable import identifiability, not_testable, untested_effects
 from clutchest.discovery.misfit import misfit
-from clutchest.discovery.own_noise import LOUD, loudness, with_noise_of_likeliest
+from clutchest.discovery.own_noise import loud, with_noise_of_likeliest
 from clutchest.discovery.residual_curves import Curve
 from clutchest.discovery.result import Cause, Discovery, Experiment, Gain, Identifiable
 from clutchest.discovery.search import LEVEL, UNUSUAL, Search, begin
@@ -191,12 +191,12 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     if outcome.name == "none" and fit.rejects:
         outcome, where = replace(outcome, name="unknown"), distorted(fit)
     excited = any(each.excited for each in identifiable)
-    loud = {k: times for k, times in loudness(after, search.objective).items() if times >= LOUD}
+    above = loud(after, search.objective) if outcome.name == "none" else {}
     extended, curve, refused = _extended(task, verdict, outcome, causes)
     return Discovery(
         vehicle=task.vehicle,
         verdict=outcome.name,
-        sentence=sentence(outcome.name, verdict.sets, causes, where, fit, loud, excited),
+        sentence=sentence(outcome.name, verdict.sets, causes, where, fit, above, excited),
         causes=causes,
         sets=tuple(h.effects for h in verdict.sets) if outcome.named else (),
         rivals=rivals_of(problem, verdict) if outcome.named else (),

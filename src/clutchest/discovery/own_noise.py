@@ -34,8 +34,7 @@ def with_noise_of_likeliest(search: Search) -> Search:
     what the model without a cause leaves is no noise of the stated level, and yet no score is
     significant; else as it is."""
     significant = search.null_scores.least_p <= LEVEL
-    loudest = max(loudness(search.null.fit, search.objective).values(), default=0.0)
-    if significant or loudest < LOUD:
+    if significant or not loud(search.null.fit, search.objective):
         return search
     none, _, _ = _settled(search, (), search.null.fit.theta)
     tasks = [(c, size) for c in search.candidates for size in _sizes(c)]
@@ -89,14 +88,15 @@ def _sizes(cause: CandidateCause) -> tuple[float, ...]:
     return (SIZE * gain.upper,) if gain.one_sided else (SIZE * gain.lower, SIZE * gain.upper)
 
 
-def loudness(fit: Linearisation, objective: Objective) -> dict[str, float]:
-    """Sensor → its rms innovation at a fit, of its stated noise."""
+def loud(fit: Linearisation, objective: Objective) -> dict[str, float]:
+    """Sensor → its rms innovation at a fit, of its stated noise, where that is ``LOUD`` or more."""
     at = objective.linearise_at(fit.theta, fit.shapes, np.zeros(0, np.int64))
     drives = objective.problem.drives
     sensor = np.concatenate([drive.readings.sensor for drive in drives])
     r = np.concatenate([innovations.r for innovations in at.raw])
     names = [each.name for each in objective.problem.compiled.model.sensors]
-    return {names[i]: float(np.sqrt(np.mean(r[sensor == i] ** 2))) for i in np.unique(sensor)}
+    times = {names[i]: float(np.sqrt(np.mean(r[sensor == i] ** 2))) for i in np.unique(sensor)}
+    return {name: each for name, each in times.items() if each >= LOUD}
 
 
 def _settled(

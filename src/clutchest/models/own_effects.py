@@ -61,9 +61,9 @@ class OwnEffects(ABC):
     def model(self) -> Model:
         """The equations whose quantities the effects change."""
 
-    @abstractmethod
     def nominal(self) -> Mapping[str, float]:
-        """State → its value where the generator tells none."""
+        """State → its value where the generator tells none; 0 for any other."""
+        return {}
 
     @abstractmethod
     def acts(self) -> Acts:

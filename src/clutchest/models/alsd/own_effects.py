@@ -45,10 +45,6 @@ class DifferentialEffects(OwnEffects):
         """See :meth:`OwnEffects.model`."""
         return ALSD
 
-    def nominal(self) -> Mapping[str, float]:
-        """See :meth:`OwnEffects.nominal`."""
-        return {}
-
     def acts(self) -> Acts:
         """See :meth:`OwnEffects.acts`."""
         worn, before = 0.0, 0.0
