@@ -3,15 +3,14 @@ itself give the same run."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import numpy as np
 import pytest
 
 import clutchest
 from clutchest.errors import ClutchestError
 from clutchest.models.alsd import effects
 from clutchest.signals import Signals
+
+from .twins import assert_alike, shown, twin
 
 RIG = clutchest.load_vehicle("alsd_rig")
 RUN = {"duration": 12.0, "nominal": True}
@@ -30,20 +29,6 @@ TWINS = {  # effect → its numbers, where they show, the share of what they do 
 }
 
 
-def twin(folder: Path, name: str) -> Path:
-    """The library's effect as a user's own, under another name."""
-    source = (Path(effects.__file__).parent / f"{name}.py").read_text(encoding="utf-8")
-    path = folder / "own.py"
-    path.write_text(source.replace(f'name = "{name}"', f'name = "own_{name}"'), encoding="utf-8")
-    return path
-
-
-def shown(run: Signals, name: str) -> np.ndarray:
-    """What a sensor reads, or else a state of the truth."""
-    assert run.truth
-    return run[name].value if name in READINGS else run.truth.columns[name]
-
-
 @pytest.fixture(scope="module")
 def healthy() -> Signals:
     return clutchest.simulate(RIG, "rig-steps", 5, **RUN)
@@ -54,19 +39,17 @@ def healthy() -> Signals:
 def test_a_twin_of_a_library_effect_does_the_same(tmp_path, healthy, name):
     numbers, places, missing = TWINS[name]
     library = clutchest.simulate(RIG, "rig-steps", 5, {name: numbers}, **RUN)
-    files = (twin(tmp_path, name),)
+    files = (twin(tmp_path, effects, name),)
     own = clutchest.simulate(
         RIG, "rig-steps", 5, {f"own_{name}": numbers}, effects_files=files, **RUN
     )
     for place in places:
-        without, wanted, made = (shown(run, place) for run in (healthy, library, own))
-        change = np.sqrt(np.nanmean((wanted - without) ** 2))
-        assert change > 0.0
-        assert np.sqrt(np.nanmean((made - wanted) ** 2)) <= missing * change + 1e-12, place
+        each = (shown(run, place, READINGS) for run in (healthy, library, own))
+        assert_alike(*each, missing, 1e-12)
 
 
 def test_what_the_generator_cannot_be_told_is_said(tmp_path):
-    files = (twin(tmp_path, "pack_stiffness"),)
+    files = (twin(tmp_path, effects, "pack_stiffness"),)
     with pytest.raises(ClutchestError, match=r"the differential's generator.* cannot simulate it"):
         clutchest.simulate(
             RIG,

@@ -3,9 +3,6 @@ effects that the generator knows itself give the same drive."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import numpy as np
 import pytest
 
 import clutchest
@@ -13,6 +10,8 @@ from clutchest.errors import ClutchestError
 from clutchest.models import machine_of
 from clutchest.models.dry_clutch import effects
 from clutchest.signals import Signals
+
+from .twins import assert_alike, shown, twin
 
 TRUCK = clutchest.load_vehicle("truck")
 DRIVE = {"duration": 80.0, "nominal": True}  # two launches
@@ -30,19 +29,6 @@ TWINS = {  # effect → its numbers, and where they show; shares of what they do
 }
 
 
-def twin(folder: Path, name: str) -> Path:
-    """The library's effect as a user's own, under another name."""
-    source = (Path(effects.__file__).parent / f"{name}.py").read_text(encoding="utf-8")
-    path = folder / "own.py"
-    path.write_text(source.replace(f'name = "{name}"', f'name = "own_{name}"'), encoding="utf-8")
-    return path
-
-
-def shown(drive: Signals, name: str) -> np.ndarray:
-    """A state of the truth, or what a sensor reads."""
-    return drive[name].value if name in READINGS else drive.truth.columns[name]
-
-
 @pytest.fixture(scope="module")
 def healthy() -> Signals:
     return clutchest.simulate(TRUCK, "launches", 5, **DRIVE)
@@ -53,20 +39,18 @@ def healthy() -> Signals:
 def test_a_twin_of_a_library_effect_does_the_same(tmp_path, healthy, name):
     numbers, places, missing = TWINS[name]
     library = clutchest.simulate(TRUCK, "launches", 5, {name: numbers}, **DRIVE)
-    files = (twin(tmp_path, name),)
+    files = (twin(tmp_path, effects, name),)
     own = clutchest.simulate(
         TRUCK, "launches", 5, {f"own_{name}": numbers}, effects_files=files, **DRIVE
     )
     for place in places:
-        without, wanted, made = (shown(drive, place) for drive in (healthy, library, own))
-        change = np.sqrt(np.nanmean((wanted - without) ** 2))
-        assert change > 0.0
-        assert np.sqrt(np.nanmean((made - wanted) ** 2)) <= missing * change + 1e-9, place
+        each = (shown(drive, place, READINGS) for drive in (healthy, library, own))
+        assert_alike(*each, missing, 1e-9)
 
 
 def test_what_the_generator_cannot_be_told_is_said(tmp_path):
     assert "position_hysteresis" in machine_of("dry_clutch").effects
-    files = (twin(tmp_path, "position_hysteresis"),)
+    files = (twin(tmp_path, effects, "position_hysteresis"),)
     numbers = {"own_position_hysteresis": {"play": 0.1}}
     with pytest.raises(ClutchestError, match="has a state, a step map or a delay that varies"):
         clutchest.simulate(TRUCK, "launches", 5, numbers, effects_files=files, **DRIVE)
@@ -90,7 +74,7 @@ def test_what_changes_nothing_of_the_truck_is_said(tmp_path):
 
 
 def test_an_unknown_number_is_said(tmp_path):
-    files = (twin(tmp_path, "friction_level"),)
+    files = (twin(tmp_path, effects, "friction_level"),)
     with pytest.raises(ClutchestError, match="effect 'own_friction_level' has no 'chnge'"):
         clutchest.simulate(
             TRUCK,
