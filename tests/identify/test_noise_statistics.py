@@ -15,9 +15,9 @@ BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "noise.py"
 
 @pytest.mark.statistics
 def test_intervals_hold_what_is_true():
-    """24 trucks with other noise, colour and delays: coverage and bias of every number."""
+    """40 trucks with other noise, colour and delays: coverage and bias of every number."""
     noise = runpy.run_path(str(BENCHMARK))
-    numbers = chain.from_iterable(noise["found"]((seed, ())) for seed in range(24))
+    numbers = chain.from_iterable(noise["found"]((seed, ())) for seed in range(40))
     rows = noise["table"](numbers)
     print(noise["show"](rows))
     short = {key for key, row in rows.items() if row["high"] < 0.95}
