@@ -55,6 +55,8 @@ def test_pictures_of_signals_and_runs(run: Run) -> None:
         np.array(run.tracks[0].mode_names)[np.unique(run.tracks[0].mode)]
     )
     assert first.get_title(loc="left") == "body temperature [°C]"
+    _, *some = run.plot(0, "friction", "clutch_torque").axes
+    assert [axes.get_title(loc="left") for axes in some] == ["friction", "clutch torque [Nm]"]
 
 
 def test_pictures_of_what_is_not_there(run: Run) -> None:
@@ -62,6 +64,8 @@ def test_pictures_of_what_is_not_there(run: Run) -> None:
         run.signals.plot("engine_sped")
     with pytest.raises(ClutchestError, match="no drive 3, expected 0"):
         run.plot(3)
+    with pytest.raises(ClutchestError, match=r"no estimate 'frictio'; did you mean 'friction'"):
+        run.plot(0, "frictio")
 
 
 def test_a_diagnosis_draws_every_monitor_that_ran(run: Run) -> None:

@@ -18,6 +18,9 @@ class ClutchestError(Exception):
         super().__init__(" ".join(line.strip() for line in said.splitlines()))
 
 
+MOST = 16  # names that a message lists
+
+
 def nearest(given: str, valid: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` for the closest valid names, else a list of what is valid."""
     names = sorted(set(valid))
@@ -25,7 +28,7 @@ def nearest(given: str, valid: Iterable[str]) -> str:
         return close
     if not names:
         return ""
-    shown = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+    shown = ", ".join(names[:MOST]) + (", …" if len(names) > MOST else "")
     return f"; valid: {shown}"
 
 

@@ -26,7 +26,7 @@ class Picture(Figure):
         return file.getvalue()
 
 
-def stacked(panels: int, height: float = 1.7) -> tuple[Picture, list[Axes]]:
+def stacked(panels: int, height: float = 1.5) -> tuple[Picture, list[Axes]]:
     """A picture of so many panels over one time axis, each so many inches high."""
     figure = Picture(figsize=(9.0, height * panels + 0.6), layout="constrained")
     FigureCanvasAgg(figure)

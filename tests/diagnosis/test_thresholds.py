@@ -8,6 +8,7 @@ from clutchest.diagnosis import sequential, thresholds
 from clutchest.diagnosis.thresholds import (
     Autoregression,
     cusum_path,
+    from_path,
     glr_path,
     simulated,
     threshold,
@@ -51,6 +52,15 @@ def test_a_rate_holds_on_other_draws_than_those_of_the_threshold(noise_model):
     path = test(*simulated(information, noise_model, blocks, np.random.default_rng(11)))
     count = len(sequential.peaks(path, h, thresholds.WINDOW))
     assert 0.5 < count / (rate * blocks) < 2.0  # 40 expected
+
+
+def test_a_threshold_that_healthy_vehicles_hardly_reach_is_not_zero():
+    """Of residuals that are sharp against the smallest size, paths hardly leave 0: with a threshold
+    of 0 the least of a fault would be an alarm, and the ratio to it no number."""
+    path = np.zeros(1_000_000)
+    path[::5_000] = 1e-3
+    path[::100_000] = 9.0
+    assert from_path(path, 1e-4) == from_path(np.zeros(1000), 1e-4) > 0.0
 
 
 def test_autocorrelation_is_estimated_and_a_fault_has_no_influence():

@@ -233,6 +233,9 @@ def test_a_clutch_that_coasts_is_open_and_turns_both_ways() -> None:
 def test_bad_requests_are_refused() -> None:
     with pytest.raises(ClutchestError, match=r"unknown scenario 'rig-step'.*rig-steps"):
         drive("rig-step")
+    with pytest.raises(ClutchestError, match="unknown scenario 'foo'; valid: ") as refused:
+        drive("foo")
+    assert "slip-oil-sweep" in str(refused.value) and "car" not in str(refused.value)
     with pytest.raises(ClutchestError, match="scenario 'car' is for a car"):
         simulated(rig(), {}, "car", 1, [Channel("motor_angle", "M", 0.005)])
     with pytest.raises(ClutchestError, match="onset 3 s: expected 0 to the 2 s"):

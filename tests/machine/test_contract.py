@@ -204,3 +204,15 @@ def test_a_name_that_two_packages_register_is_refused(registered):
 def test_the_equations_of_shipped_machines_are_sound(machine: Machine) -> None:
     """They are not tried at every start."""
     assert list(defects(machine)) == []
+
+
+def test_a_column_is_not_lacking_where_others_stand_for_it() -> None:
+    machine = machine_of("alsd")
+    rig = {"slip_speed", "clutch_torque"}
+    lacking = {column.name for column in machine.lacking(rig)}
+    assert not lacking & {"wheel_speed_left", "wheel_speed_right", "shaft_torque"}
+    assert {"armature_voltage", "drive_torque"} <= lacking
+    car = {"wheel_speed_left", "wheel_speed_right", "shaft_torque"}
+    lacking = {column.name for column in machine.lacking(car)}
+    assert not lacking & {"slip_speed", "clutch_torque", "drive_torque", "drive_angle"}
+    assert "slip_speed" in {column.name for column in machine.lacking({"wheel_speed_left"})}

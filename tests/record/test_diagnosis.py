@@ -13,7 +13,7 @@ import clutchest
 from clutchest.diagnosis.isolation import Explanation
 from clutchest.diagnosis.result import Fault, Isolability
 from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
-from clutchest.record.diagnosis_report import freeze_frame
+from clutchest.record.diagnosis_report import affected, freeze_frame, headline
 
 
 @pytest.fixture(scope="module")
@@ -126,9 +126,25 @@ def test_a_freeze_frame_has_the_units_that_people_read(diagnosis):
     text = freeze_frame(replace(fault, freeze_frame=frame), diagnosis.run.vehicle.machine)
     assert "| current | 21.50 ± 0.30 A |" in text
     assert "| slip speed | 30 rpm |" in text
-    assert "| motor_friction | +0.1 ± 0.01 rad | 0.0 |" in text
+    assert "| motor_friction | +0.100 ± 0.010 rad | 0.0 |" in text
 
 
-@pytest.mark.parametrize(("unit", "words"), [("1", "-0.1 ± 0.011"), ("1/s", "-0.1 ± 0.011 per s")])
+def test_sensors_that_a_fault_affects_through_the_same_states_stand_together(diagnosis):
+    structure = {"wear": ("a through x", "b", "c through x", "d through x, y"), "gone": ()}
+    isolability = replace(diagnosis.isolability, structure=structure)
+    assert affected(isolability, "wear") == "b; a, c through x; d through x, y"
+    assert affected(isolability, "gone") == "no sensor"
+
+
+def test_a_headline_does_not_say_the_fault_twice(diagnosis):
+    (fault,) = diagnosis.faults
+    alone = replace(fault, fault="wear", set=("wear",), what="wear +1 mm (worn by 1 mm)")
+    assert headline(alone).endswith(" s: wear +1 mm (worn by 1 mm)")
+    assert headline(replace(alone, what="worn by 1 mm")).endswith(" s: wear: worn by 1 mm")
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"), [("1", "-0.100 ± 0.011"), ("1/s", "-0.100 ± 0.011 per s")]
+)
 def test_a_magnitude_has_all_its_digits(unit, words):
     assert Explanation("torque_gain", -0.1, 0.011, unit, 0, 0.0).magnitude == words

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from clutchest.fleet.fleet import Fleet
 
+NAMED = 3  # logs that are named of those not used for the same reason
+
 
 @dataclass(frozen=True, slots=True)
 class ClusterOptions:
@@ -107,5 +109,9 @@ def _print(result: Fleet, console: Console) -> None:
     print_shown(result.shown(), console)
     for words in result.differences():
         console.print(f"[bold red]{escape(words)}[/]")
-    for log, why in result.rejected.items():
-        console.print(f"[yellow]not used:[/] {escape(log)}: {escape(why)}")
+    for why in dict.fromkeys(result.rejected.values()):
+        logs = [log for log, reason in result.rejected.items() if reason == why]
+        more = f" and {len(logs) - NAMED} more" if len(logs) > NAMED else ""
+        console.print(
+            f"[yellow]not used:[/] {escape(', '.join(logs[:NAMED]))}{more}: {escape(why)}"
+        )

@@ -122,9 +122,10 @@ def print_shown(shown: Shown, console: Console) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(*map(escape, shown.header), title=escape(shown.line), title_justify="left")
+    table = Table(*map(escape, shown.header))
     for row in shown.rows:
         table.add_row(*map(escape, row))
+    console.print(escape(shown.line))  # as a title it would be as narrow as the table
     console.print(table)
 
 

@@ -26,6 +26,7 @@ from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.errors import ClutchestError
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
+from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.reading import Logs
 from clutchest.signals import Signals
@@ -166,8 +167,18 @@ def _model_alarm(
     detected = min(r.detected for r in failed if r.detected is not None)
     began = float(blocks.begin[causes[0].onset]) if causes[0].onset else 0.0
     chance = float(np.exp(-max(r.excess for r in failed)))
-    what = ", ".join(f"{c.fault} {c.magnitude}" for c in causes[: len(not_excluded(causes))])
+    possible = causes[: len(not_excluded(causes))]
+    what = ", ".join(_with_meaning(cause, run.vehicle.machine) for cause in possible)
     return Alarm(began, float(blocks.end[detected]), chance=chance, what=what), causes
+
+
+def _with_meaning(cause: Explanation, machine: Machine) -> str:
+    """A cause with its size, and what that means where its effect has words for it."""
+    words = f"{cause.fault} {cause.magnitude}"
+    for fault in machine.faults:
+        if fault.name == cause.fault and fault.key in fault.effect.wording:
+            return f"{words} ({fault.effect.wording[fault.key].of(cause.size)})"
+    return words
 
 
 def _model_fault(
@@ -220,6 +231,18 @@ def _isolability(run: Run, drives: Drives) -> Isolability | None:
         [detectable.get(h.name) or smallest.get(h.name) or h.scale / 3.0 for h in known]
     )
     names, d_prime = separability(results, sizes)
+    return Isolability(
+        names,
+        tuple(h.unit for h in known),
+        sizes,
+        d_prime,
+        tuple(detectable.get(name) for name in names),
+        _affected(run),
+    )
+
+
+def _affected(run: Run) -> dict[str, tuple[str, ...]]:
+    """Fault → the sensors, of those with readings, that it affects."""
     usable = {name for drive in run.signals.drives for name in drive}
     machine = run.vehicle.machine
     model, wear = machine.to_fit(usable), machine.wear
@@ -227,11 +250,8 @@ def _isolability(run: Run, drives: Drives) -> Isolability | None:
     gains = [(f.name, effects[f.effect.name], f.key) for f in machine.faults]
     if wear is not None and wear.effect in effects:
         gains.append((WEAR, effects[wear.effect], wear.amount))
-    return Isolability(
-        names,
-        tuple(h.unit for h in known),
-        sizes,
-        d_prime,
-        tuple(detectable.get(name) for name in names),
-        structure.affected_sensors(model, gains),
-    )
+    read = {name for name, sensor in run.summary["sensors"].items() if sensor["count"]}
+    return {
+        fault: tuple(words for words in sensors if words.partition(" ")[0] in read)
+        for fault, sensors in structure.affected_sensors(model, gains).items()
+    }

@@ -11,7 +11,7 @@ from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.fault_tests import FaultTestResults
 from clutchest.diagnosis.recursive_residuals import onset_scores
 from clutchest.inference.score_test import NOT_EXCLUDED, d_prime
-from clutchest.shown import with_unit
+from clutchest.shown import plus_minus
 from clutchest.signals import Floats
 
 AROUND = 2  # blocks by which the onset may be off
@@ -32,7 +32,8 @@ class Explanation:
     @property
     def magnitude(self) -> str:
         """Its size with sign, standard deviation and unit."""
-        return with_unit(f"{self.size:+.3g} ± {self.std:.2g}", self.unit)
+        sign = "+" if self.size > 0.0 else ""
+        return sign + plus_minus(self.size, self.std, self.unit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from clutchest.native import compiled
 from clutchest.signals import Floats
 
 SIMULATED = 800_000  # blocks
+LOWEST = 0.5  # threshold, where healthy vehicles hardly ever reach even 0
 STRETCH = 30  # consecutive blocks of measured information
 WINDOW = 64  # blocks between a fault's onset and its detection by the GLR, at most
 COUNTED = 100  # alarms from which a threshold is counted rather than extrapolated
@@ -114,14 +115,14 @@ def from_path(path: Floats, per_block: float) -> float:
     wanted = per_block * len(path)
     levels = np.arange(0.0, float(path.max()) - 0.5, 0.5)
     if not len(levels):
-        return 0.5
+        return LOWEST
     maxima = [peaks(path, level, WINDOW) for level in levels]
     counts = np.array([len(of_level) for of_level in maxima])
     # the lowest level whose peaks are isolated; below the level of most peaks they merge
     isolated = (counts * WINDOW < ISOLATED * len(path)) & (levels >= levels[np.argmax(counts)])
     base, highest = levels[np.argmax(isolated)], maxima[int(np.argmax(isolated))]
     if wanted >= COUNTED:
-        return float(np.sort(highest)[-min(round(wanted), len(highest))])
+        return max(float(np.sort(highest)[-min(round(wanted), len(highest))]), LOWEST)
     # exponential (maximum likelihood), its mean excess longer by one standard error
     excess = float(np.mean(highest - base)) * (1.0 + 1.0 / np.sqrt(len(highest)))
     return float(base + excess * np.log(max(len(highest) / wanted, 1.0)))

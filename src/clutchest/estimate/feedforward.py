@@ -15,6 +15,7 @@ from clutchest.estimate.whole_log import present_effects
 from clutchest.models.declarations import Inverse
 from clutchest.quantity import Quantity
 from clutchest.reading import read_log
+from clutchest.shipped import shipped
 from clutchest.shown import Showing, Shown, with_unit
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
@@ -101,9 +102,12 @@ def feedforward(
     """
     vehicle = load_vehicle(vehicle)
     machine = vehicle.machine
-    machine.supports("feedforward")
-    assert machine.inverse is not None
     inverse = machine.inverse
+    if inverse is None:
+        raise ClutchestError(
+            f"feedforward: machine '{machine.name}' of '{vehicle.name}' declares no inverse; of "
+            f"the shipped vehicles {', '.join(_with_inverse())} have one"
+        )
     signals = _signals(request, vehicle, inverse)
     time, inputs = _inputs(signals, inverse)
     taken = _taken(vehicle, state)
@@ -128,6 +132,11 @@ def feedforward(
     units |= {"time": "s", inverse.request: _unit(inverse), **inverse.columns}
     every = {**asked, **columns}
     return Feedforward(vehicle.name, inverse.request, inverse.reached, every, units, taken)
+
+
+def _with_inverse() -> list[str]:
+    """Names of the shipped vehicles whose machine declares an inverse."""
+    return [name for name in shipped("vehicles") if load_vehicle(name).machine.inverse is not None]
 
 
 def _unit(inverse: Inverse) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
-from clutchest.errors import ClutchestError
+from clutchest.errors import ClutchestError, nearest
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.observability import Information
 from clutchest.paths import names_of
@@ -229,18 +229,28 @@ class Run(Showing):
             raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.tracks) - 1}")
         return self.tracks[drive]
 
-    def plot(self, drive: int = 0) -> Picture:
-        """Mode, states and outputs of one drive over time, each with a band of two standard
-        deviations; grey where an estimate is not valid."""
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Names of what is estimated: states, then outputs."""
+        return tuple(dict.fromkeys(n for t in self.tracks for n in (*t.states, *t.outputs)))
+
+    def plot(self, drive: int = 0, *names: str) -> Picture:
+        """Mode, states and outputs of one drive over time, all or those of these ``names``, each
+        with a band of two standard deviations; grey where an estimate is not valid.
+
+        Raises ClutchestError where there is no such drive, or no such name.
+        """
         from clutchest.estimate.run_picture import Band, draw_estimates
         from clutchest.quantity import Quantity
 
         track = self.track(drive)
-        units = self._units
-        bands = {
-            Quantity(name, units.get(name, "1")): Band(each.value, each.std, each.valid)
-            for name, each in {**track.states, **track.outputs}.items()
-        }
+        units, estimates = self._units, {**track.states, **track.outputs}
+        bands = {}
+        for name in names or estimates:
+            if name not in estimates:
+                raise ClutchestError(f"no estimate '{name}'" + nearest(name, estimates))
+            each = estimates[name]
+            bands[Quantity(name, units.get(name, "1"))] = Band(each.value, each.std, each.valid)
         return draw_estimates(track.time, track.mode, track.mode_names, bands)
 
     def to_pandas(self) -> pd.DataFrame:

@@ -14,7 +14,7 @@ from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.declarations import Wear
 from clutchest.quantity import Quantity
 from clutchest.signals import Floats
-from clutchest.vehicle import Vehicle
+from clutchest.vehicle import ParameterValue, Vehicle
 from clutchest.vehicle.state_uncertainty import process_noise
 
 Z = 1.96  # standard deviations of a 95 % interval
@@ -54,7 +54,7 @@ def wear_trend(
         wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
         left = limit.value - amount
         trend["remaining"] = _remaining(left, wear.unit, speed, P, wandering, history)
-    trend["words"] = _words(trend, wear)
+    trend["words"] = _words(trend, wear, vehicle.parameters[wear.nominal])
     return trend
 
 
@@ -147,12 +147,15 @@ def _remaining(
     return remaining
 
 
-def _words(trend: Mapping[str, Any], wear: Wear) -> list[str]:
-    """Two sentences."""
+def _words(trend: Mapping[str, Any], wear: Wear, new: ParameterValue) -> list[str]:
+    """Two sentences; ``new`` is the vehicle file's number, from which wear is counted."""
     rate, energy, limit = trend["rate"], trend["slip_energy"], trend["limit"]
     unit = Quantity("wear", wear.unit).shown
     of = "" if limit is None else f" of {_read(limit['value'], wear):g} {unit}"
     first = f"Worn {_plus_minus(trend['amount'], wear, 2)} {unit}{of}"
+    if new.spread > trend["amount"]["std"]:  # or the reader takes the deviation for the wear's own
+        counted = _plus_minus({"value": new.value, "std": new.spread}, wear, 2)
+        first += f", counted from {wear.nominal} = {counted} {unit}"
     if rate["value"] is not None:
         first += f", at {_plus_minus(rate, wear, 3)} {unit}/MJ"
     first += f"; {energy['value']:.3g} MJ of slip so far."

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from clutchest.fleet.comparison import FleetComparison
@@ -22,7 +23,7 @@ def draw_fleet(
     compared: Mapping[Quantity, tuple[FleetComparison, NDArray[np.bool_]]],
 ) -> Picture:
     """A panel a property: of vehicles ``names`` (v,) value and standard deviation (v,) each."""
-    width = min(4.5 * len(numbers), 14.0)
+    width = min(3.6 * len(numbers), 11.0)
     figure = Picture(figsize=(width, 1.2 + 0.28 * len(names)))
     FigureCanvasAgg(figure)
     figure.set_layout_engine("constrained", w_pad=0.15)  # inches, between the numbers of two axes
@@ -38,6 +39,7 @@ def draw_fleet(
             axes.errorbar(
                 shown[mask], rows[mask], xerr=spread[mask], fmt="o", ms=4, lw=1.2, color=colour
             )
+        axes.xaxis.set_major_locator(MaxNLocator(5))
         axes.set_xlabel(f"{quantity.label}, ± 2σ")
     panels[0].set_yticks(rows, names)
     panels[0].invert_yaxis()

@@ -19,6 +19,10 @@ def fleet_page(fleet: Fleet) -> str:
     if installed("matplotlib") and fleet.compared:
         pictures["properties"] = vector(fleet.plot())
         parts.append("![Properties of every vehicle, and what the fleet expects](properties)")
+        parts.append(
+            "Points: estimates ± 2σ, red where a vehicle differs.  Grey: where the other vehicles "
+            "lead one to expect it, ± 2σ."
+        )
     if fleet.rejected:
         rows = [(log, why) for log, why in fleet.rejected.items()]
         parts += ["## Logs that could not be used", table(("log", "why"), rows)]

@@ -68,12 +68,15 @@ def identify_experiments(
     """The parameters of ``experiments`` from the drives, all else within its spread.
 
     ``benches`` of each drive of ``signals`` and of ``holdout``, guessed where not stated; with
-    ``refit`` each also by the likelihood of the filter's innovations.  Raises
-    ClutchestError where no experiment finds what it needs.
+    ``refit`` each also by the likelihood of the filter's innovations.  Raises ClutchestError where
+    no experiment finds what it needs, in what it is given or in the records of its benches.
     """
     records = bench_records(signals, vehicle, benches[0])
     progress("reducing", None)
     reduced = reduced_records(experiments, records)
+    if not reduced.parts:
+        reasons = dict.fromkeys(f"{experiment.name}: {why}" for experiment, why in reduced.lacking)
+        raise ClutchestError("nothing could be determined; " + "; ".join(reasons))
     progress("fitting", None)
     posterior = fit_errors(reduced.errors, vehicle)
     keys = dict.fromkeys(key for e in reduced.experiments for key in e.parameters)

@@ -240,6 +240,16 @@ class Machine:
         inputs |= {self.tracking.request} - {""} if self.tracking else set()
         return frozenset(inputs.union(*({*d.demands, d.released} for d in self.demands)))
 
+    def lacking(self, there: Container[str]) -> list[Column]:
+        """Columns that are needed, and are not ``there``, nor others instead of them."""
+        return [
+            column
+            for column in self.columns
+            if column.name not in there
+            and column.name not in self.optional_columns
+            and not (column.instead and all(name in there for name in column.instead))
+        ]
+
     @property
     def scenario_names(self) -> tuple[str, ...]:
         """Names of what it can be simulated in."""

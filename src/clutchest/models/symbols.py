@@ -135,6 +135,7 @@ class Column:
     ``magnitude``: how large its readings are, by which a wrong unit of a table shows.
     ``geared_by``: the signal by which a gear is inferred, where a wheel speed times a gear's ratio
     can stand in for this one.  ``noisiest``: the largest standard deviation that such a sensor has.
+    ``instead``: columns that together make this one needless.
     """
 
     name: str
@@ -148,3 +149,4 @@ class Column:
     geared_by: str = ""
     magnitude: Magnitude | None = None
     noisiest: float = inf
+    instead: tuple[str, ...] = ()

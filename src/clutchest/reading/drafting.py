@@ -163,10 +163,8 @@ class Draft:
 
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
-        optional, words = self.machine.optional_columns, []
-        for column in self.machine.columns:
-            if column.name in self.found.candidates or column.name in optional:
-                continue
+        words = []
+        for column in self.machine.lacking(self.found.candidates):
             if column.name == self.driveline.column and self.driveline.gears:
                 continue
             line = f"signals.{column.name} ({column.unit}): no signal has a matching SPN or name"

@@ -64,11 +64,9 @@ class TableInspection:
     @property
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
-        optional = self.machine.optional_columns
         words = [
             f"columns.{column.name} ({column.unit}): no column has a matching name and unit"
-            for column in self.machine.columns
-            if column.name not in self.candidates and column.name not in optional
+            for column in self.machine.lacking(self.candidates)
         ]
         if not self.machine.template:
             words += [f"parameters.{p.key} ({p.unit}): {p.what}" for p in self.machine.parameters]

@@ -14,7 +14,13 @@ from clutchest.diagnosis.result import Diagnosis, Isolability
 from clutchest.extras import installed
 from clutchest.paths import readable
 from clutchest.record.arrow import without_pandas
-from clutchest.record.diagnosis_report import details, headline
+from clutchest.record.diagnosis_report import (
+    SEPARABILITY,
+    affected,
+    details,
+    headline,
+    separability,
+)
 from clutchest.record.files import finished_into, json_text
 from clutchest.record.html_reports import NAME as REPORT
 from clutchest.record.html_reports import diagnosis_page
@@ -84,23 +90,19 @@ def _detectability(isolability: Isolability) -> Table:
             str(i + 1),
             escape(fault),
             never if size is None else with_unit(f"{size:.2g}", isolability.units[i]),
-            escape("; ".join(isolability.structure.get(fault, ())) or "no sensor"),
+            escape(affected(isolability, fault)),
         )
     return table
 
 
 def _separability(isolability: Isolability) -> Table:
     """The separability of every fault from no fault and from every other one."""
-    numbers = [str(i + 1) for i in range(len(isolability.faults))]
-    title = "separability (σ) from none and from every other; 4 or more: isolable"
-    table = _compact("", "fault of a size", "none", *numbers, title=title)
+    head, rows = separability(isolability)
+    table = _compact(*head, title=SEPARABILITY)
     for column in table.columns[2:]:
         column.justify, column.no_wrap = "right", True
-    for i, fault in enumerate(isolability.faults):
-        *others, none = (f"{d:.1f}" for d in isolability.d_prime[i])
-        others[i] = "–"
-        size = with_unit(f"{isolability.sizes[i]:.2g}", isolability.units[i])
-        table.add_row(numbers[i], escape(f"{fault} {size}"), none, *others)
+    for row in rows:
+        table.add_row(*map(escape, row))
     return table
 
 

@@ -13,9 +13,13 @@ from clutchest.quantity import Quantity
 from clutchest.record.report import plus_minus, sources, table
 from clutchest.shown import with_unit
 
+SEPARABILITY = "Separability (σ) from none and from every other; 4 or more: isolable"
+
 
 def headline(fault: Fault) -> str:
     """The fault, or the set that cannot be separated."""
+    if fault.what.startswith(f"{fault.fault} ") and len(fault.set) == 1:
+        return f"{fault.first_detected_s:.1f} s: {fault.what}"
     names = fault.fault if len(fault.set) == 1 else f"one of {', '.join(fault.set)}"
     return f"{fault.first_detected_s:.1f} s: {names}: {fault.what}"
 
@@ -44,7 +48,7 @@ def freeze_frame(fault: Fault, machine: Machine) -> str:
         states.append((quantity.words, shown))
     for name, value in frame["inputs"].items():
         quantity = Quantity(name, machine.units.get(name, "1"))
-        shown = "–" if value is None else f"{quantity.read(np.array(value)):.6g} {quantity.shown}"
+        shown = "–" if value is None else f"{quantity.read(np.array(value)):.4g} {quantity.shown}"
         inputs.append((quantity.words, shown.rstrip()))
     parts = [
         f"## {headline(fault)}",
@@ -73,7 +77,33 @@ def diagnosis_markdown(diagnosis: Diagnosis, pictures: Sequence[str] = ()) -> st
     parts += ["## Monitors", table(("monitor", "status", "why"), rows)]
     if diagnosis.isolability is not None:
         parts += ["## Detection limits of this drive", _limits(diagnosis.isolability)]
+        parts += [f"## {SEPARABILITY}", table(*separability(diagnosis.isolability))]
     return "\n\n".join(parts) + "\n"
+
+
+def affected(isolability: Isolability, fault: str) -> str:
+    """The sensors that a fault affects, those through the same states together."""
+    through: dict[str, list[str]] = {}
+    for words in isolability.structure.get(fault, ()):
+        sensor, _, states = words.partition(" through ")
+        through.setdefault(states, []).append(sensor)
+    parts = [
+        f"{', '.join(sensors)} through {states}" if states else ", ".join(sensors)
+        for states, sensors in sorted(through.items())
+    ]
+    return "; ".join(parts) or "no sensor"
+
+
+def separability(isolability: Isolability) -> tuple[list[str], list[list[str]]]:
+    """Head and rows: every fault, of a size, from no fault and from every other one."""
+    numbers = [str(i + 1) for i in range(len(isolability.faults))]
+    rows = []
+    for i, fault in enumerate(isolability.faults):
+        *others, none = (f"{d:.1f}" for d in isolability.d_prime[i])
+        others[i] = "–"
+        size = with_unit(f"{isolability.sizes[i]:.2g}", isolability.units[i])
+        rows.append([numbers[i], f"{fault} {size}", none, *others])
+    return ["", "fault of a size", "none", *numbers], rows
 
 
 def _limits(isolability: Isolability) -> str:
@@ -83,5 +113,5 @@ def _limits(isolability: Isolability) -> str:
         size, unit = isolability.detectable[i], isolability.units[i]
         never = "its limit" if fault == WEAR else "never"
         words = never if size is None else with_unit(f"{size:.2g}", unit)
-        rows.append((fault, words, "; ".join(isolability.structure.get(fault, ())) or "no sensor"))
+        rows.append((fault, words, affected(isolability, fault)))
     return table(("fault", "detectable from (50 %)", "affects"), rows)

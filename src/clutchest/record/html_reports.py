@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil
 from typing import TYPE_CHECKING
 
 from clutchest.extras import installed
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from clutchest.vehicle import Vehicle
 
 NAME = "report.html"
+PANELS = 6  # of estimates in a picture, at most: as many as are legible on a printed page
 DRAWN = 4  # drives whose estimates are drawn
 
 
@@ -24,12 +26,16 @@ def run_page(run: Run) -> str:
 
     count = min(len(run.tracks), DRAWN) if installed("matplotlib") else 0
     drawn = [drive for drive in range(count) if len(run.tracks[drive].time)]
-    pictures = {f"drive{drive}": bitmap(run.plot(drive)._repr_png_()) for drive in drawn}
-    several = len(run.tracks) > 1
+    names, several = run.estimated, len(run.tracks) > 1
+    count = ceil(len(names) / PANELS)
+    pages = [names[len(names) * k // count : len(names) * (k + 1) // count] for k in range(count)]
+    pictures: dict[str, str] = {}
     parts = ["## Estimates over time, ± 2σ; grey where an estimate is not valid"] if drawn else []
     for drive in drawn:
         parts += [f"### Drive {drive}"] if several else []
-        parts.append(f"![Estimates of drive {drive} over time](drive{drive})")
+        for k, shown in enumerate(pages):
+            pictures[f"drive{drive}-{k}"] = bitmap(run.plot(drive, *shown)._repr_png_())
+            parts.append(f"![Estimates of drive {drive} over time](drive{drive}-{k})")
     if drawn and len(run.tracks) > len(drawn):
         parts.append(f"Drawn are {len(drawn)} of {len(run.tracks)} drives.")
     return page(f"{run.vehicle.name}: estimates", markdown(run, "", parts), pictures)

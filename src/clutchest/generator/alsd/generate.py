@@ -11,7 +11,7 @@ from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
 from clutchest.generator.alsd.outsider import run_under
 from clutchest.generator.alsd.plant import FAST, STEP, WHEELS
-from clutchest.generator.alsd.scenarios import ON_THE_ROAD, SCENARIOS
+from clutchest.generator.alsd.scenarios import ON_THE_ROAD, SCENARIOS, ActuatorScenario
 from clutchest.generator.effects import Values, complete
 from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.outsider import Law, Reading
@@ -45,10 +45,9 @@ def generate(request: DriveRequest) -> Sampled:
     alone.  Raises ClutchestError for an unknown scenario, effect, channel
     or missing parameter.
     """
-    plan, duration = request.plan(SCENARIOS, RANGES)
+    plan, duration = request.plan(_scenarios_of(request), RANGES)
     if request.mismatch != Mismatch() or request.disturbances != Disturbances():
         raise ClutchestError("disturbances and mismatches are the truck's, not the differential's")
-    _check_place(request)
     parameters, seed = request.parameters, request.seed
     active, without = (complete(e, EFFECTS, LARGEST) for e in (request.effects, {}))
     drawn = draw(parameters, {} if request.nominal else request.spreads, request.machine_seed)
@@ -74,15 +73,21 @@ def generate(request: DriveRequest) -> Sampled:
     return Sampled(sampled, truth, drawn, seed, request.scenario, benches)
 
 
-def _check_place(request: DriveRequest) -> None:
-    """Raises ClutchestError where a car's scenario is asked of the rig, or the other way round."""
+def _scenarios_of(request: DriveRequest) -> Mapping[str, ActuatorScenario]:
+    """Those of the place, car or rig, that the channels are from.
+
+    Raises ClutchestError where a scenario of the other place is asked for.
+    """
     scenario, channels = request.scenario, request.channels
+    if not channels:
+        return SCENARIOS
     wheels = any(channel.name == "wheel_speed_left" for channel in channels)
-    if channels and wheels != (scenario in ON_THE_ROAD):
+    if scenario in SCENARIOS and wheels != (scenario in ON_THE_ROAD):
         where, has = ("a car", "maps no") if scenario in ON_THE_ROAD else ("the rig", "maps a")
         raise ClutchestError(
             f"scenario '{scenario}' is for {where}: this vehicle {has} wheel_speed_left"
         )
+    return {name: plan for name, plan in SCENARIOS.items() if wheels == (name in ON_THE_ROAD)}
 
 
 def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:

@@ -151,11 +151,20 @@ WHEELS = (
 _ARMATURE, _MOTOR = r"(arm(ature)?|mot(or)?|act(uator)?)", r"(mot(or)?|rotor|act(uator)?)"
 _TORQUE, _ANGLE = r"(torque|trq|tq|moment)", r"(ang|pos|phi|alpha)"
 _WHEEL = r"(wheel|whl|rad)\w*(speed|spd|_n_|_w_)\w*?"
+_OF_CAR = tuple(item.name for item in WHEELS)  # a rig has slip and a drive instead
+
 COLUMNS = (
     Column("armature_voltage", "V", rests=True, noisiest=2.0, named=_ARMATURE + r"_?(volt|u(_|$))"),
     Column("armature_current", "A", rests=True, noisiest=5.0, named=_ARMATURE + r"_?(curr|i(_|$))"),
     Column("motor_angle", "rad", noisiest=1.0, named=f"{_MOTOR}_?{_ANGLE}"),
-    Column("slip_speed", "rad/s", rests=True, noisiest=2.0, named=r"slip|schlupf|delta_?speed"),
+    Column(
+        "slip_speed",
+        "rad/s",
+        rests=True,
+        noisiest=2.0,
+        named=r"slip|schlupf|delta_?speed",
+        instead=_OF_CAR,
+    ),
     Column(
         "oil_temp",
         "°C",
@@ -170,14 +179,52 @@ COLUMNS = (
         noisiest=20.0,
         named=r"(arm(ature)?|winding|coil|mot(or)?)_?\w*temp",
     ),
-    Column("clutch_torque", "Nm", noisiest=200.0, named=r"(clutch|kupplung)_?\w*" + _TORQUE),
+    Column(
+        "clutch_torque",
+        "Nm",
+        noisiest=200.0,
+        named=r"(clutch|kupplung)_?\w*" + _TORQUE,
+        instead=("shaft_torque",),
+    ),
     Column("motor_torque", "Nm", noisiest=1.0, named=f"{_MOTOR}_?{_TORQUE}"),
-    Column("drive_torque", "Nm", noisiest=100.0, named=r"(drive|servo)_?" + _TORQUE),
-    Column("shaft_torque", "Nm", noisiest=300.0, named=r"(shaft|axle|welle)_?\w*" + _TORQUE),
-    Column("drive_angle", "rad", noisiest=0.05, named=r"(drive|servo)_?" + _ANGLE),
+    Column(
+        "drive_torque",
+        "Nm",
+        noisiest=100.0,
+        named=r"(drive|servo)_?" + _TORQUE,
+        instead=_OF_CAR,
+    ),
+    Column(
+        "shaft_torque",
+        "Nm",
+        noisiest=300.0,
+        named=r"(shaft|axle|welle)_?\w*" + _TORQUE,
+        instead=("clutch_torque",),
+    ),
+    Column(
+        "drive_angle",
+        "rad",
+        noisiest=0.05,
+        named=r"(drive|servo)_?" + _ANGLE,
+        instead=_OF_CAR,
+    ),
     Column("torque_request", "Nm", named=_TORQUE + r"_?(req|dem|set|cmd|soll)"),
-    Column("wheel_speed_left", "rad/s", rests=True, noisiest=2.0, named=_WHEEL + r"(l|left|li)$"),
-    Column("wheel_speed_right", "rad/s", rests=True, noisiest=2.0, named=_WHEEL + r"(r|right|re)$"),
+    Column(
+        "wheel_speed_left",
+        "rad/s",
+        rests=True,
+        noisiest=2.0,
+        named=_WHEEL + r"(l|left|li)$",
+        instead=("slip_speed",),
+    ),
+    Column(
+        "wheel_speed_right",
+        "rad/s",
+        rests=True,
+        noisiest=2.0,
+        named=_WHEEL + r"(r|right|re)$",
+        instead=("slip_speed",),
+    ),
 )
 
 SENSORS = (
