@@ -88,6 +88,9 @@ def test_a_unit_simulates_as_the_equations_do(tmp_path: Path) -> None:
         output_interval=0.005,
         output=[*states, "transmitted_torque"],
     )
+    described = fmpy.read_model_description(str(tmp_path / name)).modelVariables
+    named = [v for v in described if v.causality in ("input", "output", "parameter")]
+    assert len(named) > 40 and all(variable.description for variable in named)
     for i, state in enumerate(states):
         np.testing.assert_allclose(result[state][-1], reference.y[i, -1], rtol=1e-6, atol=1e-6)
     torque = float(rate(reference.y[:, -1], u, w, p, g)[1][0])
@@ -98,7 +101,8 @@ def test_a_unit_simulates_as_the_equations_do(tmp_path: Path) -> None:
 def test_effects_of_the_file_are_in_the_code(tmp_path: Path) -> None:
     *_, data = write_c(truck(friction_speed={"slope": -0.12}), tmp_path)
     text = (tmp_path / data).read_text(encoding="utf-8")
-    assert "-0.12, /* friction_speed.slope, 1 */" in text
+    assert "-0.12, /* friction_speed.slope, s/(100 rad) */" in text
+    assert "0.0, /* transmitted_torque, Nm */" in text and "0.0, /* power, W */" in text
     assert "TRUCK_G_COUNT" in text
 
 

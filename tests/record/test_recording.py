@@ -13,7 +13,7 @@ import clutchest
 from clutchest.estimate.run import Estimate
 from clutchest.models import machine_of
 from clutchest.record import series
-from clutchest.record.blueprint import INVALID, Panel, panel
+from clutchest.record.blueprint import INVALID, MOST_PANELS, Panel, opening, panel
 from clutchest.record.rerun import _informative, _overview, write_recording
 from clutchest.record.series import outline
 
@@ -248,6 +248,16 @@ def test_the_axis_of_a_panel_has_two_numbers_at_least(low, high):
     step = 10.0 ** np.floor(np.log10(shown.high - shown.low))
     assert np.floor(shown.high / step) > np.ceil(shown.low / step)
     assert shown.low < low and high < shown.high
+
+
+def test_the_opening_page_has_no_more_panels_than_are_legible():
+    signals, states = (
+        [Panel(f"{kind}{k}", "", (f"{kind}/{k}",), 0.0, 1.0) for k in range(count)]
+        for kind, count in (("can", 3), ("state", 6))
+    )
+    shown = opening(signals, states)
+    assert shown == [*signals, *states[2:]] and len(shown) == MOST_PANELS
+    assert opening(signals, states[:2]) == [*signals, *states[:2]]
 
 
 def test_the_opening_page_of_the_truck_has_speeds_and_slave_position():

@@ -73,12 +73,15 @@ def _data(exported: ExportedModel) -> str:
         *_array(f"{prefix}_X", "states x at rest", exported.states, units),
         *_array(f"{prefix}_U", "inputs u", exported.inputs, units),
         *_array(
-            f"{prefix}_W", "regime w", {f: float(f in model.regime) for f in exported.flags}, {}
+            f"{prefix}_W",
+            "regime w",
+            {f: float(f in model.regime) for f in exported.flags},
+            exported.flag_units,
         ),
         *_array(f"{prefix}_P", "parameters p", exported.parameters, keys),
-        *_array(f"{prefix}_G", "numbers g of the effects", exported.effects, {}),
+        *_array(f"{prefix}_G", "numbers g of the effects", exported.effects, exported.effect_units),
         *_array(f"{prefix}_H", "readings", {s.name: 0.0 for s in model.sensors}, units),
-        *_array(f"{prefix}_Y", "outputs", dict.fromkeys(model.outputs, 0.0), {}),
+        *_array(f"{prefix}_Y", "outputs", dict.fromkeys(model.outputs, 0.0), exported.output_units),
     ]
     return "\n".join(parts)
 
@@ -92,7 +95,7 @@ def _array(
     yield f"enum {{ {', '.join([*places, f'{name}_COUNT'])} }};"
     yield f"static const double {name}[] = {{"
     for key, value in values.items():
-        yield f"    {value!r}, /* {key}, {units.get(key, '1')} */"
+        yield f"    {value!r}, /* {', '.join(filter(None, (key, units[key])))} */"
     yield "    0.0"  # C has no empty array
     yield "};"
     yield ""

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from clutchest.estimate.whole_log import present_effects
-from clutchest.models.model import Expressions, Model
+from clutchest.models.model import POWER, Expressions, Model
 from clutchest.vehicle import Vehicle
 
 ROOM = 20.0  # °C, of inputs where nothing else is known
@@ -58,6 +58,27 @@ class ExportedModel:
         """What the equations are told of the regime: its flags, 1 where they hold, and standard
         deviations of states that they use, 0 where nothing is estimated."""
         return (*self.model.regime, *(f"{name}_std" for name in self.model.doubted))
+
+    @property
+    def flag_units(self) -> dict[str, str]:
+        """Unit of what the equations are told of the regime."""
+        doubted = {
+            f"{s.name}_std": s.unit for s in self.model.states if s.name in self.model.doubted
+        }
+        return dict.fromkeys(self.flags, "1") | doubted
+
+    @property
+    def effect_units(self) -> dict[str, str]:
+        """Unit of the effects' numbers."""
+        return {f"{e.name}.{n.key}": n.unit for e in self.model.effects for n in e.parameters}
+
+    @property
+    def output_units(self) -> dict[str, str]:
+        """Unit of the outputs, empty where nothing states it."""
+        machine = self.vehicle.machine
+        known = {machine.output: "Nm", POWER: "W"}
+        known |= machine.inverse.columns if machine.inverse else {}
+        return {name: known.get(name, "") for name in self.model.outputs}
 
     @property
     def identifier(self) -> str:

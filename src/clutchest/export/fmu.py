@@ -71,14 +71,21 @@ def daes(exported: ExportedModel) -> ca.DaeBuilder:
     for item in model.inputs:
         unit.set_start(item.name, exported.inputs[item.name])
         unit.set_description(item.name, f"{item.what}, {item.unit}")
+    words = {q.key: f"{q.what}, {q.unit}" for q in model.parameters}
+    words |= {key: f"of the effect {key}, {of}" for key, of in exported.effect_units.items()}
     for key, value in numbers.items():
         unit.set_start(named[key], value)
+        unit.set_description(named[key], words[key])
     for flag in exported.flags:
         unit.set_start(flag, float(flag in model.regime))
+        unit.set_description(flag, f"regime: {flag}, {exported.flag_units[flag]}")
     for i, sensor in enumerate(model.sensors):
-        unit.eq(unit.add(f"{sensor.name}_reading", "output"), readings[i])
-    for i, name in enumerate(model.outputs):
+        name = f"{sensor.name}_reading"
+        unit.eq(unit.add(name, "output"), readings[i])
+        unit.set_description(name, f"reading of the sensor: {sensor.what}, {sensor.unit}")
+    for i, (name, of) in enumerate(exported.output_units.items()):
         unit.eq(unit.add(name, "output"), outputs[i])
+        unit.set_description(name, ", ".join(filter(None, (name.replace("_", " "), of))))
     return unit
 
 

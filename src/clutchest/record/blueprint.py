@@ -17,6 +17,7 @@ from clutchest.signals import Floats
 COLOURS = (0xF3A712FF, 0x4F9DDEFF, 0xE4572EFF, 0x76B041FF, 0xA06CD5FF, 0x2EC4B6FF, 0xE377C2FF)
 INVALID = 0x8A8A8AFF
 BOUND = 0x9A9A9AFF
+MOST_PANELS = 7  # on the opening page, beside the lanes
 TINY = 1e-300  # a range that is smaller has no ticks of its own
 MODE_COLOURS = {
     "open": 0x3D5A80FF,
@@ -91,6 +92,14 @@ class _Opening(rrb.Blueprint):
             start=absolute(seconds=-0.11 * self._end), end=absolute(seconds=1.01 * self._end)
         )
         stream.log(f"{_SHARED_VIEW}/TimeAxis", rrb.TimeAxis(view_range=shown))
+
+
+def opening(signals: Sequence[Panel], states: Sequence[Panel]) -> list[Panel]:
+    """Panels of the opening page: ``signals``, and as many ``states`` as leave the numbers of every
+    axis and the lane of the mode legible; of more the last ones, since those of an actuator stand
+    before those of the clutch.  All are on pages of their own."""
+    room = max(MOST_PANELS - len(signals), 1)
+    return [*signals, *states[-room:]]
 
 
 def blueprint(

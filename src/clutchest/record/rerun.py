@@ -23,6 +23,7 @@ from clutchest.record.blueprint import (
     MODE_COLOURS,
     Panel,
     blueprint,
+    opening,
     panel,
 )
 from clutchest.record.diagnosis_recording import COLOURS as FAULT_COLOURS
@@ -82,7 +83,7 @@ def send_run(stream: rr.RecordingStream, run: Run, diagnosis: Diagnosis | None =
     pages |= {"tracking": followed} if followed else {}
     stream.send_blueprint(
         blueprint(
-            shown + _informative(run, states),
+            opening(shown, _informative(run, states)),
             pages,
             lanes,
             TIMELINE,
