@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import gamma
 
+from clutchest.estimate.judder import _log_sf
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
 from clutchest.models import machine_of
@@ -99,3 +101,11 @@ def test_none_without_a_torque_sensor_and_of_other_machines(steps: Signals) -> N
     signals = {n: s for n, s in steps.signals.items() if n != "clutch_torque"}
     assert found(replay(replace(steps, signals=signals), "alsd_rig")) is None
     assert machine_of("dry_clutch").judder is None
+
+
+def test_how_seldom_a_line_is_beyond_floating_point_numbers_too() -> None:
+    shape = np.array([3.0, 40.0, 400.0, 40.0])
+    x = np.array([20.0, 60.0, 300.0, 5000.0])
+    exact, far = _log_sf(x, shape)[:3], _log_sf(x, shape)[3]
+    np.testing.assert_allclose(exact, gamma.logsf(x[:3], shape[:3]), rtol=1e-12)
+    assert not np.isfinite(gamma.logsf(x[3], shape[3])) and far < -4000.0

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from math import log, pi
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from clutchest.estimate.judder_line import JudderLine
@@ -154,8 +155,6 @@ def _by_time_and_slip(windows: _Windows) -> tuple[_Line | None, _Line | None]:
 def _strongest(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_]) -> _Line | None:
     """The line that stands out most: ``z`` (w, n) at ``phase`` (w, n), lines (k) per unit of it, of
     which windows show those ``seen`` (w, k); None where there are too few."""
-    from scipy.ndimage import median_filter  # loaded where a machine declares judder
-
     shown = np.count_nonzero(seen, axis=0)
     kept = np.flatnonzero(shown >= FEWEST)
     lines, seen, shown = lines[kept], seen[:, kept], shown[kept]
@@ -167,7 +166,8 @@ def _strongest(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_])
     level = np.ones((len(z), 1))
     level[some, 0] = np.maximum(np.nanmedian(among[some], axis=1) / log(2.0), 1.0)
     mean = np.sum(np.where(seen, power / level, 0.0), axis=0) / shown
-    around = np.maximum(median_filter(mean, 2 * AROUND + 1, mode="mirror"), 1.0)
+    beside = sliding_window_view(np.pad(mean, AROUND, "reflect"), 2 * AROUND + 1)
+    around = np.maximum(np.median(beside, axis=1), 1.0)
     n = np.asarray(INDEPENDENT * shown, np.float64)
     log_p = _log_sf(n * mean / around, n) + log(len(lines))
     k = int(np.argmin(log_p))
@@ -183,10 +183,10 @@ def _strongest(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_])
 def _log_sf(x: Floats, n: Floats) -> Floats:
     """ln of the share of gamma distributions of shape n beyond ``x``, also where that is no
     floating-point number any more: its leading term."""
-    from scipy.special import gammaln
-    from scipy.stats import gamma
+    from scipy.special import gammaincc, gammaln  # loaded where a machine declares judder
 
-    exact = gamma.logsf(x, n)
+    with np.errstate(divide="ignore"):
+        exact = np.log(gammaincc(n, x))
     return np.where(
         np.isfinite(exact), exact, (n - 1.0) * np.log(np.maximum(x, 1.0)) - x - gammaln(n)
     )
