@@ -1,7 +1,8 @@
 /* An extended Kalman filter of N states over a whole log, written by hand for one model: its
  * equations are the C code of CasADi (step and reading, included below), a step and a scalar
  * update per event as the compiled filter takes them, robust weight and likelihood included.  Rows
- * of x and P are kept at every event; energies, outputs and gained information are not followed. */
+ * of x and P are kept at every event, and where there is room for them the model's outputs with their
+ * variances; energies and gained information are not followed. */
 #include <math.h>
 #include <string.h>
 #include "equations.c"
@@ -60,10 +61,33 @@ static double update(double *x, double (*P)[N], int sensor, double z, double R, 
     return -0.5 * (log(2.0 * 3.14159265358979324 * used) + innovation * innovation / used);
 }
 
+static void outputs_at(const double *x, double (*P)[N], const double *u, const double *w,
+                       const double *p, const double *g, const double *variance, double *rows) {
+    double y[OUTPUTS], Y[N][OUTPUTS], Yu[INPUTS][OUTPUTS]; /* by columns, like F */
+    const double *arg[GIVEN] = {x, u, w, p, g};
+    double *res[TAKEN] = {y, &Y[0][0], &Yu[0][0]};
+    model_outputs(arg, res, counts, scratch, 0);
+    for (int o = 0; o < OUTPUTS; o++) {
+        double total = 0.0;
+        for (int i = 0; i < N; i++) {
+            double sum = 0.0;
+            for (int j = 0; j < N; j++) sum += P[i][j] * Y[j][o];
+            total += Y[i][o] * sum;
+        }
+        for (int j = 0; j < INPUTS; j++) {
+            double by = Yu[j][o];
+            total += by * by * variance[j];
+        }
+        rows[2 * o] = y[o];
+        rows[2 * o + 1] = total;
+    }
+}
+
 double by_hand(long events, const double *t, const signed char *sensor, const double *z,
                const double *R, const double *u, const long *row, const double *W, const double *q,
                const double *longest, const double *noise, const double *p, const double *g,
-               double limit, double *x, double *P, double *xs, double *Ps) {
+               double limit, double *x, double *P, double *xs, double *Ps, const double *variance,
+               double *ys) {
     double likelihood = 0.0, w[FLAGS + 1], held[DOUBTED + 1];
     for (int i = 0; i < DOUBTED; i++) held[i] = sqrt(P[doubted[i] * (N + 1)]);
     for (long k = 0; k < events; k++) {
@@ -90,6 +114,8 @@ double by_hand(long events, const double *t, const signed char *sensor, const do
         }
         memcpy(xs + k * N, x, N * sizeof *x);
         memcpy(Ps + k * N * N, P, N * N * sizeof *P);
+        if (ys)
+            outputs_at(x, (double(*)[N])P, u + k * INPUTS, w, p, g, variance, ys + k * 2 * OUTPUTS);
     }
     return likelihood;
 }

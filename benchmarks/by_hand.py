@@ -3,9 +3,10 @@
     python benchmarks/by_hand.py [--duration 60] [--repeats 7]
 
 Needs a C compiler (``CC``, else cc).  ``by_hand.c`` is the filter, the equations that it includes
-CasADi's C code.  It follows neither energies nor information nor outputs, which the kernel does, so
-that the ratio says how much more a user of the kernel waits, all it does included.  Processor time;
-both run in turn, and a ratio is formed within each turn.
+CasADi's C code.  It follows neither energies nor information, which the kernel does, so that the
+ratio says how much more a user of the kernel waits, all it does included.  Compared are like and
+like: with the model's outputs and their variances at every event, and at few or none.  Processor
+time; all run in turn, and a ratio is formed within each turn.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ from clutchest.estimate.whole_log import (
 from clutchest.models.model import Model
 
 HERE = Path(__file__).parent
-KERNEL, SPARSE, BY_HAND = "kernel", "kernel, output as replay", "by hand in C"
+KERNEL, SPARSE = "kernel, outputs at every event", "kernel, outputs as replay"
+BY_HAND, WITH_OUTPUTS = "by hand in C, no outputs", "by hand in C, outputs at every event"
+LIKE = ((KERNEL, WITH_OUTPUTS), (SPARSE, BY_HAND))  # what does the same
 
 
 def write_equations(model: Model, flags: int, folder: Path) -> None:
@@ -52,8 +55,11 @@ def write_equations(model: Model, flags: int, folder: Path) -> None:
     step = ca.Function("model_step", over, [taken.x, ca.densify(F), ca.densify(taken.Q)])
     at = [e.x, e.u, e.w, e.p, e.g]
     reading = ca.Function("model_reading", at, [ca.densify(e.readings), ca.densify(H)])
-    code.add(step)
-    code.add(reading)
+    by_input = ca.jacobian(e.outputs, e.u)
+    results = [e.outputs, ca.jacobian(e.outputs, e.x), by_input]
+    outputs = ca.Function("model_outputs", at, [ca.densify(each) for each in results])
+    for function in (step, reading, outputs):
+        code.add(function)
     code.generate(f"{folder}/")
     scales = [i for i, state in enumerate(model.states) if state.factor]
     doubted = [model.state(name) for name in model.doubted]
@@ -64,10 +70,11 @@ def write_equations(model: Model, flags: int, folder: Path) -> None:
         "FLAGS": flags,
         "SCALES": len(scales),
         "DOUBTED": len(doubted),
-        "WORK": 1 + max(step.sz_w(), reading.sz_w()),
-        "WHOLE": 1 + max(step.sz_iw(), reading.sz_iw()),
-        "GIVEN": max(step.sz_arg(), reading.sz_arg()),
-        "TAKEN": max(step.sz_res(), reading.sz_res()),
+        "OUTPUTS": len(model.outputs),
+        "WORK": 1 + max(f.sz_w() for f in (step, reading, outputs)),
+        "WHOLE": 1 + max(f.sz_iw() for f in (step, reading, outputs)),
+        "GIVEN": max(f.sz_arg() for f in (step, reading, outputs)),
+        "TAKEN": max(f.sz_res() for f in (step, reading, outputs)),
     }
     lines = [f"enum {{ {', '.join(f'{key} = {value}' for key, value in sizes.items())} }};"]
     for name, places in (("scales", scales), ("doubted", doubted)):
@@ -87,18 +94,30 @@ def compiled_by_hand(folder: Path) -> Any:
     return function
 
 
-def call(function: Any, compiled: Compiled, line: Timeline, x: Any, P: Any) -> tuple[Any, Any]:
-    """States and covariances at every event."""
+def call(
+    function: Any, compiled: Compiled, line: Timeline, x: Any, P: Any, outputs: bool = False
+) -> tuple[Any, Any, Any]:
+    """States, covariances and, where asked for, outputs with their variances at every event."""
     n, K = len(x), len(line.t)
     xs, Ps = np.empty((K, n)), np.empty((K, n, n))
+    ys = np.empty((K, len(compiled.model.outputs), 2)) if outputs else None
     given = [line.t, line.sensor, line.z, line.R, line.u, line.row, line.W, line.Q]
     given += [line.longest, line.noise, compiled.p, compiled.g]
     kept = [np.ascontiguousarray(array) for array in given]
     begin = [np.array(x), np.array(P)]
-    pointers = [ctypes.c_void_p(array.ctypes.data) for array in [*kept, *begin, xs, Ps]]
+    variance = np.ascontiguousarray(line.variance)
+    filled = [*kept, *begin, xs, Ps, variance, *([] if ys is None else [ys])]
+    pointers = [ctypes.c_void_p(array.ctypes.data) for array in filled]
     limit = ctypes.c_double(ROBUST_LIMIT)
-    function(ctypes.c_long(K), *pointers[:12], limit, *pointers[12:])
-    return xs, Ps
+    none = [] if outputs else [ctypes.c_void_p(None)]
+    function(ctypes.c_long(K), *pointers[:12], limit, *pointers[12:], *none)
+    return xs, Ps, ys
+
+
+def _require_same_outputs(own: Any, by_hand: Any) -> None:
+    """Ends where the outputs (K, outputs, value and variance) of both are not the same."""
+    largest = np.abs(own).max(axis=0) + 1e-300
+    assert np.max(np.abs(own - by_hand) / largest) < 1e-9
 
 
 def compare(drive: clutchest.Signals, vehicle: clutchest.Vehicle, repeats: int) -> dict[str, Any]:
@@ -115,7 +134,12 @@ def compare(drive: clutchest.Signals, vehicle: clutchest.Vehicle, repeats: int) 
             KERNEL: lambda: run(compiled, line, start, plain).x,
             SPARSE: lambda: run(compiled, sparse, start, plain).x,
             BY_HAND: lambda: call(function, compiled, line, start.x, start.P)[0],
+            WITH_OUTPUTS: lambda: call(function, compiled, line, start.x, start.P, True)[0],
         }
+        _require_same_outputs(
+            run(compiled, line, start, plain).outputs,
+            call(function, compiled, line, start.x, start.P, True)[2],
+        )
         difference = np.abs(ways[KERNEL]() - ways[BY_HAND]()) / np.sqrt(start.P.diagonal())
         times: dict[str, list[float]] = {name: [] for name in ways}
         for _ in range(repeats):
@@ -148,13 +172,13 @@ def main() -> None:
         f"{given.vehicle}: {result['events']} events, {result['states']} states, "
         f"{given.repeats} turns"
     )
-    print(f"{'µs per event':35}{'min':>7}{'median':>9}{'max':>8}")
+    print(f"{'µs per event':48}{'min':>7}{'median':>9}{'max':>8}")
     for name, values in times.items():
-        print(f"{name:35}{min(values):7.2f}{np.median(values):9.2f}{max(values):8.2f}")
-    for name in (KERNEL, SPARSE):
-        ratio = np.array(times[name]) / np.array(times[BY_HAND])
-        what = f"{name} / by hand"
-        print(f"{what:35}{min(ratio):7.2f}{np.median(ratio):9.2f}{max(ratio):8.2f}")
+        print(f"{name:48}{min(values):7.2f}{np.median(values):9.2f}{max(values):8.2f}")
+    for name, like in LIKE:
+        ratio = np.array(times[name]) / np.array(times[like])
+        what = f"{name}, by hand: ratio"
+        print(f"{what:48}{min(ratio):7.2f}{np.median(ratio):9.2f}{max(ratio):8.2f}")
     print(f"largest difference of a state: {result['difference']:.1e} standard deviations")
 
 
