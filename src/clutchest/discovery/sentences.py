@@ -13,7 +13,7 @@ from clutchest.discovery.goodness_of_fit import GoodnessOfFit
 from clutchest.discovery.result import Cause, FormCurve, Where, either, place_words
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
-from clutchest.shown import with_unit
+from clutchest.shown import plus_minus
 
 
 def sentence(
@@ -105,8 +105,7 @@ def _with_sizes(h: CauseSet, sizes: Sizes) -> list[str]:
     for name, own in sizes_by_effect(h, sizes).items():
         units = {n.key: n.unit for n in effects[name].parameters}
         numbers = [
-            with_unit(f"{key} = {size.value:.3g} ± {size.std:.2g}", units[key])
-            for key, size in own.items()
+            f"{key} = {plus_minus(size.value, size.std, units[key])}" for key, size in own.items()
         ]
         meanings = [w.of(own[key].value) for key, w in effects[name].wording.items() if key in own]
         words.append(f"{name} ({'; '.join([', '.join(numbers), *meanings])})")
@@ -131,7 +130,7 @@ def implausible(cause: Cause, effects: Sequence[Effect]) -> list[str]:
         if abs(size.value - nearest) > 2.0 * size.std:
             warnings.append(
                 f"{cause.effect}: {n.key} = "
-                f"{with_unit(f'{size.value:.3g} ± {size.std:.2g}', n.unit)} "
+                f"{plus_minus(size.value, size.std, n.unit)} "
                 f"is larger than plausible ({nearest:.3g})"
             )
     return warnings
