@@ -65,6 +65,7 @@ def track(healthy, seconds, z=GOOD, sensor=0, **states):
         time=rows,
         mode=np.ones(len(rows), np.uint8),
         states={n: Estimate(v * ones, 0.01 * ones, ones > 0) for n, v in values.items()},
+        clutch_torque=Estimate(ones, ones, ones > 0),
         slip_energy=Estimate(1e5 * rows, ones, ones > 0),
         innovations=Innovations(
             whole.innovations.names, rows, np.full(len(rows), sensor, np.int8), z * signs, ones
@@ -85,6 +86,7 @@ def portion(track, start, stop):
         time=track.time[cut],
         mode=track.mode[cut],
         states={n: of(e) for n, e in track.states.items()},
+        clutch_torque=of(track.clutch_torque),
         slip_energy=of(track.slip_energy),
         innovations=replace(
             events,
@@ -142,7 +144,7 @@ def test_what_is_physically_impossible_is_found_once_it_lasts(truck, healthy, st
     after = lasting.take(impossible)
     assert lasting.found is not None and state in lasting.found.words
     assert 9.0 <= lasting.found.since_s <= 11.0
-    for each in after.states.values():
+    for each in (*after.states.values(), *after.outputs.values()):
         assert not each.valid[after.time >= lasting.found.since_s].any()
 
 

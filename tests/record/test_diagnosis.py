@@ -13,6 +13,7 @@ import clutchest
 from clutchest.diagnosis.isolation import Explanation
 from clutchest.diagnosis.result import Fault, Isolability
 from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
+from clutchest.record.diagnosis_recording import without_what_rests_on_faults
 from clutchest.record.diagnosis_report import affected, freeze_frame, headline
 
 
@@ -141,6 +142,23 @@ def test_a_headline_does_not_say_the_fault_twice(diagnosis):
     alone = replace(fault, fault="wear", set=("wear",), what="wear +1 mm (worn by 1 mm)")
     assert headline(alone).endswith(" s: wear +1 mm (worn by 1 mm)")
     assert headline(replace(alone, what="worn by 1 mm")).endswith(" s: wear: worn by 1 mm")
+
+
+def test_nothing_is_valid_while_a_signal_is_stuck(diagnosis):
+    (fault,) = diagnosis.faults
+
+    def share_valid(name, **when):
+        found = replace(fault, fault=name, set=(name,), began_s=3.0, **when)
+        (track,) = without_what_rests_on_faults(replace(diagnosis, faults=(found,))).tracks
+        estimates = [track.states["friction"], track.states["current"], track.clutch_torque]
+        stuck = (track.time >= 3.0) & (track.time <= (when.get("ended_s") or np.inf))
+        return [float(each.valid[part].mean()) for each in estimates for part in (stuck, ~stuck)]
+
+    for name in ("stuck:armature_voltage", "stuck:armature_current"):
+        for when in ({}, {"ended_s": 4.0}):
+            during, beside = share_valid(name, **when)[::2], share_valid(name, **when)[1::2]
+            assert during == [0.0] * 3 and min(beside) > 0.0
+    assert min(share_valid("stuck:oil_temp")) > 0.0  # the equations can do without it
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from itertools import pairwise
 from math import comb
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.estimate.run import Contradiction, Estimate, Track
 from clutchest.models.model import Model
@@ -48,7 +49,7 @@ class Consistency:
         self._last_s, self._most_J = -np.inf, 0.0
 
     def take(self, track: Track) -> Track:
-        """The next piece, its states not valid behind a contradiction."""
+        """The next piece, its estimates not valid behind a contradiction."""
         found = [self._misfit(track), self._impossible(track), self._returned(track)]
         if self.found is None:
             known = [c for c in found if c is not None]
@@ -56,7 +57,7 @@ class Consistency:
         if self.found is None:
             return track
         before = track.time < self.found.since_s
-        return replace(track, states=_invalid(track.states, before), contradiction=self.found)
+        return replace(valid_where(track, before), contradiction=self.found)
 
     def _misfit(self, track: Track) -> Contradiction | None:
         """Innovations: the median of each stretch against the sensor's tolerance."""
@@ -164,9 +165,15 @@ def _median(z: Floats) -> float:
 
 
 def all_invalid(track: Track, found: Contradiction) -> Track:
-    """A drive that contradicts the model, known as a whole: none of its states is valid."""
-    none = np.zeros(len(track.time), bool)
-    return replace(track, states=_invalid(track.states, none), contradiction=found)
+    """A drive that contradicts the model, known as a whole: none of its estimates is valid."""
+    return replace(valid_where(track, np.zeros(len(track.time), bool)), contradiction=found)
+
+
+def valid_where(track: Track, still: NDArray[np.bool_]) -> Track:
+    """A drive whose states and outputs are valid at most where ``still`` (m) holds."""
+    states, outputs = _invalid(track.states, still), _invalid(track.outputs, still)
+    torque, energy = outputs.get("clutch_torque"), outputs.get("slip_energy")
+    return replace(track, states=states, clutch_torque=torque, slip_energy=energy)
 
 
 def _invalid(states: Mapping[str, Estimate], still: np.ndarray) -> dict[str, Estimate]:

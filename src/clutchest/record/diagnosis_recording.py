@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import rerun as rr
 
 from clutchest.diagnosis.result import Diagnosis
+from clutchest.estimate.consistency import valid_where
+from clutchest.estimate.run import Run
 from clutchest.record.diagnosis_report import details, freeze_frame, headline
 
 COLOURS = {"passed": 0x2F5D50FF, "failed": 0xE4572EFF}
+STUCK = "stuck"  # kind of a fault, before the signal's name
 MOST_LANES = 8  # more would be too thin to read
 HINT = "Click the time of a fault above: its freeze frame is shown here."
+
+
+def without_what_rests_on_faults(diagnosis: Diagnosis) -> Run:
+    """The run with no estimate valid while a signal that all of them rest on, an input that the
+    equations need or a sensor, is stuck."""
+    run, machine = diagnosis.run, diagnosis.run.vehicle.machine
+    needed = {item.name for item in machine.inputs if item.default is None}
+    needed |= {sensor.name for sensor in machine.sensors}
+    tracks = list(run.tracks)
+    for fault in diagnosis.faults:
+        kind, _, signal = fault.fault.partition(":")
+        if kind == STUCK and signal in needed:
+            time = tracks[fault.drive].time
+            end = np.inf if fault.ended_s is None else fault.ended_s
+            still = (time < fault.began_s) | (time > end)
+            tracks[fault.drive] = valid_where(tracks[fault.drive], still)
+    return replace(run, tracks=tuple(tracks))
 
 
 def lanes_of(diagnosis: Diagnosis) -> dict[str, tuple[tuple[tuple[float, str], ...], ...]]:

@@ -27,7 +27,12 @@ from clutchest.record.blueprint import (
     panel,
 )
 from clutchest.record.diagnosis_recording import COLOURS as FAULT_COLOURS
-from clutchest.record.diagnosis_recording import entity, lanes_of, send_log
+from clutchest.record.diagnosis_recording import (
+    entity,
+    lanes_of,
+    send_log,
+    without_what_rests_on_faults,
+)
 from clutchest.record.quantities import (
     OUTPUTS,
     SLIP_ENERGY,
@@ -69,7 +74,8 @@ def send_run(stream: rr.RecordingStream, run: Run, diagnosis: Diagnosis | None =
     starts, end = _starts(run)
     _send_properties(stream, run, starts)
     signals = _send_signals(stream, run, starts)
-    states = _send_states(stream, run, starts)
+    known = run if diagnosis is None else without_what_rests_on_faults(diagnosis)
+    states = _send_states(stream, known, starts)
     residuals = _send_residuals(stream, run, starts)
     lanes = _send_lanes(stream, run, starts)
     if diagnosis is not None:
