@@ -143,12 +143,14 @@ class Start(NamedTuple):
 class ActiveThetas(NamedTuple):
     """Of which thetas (``active`` (a), indices) responses are followed; number c acts in
     proportion to column ``which[c]`` of ``basis`` (K, b), fully where that is −1.  In results it
-    stands in column ``place[c]``."""
+    stands in column ``place[c]``.  ``at_once`` (r): how many steps of the states a response takes
+    in one."""
 
     active: Any
     basis: Any
     which: Any
     place: Any
+    at_once: Any
 
 
 class Denoised(NamedTuple):

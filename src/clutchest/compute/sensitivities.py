@@ -66,10 +66,11 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
     row, p, g, active = events.row[k], numbers.p, numbers.g, thetas.active
     w, moves, F, G, xc = regimes.W[row], denoised.moves[k], work.F, work.G, work.xc
     ua, ub, va, vb = work.ua, work.ub, work.va, work.vb
-    steps = ceil(span / regimes.longest[row])
+    least = ceil(span / regimes.longest[row])
+    steps = (least + thetas.at_once[row] - 1) // thetas.at_once[row]  # of the responses
+    each = (least + steps - 1) // steps
     dt = span / steps
     for i in range(steps):
-        inputs_between(events.u, k, i, steps, ua, ub)
         inputs_between(denoised.inputs, k, i, steps, va, vb)
         for j in range(STATES):
             xc[j] = x[j]  # from where the step begins
@@ -82,8 +83,10 @@ def carried(k, span, x, xn, S, T, P, thetas, events, denoised, tracking, regimes
             settle(xc, va, vb, dt, w, p, g, moves, work.xd)
             for j in tracking.settling:
                 work.xs[j] = work.xd[j]
-        follow(x, ua, ub, dt, w, p, g, moves, xn)
-        x, xn = xn, x
+        for part in range(each):
+            inputs_between(events.u, k, i * each + part, steps * each, ua, ub)
+            follow(x, ua, ub, dt / each, w, p, g, moves, xn)
+            x, xn = xn, x
         if tracking.frozen and len(active) == 0:
             continue  # nothing is to be differentiated
         transition(xc, va, vb, dt, w, p, g, moves, denoised.slope[k], F, G)

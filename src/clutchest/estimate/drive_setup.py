@@ -51,7 +51,7 @@ class DriveSetup:
         return (
             np.hstack([flags, certain]),
             _noise_table(self.vehicle, self.model, flags),
-            _longest(self.model, flags),
+            self.model.by_pace(self.model.longest, flags),
         )
 
     @cached_property
@@ -237,10 +237,3 @@ def _noise_table(vehicle: Vehicle, model: Model, flags: Floats) -> Floats:
         for flag, noise in noises.items():
             Q[flags[:, model.regime.index(flag)] == 0, model.state(name)] = noise**2
     return Q
-
-
-def _longest(model: Model, table: Floats) -> Floats:
-    """The longest step, s, under every row of flags."""
-    flag = model.fast_while
-    fast = table[:, model.regime.index(flag)] > 0 if flag in model.regime else [True]
-    return np.broadcast_to(np.where(fast, *model.longest), len(table)).copy()

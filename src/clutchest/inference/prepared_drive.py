@@ -178,6 +178,12 @@ class PreparedDrive:
     at_nominal: OperatingPoint
     runs: LastRuns = field(default_factory=LastRuns, init=False, repr=False, compare=False)
 
+    @property
+    def at_once(self) -> NDArray[np.int64]:
+        """Of every regime (r), how many steps of the states derivatives take in one."""
+        model = self.compiled.model
+        return model.by_pace(model.at_once, self.line.W).astype(np.int64)
+
     def until(self, end: float) -> PreparedDrive:
         """The same drive as far as ``end`` s."""
         count = max(int(np.searchsorted(self.line.t, end, "right")), 1)

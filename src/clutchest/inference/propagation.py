@@ -139,7 +139,9 @@ class Propagation(NamedTuple):
         )
         functions.filter_sensitivities(
             start,
-            ActiveThetas(active, modulation.basis[piece], modulation.column, into.place),
+            ActiveThetas(
+                active, modulation.basis[piece], modulation.column, into.place, drive.at_once
+            ),
             events,
             Denoised(
                 inputs.expected[piece],

@@ -123,7 +123,8 @@ class Model:
     ``anchor`` is the signal that every drive requires: its samples set the pace, and where it is a
     sensor of a state, its first reading is where that state starts.  ``slopes`` are inputs made
     of a signal's slope: input → signal.  ``longest`` s, a step may be under the flag
-    ``fast_while``, and otherwise; the first throughout where ``regime`` has no such flag.
+    ``fast_while``, and otherwise; the first throughout where ``regime`` has no such flag.  Of these
+    steps, derivatives of a fit take ``at_once`` in one.
     ``doubted`` names states whose standard deviation, as a filter holds it, equations may use as
     ``<state>_std``; where nothing is estimated it is 0.
     ``unobservable``: state → why no available signal informs it.  ``implied``: noisy input → the
@@ -143,6 +144,7 @@ class Model:
     slopes: Mapping[str, str] = field(default_factory=dict)
     longest: tuple[float, float] = (0.02, 0.5)
     fast_while: str = SLIDING
+    at_once: tuple[int, int] = (1, 1)
     doubted: tuple[str, ...] = ()
     renewed: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     tracked: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -165,6 +167,13 @@ class Model:
     def without_input(self, name: str) -> Model:
         """The same model not driven by this input."""
         return replace(self, inputs=tuple(i for i in self.inputs if i.name != name))
+
+    def by_pace(self, two: tuple[float, float], flags: Floats) -> Floats:
+        """Of ``two`` numbers, the one that holds under each row of regime ``flags`` (r, ≥ f): the
+        first where equations are fast."""
+        flag = self.fast_while
+        fast = flags[:, self.regime.index(flag)] > 0 if flag in self.regime else [True]
+        return np.broadcast_to(np.where(fast, *two), len(flags)).copy()
 
     def with_noise(self, state: str, process_noise: float) -> Model:
         """The same model with another process noise of one state, state unit/√s."""

@@ -95,6 +95,7 @@ FITTED = replace(
     pieces=PIECES,
     doubted=(),
     longest=(2.5e-4, 2e-3),
+    at_once=(4, 1),  # the estimator's step
     fast_while="moving",
     tracked={n: {"engaged": free, "fast": creeps} for n, (_, creeps, free) in NOISE.items()},
     uncorrected={"motor_speed": "moving", "motor_bristle": "moving"},
