@@ -45,6 +45,8 @@ from clutchest.discovery.sentences import (
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
+from clutchest.errors import ClutchestError
+from clutchest.estimate.other_bench import on_other_bench
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.objective import Linearisation
@@ -347,12 +349,18 @@ def _experiment(task: _Task, verdict: SearchVerdict) -> Experiment:
     vehicle = task.vehicle
     effects = list({c.effect.name: c.effect for c, _ in (*rivals, *beside)}.values())
     longest = verdict.search.problem.compiled.model.longest[0]
+
+    def problem_of(drive: Signals) -> Problem:
+        if (elsewhere := on_other_bench(drive, vehicle)) is not None:
+            raise ClutchestError(f"{elsewhere.words}: {elsewhere.explanation}")
+        return Problem.of(segmented(drive, vehicle), vehicle, effects, discrepant=True)
+
     return propose(
         rivals,
         beside,
         vehicle.machine,
         lambda name: beginning(simulate(vehicle, name, 1, nominal=True), longest),
-        lambda drive: Problem.of(segmented(drive, vehicle), vehicle, effects, discrepant=True),
+        problem_of,
         task.progress,
     )
 

@@ -140,7 +140,12 @@ class Propagation(NamedTuple):
         functions.filter_sensitivities(
             start,
             ActiveThetas(
-                active, modulation.basis[piece], modulation.column, into.place, drive.at_once
+                active,
+                modulation.basis[piece],
+                modulation.column,
+                into.place,
+                # a covariance that is carried in long steps may run away
+                drive.at_once if self.frozen else np.ones_like(drive.at_once),
             ),
             events,
             Denoised(
