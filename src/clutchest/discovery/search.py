@@ -83,13 +83,18 @@ class Search:
 
     def fitted(self, causes: tuple[CandidateCause, ...], begin: Linearisation) -> CauseSet:
         """These causes, most probable sizes, from ``begin`` on."""
+        near = self.fitted_near(causes, begin).fit
+        free = self.free(causes)
+        return CauseSet(causes, continue_towards_prior(self.objective, near, free))
+
+    def fitted_near(self, causes: tuple[CandidateCause, ...], begin: Linearisation) -> CauseSet:
+        """The same in the mode in which ``begin`` lies, which a neighbour has found."""
         free, shapes = self.free(causes), settings(causes)
         kept = {c.index for c in causes}
         theta = begin.theta.copy()
         theta[[i for i in self.problem.gains if i not in kept]] = 0.0
         there = self.objective.linearise_at(theta, shapes, free)
-        best = improve(self.objective, there, free, derivatives=False)
-        return CauseSet(causes, continue_towards_prior(self.objective, best, free))
+        return CauseSet(causes, improve(self.objective, there, free, derivatives=False))
 
     def likeliest(
         self, causes: tuple[CandidateCause, ...], begins: Sequence[Linearisation]

@@ -88,7 +88,7 @@ def _tried(search: Search, h: CauseSet, i: int, key: str) -> dict[float, CauseSe
         cause = near.causes[i]
         shapes = tuple((k, value if k == key else v) for k, v in cause.shapes)
         causes = (*near.causes[:i], replace(cause, shapes=shapes), *near.causes[i + 1 :])
-        tried[place] = search.fitted(causes, near.fit).bare
+        tried[place] = search.fitted_near(causes, near.fit).bare
         return tried[place].cost
 
     for side in (-step, step):
