@@ -68,7 +68,7 @@ def test_what_a_shape_leaves_open_is_not_known_of_the_gain() -> None:
 class Answering:
     """A search that knows the answer."""
 
-    fitted: Callable[..., CauseSet]
+    fitted_near: Callable[..., CauseSet]
     best: CauseSet
     rivals: tuple[CauseSet, ...] = ()
 
@@ -79,12 +79,12 @@ def test_values_are_tried_as_close_as_the_data_tell_them_apart(std: float) -> No
     effect = machine_of("dry_clutch").effects["friction_slip"]
     cause = CandidateCause(effect, effect.gains[0], 0, (("speed", 10.0),))
 
-    def fitted(chosen: tuple[CandidateCause, ...], near: Linearisation) -> CauseSet:
+    def fitted_near(chosen: tuple[CandidateCause, ...], near: Linearisation) -> CauseSet:
         off = dict(chosen[0].shapes)["speed"] - 13.8
         return CauseSet(chosen, replace(near, theta=np.array([0.2 * off]), cost=(off / std) ** 2))
 
     nowhere = Linearisation(np.zeros(1), {}, np.zeros(0), np.zeros((0, 1)), 0.0, (), ())
-    search, spreads = refine(Answering(fitted, fitted((cause,), nowhere)))  # type: ignore[arg-type]
+    search, spreads = refine(Answering(fitted_near, fitted_near((cause,), nowhere)))  # type: ignore[arg-type]
     spread = spreads[search.best.names]
     found = dict(search.best.causes[0].shapes)["speed"]
     about = np.hypot(std, found - 13.8)  # of the value that is told, which was tried

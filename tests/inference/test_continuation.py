@@ -15,6 +15,7 @@ from clutchest.signals import Floats
 from made_up import objective_of
 
 FREE = np.array([0, 1])
+NEAR = np.zeros(2)  # a fit that is where its priors are
 
 
 def ripples(height: float, apart: float = 1.0, asked: float = 0.0) -> Objective:
@@ -38,16 +39,22 @@ def test_a_number_held_up_on_its_way_is_led_home(begin):
     valley = ripples(8.0)
     held_up = improve(valley, valley.linearise_at(np.array([begin, begin**2])), FREE)
     assert abs(held_up.theta[0]) > abs(begin) - 0.5
-    found = continue_towards_prior(valley, held_up, FREE)
+    found = continue_towards_prior(valley, held_up, FREE, NEAR)
     np.testing.assert_allclose(found.theta, 0.0, atol=0.05)
     assert found.cost < 0.1 < held_up.cost
+
+
+def test_what_lies_as_far_off_without_a_cause_is_not_led_home():
+    valley = ripples(8.0)
+    held_up = improve(valley, valley.linearise_at(np.array([8.0, 64.0])), FREE)
+    assert continue_towards_prior(valley, held_up, FREE, np.array([8.0, 0.0])) is held_up
 
 
 def test_what_the_data_ask_for_stays_where_it_is():
     valley = ripples(40.0, apart=60.0, asked=5.0)
     asked = improve(valley, valley.linearise_at(np.array([4.0, 16.0])), FREE)
     assert asked.theta[0] == pytest.approx(4.1, abs=0.2)
-    assert continue_towards_prior(valley, asked, FREE) is asked
+    assert continue_towards_prior(valley, asked, FREE, NEAR) is asked
 
 
 def test_a_gain_has_no_home():
@@ -55,5 +62,5 @@ def test_a_gain_has_no_home():
     far = improve(valley, valley.linearise_at(np.array([0.0, 50.0])), FREE)
     valley = replace(valley, prior=np.zeros(2))
     large = valley.linearise_at(np.array([6.0, 36.0]))
-    assert continue_towards_prior(valley, large, FREE) is large
-    assert continue_towards_prior(valley, far, np.zeros(0, int)) is far
+    assert continue_towards_prior(valley, large, FREE, NEAR) is large
+    assert continue_towards_prior(valley, far, np.zeros(0, int), NEAR) is far

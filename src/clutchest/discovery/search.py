@@ -83,9 +83,7 @@ class Search:
 
     def fitted(self, causes: tuple[CandidateCause, ...], begin: Linearisation) -> CauseSet:
         """These causes, most probable sizes, from ``begin`` on."""
-        near = self.fitted_near(causes, begin).fit
-        free = self.free(causes)
-        return CauseSet(causes, continue_towards_prior(self.objective, near, free))
+        return self.continued(self.fitted_near(causes, begin))
 
     def fitted_near(self, causes: tuple[CandidateCause, ...], begin: Linearisation) -> CauseSet:
         """The same in the mode in which ``begin`` lies, which a neighbour has found."""
@@ -100,7 +98,14 @@ class Search:
         self, causes: tuple[CandidateCause, ...], begins: Sequence[Linearisation]
     ) -> CauseSet:
         """The best of the fits of these causes from all ``begins`` on, bare."""
-        return min((self.fitted(causes, begin) for begin in begins), key=cost_of).bare
+        near = min((self.fitted_near(causes, begin) for begin in begins), key=cost_of)
+        return self.continued(near).bare
+
+    def continued(self, h: CauseSet) -> CauseSet:
+        """A set of causes with its numbers led towards their priors where that is better."""
+        free, known = self.free(h.causes), self.null.fit.theta
+        nearer = continue_towards_prior(self.objective, h.fit, free, known)
+        return h if nearer is h.fit else CauseSet(h.causes, nearer)
 
     def released(self, h: CauseSet) -> CauseSet:
         """A cause set with a fit that has innovations, and sizes that may exceed plausible ones:

@@ -11,17 +11,21 @@ from numpy.typing import NDArray
 
 from clutchest.inference.map_fit import SLIGHT, improve
 from clutchest.inference.objective import Linearisation, Objective
+from clutchest.signals import Floats
 
 ODD = 3.0  # standard deviations of its prior, from which on a number is continued towards it
+FURTHER = 1.0  # the same: than in the fit without what may have led it there
 SHARES = (0.75, 0.5, 0.25, 0.0)  # of its distance, at which it is held in turn
 
 
 def continue_towards_prior(
-    objective: Objective, fit: Linearisation, free: NDArray[np.int64]
+    objective: Objective, fit: Linearisation, free: NDArray[np.int64], known: Floats
 ) -> Linearisation:
     """The ``fit`` of the ``free`` thetas (indices), or a better one that is reached by holding the
-    farthest of them nearer and nearer to its prior while the others are fitted."""
+    farthest of them nearer and nearer to its prior while the others are fitted.  One that is no
+    further off than in a ``known`` fit (m) of fewer of them is where the data have it."""
     off = np.abs(fit.theta[free]) * (objective.prior[free] > 0.0)
+    off[off < np.abs(known[free]) + FURTHER] = 0.0
     if not len(free) or off.max() < ODD:
         return fit
     nearer = _continued(objective, fit, free, int(free[np.argmax(off)]))
@@ -29,7 +33,7 @@ def continue_towards_prior(
         return fit
     begin = objective.linearise_at(nearer.theta, fit.shapes, free)
     better = improve(objective, begin, free, derivatives=False)
-    return continue_towards_prior(objective, better, free)
+    return continue_towards_prior(objective, better, free, known)
 
 
 def _continued(
