@@ -17,6 +17,7 @@ import numpy as np
 from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.search import LEADERS, LEVEL, Search, columns, free_of, scored, spanned
 from clutchest.inference.concurrent_fits import concurrently
+from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import TURNS, improve, settle
 from clutchest.inference.noise_model import NoiseModel
 from clutchest.inference.objective import FAR, Linearisation, Objective
@@ -103,10 +104,12 @@ def _settled(
     search: Search, causes: Sequence[CandidateCause], theta: np.ndarray, turns: int = TURNS
 ) -> Settled:
     """The most probable numbers from ``theta`` (m) on, with noise as they leave it after so many
-    ``turns`` at most; and −2 ln(probability), that of the noise included."""
+    ``turns`` at most; and −2 ln(probability), that of the noise included.  The first fit is one in
+    white noise as loud as what the model without a cause leaves."""
+    known, null = search.objective, search.null.fit
     begin = Objective.of(replace(search.problem, discrepancies=()))
-    known = search.objective
     begin = replace(begin, prior=known.prior, low=known.low, high=known.high)
+    begin = begin.in_white_noise_of(begin.linearise_at(null.theta, null.shapes, NO_DERIVATIVES))
     gains = [c.index for c in causes]
     objective, fit = settle(begin, theta, gains, settings(tuple(causes)), turns)
     own = NoiseModel.fit(objective.stretches, [innovations.r for innovations in fit.raw])

@@ -79,6 +79,10 @@ def settle(
     :func:`with_noise_estimated` does."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
     begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
+    if np.isfinite(begin.cost) and not _is_near(begin):
+        # as if it were of the stated level, each digit of what is left would count
+        objective = objective.in_white_noise_of(begin)
+        begin = objective.relinearise(begin, begin.theta, active=free)
     lin = improve(objective, begin, free, derivatives=False)
     for _ in range(turns):
         before = lin.r @ lin.r

@@ -74,21 +74,25 @@ class NoiseModel:
         return cls(groups, np.zeros((*shape, ORDER)), np.ones(shape))
 
     @classmethod
-    def fit(cls, stretches: Sequence[Stretches], residuals: Sequence[Floats]) -> NoiseModel:
+    def fit(
+        cls, stretches: Sequence[Stretches], residuals: Sequence[Floats], longest: int = ORDER
+    ) -> NoiseModel:
         """From what is left of innovations (K) of each drive, by Levinson's recursion on their
-        autocovariances; as much memory as Akaike's criterion allows."""
+        autocovariances; as much memory as Akaike's criterion allows, the ``longest`` at most:
+        white with 0."""
         tamed = [_tamed(e, s.group) for s, e in zip(stretches, residuals, strict=True)]
-        return cls.of_sums(
-            np.unique(np.concatenate([s.group for s in stretches])), *sums(stretches, tamed)
-        )
+        groups = np.unique(np.concatenate([s.group for s in stretches]))
+        return cls.of_sums(groups, *sums(stretches, tamed), longest)
 
     @classmethod
-    def of_sums(cls, groups: NDArray[np.int64], lagged: Floats, count: Floats) -> NoiseModel:
+    def of_sums(
+        cls, groups: NDArray[np.int64], lagged: Floats, count: Floats, longest: int = ORDER
+    ) -> NoiseModel:
         """From ``lagged`` (G, ORDER + 1) sums of products and the ``count`` (G) of residuals."""
         weights = np.zeros((len(groups), ORDER + 1, ORDER))
         level = np.ones((len(groups), ORDER + 1))
         for i, n in enumerate(count):
-            order = ORDER if n >= FEWEST else 0
+            order = longest if n >= FEWEST else 0
             weights[i], level[i] = _levinson(lagged[i] / max(n, 1), order, int(n))
         return cls(groups, weights, level)
 

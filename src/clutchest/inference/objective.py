@@ -14,12 +14,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.discrepancy import (
-    ScatteredDrive,
-    probability,
-    probable_shares,
-    scattering,
-)
+from clutchest.inference.discrepancy import ScatteredDrive, probability, probable_shares, scattering
 from clutchest.inference.innovations import NormalisedInnovations
 from clutchest.inference.input_noise_covariance import InputNoiseCovariance, white_covariances
 from clutchest.inference.linear_solve import add_product, solved
@@ -201,8 +196,7 @@ class Objective:
     def with_noise_of(self, lin: Linearisation) -> Objective:
         """One whose noise model is that of what the innovations keep when every θ, causes too, has
         taken its share: what a cause leaves in the data must not pass for noise."""
-        prior = np.ones(len(lin.theta))  # a cause is taken to be of a plausible size
-        inner = lin.information + np.diag(prior)
+        inner = lin.information + np.eye(len(lin.theta))  # a cause is of a plausible size
         step = solved(inner, -lin.slope(lin.r))
         rest = [innovations.r + innovations.change(step) for innovations in lin.raw]
         rest = self._less_scatter(rest)
@@ -213,6 +207,11 @@ class Objective:
         ]
         known = [drive.readings.input_noise for drive in self.problem.drives]
         return self._weighted(noise_model, weights, known).with_discrepancies(lin)
+
+    def in_white_noise_of(self, lin: Linearisation) -> Objective:
+        """One in white noise as loud as the innovations of a linearisation."""
+        noise_model = NoiseModel.fit(self.stretches, [each.r for each in lin.raw], longest=0)
+        return self._weighted(noise_model, self.weights, self.scatter)
 
     def less_scatter(self, lin: Linearisation) -> list[NormalisedInnovations]:
         """A linearisation's innovations without what the inputs' noise and discrepancies most
