@@ -25,6 +25,7 @@ from clutchest.signals import Floats
 
 LOUD = 3.0  # rms innovation, of the stated noise, from which on some of it may be an error
 ENOUGH = 30.0  # of 2 Δ ln L, noise included, by which a cause must be more likely than none
+LEADS = 10.0  # the same after one turn, from which on a cause may become so
 SIZE = 0.3  # of its largest plausible size, from which a fit begins where the effect states none
 
 Settled = tuple[float, Objective, Linearisation]
@@ -37,8 +38,8 @@ def with_noise_of_likeliest(search: Search) -> Search:
     significant = search.null_scores.least_p <= LEVEL
     if significant or not loud(search.null.fit, search.objective):
         return search
-    none, _, _ = _settled(search, (), search.null.fit.theta)
-    tasks = [(c, size) for c in search.candidates for size in _sizes(c)]
+    scores = zip(search.candidates, search.null_scores.z, strict=True)
+    tasks = [(c, size) for c, z in scores for size in _sizes(c, float(z))]
 
     def fitted(task: tuple[CandidateCause, float], turns: int) -> Settled:
         cause, size = task
@@ -55,6 +56,9 @@ def with_noise_of_likeliest(search: Search) -> Search:
     # what is known after one turn leads on: only the best are followed to the end
     fits = concurrently(search.problem, every, lambda task: judged(task, 1), tasks)
     leaders = sorted(range(len(fits)), key=lambda i: fits[i][0])[:LEADERS]
+    without, _, _ = _settled(search, (), search.null.fit.theta, turns=1)
+    if not leaders or without - fits[leaders[0]][0] < LEADS:
+        return search
     ends = concurrently(search.problem, every, lambda i: judged(tasks[i], TURNS), leaders)
     for i, end in zip(leaders, ends, strict=True):
         fits[i] = end
@@ -62,8 +66,9 @@ def with_noise_of_likeliest(search: Search) -> Search:
     for (cause, _), (cost, fit) in zip(tasks, fits, strict=True):
         if cause not in begins or cost < begins[cause][0]:
             begins[cause] = cost, fit
-    best = min(leaders, key=lambda i: fits[i][0], default=None)
-    if best is None or none - fits[best][0] < ENOUGH:
+    best = min(leaders, key=lambda i: fits[i][0])
+    none, _, _ = _settled(search, (), search.null.fit.theta)
+    if none - fits[best][0] < ENOUGH:
         return search
     none = min(none, _settled(search, (), _without(tasks[best][0], fits[best][1]))[0])
     if none - fits[best][0] < ENOUGH:
@@ -81,12 +86,13 @@ def _without(cause: CandidateCause, fit: Linearisation) -> Floats:
     return theta
 
 
-def _sizes(cause: CandidateCause) -> tuple[float, ...]:
-    """Where fits of a cause begin, in the unit of its gain."""
+def _sizes(cause: CandidateCause, z: float) -> tuple[float, ...]:
+    """Where fits of a cause of score ``z`` begin, in the unit of its gain: where it acts from
+    nothing on, on the side on which the score is."""
     gain = cause.gain
     if gain.trials:
         return gain.trials
-    return (SIZE * gain.upper,) if gain.one_sided else (SIZE * gain.lower, SIZE * gain.upper)
+    return (SIZE * (gain.upper if gain.one_sided or z > 0.0 else gain.lower),)
 
 
 def loud(fit: Linearisation, objective: Objective) -> dict[str, float]:
