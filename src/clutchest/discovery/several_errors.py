@@ -1,5 +1,10 @@
 """More than one error without a name: forward selection of equations, each established beside
-curves in those before, and backward elimination of those that stood in for others."""
+curves in those before, and backward elimination of those that stood in for others.
+
+What one wrong equation does shows in others too, and one curve there may be likelier than any one
+in itself: an error goes with several covariates.  So equations are ranked by all their curves
+together.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +13,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from clutchest.discovery.residual_curves import (
+    NEGLIGIBLE,
     CandidateCurve,
     Curve,
     Nuisances,
     covariates_at,
     curves,
     derivatives_of,
+    evidence,
     places,
 )
 from clutchest.discovery.search import Search
 from clutchest.inference.objective import Linearisation
+from clutchest.inference.score_test import Projection
 from clutchest.signals import Floats
 
 MOST = 3  # equations
@@ -48,7 +56,17 @@ def several_errors(search: Search, errors: Sequence[Curve], level: float) -> lis
     first, *others = found
     beside = _beside(bare, columns[1:])
     again = _of_equation(curves(search.objective, fit, beside, SEED), first[0].equation)
-    return [first, *others] if again and again[0].p_value < level else others
+    if not again or again[0].p_value >= level:
+        found, columns = others, columns[1:]
+    together = [_evidence_together(bare, each) for each in columns]
+    return [found[i] for i in np.argsort(-np.array(together), kind="stable")]
+
+
+def _evidence_together(bare: Nuisances, columns: Floats) -> float:
+    """2 ln of the Bayes factor of an error of derivatives ``columns`` (K, c) against none."""
+    gram = columns.T @ columns
+    test = Projection.of(bare.at, bare.free, bare.prior).out_of(columns.copy())
+    return float(evidence(test.score, test.information, NEGLIGIBLE * gram))
 
 
 def _of_equation(errors: Sequence[Curve], equation: str) -> list[Curve]:
