@@ -58,11 +58,11 @@ def several_errors(search: Search, errors: Sequence[Curve], level: float) -> lis
     again = _of_equation(curves(search.objective, fit, beside, SEED), first[0].equation)
     if not again or again[0].p_value >= level:
         found, columns = others, columns[1:]
-    together = [_evidence_together(bare, each) for each in columns]
+    together = [evidence_together(bare, each) for each in columns]
     return [found[i] for i in np.argsort(-np.array(together), kind="stable")]
 
 
-def _evidence_together(bare: Nuisances, columns: Floats) -> float:
+def evidence_together(bare: Nuisances, columns: Floats) -> float:
     """2 ln of the Bayes factor of an error of derivatives ``columns`` (K, c) against none."""
     gram = columns.T @ columns
     test = Projection.of(bare.at, bare.free, bare.prior).out_of(columns.copy())
