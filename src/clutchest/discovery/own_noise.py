@@ -13,19 +13,30 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchest.discovery.candidates import CandidateCause, settings
-from clutchest.discovery.search import LEADERS, LEVEL, Search, columns, free_of, scored, spanned
+from clutchest.discovery.search import (
+    LEADERS,
+    LEVEL,
+    Search,
+    by_shapes,
+    columns,
+    free_of,
+    scored,
+    spanned,
+)
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.innovations import NO_DERIVATIVES
-from clutchest.inference.map_fit import TURNS, improve, settle
+from clutchest.inference.map_fit import TURNS, improve, settle, step
 from clutchest.inference.noise_model import NoiseModel
-from clutchest.inference.objective import FAR, Linearisation, Objective
+from clutchest.inference.objective import FAR, NO_SHAPES, Linearisation, Objective
 from clutchest.signals import Floats
 
 LOUD = 3.0  # rms innovation, of the stated noise, from which on some of it may be an error
 ENOUGH = 30.0  # of 2 Δ ln L, noise included, by which a cause must be more likely than none
 LEADS = 10.0  # the same after one turn, from which on a cause may become so
+LIKELY = 3.0  # the same by first order, from which on one that acts from nothing on is fitted
 SIZE = 0.3  # of its largest plausible size, from which a fit begins where the effect states none
 
 Settled = tuple[float, Objective, Linearisation]
@@ -38,8 +49,9 @@ def with_noise_of_likeliest(search: Search) -> Search:
     significant = search.null_scores.least_p <= LEVEL
     if significant or not loud(search.null.fit, search.objective):
         return search
+    likely = _likely_by_first_order(search)
     scores = zip(search.candidates, search.null_scores.z, strict=True)
-    tasks = [(c, size) for c, z in scores for size in _sizes(c, float(z))]
+    tasks = [(c, size) for c, z in scores if c in likely for size in _sizes(c, float(z))]
 
     def fitted(task: tuple[CandidateCause, float], turns: int) -> Settled:
         cause, size = task
@@ -78,6 +90,29 @@ def with_noise_of_likeliest(search: Search) -> Search:
     return replace(_judged_by(search, objective, fit), begins=gained)
 
 
+def _likely_by_first_order(search: Search) -> list[CandidateCause]:
+    """The candidates that may lead: those that act from a size on, of which a slope at 0 says
+    nothing, and others that would by one step from the model without a cause."""
+    objective, null, free = _as_loud(search), search.null.fit, search.free(())
+    fit = objective.linearise_at(null.theta, null.shapes)
+
+    def after(at: Linearisation, of: NDArray[np.int64]) -> float:
+        """The cost where a step of these thetas (indices) leads, to first order."""
+        move = step(objective, at, of)
+        rest = [innovations.r + innovations.change(move) for innovations in at.raw]
+        return _cost(objective, rest, at.theta + move)
+
+    without, likely = after(fit, free), [c for c in search.candidates if c.gain.trials]
+    rest = [c for c in search.candidates if not c.gain.trials]
+    plain = [i for i, c in enumerate(rest) if not c.shapes]
+    for some, shapes in ((plain, NO_SHAPES), *by_shapes(rest)):
+        at = objective.relinearise(fit, fit.theta, {**shapes, **fit.shapes}) if shapes else fit
+        likely += [
+            rest[i] for i in some if without - after(at, np.append(free, rest[i].index)) >= LIKELY
+        ]
+    return likely
+
+
 def _without(cause: CandidateCause, fit: Linearisation) -> Floats:
     """Where a fit without a cause begins from one with it: it may end elsewhere, and better, than
     from the vehicle file's numbers."""
@@ -112,20 +147,31 @@ def _settled(
     """The most probable numbers from ``theta`` (m) on, with noise as they leave it after so many
     ``turns`` at most; and −2 ln(probability), that of the noise included.  The first fit is one in
     white noise as loud as what the model without a cause leaves."""
+    gains = [c.index for c in causes]
+    objective, fit = settle(_as_loud(search), theta, gains, settings(tuple(causes)), turns)
+    cost = _cost(objective, [innovations.r for innovations in fit.raw], fit.theta)
+    return cost, replace(objective, span=None), fit
+
+
+def _as_loud(search: Search) -> Objective:
+    """An objective in white noise as loud as what the model without a cause leaves."""
     known, null = search.objective, search.null.fit
     begin = Objective.of(replace(search.problem, discrepancies=()))
     begin = replace(begin, prior=known.prior, low=known.low, high=known.high)
-    begin = begin.in_white_noise_of(begin.linearise_at(null.theta, null.shapes, NO_DERIVATIVES))
-    gains = [c.index for c in causes]
-    objective, fit = settle(begin, theta, gains, settings(tuple(causes)), turns)
-    own = NoiseModel.fit(objective.stretches, [innovations.r for innovations in fit.raw])
-    cost = float(np.sum(objective.prior * fit.theta**2))
-    for s, innovations in zip(objective.stretches, fit.raw, strict=True):
-        white = own.whiten(s, innovations.r)
+    return begin.in_white_noise_of(begin.linearise_at(null.theta, null.shapes, NO_DERIVATIVES))
+
+
+def _cost(objective: Objective, innovations: Sequence[Floats], theta: Floats) -> float:
+    """−2 ln(probability) of ``innovations`` (K) of each drive at ``theta`` (m) in noise as they
+    show it, that of the noise included."""
+    own = NoiseModel.fit(objective.stretches, innovations)
+    cost = float(np.sum(objective.prior * theta**2))
+    for s, each in zip(objective.stretches, innovations, strict=True):
+        white = own.whiten(s, each)
         order = np.minimum(s.place, own.level.shape[1] - 1)
         level = own.level[np.searchsorted(own.groups, s.group), order]
         cost += float(np.sum(np.minimum(white**2, FAR**2)) + 2.0 * np.sum(np.log(level)))
-    return cost if np.isfinite(cost) else np.inf, replace(objective, span=None), fit
+    return cost if np.isfinite(cost) else np.inf
 
 
 def _judged_by(search: Search, objective: Objective, fit: Linearisation) -> Search:

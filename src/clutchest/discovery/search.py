@@ -239,11 +239,11 @@ def columns(objective: Objective, fit: Linearisation, wanted: Sequence[Candidate
         shaped = objective.relinearise(fit, fit.theta, {**shapes, **fit.shapes}, active)
         derivatives[:, some] = shaped.by(active)
 
-    shared(put, _by_shapes(wanted))
+    shared(put, by_shapes(wanted))
     return derivatives
 
 
-def _by_shapes(wanted: Sequence[CandidateCause]) -> Iterator[tuple[list[int], Shapes]]:
+def by_shapes(wanted: Sequence[CandidateCause]) -> Iterator[tuple[list[int], Shapes]]:
     """Indices of those of the ``wanted`` that have shapes, and these: one value of every effect's
     at a time."""
     rest = [i for i, c in enumerate(wanted) if c.shapes]
