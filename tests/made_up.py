@@ -47,6 +47,15 @@ class _Given:
         self.drives = [SimpleNamespace(readings=readings, at_nominal=NOWHERE)]
         self.discrepancies: tuple[Discrepancy, ...] = ()
 
+    def until(self, share: float) -> _Given:
+        count = round(share * len(self.drives[0].readings.t))
+
+        def residuals(theta: Floats) -> tuple[Floats, Floats]:
+            r, psi = self.residuals(theta)
+            return r[:count], psi[:count]
+
+        return _Given(residuals, self.thetas)
+
     def implied(self, theta: Floats, shapes: Shapes) -> tuple[OperatingPoint, ...]:
         return (NOWHERE,)
 

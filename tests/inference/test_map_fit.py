@@ -162,6 +162,21 @@ def test_readings_far_off_are_left_out():
     assert abs(fit.theta[0] - 0.4) < 3.3 * std
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_the_first_fit_in_loud_noise_knows_that_it_is_loud(seed):
+    """Noise of 30 times the stated level: data weigh as little against priors as they should, and
+    steps are worth as much, before the noise model is estimated."""
+    loud = 30.0 * np.random.default_rng(seed).standard_normal(len(TIME))
+    data = friction(np.array([0.0, -0.6])) + loud
+    problem = MadeUp(friction, data, ("start", "change"), {"change": (-1.0, 1.0)})
+    _, fit = settle(problem.objective, np.zeros(2), gains=[1], turns=0)
+    level = np.std(fit.raw[0].r)
+    assert level == pytest.approx(30.0, rel=0.1)
+    assert np.mean(fit.r**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(TIME)))
+    scaled = MadeUp(lambda at: friction(at) / level, data / level, problem.names, problem.bounds)
+    np.testing.assert_allclose(fit.theta, scaled.reference(np.zeros(2)).x, atol=0.01)
+
+
 def test_a_fit_is_judged_within_its_span():
     """Noise outside of what derivatives can make is no part of the cost."""
     rng = np.random.default_rng(12)
