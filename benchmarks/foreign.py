@@ -33,6 +33,7 @@ from clutchest.vehicle import Vehicle, load_vehicle
 MACHINES = Path(__file__).resolve().parents[1] / "machines"
 FULL = 10.0  # V, the highest level that the tanks' sensor reads
 EDGE = 0.02  # V, within which it ends (machines/tanks/tanks.py)
+ENDS = 9.99  # V, from which on its readings do not count (machines/tanks/tanks.toml)
 BLOCK = 64  # readings
 ORDER = 3  # of the autoregression of the tanks' residuals, the best by Akaike's criterion
 SETTLED = 300  # readings, after which it has forgotten where it began
@@ -67,17 +68,16 @@ def unlimited(reading: np.ndarray) -> np.ndarray:
 
 def tanks(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
     """The level as the fitted tanks make it, and noise drawn from its residuals: of the level
-    itself, before the sensor ends, and so not of readings at the end."""
-    [own] = fitted.predicted(signals, "level")
-    reading = signals["level"].only_valid()
+    itself, before the sensor ends, and so not of readings at the end, which count in no draw."""
+    convert, reading = import_module("convert"), signals["level"]
+    [own] = fitted.predicted(convert.with_ends(signals), "level")
     assert np.allclose(reading.time, own.time)
     level = unlimited(own.measured - own.error)
-    taps, rest = innovations(own.error, (own.measured < FULL - EDGE) & (level < FULL))
+    taps, rest = innovations(own.error, reading.valid & (level < FULL))
 
     def simulated(seed: int) -> Signals:
         made = level + drawn(np.random.default_rng(seed), taps, rest, len(level))
-        changed = replace(reading, value=np.minimum(made, FULL))
-        return replace(signals, signals={**dict(signals.items()), "level": changed})
+        return convert.with_level(signals, np.where(made < ENDS, made, np.nan))
 
     return simulated
 

@@ -14,7 +14,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from convert import convert  # noqa: E402
+from convert import convert, with_ends  # noqa: E402
 from two_records import Found, less, rms, run  # noqa: E402
 
 from clutchest.identify.fitted_machine import Prediction  # noqa: E402
@@ -40,9 +40,9 @@ def draw(before: Prediction, after: Prediction, path: Path) -> None:
 
 
 def judge(found: Found, out: Path) -> Mapping[str, Any]:
-    """The simulated level on both records."""
+    """The simulated level on both records, all of their readings."""
     own, other = (
-        [fitted.predicted(signals, "level")[0] for fitted in (found.before, found.after)]
+        [fitted.predicted(with_ends(signals), "level")[0] for fitted in (found.before, found.after)]
         for signals in found.signals
     )
     draw(*other, out / "level.png")
