@@ -19,10 +19,11 @@ from scipy.special import softmax
 
 from clutchest.inference.cores import cores, shared
 from clutchest.inference.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
+from clutchest.inference.estimated_noise import INSIGNIFICANT, LONGEST, EstimatedNoise
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Linearisation, Objective
 from clutchest.inference.problem import Problem
-from clutchest.inference.score_test import Projection, family_wise, resampled_scores
+from clutchest.inference.score_test import Projected, Projection, family_wise, resampled_scores
 from clutchest.inference.unknowns import UnknownGain
 from clutchest.memory import give_back
 from clutchest.models.error_term_effects import PREFIX
@@ -143,16 +144,45 @@ def tested(
     seed: int,
 ) -> list[Curve]:
     """The curves ``tables`` over covariates of these ``values`` (each of every drive), the most
-    likely first, by their derivatives at a fit, ``beside`` what else is free."""
+    likely first, by their derivatives at a fit, ``beside`` what else is free.  Where the record is
+    short and one is significant, their null is that of noise whose colour is estimated."""
+    give_back()  # of an hour, what is free in between is 100 MiB
+    given = objective, fit, beside, values, tables, seed
+    found = _tested(*given, None)
+    if len(fit.r) > LONGEST or min((curve.p_value for curve in found), default=1) > INSIGNIFICANT:
+        return found
+    return _tested(*given, EstimatedNoise(objective.noise_model, objective.stretches))
+
+
+def _tested(
+    objective: Objective,
+    fit: Linearisation,
+    beside: Nuisances,
+    values: Sequence[Mapping[str, Floats]],
+    tables: Sequence[CandidateCurve],
+    seed: int,
+    noise: EstimatedNoise | None,
+) -> list[Curve]:
+    """The same, by the null of a ``noise`` whose colour is estimated, or by a known one."""
     choices = Counter(table.equation for table in tables)
     blocks = objective.problem.blocks(block_time(objective.problem))
     projection = Projection.of(beside.at, beside.free, beside.prior)
 
+    def null(derivatives: Floats, c: Projected) -> Floats:
+        """Scores (draws, C) of curves by these ``derivatives`` (K, C), of which ``c`` is left."""
+        rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
+        if noise is not None:
+            std = np.sqrt(np.diag(c.information))
+            return noise.scores(projection, derivatives, fit.psi, rng) * std
+        from_priors = rng.standard_normal((DRAWS, len(c.away))) @ c.away
+        return from_priors + resampled_scores(projection.r, c.pure, DRAWS, rng)
+
     def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
         derivatives, some = _portion(objective, fit, values, portion)
-        return _judged(beside.at.r, projection, blocks, choices, derivatives, some, seed)
+        gram = derivatives.T @ derivatives
+        c = projection.out_of(derivatives.copy() if noise else derivatives)
+        return _judged(projection.r, c, null(derivatives, c), gram, blocks, choices, some)
 
-    give_back()  # of an hour, what is free in between is 100 MiB
     done = shared(judged, _portions(tables, _held(fit) // cores()))
     most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
     # noise has a Bayes factor of B once in B times at most
@@ -167,21 +197,17 @@ def tested(
 
 def _judged(
     r: Floats,
-    projection: Projection,
+    c: Projected,
+    null: Floats,
+    gram: Floats,
     blocks: NDArray[np.int64],
     choices: Mapping[str, int],
-    derivatives: Floats,
     some: Sequence[tuple[CandidateCurve, NDArray[np.int64]]],
-    seed: int,
 ) -> tuple[list[Curve], Floats]:
-    """Curves by their ``derivatives`` (K, C), which are used up, p-values not known yet, and the
-    strongest evidence of each null draw."""
-    results, most = [], np.full(DRAWS, -np.inf)
-    gram = derivatives.T @ derivatives
-    c = projection.out_of(derivatives)
-    rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
-    null = rng.standard_normal((DRAWS, len(c.away))) @ c.away
-    null += resampled_scores(r, c.pure, DRAWS, rng)
+    """Curves by what is left of their derivatives ``c`` (K, C), whose products were ``gram`` (C,
+    C), p-values not known yet, and the strongest evidence of each draw of ``null`` scores (draws,
+    C)."""
+    results, most = [], np.full(len(null), -np.inf)
     for table, columns in some:
         own = np.ix_(columns, columns)
         information, score = c.information[own], c.score[columns]

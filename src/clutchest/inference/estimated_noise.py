@@ -61,6 +61,29 @@ class EstimatedNoise:
         pairs = zip(self.stretches, parts, strict=True)
         return np.concatenate([function(s, np.ascontiguousarray(part)) for s, part in pairs])
 
+    def scores(
+        self, projection: Projection, columns: Floats, every: Floats, rng: np.random.Generator
+    ) -> Floats:
+        """Scores (DRAWS, C), in standard deviations, of noise by causes whose derivatives, white,
+        are ``columns`` (K, C), beside the nuisances of a ``projection``, by the colour that is
+        estimated of each draw when unknowns with the derivatives ``every`` (K, m) of prior variance
+        1 have taken their share."""
+        r, psi, known = projection.r, projection.psi, projection.known
+        inner = every.T @ every + (1.0 + 1e-9) * np.eye(every.shape[1])
+        drawn = self.restored(r, every).coloured(rng.choice(r, (len(r), DRAWS)))
+        white = self.whitened(self.model, drawn)
+        rest = self.coloured(white - every @ np.linalg.solve(inner, every.T @ white))
+        basis = self.coloured(np.column_stack([psi, columns]))
+        null = np.zeros((DRAWS, columns.shape[1]))
+        for k in range(DRAWS):
+            own = self.whitened(self.estimated(rest[:, k]), np.column_stack([basis, drawn[:, k]]))
+            free = own[:, : psi.shape[1]]
+            of_draw = Projection(own[:, -1], free, np.zeros(psi.shape[1]), known, free.T @ free)
+            c = of_draw.out_of(own[:, psi.shape[1] : -1].copy())
+            score = c.score + rng.standard_normal(len(c.away)) @ c.away
+            null[k] = score / np.sqrt(np.maximum(np.diag(c.information), 1e-300))
+        return null
+
 
 def with_estimated_noise(
     test: ScoreTest,
@@ -75,21 +98,7 @@ def with_estimated_noise(
     by an estimated colour; the test itself where the record is long, or nothing is significant."""
     if len(lin.r) > LONGEST or not test.least_p <= INSIGNIFICANT:
         return test
-    rng = np.random.default_rng(seed)
-    psi, known = lin.psi[:, nuisances], prior[nuisances]
-    every = np.column_stack([psi, columns])
-    inner = every.T @ every + np.diag(np.append(known, np.ones(columns.shape[1])) + 1e-9)
-    drawn = noise.restored(lin.r, every).coloured(rng.choice(lin.r, (len(lin.r), DRAWS)))
-    white = noise.whitened(noise.model, drawn)
-    rest = noise.coloured(white - every @ np.linalg.solve(inner, every.T @ white))
-    basis = noise.coloured(every)
-    null = np.zeros((DRAWS, columns.shape[1]))
-    for k in range(DRAWS):
-        own = noise.whitened(noise.estimated(rest[:, k]), np.column_stack([basis, drawn[:, k]]))
-        free = own[:, : psi.shape[1]]
-        projection = Projection(own[:, -1], free, np.zeros(psi.shape[1]), known, free.T @ free)
-        c = projection.out_of(own[:, psi.shape[1] : -1].copy())
-        score = c.score + rng.standard_normal(len(c.away)) @ c.away
-        null[k] = score / np.sqrt(np.maximum(np.diag(c.information), 1e-300))
-    finite = np.where(np.isfinite(test.std), test.std, 0.0)
-    return replace(test, null=null * finite)
+    projection = Projection.of(lin, nuisances, prior)
+    every = np.column_stack([projection.psi, columns])
+    null = noise.scores(projection, columns, every, np.random.default_rng(seed))
+    return replace(test, null=null * np.where(np.isfinite(test.std), test.std, 0.0))
