@@ -71,9 +71,10 @@ def tanks(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
     itself, before the sensor ends, and so not of readings at the end, which count in no draw."""
     convert, reading = import_module("convert"), signals["level"]
     [own] = fitted.predicted(convert.with_ends(signals), "level")
-    assert np.allclose(reading.time, own.time)
-    level = unlimited(own.measured - own.error)
-    taps, rest = innovations(own.error, reading.valid & (level < FULL))
+    inside = np.isin(reading.time, own.time)  # elsewhere the model is far beyond the sensor's end
+    level, error = np.full(len(inside), np.inf), np.zeros(len(inside))
+    level[inside], error[inside] = unlimited(own.measured - own.error), own.error
+    taps, rest = innovations(error, reading.valid & (level < FULL))
 
     def simulated(seed: int) -> Signals:
         made = level + drawn(np.random.default_rng(seed), taps, rest, len(level))

@@ -11,13 +11,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from convert import convert, with_ends  # noqa: E402
 from two_records import Found, less, rms, run  # noqa: E402
 
-from clutchest.identify.fitted_machine import Prediction  # noqa: E402
+from clutchest.identify.fitted_machine import FittedMachine, Prediction  # noqa: E402
+from clutchest.signals import Signals  # noqa: E402
 
 BLOCK = 32  # samples of a block of the bootstrap
 
@@ -39,10 +42,20 @@ def draw(before: Prediction, after: Prediction, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def predicted(fitted: FittedMachine, signals: Signals) -> Prediction:
+    """The level at every reading; without an error where the sensor ends and the model has it far
+    beyond, whatever its numbers."""
+    whole = with_ends(signals)
+    [own], level = fitted.predicted(whole, "level"), whole["level"]
+    error = np.zeros(len(level.time))
+    error[np.isin(level.time, own.time)] = own.error
+    return Prediction(level.time, level.value, error)
+
+
 def judge(found: Found, out: Path) -> Mapping[str, Any]:
     """The simulated level on both records, all of their readings."""
     own, other = (
-        [fitted.predicted(with_ends(signals), "level")[0] for fitted in (found.before, found.after)]
+        [predicted(fitted, signals) for fitted in (found.before, found.after)]
         for signals in found.signals
     )
     draw(*other, out / "level.png")

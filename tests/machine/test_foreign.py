@@ -19,6 +19,7 @@ import pytest
 from scipy.signal import lfilter
 
 from clutchest.discovery.holdout_gain import BLOCK, FEWEST, LEAST, block_length
+from clutchest.discovery.segmentation import segmented
 from clutchest.errors import ClutchestError
 from clutchest.estimate.drive_setup import DriveSetup
 from clutchest.identify.fitted_machine import FittedMachine
@@ -85,10 +86,27 @@ def test_the_tanks_record_becomes_a_table_that_holds_the_pump(made_up, tmp_path)
     assert len(signals.drives) == 2
 
 
+def test_readings_at_the_level_sensors_end_do_not_count(made_up, tmp_path):
+    """Nor do they part the record, and the level is judged there all the same."""
+    convert = module("tanks", "convert")
+    path = convert.convert(made_up, tmp_path)[0]
+    table = pd.read_parquet(path)
+    full = table["level"].notna() & table["time"].between(100.0, 180.0)
+    table.loc[full, "level"] = 10.0
+    table.to_parquet(path, index=False)
+    signals = read_log([path], vehicle("tanks"))
+    count = (table["level"] < 9.99).sum()
+    assert signals["level"].valid.sum() == count <= 128 - full.sum() == 107
+    assert len(segmented(signals, vehicle("tanks")).drives) == 1
+    np.testing.assert_array_equal(
+        convert.with_ends(signals)["level"].value, table["level"].dropna().to_numpy()
+    )
+
+
 def test_a_slow_machine_must_state_its_gap(made_up, tmp_path):
     paths = module("tanks", "convert").convert(made_up, tmp_path)
     for name in ("tanks.py", "tanks.toml"):
-        text = (MACHINES / "tanks" / name).read_text().replace("gap = 20\n", "gap = 3.95\n")
+        text = (MACHINES / "tanks" / name).read_text().replace("gap = 200\n", "gap = 3.95\n")
         (tmp_path / name).write_text(text)
     car = load_vehicle(tmp_path / "tanks.toml", trust=True)
     with pytest.raises(
