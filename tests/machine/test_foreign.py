@@ -95,12 +95,11 @@ def test_readings_at_the_level_sensors_end_do_not_count(made_up, tmp_path):
     table.loc[full, "level"] = 10.0
     table.to_parquet(path, index=False)
     signals = read_log([path], vehicle("tanks"))
-    count = (table["level"] < 9.99).sum()
+    count = (table["level"] <= 9.99).sum()
     assert signals["level"].valid.sum() == count <= 128 - full.sum() == 107
     assert len(segmented(signals, vehicle("tanks")).drives) == 1
-    np.testing.assert_array_equal(
-        convert.with_ends(signals)["level"].value, table["level"].dropna().to_numpy()
-    )
+    ends = convert.with_ends(signals)["level"].value
+    np.testing.assert_allclose(ends, table["level"].dropna(), rtol=0.0, atol=0.01)
 
 
 def test_a_slow_machine_must_state_its_gap(made_up, tmp_path):
@@ -123,8 +122,8 @@ def test_the_tanks_are_simulated_from_the_start(made_up, tmp_path):
     fitted = FittedMachine.of(own, car)
     [known], [new] = fitted.predicted(own, "level"), fitted.predicted(other, "level")
     record = pd.read_csv(made_up / "cascaded_tanks.csv")
-    assert known.measured == pytest.approx(record["yEst"])
-    assert new.measured == pytest.approx(record["yVal"])
+    assert known.measured == pytest.approx(record["yEst"][record["yEst"] <= 9.99])
+    assert new.measured == pytest.approx(record["yVal"][record["yVal"] <= 9.99])
     assert np.std(known.error) < 0.7 * np.std(known.measured)
     assert set(fitted.numbers) == {"pump_gain", "outlet_upper", "outlet_lower"}
 
