@@ -29,6 +29,7 @@ from clutchest.errors import ClutchestError
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
 from clutchest.models import machine_of
+from clutchest.models.error_term_effects import error_term_effects
 from clutchest.simulated import simulate
 
 SIZED, SIZES = 902, "sizes.json"
@@ -129,13 +130,13 @@ def sizes(out: Path) -> Sized:
 
 def _sizes(scenario: str) -> dict[str, dict[str, list[float]]]:
     """Effect → gain → what is detected in half of the runs of this scenario, its numbers of shape
-    as the effect has them by default, and the largest plausible size."""
+    as the effect has them by default, and the largest plausible size.  Equations are off as far as
+    the vehicle file says that they may be, as in `discover`."""
     vehicle = load_vehicle(vehicle_of(scenario))
     signals = simulate(vehicle, scenario, SIZED, duration=DURATION)
-    effects = machine_of("alsd").effects
-    problem = with_fitted_gains(
-        Problem.of(signals, vehicle, tuple(effects.values()), discrepant=True)
-    )
+    machine = machine_of("alsd")
+    effects = (*machine.effects.values(), *error_term_effects(machine))
+    problem = with_fitted_gains(Problem.of(signals, vehicle, effects, discrepant=True))
     search = begin(problem)
     scores, found = search.null_scores, dict[str, dict[str, list[float]]]()
     for cause, size in zip(search.candidates, scores.threshold(LEVEL) / scores.std, strict=True):
