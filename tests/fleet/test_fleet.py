@@ -21,6 +21,7 @@ from clutchest.fleet import cluster as cluster_module
 from clutchest.fleet import one_log
 from clutchest.fleet.comparison import compare, fleet_level, outliers
 from clutchest.fleet.fleet import Fleet, FleetVehicle, compared
+from clutchest.fleet.imprint import Passed
 from clutchest.fleet.logs import FleetLog, logs_of
 from clutchest.fleet.one_log import LogTask, estimate_log, read_row
 from clutchest.shipped import shipped
@@ -146,10 +147,11 @@ def task_of(folder: Path, out: Path) -> LogTask:
 def test_one_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_logs(tmp_path / "logs", vehicles=1)
     task = task_of(tmp_path / "logs", tmp_path / "out")
-    state = estimate_log(task, None)
-    assert state is not None and read_row(task.row)["state"] == state
+    passed = estimate_log(task, Passed())
+    row = read_row(task.row)
+    assert row is not None and row["state"] is not None and row["state"] == passed.state
     monkeypatch.setattr(one_log, "_write_estimates", None)  # is not done again
-    assert estimate_log(task, None) == state
+    assert estimate_log(task, Passed()) == passed
     dataset = pyarrow.dataset.dataset(tmp_path / "out" / "fleet.parquet", partitioning="hive")
     table = dataset.to_table().to_pandas()
     assert set(table["vehicle"]) == {"truck-0"} and len(table) > 500
@@ -161,7 +163,7 @@ def test_a_log_that_cannot_be_used_passes_the_state_on(tmp_path: Path) -> None:
     (tmp_path / "truck-0").mkdir()
     (tmp_path / "truck-0" / "0.log").write_text("nothing")
     task = task_of(tmp_path, tmp_path / "out")
-    assert estimate_log(task, {"x": 1}) == {"x": 1}
+    assert estimate_log(task, Passed({"x": 1})) == Passed({"x": 1})
     row = read_row(task.row)
     assert row is not None and "0.log" in row["error"]
 
@@ -278,7 +280,7 @@ def test_an_error_that_nobody_foresaw_is_a_log_left_out(
     write_logs(tmp_path / "logs", vehicles=1)
     monkeypatch.setattr("clutchest.reading.read_log", fails)
     task = task_of(tmp_path / "logs", tmp_path / "out")
-    assert estimate_log(task, {"x": 1}) == {"x": 1}
+    assert estimate_log(task, Passed({"x": 1})) == Passed({"x": 1})
     row = read_row(task.row)
     assert row is not None and row["error"] == "unexpected error: ZeroDivisionError: of nothing"
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +12,7 @@ from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Trust, VehicleName
 from clutchest.cli.terminal import answer, meanwhile, print_shown, progress
 from clutchest.extras import installed
+from clutchest.shown import counted
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from clutchest.fleet.fleet import Fleet
 
 NAMED = 3  # logs that are named of those not used for the same reason
+SHOWN = 10  # reasons
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,12 +97,21 @@ def fleet(
         show("writing", None)
         names = [path.name for path in write_fleet(result, out)]
     answer(
-        {"vehicles": result.rows(), "outliers": result.outliers, "rejected": result.rejected},
+        _as_json(result),
         as_json,
         lambda console: _print(result, console),
         out,
         names,
     )
+
+
+def _as_json(result: Fleet) -> dict[str, Any]:
+    return {
+        "vehicles": result.rows(),
+        "outliers": result.outliers,
+        "rejected": result.rejected,
+        "notes": result.notes,
+    }
 
 
 def _print(result: Fleet, console: Console) -> None:
@@ -109,9 +121,18 @@ def _print(result: Fleet, console: Console) -> None:
     print_shown(result.shown(), console)
     for words in result.differences():
         console.print(f"[bold red]{escape(words)}[/]")
-    for why in dict.fromkeys(result.rejected.values()):
-        logs = [log for log, reason in result.rejected.items() if reason == why]
+    _print_logs("not used", result.rejected, console)
+    _print_logs("note", result.notes, console)
+
+
+def _print_logs(head: str, said: Mapping[str, str], console: Console) -> None:
+    """Of logs, what is said of them; those of which the same is said together."""
+    from rich.markup import escape
+
+    reasons = list(dict.fromkeys(said.values()))
+    for why in reasons[:SHOWN]:
+        logs = [log for log, reason in said.items() if reason == why]
         more = f" and {len(logs) - NAMED} more" if len(logs) > NAMED else ""
-        console.print(
-            f"[yellow]not used:[/] {escape(', '.join(logs[:NAMED]))}{more}: {escape(why)}"
-        )
+        console.print(f"[yellow]{head}:[/] {escape(', '.join(logs[:NAMED]))}{more}: {escape(why)}")
+    if rest := sum(why in reasons[SHOWN:] for why in said.values()):
+        console.print(f"[yellow]{head}:[/] {counted(rest, 'more log')}, see report.html")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,8 @@ from clutchest.errors import ClutchestError
 from clutchest.extras import required
 from clutchest.fleet.cluster import alone, client_of, in_turn, settle, survived
 from clutchest.fleet.comparison import FEWEST, FleetComparison, outliers
-from clutchest.fleet.logs import FleetLog, logs_of
+from clutchest.fleet.imprint import Passed
+from clutchest.fleet.logs import FleetLog, logs_of, numbered
 from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row, reject
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
@@ -37,7 +38,8 @@ Z = 1.96  # standard deviations of a 95 % interval
 class FleetVehicle:
     """One vehicle after its last drive: ``logs`` used and ``rejected`` (log → why), ``drives`` as
     ``one_log.drives_of`` has them, ``properties`` name → (value, std) of what it keeps while it
-    stands, where they are valid; ``wear`` as ``summary.json`` has it, None where there is none."""
+    stands, where they are valid; ``wear`` as ``summary.json`` has it, None where there is none;
+    ``notes`` (log → what is to be said of one that is used)."""
 
     name: str
     logs: tuple[str, ...]
@@ -45,6 +47,7 @@ class FleetVehicle:
     drives: tuple[Mapping[str, Any], ...]
     properties: Mapping[str, tuple[float, float]]
     wear: Mapping[str, Any] | None
+    notes: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -68,6 +71,11 @@ class Fleet(Tabulated):
     def rejected(self) -> dict[str, str]:
         """Logs that could not be used → why."""
         return {log: why for one in self.vehicles for log, why in one.rejected.items()}
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """Logs that are used → what is to be said of them."""
+        return {log: note for one in self.vehicles for log, note in one.notes.items()}
 
     def differences(self) -> list[str]:
         """In words, which vehicle differs from the fleet, in what, and by how much."""
@@ -206,7 +214,7 @@ def analyse_fleet(
     made_by = f"{__version__} {car.hash} {rate}"
     folder = Path(out).resolve()
     with client_of(scheduler, workers) as client:
-        chains = _chains(client, logs)
+        chains = _chains(client, logs, _place(car), trust)
         tasks = {
             name: _tasks(chain, made_by, LogTask(chain[0], "", _place(car), trust, folder, rate))
             for name, chain in chains.items()
@@ -238,20 +246,22 @@ def _place(car: Vehicle) -> str:
     return str(car.path)
 
 
-def _chains(client: Client, logs: Sequence[FleetLog]) -> dict[str, list[FleetLog]]:
+def _chains(
+    client: Client, logs: Sequence[FleetLog], vehicle: str, trust: bool
+) -> dict[str, list[FleetLog]]:
     """The logs of every vehicle in order of time; those without absolute times last, by name."""
     paths = [log.path.resolve() for log in logs]
-    futures = client.map(begin_of, paths, pure=False)
+    futures = client.map(begin_of, paths, vehicle=vehicle, trust=trust, pure=False)
     for _ in in_turn(client, futures):
         pass
     begins = [
-        survived(future, partial(alone, client, begin_of, path))
+        survived(future, partial(alone, client, begin_of, path, vehicle, trust))
         for future, path in zip(futures, paths, strict=True)
     ]
     chains: dict[str, list[FleetLog]] = {}
     order = sorted(
         zip(begins, logs, strict=True),
-        key=lambda pair: (pair[1].vehicle, pair[0] is None, pair[0] or 0, str(pair[1].path)),
+        key=lambda pair: (pair[1].vehicle, pair[0] is None, pair[0] or 0, numbered(pair[1].path)),
     )
     for _, log in order:
         chains.setdefault(log.vehicle, []).append(log)
@@ -272,14 +282,14 @@ def _run(client: Client, chains: Mapping[str, Sequence[LogTask]], progress: Prog
     """Do what is not done.  A log whose workers were lost again and again is left out."""
     while not _all_done(client, chains, progress):
         for chain in chains.values():
-            state: Any = None
+            passed = Passed()
             for task in chain:
                 if (row := read_row(task.row)) is None:
-                    alone(client, estimate_log, task, state)
+                    alone(client, estimate_log, task, passed)
                     if read_row(task.row) is None:
-                        reject(task, LOST, state)
+                        reject(task, LOST, passed)
                     break
-                state = row["state"]
+                passed = passed.after(row)
         settle(client)
 
 
@@ -288,13 +298,13 @@ def _all_done(client: Client, chains: Mapping[str, Sequence[LogTask]], progress:
     to is not."""
     futures: list[Future] = []
     for chain in chains.values():
-        state: Any = None
+        passed: Any = Passed()  # or the future of one
         for task in chain:
             if (row := read_row(task.row)) is not None:
-                state = row["state"]
+                passed = passed.after(row)
             else:
-                state = client.submit(estimate_log, task, state, pure=False)
-                futures.append(state)
+                passed = client.submit(estimate_log, task, passed, pure=False)
+                futures.append(passed)
     whole = True
     for done, future in enumerate(in_turn(client, futures), 1):
         whole &= survived(future, lambda: LOST) != LOST
@@ -323,4 +333,5 @@ def _vehicle_of(name: str, tasks: Sequence[LogTask], car: Vehicle) -> FleetVehic
         drives,
         properties,
         wear,
+        {row["log"]: row["note"] for row in used if row.get("note")},
     )

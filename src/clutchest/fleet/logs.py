@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 from clutchest.can import log_source
@@ -48,6 +50,12 @@ def logs_of(places: Sequence[str]) -> tuple[FleetLog, ...]:
         for log in logs:
             found.setdefault(log.path.resolve(), log)
     return tuple(sorted(found.values(), key=lambda log: (log.vehicle, log.path)))
+
+
+def numbered(path: Path) -> tuple[tuple[str, int], ...]:
+    """What sorts paths by the numbers in them: run 2 before run 10."""
+    parts = re.split(r"(\d+)", str(path))
+    return tuple((text, int(digits or 0)) for text, digits in zip_longest(parts[::2], parts[1::2]))
 
 
 def _logs_at(place: str) -> Iterator[FleetLog]:

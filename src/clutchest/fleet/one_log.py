@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clutchest.errors import ClutchestError
+from clutchest.fleet.imprint import Imprint, Passed, rows_of
 from clutchest.fleet.logs import FleetLog
 from clutchest.paths import named_in_utf8
 
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 
 DATASET, ROWS = "fleet.parquet", "logs"
 UNKNOWN = "unknown"  # a day
+OVERLAPS = (
+    "begins before the end of an earlier log: its clock is not relied on, so that temperatures are "
+    "not carried over; if both are of one drive, that counts twice"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,40 +47,51 @@ class LogTask:
         return self.out / ROWS / f"{self.key}.json"
 
 
-def estimate_log(task: LogTask, state: dict[str, Any] | None) -> dict[str, Any] | None:
-    """Estimate over one log from the ``state`` that the vehicle's log before has left; returns the
-    state that it leaves.
+def estimate_log(task: LogTask, passed: Passed) -> Passed:
+    """Estimate over one log from what the vehicle's logs before have ``passed`` on; returns what it
+    passes on.
 
     Estimates first, then the row, each under its name when it is whole, so that nothing is lost
-    and nothing counts twice when a worker is killed.  A log that cannot be used has a row with
-    its ``error``, and the state is passed on.
+    and nothing counts twice when a worker is killed.  A log that cannot be used, or holds a drive
+    that another one holds too, has a row with its ``error``, and the state is passed on.
     """
     from clutchest.estimate.replay import replay
     from clutchest.reading import read_log
 
     if (done := read_row(task.row)) is not None:
-        return done["state"]
+        return passed.after(done)
     try:
-        car = _vehicle(task.vehicle, task.trust)
+        car = load_once(task.vehicle, task.trust)
         signals = read_log(task.log.path, car, traffic=False)
+        drives = [Imprint.of(drive, task.log.path) for drive in signals.drives]
+        if twin := passed.known(drives):
+            return reject(task, f"holds the same drive as {twin}", passed)
+        overlaps = passed.ends_after(signals.start_ns)
+        state = {**passed.state, "time_ns": None} if passed.state and overlaps else passed.state
         run = replay(signals, car, rate=task.rate, state=state)
     except (ClutchestError, OSError) as problem:
-        return reject(task, str(problem), state)
+        return reject(task, str(problem), passed)
     except Exception as problem:  # that nobody foresaw: it must not stop the others
-        return reject(task, f"unexpected error: {type(problem).__name__}: {problem}", state)
+        return reject(task, f"unexpected error: {type(problem).__name__}: {problem}", passed)
     _write_estimates(run, task)
-    wear = run.summary["wear"]
-    row = {"error": None, "drives": drives_of(run), "wear": wear, "state": run.final}
-    return _written(task, row)
+    row = {
+        "error": None,
+        "note": OVERLAPS if overlaps else None,
+        "drives": drives_of(run),
+        "wear": run.summary["wear"],
+        "state": run.final,
+        "imprints": rows_of(drives),
+    }
+    return _written(task, row, passed)
 
 
-def reject(task: LogTask, why: str, state: dict[str, Any] | None) -> dict[str, Any] | None:
-    """Leave a log out, with the reason; the ``state`` before it is passed on, and returned."""
-    return _written(task, {"error": why, "drives": [], "state": state})
+def reject(task: LogTask, why: str, passed: Passed) -> Passed:
+    """Leave a log out, with the reason; what the logs before it ``passed`` on is, and returned."""
+    return _written(task, {"error": why, "drives": [], "state": passed.state}, passed)
 
 
-def _written(task: LogTask, found: dict[str, Any]) -> dict[str, Any] | None:
-    """Keep what came out as the log's row; returns its state."""
+def _written(task: LogTask, found: dict[str, Any], passed: Passed) -> Passed:
+    """Keep what came out as the log's row; returns what is passed on."""
     from clutchest.record.files import json_text
 
     row = {"vehicle": task.log.vehicle, "log": str(task.log.path), "wear": None, **found}
@@ -83,7 +99,7 @@ def _written(task: LogTask, found: dict[str, Any]) -> dict[str, Any] | None:
         unfinished.write_text(json_text(row), encoding="utf-8")
     kept = read_row(task.row)
     assert kept is not None
-    return kept["state"]
+    return passed.after(kept)
 
 
 def drives_of(run: Run) -> list[dict[str, Any]]:
@@ -114,14 +130,16 @@ def drives_of(run: Run) -> list[dict[str, Any]]:
     return rows
 
 
-def begin_of(path: Path) -> int | None:
+def begin_of(path: Path, vehicle: str, trust: bool) -> int | None:
     """Epoch time in ns of a log's first frame or row; None where it is not known."""
     from clutchest.can.files import read_blocks
-    from clutchest.reading.table_formats import is_table, load_table
+    from clutchest.reading.table_formats import is_table
+    from clutchest.reading.tables import read_table
 
     try:
         if is_table(path):
-            return load_table(path).start_ns
+            car = load_once(vehicle, trust)
+            return read_table(path, car.machine.units, car).start_ns
         blocks = read_blocks(path)
         first = next(frames for frames in blocks if len(frames))
         return int(first.t_ns.min()) if first.absolute else None
@@ -169,7 +187,8 @@ def _whole(path: Path) -> Iterator[Path]:
 
 
 @lru_cache(maxsize=4)
-def _vehicle(name: str, trust: bool) -> Vehicle:
+def load_once(name: str, trust: bool) -> Vehicle:
+    """The vehicle of a file, loaded by the process's first task that needs it."""
     from clutchest.vehicle import load_vehicle
 
     return load_vehicle(name, trust=trust)

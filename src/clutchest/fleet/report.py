@@ -26,6 +26,11 @@ def fleet_page(fleet: Fleet) -> str:
     if fleet.rejected:
         rows = [(log, why) for log, why in fleet.rejected.items()]
         parts += ["## Logs that could not be used", table(("log", "why"), rows)]
+    if fleet.notes:
+        parts += [
+            "## Logs whose clock is not relied on",
+            table(("log", "why"), fleet.notes.items()),
+        ]
     return page(f"{fleet.vehicle.name}: fleet", "\n\n".join(parts), pictures)
 
 
