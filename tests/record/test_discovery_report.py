@@ -328,16 +328,39 @@ def test_the_worst_slip_is_the_one_shown():
 def test_bins_of_the_first_driver_that_tell_most():
     shown = misfit()
     assert most_significant(shown.bins, "temp_disc", False) is shown.bins[0]
-    assert most_significant(shown.bins, None, False) is shown.bins[2]
+    assert most_significant(shown.bins, "slip_speed", False) is shown.bins[2]
     assert most_significant(shown.bins, "time", False) is None
 
 
 def test_bins_of_an_extended_model_are_those_that_it_mended():
     first, second, third = misfit().bins[:3]
-    bins = (first, replace(second, after=0.0 * second.mean), replace(third, after=third.mean))
-    bins = (replace(first, after=first.mean), *bins[1:])
-    assert most_significant(bins, None, True) is bins[1]
-    assert most_significant(bins, None, False) is bins[2]
+    bins = (replace(first, after=first.mean), replace(second, after=0.0 * second.mean), third)
+    assert most_significant(bins, "temp_disc", True) is bins[1]
+    assert most_significant(bins, "temp_disc", False) is bins[0]
+
+
+def titles(found) -> str:
+    return "\n".join(axes.get_title("left") for axes in found.plot().axes)
+
+
+def test_a_model_that_is_right_is_shown_over_its_strongest_driver():
+    strongest = Where("torque", ("slip_speed", "temp_disc"), p_value=0.414)
+    found = replace(discovery("none"), strongest=strongest)
+    assert "strongest driver, not established (p = 0.41)" in titles(found)
+    assert found.plot().axes[1].get_xlabel().startswith("slip speed")
+    words = "in the equation torque with slip speed (p = 0.41, all curves)."
+    assert "No correlation of the residuals is established." in report(found)
+    assert words in report(found)
+    assert found.summary()["strongest"]["p_value"] == 0.414
+    for verdict in VERDICTS:
+        assert "not established" not in titles(discovery(verdict)) + report(discovery(verdict))
+
+
+def test_where_no_driver_was_tested_residuals_are_shown_over_time():
+    found = discovery("none")
+    over_time = replace(found.misfit.bins[0], covariate="time")
+    found = replace(found, misfit=replace(found.misfit, bins=(*found.misfit.bins, over_time)))
+    assert found.plot().axes[1].get_xlabel().startswith("time")
 
 
 def test_a_drive_without_slip_or_bins_has_a_picture_too(tmp_path):

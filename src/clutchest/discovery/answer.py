@@ -116,6 +116,13 @@ def where_of(
     return Where(of.equation, tuple(names))
 
 
+def strongest_of(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where | None:
+    """The most likely error, though none is established; None where no curve was tested."""
+    if not errors:
+        return None
+    return replace(_where(errors[0].equation, errors, peaks), p_value=errors[0].p_value)
+
+
 def _where(equation: str, errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:
     ranked = [c.covariate for c in errors if c.equation == equation]
     names = dict.fromkeys(peaks.get(covariate, covariate) for covariate in ranked)

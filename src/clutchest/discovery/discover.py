@@ -17,6 +17,7 @@ from clutchest.discovery.answer import (
     rivals_of,
     sizes_by_effect,
     sizes_of,
+    strongest_of,
     where_of,
 )
 from clutchest.discovery.cause_set import CauseSet
@@ -222,6 +223,9 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         ),
         provenance=_provenance(task, problem),
         hypotheses=hypotheses(verdict, outcome.name, causes, task.own),
+        strongest=strongest_of(outcome.errors, machine.peaks)
+        if where is None or where.distorted
+        else None,
     )
 
 

@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from clutchest.discovery.residuals import Bins, Misfit
 from clutchest.models.declarations import Comparison
+from clutchest.models.effects.effect import TIME
 from clutchest.models.machine import Machine
 from clutchest.models.quantities import quantity_of
 from clutchest.pictures import Picture
@@ -45,9 +46,9 @@ def worst_stretch(misfit: Misfit) -> tuple[int, slice] | None:
     return drive, piece
 
 
-def most_significant(bins: Sequence[Bins], covariate: str | None, extended: bool) -> Bins | None:
-    """Of the bins over ``covariate`` (over anything if None) those whose means deviate most from
-    noise; of an ``extended`` model those in which it removed most of that."""
+def most_significant(bins: Sequence[Bins], covariate: str, extended: bool) -> Bins | None:
+    """Of the bins over ``covariate`` those whose means deviate most from noise; of an ``extended``
+    model those in which it removed most of that."""
 
     def excess(b: Bins) -> float:
         counted = (b.count > 0) & (b.error > 0)
@@ -58,14 +59,19 @@ def most_significant(bins: Sequence[Bins], covariate: str | None, extended: bool
             return float(chi2 - left)
         return float((chi2 - n) / np.sqrt(2 * n)) if n else -np.inf
 
-    over = [b for b in bins if covariate in (None, b.covariate)]
-    return max(over, key=excess, default=None)
+    return max((b for b in bins if b.covariate == covariate), key=excess, default=None)
 
 
-def draw_misfit(misfit: Misfit, machine: Machine, driver: str | None, extended: bool) -> Picture:
+def draw_misfit(
+    misfit: Misfit,
+    machine: Machine,
+    drivers: Sequence[str],
+    extended: bool,
+    unproven: float | None = None,
+) -> Picture:
     """The compared pair over the worst slip, of the ``extended`` model too where there is one, if
-    the machine has such a pair; binned residuals over their ``driver``, over what they correlate
-    with most if None."""
+    the machine has such a pair; binned residuals over the first of their ``drivers``, over time
+    where they have none; ``unproven``: the p-value of an error over it that is not established."""
     compared = machine.compared
     figure = Picture(figsize=(10 if compared else 5, 3.6), layout="constrained")
     FigureCanvasAgg(figure)
@@ -74,7 +80,13 @@ def draw_misfit(misfit: Misfit, machine: Machine, driver: str | None, extended: 
     else:
         pair, residuals = figure.subplots(1, 2, width_ratios=(3, 2))
         _draw_compared(misfit, compared, extended, pair)
+    binned = {b.covariate for b in misfit.bins}
+    driver = next((name for name in drivers if name in binned), TIME)
     _draw_bins(misfit, machine, driver, extended, residuals)
+    if unproven is not None and driver in drivers and misfit.bins:
+        said = f"strongest driver, not established (p = {unproven:.2g})"
+        title = f"{said}\n{residuals.get_title('left')}"
+        residuals.set_title(title, loc="left", fontsize=9)
     return figure
 
 
@@ -99,9 +111,7 @@ def _draw_compared(misfit: Misfit, compared: Comparison, extended: bool, axes: A
     axes.legend(fontsize=8)
 
 
-def _draw_bins(
-    misfit: Misfit, machine: Machine, driver: str | None, extended: bool, axes: Axes
-) -> None:
+def _draw_bins(misfit: Misfit, machine: Machine, driver: str, extended: bool, axes: Axes) -> None:
     bins = most_significant(misfit.bins, driver, extended)
     if bins is None:
         _say(axes, "too few readings for binned residuals")

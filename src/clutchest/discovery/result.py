@@ -212,7 +212,8 @@ class Discovery(Tabulated):
     where they are named, several where the data do not separate them.  ``extended`` is the vehicle
     with what was identified in its model, ``curve`` the name of the curve added to it, if any;
     ``sentence`` says it in words.  ``fit``: whether residuals of the model are noise,
-    ``fit_extended`` those of the model with the causes, None without any."""
+    ``fit_extended`` those of the model with the causes, None without any.  ``strongest``: where no
+    error with a driver is established, the most likely one."""
 
     vehicle: Vehicle
     verdict: str
@@ -233,6 +234,7 @@ class Discovery(Tabulated):
     warnings: tuple[str, ...]
     provenance: Mapping[str, str]
     hypotheses: tuple[Hypothesis, ...] = ()  # of the user's own
+    strongest: Where | None = None
 
     @property
     def unexcited(self) -> tuple[str, ...]:
@@ -286,12 +288,13 @@ class Discovery(Tabulated):
 
     def plot(self) -> Picture:
         """Torque, measured and simulated, over the slip with the largest error; residuals over the
-        driver that they correlate with most."""
+        driver that they correlate with most, which is said where that is not established."""
         from clutchest.discovery.misfit_picture import draw_misfit
 
-        covariates = self.where.covariates if self.where else ()
-        driver = covariates[0] if covariates else None
-        return draw_misfit(self.misfit, self.vehicle.machine, driver, extended=self.named)
+        where = self.strongest or self.where
+        drivers = where.covariates if where else ()
+        unproven = self.strongest.p_value if self.strongest else None
+        return draw_misfit(self.misfit, self.vehicle.machine, drivers, self.named, unproven)
 
     def summary(self) -> dict[str, Any]:
         """What ``discovery.json`` holds."""
@@ -308,6 +311,7 @@ class Discovery(Tabulated):
             "hypotheses": [asdict(h) for h in self.hypotheses],
             "where": where and where.summary(),
             "errors": where.errors if where else [],
+            "strongest": self.strongest and self.strongest.errors[0],
             "unexcited": list(self.unexcited),
             "identifiability": {i.effect: _without_name(i) for i in self.identifiability},
             "gain": gain and {**asdict(gain), "ci95": list(gain.ci95)},

@@ -59,6 +59,19 @@ def whereabouts(discovery: Discovery) -> str | None:
     return f"The error is in {place}{more}{beside}"
 
 
+def strongest_words(discovery: Discovery) -> str | None:
+    """The most likely error where none is established, as a sentence."""
+    strongest = discovery.strongest
+    if strongest is None or not strongest.covariates or strongest.p_value is None:
+        return None
+    place, driver = place_words(strongest.equation), Quantity(strongest.covariates[0], "1").words
+    highest = "the highest " if strongest.peak else ""
+    return (
+        f"No correlation of the residuals is established.  The strongest one is that of an error "
+        f"in {place} with {highest}{driver} (p = {strongest.p_value:.2g}, all curves)."
+    )
+
+
 def fit_words(discovery: Discovery) -> str:
     """Whether the model fits at all, as a sentence or two."""
     fit = discovery.fit
@@ -210,6 +223,7 @@ def report(
     parts += [words] if (words := whereabouts(discovery)) else []
     if picture:
         parts.append(f"![Residuals of the model, and what they correlate with]({picture})")
+    parts += [words] if (words := strongest_words(discovery)) else []
     parts += [words] if (words := error_curve_words(discovery)) else []
     parts += [f"![The error over what it correlates with]({curve})"] if curve else []
     parts += _results(discovery, forms)
