@@ -15,6 +15,7 @@ from clutchest.estimate.timeline import build
 from clutchest.estimate.wear import remaining_energy
 from clutchest.estimate.whole_log import compile_model
 from clutchest.models import machine_of
+from clutchest.vehicle.vehicle import Estimation
 
 TRUCK = clutchest.load_vehicle("truck")
 NOMINAL = TRUCK.parameters["zero_position_ref"].value
@@ -87,13 +88,30 @@ class TestTheSection:
         # the last row of the grid lies up to 0.1 s before the end
         worn = NOMINAL - states["zero_position"]["value"]
         assert wear["amount"]["value"] == pytest.approx(worn, abs=1e-3)
-        assert wear["amount"]["std"] == pytest.approx(states["zero_position"]["std"], rel=0.01)
+        new = TRUCK.parameters["zero_position_ref"].spread  # of the clutch when new
+        assert wear["new"] == {"value": NOMINAL, "std": new, "unit": "mm"}
+        std = np.hypot(states["zero_position"]["std"], new)
+        assert wear["amount"]["std"] == pytest.approx(std, rel=0.01)
         assert wear["rate"]["value"] == pytest.approx(states["wear_rate"]["value"], abs=1e-3)
         assert wear["slip_energy"]["value"] == pytest.approx(
             first.summary["slip_energy_J"] * 1e-6, rel=1e-3
         )
         low, high = wear["amount"]["ci95"]
         assert high - low == pytest.approx(2 * 1.96 * wear["amount"]["std"])
+
+    def test_a_new_clutch_that_was_measured(self, drive):
+        """Its zero position is stated with the deviation of that measurement."""
+        ref = replace(TRUCK.parameters["zero_position_ref"], value=38.5, spread=0.01)
+        (x0,) = [s for s in TRUCK.machine.states if s.name == "zero_position"]
+        treated = Estimation(x0.role, x0.process_noise, 0.2, x0.useful_std, x0.wander)
+        parameters = {**TRUCK.parameters, "zero_position_ref": ref}
+        estimation = {**TRUCK.estimation, "zero_position": treated}
+        measured = replace(TRUCK, parameters=parameters, estimation=estimation)
+        run = clutchest.replay(drive, measured)
+        state, wear = run.summary["states"]["zero_position"], run.summary["wear"]
+        assert wear["amount"]["value"] == pytest.approx(38.5 - state["value"], abs=1e-3)
+        assert wear["amount"]["std"] == pytest.approx(np.hypot(state["std"], 0.01), rel=0.01)
+        assert "counted from" not in wear["words"][0]
 
     def test_what_is_left_in_hours_and_slip_events(self, first):
         left, history = first.summary["wear"]["remaining"], first.final["history"]
@@ -202,7 +220,7 @@ def test_the_trend_of_many_drives_holds_what_it_says():
             run = clutchest.replay(signals, TRUCK, state=state)
             state, truth, wear = run.final, signals.truth.columns, run.summary["wear"]
             worn += rate * truth["slip_energy"][-1] * 1e-6
-            true = {"amount": NOMINAL - truth["zero_position"][-1], "rate": rate}
+            true = {"amount": worn, "rate": rate}
             inside.append([wear[k]["ci95"][0] < true[k] < wear[k]["ci95"][1] for k in true])
         remaining = (3.0 - true["amount"]) / rate
         low, high = wear["remaining"]["MJ"]["ci95"]

@@ -14,11 +14,12 @@ from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.declarations import Wear
 from clutchest.quantity import Quantity
 from clutchest.signals import Floats
-from clutchest.vehicle import ParameterValue, Vehicle
+from clutchest.vehicle import Vehicle
 from clutchest.vehicle.state_uncertainty import process_noise
 
 Z = 1.96  # standard deviations of a 95 % interval
 MJ = 1e6
+LARGE = 0.5  # share of the standard deviation of wear: what has it is named
 
 Interval = tuple[float | None, float | None]
 
@@ -38,11 +39,14 @@ def wear_trend(
     if known is None:
         known = _over_drives(vehicle, compiled, belief, history)
     amount, speed, P = known
+    new = vehicle.parameters[wear.nominal]
+    P[0, 0] += new.spread**2  # wear is counted from the part when new, which no drive shows
     energy = float(belief.E[0]) / MJ
     energy_std = sqrt(float(belief.E[1] + np.sum((belief.sE * compiled.spread) ** 2))) / MJ
     limit = vehicle.limits.get("wear")
     trend: dict[str, Any] = {
         "amount": _estimate(amount, sqrt(P[0, 0]), wear.unit),
+        "new": {"value": new.value, "std": new.spread, "unit": wear.unit},
         "rate": _estimate(speed, float(np.sqrt(P[1, 1])), f"{wear.unit}/MJ"),
         "slip_energy": _estimate(energy, energy_std, "MJ"),
         "limit": None,
@@ -54,11 +58,12 @@ def wear_trend(
         wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
         left = limit.value - amount
         trend["remaining"] = _remaining(left, wear.unit, speed, P, wandering, history)
-    trend["words"] = _words(trend, wear, vehicle.parameters[wear.nominal])
+    trend["words"] = _words(trend, wear)
     return trend
 
 
-Wearing = tuple[float, float | None, Floats]  # amount, rate, covariance of what is left and rate
+# amount, rate, covariance of what is left and rate, where the part when new is known exactly
+Wearing = tuple[float, float | None, Floats]
 
 
 def _estimated(vehicle: Vehicle, compiled: Compiled, belief: Belief) -> Wearing:
@@ -147,15 +152,14 @@ def _remaining(
     return remaining
 
 
-def _words(trend: Mapping[str, Any], wear: Wear, new: ParameterValue) -> list[str]:
-    """Two sentences; ``new`` is the vehicle file's number, from which wear is counted."""
+def _words(trend: Mapping[str, Any], wear: Wear) -> list[str]:
+    """Two sentences."""
     rate, energy, limit = trend["rate"], trend["slip_energy"], trend["limit"]
     unit = Quantity("wear", wear.unit).shown
     of = "" if limit is None else f" of {_read(limit['value'], wear):g} {unit}"
     first = f"Worn {_plus_minus(trend['amount'], wear, 2)} {unit}{of}"
-    if new.spread > trend["amount"]["std"]:  # or the reader takes the deviation for the wear's own
-        counted = _plus_minus({"value": new.value, "std": new.spread}, wear, 2)
-        first += f", counted from {wear.nominal} = {counted} {unit}"
+    if trend["new"]["std"] > LARGE * trend["amount"]["std"]:
+        first += f", counted from {wear.nominal} = {_plus_minus(trend['new'], wear, 2)} {unit}"
     if rate["value"] is not None:
         first += f", at {_plus_minus(rate, wear, 3)} {unit}/MJ"
     first += f"; {energy['value']:.3g} MJ of slip so far."
