@@ -12,6 +12,7 @@ from rich.console import Console
 import clutchest
 from clutchest.diagnosis.isolation import Explanation
 from clutchest.diagnosis.result import Fault, Isolability
+from clutchest.diagnosis.structure import AffectedSensor
 from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
 from clutchest.record.diagnosis_recording import without_what_rests_on_faults
 from clutchest.record.diagnosis_report import affected, freeze_frame, headline
@@ -53,7 +54,7 @@ def diagnosis():
         np.array([0.1, 0.2]),
         np.array([[0.0, 4.0, 5.0], [4.0, 0.0, 6.0]]),
         (0.1, None),
-        {"a": ("angle",), "b": ()},
+        {"a": (AffectedSensor("angle"),), "b": ()},
     )
     lanes = {**found.lanes, "motor_friction": (((0.0, "passed"), (3.0, "failed")),)}
     return replace(found, faults=(fault,), isolability=matrix, lanes=lanes)
@@ -108,7 +109,9 @@ def test_tables_of_eight_faults_are_whole_in_80_columns(diagnosis):
         np.full(8, 0.12),
         np.full((8, 9), 4.4),
         (0.12,) * 8,
-        dict.fromkeys(names, ("engine_speed", "zero_position through temp_body")),
+        dict.fromkeys(
+            names, (AffectedSensor("engine_speed"), AffectedSensor("zero_position", ("temp_body",)))
+        ),
     )
     console = Console(record=True, width=80, file=StringIO())
     print_diagnosis(replace(diagnosis, isolability=isolability), console, explain=True)
@@ -131,7 +134,9 @@ def test_a_freeze_frame_has_the_units_that_people_read(diagnosis):
 
 
 def test_sensors_that_a_fault_affects_through_the_same_states_stand_together(diagnosis):
-    structure = {"wear": ("a through x", "b", "c through x", "d through x, y"), "gone": ()}
+    through = {"a": ("x",), "b": (), "c": ("x",), "d": ("x", "y")}
+    wear = tuple(AffectedSensor(*each) for each in through.items())
+    structure = {"wear": wear, "gone": ()}
     isolability = replace(diagnosis.isolability, structure=structure)
     assert affected(isolability, "wear") == "b; a, c through x; d through x, y"
     assert affected(isolability, "gone") == "no sensor"

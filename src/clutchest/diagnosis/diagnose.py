@@ -241,7 +241,7 @@ def _isolability(run: Run, drives: Drives) -> Isolability | None:
     )
 
 
-def _affected(run: Run) -> dict[str, tuple[str, ...]]:
+def _affected(run: Run) -> dict[str, tuple[structure.AffectedSensor, ...]]:
     """Fault → the sensors, of those with readings, that it affects."""
     usable = {name for drive in run.signals.drives for name in drive}
     machine = run.vehicle.machine
@@ -252,6 +252,6 @@ def _affected(run: Run) -> dict[str, tuple[str, ...]]:
         gains.append((WEAR, effects[wear.effect], wear.amount))
     read = {name for name, sensor in run.summary["sensors"].items() if sensor["count"]}
     return {
-        fault: tuple(words for words in sensors if words.partition(" ")[0] in read)
+        fault: tuple(each for each in sensors if each.sensor in read)
         for fault, sensors in structure.affected_sensors(model, gains).items()
     }

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from clutchest.diagnosis.structure import AffectedSensor
 from clutchest.shown import Shown, Tabulated
 from clutchest.signals import Floats
 
@@ -92,7 +93,7 @@ class Isolability:
     sizes: Floats
     d_prime: Floats
     detectable: tuple[float | None, ...]
-    structure: Mapping[str, tuple[str, ...]]
+    structure: Mapping[str, tuple[AffectedSensor, ...]]
 
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""
@@ -103,7 +104,7 @@ class Isolability:
             "d_prime": self.d_prime[:, :-1],
             "d_prime_none": self.d_prime[:, -1],
             "detectable_size": list(self.detectable),
-            "structure": {fault: list(sensors) for fault, sensors in self.structure.items()},
+            "structure": {fault: [*map(str, sensors)] for fault, sensors in self.structure.items()},
         }
 
 

@@ -7,7 +7,7 @@ the model allow.  All are judged over stretches of a drive, so that a short tran
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from math import comb
@@ -169,15 +169,23 @@ def all_invalid(track: Track, found: Contradiction) -> Track:
     return replace(valid_where(track, np.zeros(len(track.time), bool)), contradiction=found)
 
 
-def valid_where(track: Track, still: NDArray[np.bool_]) -> Track:
-    """A drive whose states and outputs are valid at most where ``still`` (m) holds."""
-    states, outputs = _invalid(track.states, still), _invalid(track.outputs, still)
+def valid_where(
+    track: Track, still: NDArray[np.bool_], names: Container[str] | None = None
+) -> Track:
+    """A drive whose states and outputs, all or those of these ``names``, are valid at most where
+    ``still`` (m) holds."""
+    states, outputs = (_invalid(each, still, names) for each in (track.states, track.outputs))
     torque, energy = outputs.get("clutch_torque"), outputs.get("slip_energy")
     return replace(track, states=states, clutch_torque=torque, slip_energy=energy)
 
 
-def _invalid(states: Mapping[str, Estimate], still: np.ndarray) -> dict[str, Estimate]:
-    return {name: replace(each, valid=each.valid & still) for name, each in states.items()}
+def _invalid(
+    estimates: Mapping[str, Estimate], still: NDArray[np.bool_], names: Container[str] | None
+) -> dict[str, Estimate]:
+    return {
+        name: replace(each, valid=each.valid & still) if names is None or name in names else each
+        for name, each in estimates.items()
+    }
 
 
 def _range(low: float, high: float) -> str:

@@ -32,7 +32,7 @@ from clutchest.inference.prepared_drive import (
     UnaveragedReadings,
 )
 from clutchest.models.effects.effect import TIME, Lateness
-from clutchest.models.model import Model
+from clutchest.models.model import Expressions, Model
 from clutchest.models.symbols import Input
 from clutchest.signals import Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
@@ -236,7 +236,9 @@ def _interpolated(
 ) -> list[InterpolatedInput]:
     """Every input, with samples as close as the signal's, so that it can be shifted in time; of
     ``slow`` ones (nu) their mean.  Of what drives a tracked state, samples count, not integrals."""
-    inputs, followed = [], _driving_tracked(model)
+    inputs, e = [], model.expressions()
+    tracked = [model.state(name) for name in model.tracked]
+    followed = _driving(model, e, e.rate[tracked])
     for j, item in enumerate(model.inputs):
         between = InterpolatedInput.straight(line.t, line.u[:, j])
         if item.name in signals and line.noise[j] and len(signals[item.name].time) > 4:
@@ -252,10 +254,8 @@ def _interpolated(
     return inputs
 
 
-def _driving_tracked(model: Model) -> set[int]:
-    """Indices of the inputs in the rates of tracked states."""
-    e = model.expressions()
-    rates = ca.vertcat(*(e.rate[model.state(name)] for name in model.tracked))
+def _driving(model: Model, e: Expressions, rates: ca.SX) -> set[int]:
+    """Indices of the inputs in some ``rates`` of a model, written out as ``e``."""
     return {j for j in range(len(model.inputs)) if ca.depends_on(rates, e.u[j])}
 
 
@@ -326,8 +326,8 @@ def _bent(drive: PreparedDrive, signals: Signals, vehicle: Vehicle) -> NDArray[n
 def _moving(compiled: Compiled, which: NDArray[np.bool_]) -> list[Input]:
     """The inputs that move any of the states ``which`` (n), effects of no size left out."""
     model, e = compiled.model, compiled.model.expressions()
-    rate = ca.substitute(e.rate, e.g, ca.DM(compiled.g))[np.flatnonzero(which).tolist()]
-    return [item for j, item in enumerate(model.inputs) if ca.depends_on(rate, e.u[j])]
+    rates = ca.substitute(e.rate, e.g, ca.DM(compiled.g))[np.flatnonzero(which).tolist()]
+    return [model.inputs[j] for j in sorted(_driving(model, e, rates))]
 
 
 def _delayed(signals: Signals, compiled: Compiled, t: Floats) -> list[DelayedSignal]:

@@ -9,8 +9,11 @@ import numpy as np
 import rerun as rr
 
 from clutchest.diagnosis.result import Diagnosis
+from clutchest.diagnosis.structure import estimates_resting_on
 from clutchest.estimate.consistency import valid_where
 from clutchest.estimate.run import Run
+from clutchest.estimate.whole_log import present_effects
+from clutchest.models.model import POWER
 from clutchest.record.diagnosis_report import details, freeze_frame, headline
 
 COLOURS = {"passed": 0x2F5D50FF, "failed": 0xE4572EFF}
@@ -20,19 +23,22 @@ HINT = "Click the time of a fault above: its freeze frame is shown here."
 
 
 def without_what_rests_on_faults(diagnosis: Diagnosis) -> Run:
-    """The run with no estimate valid while a signal that all of them rest on, an input that the
-    equations need or a sensor, is stuck."""
-    run, machine = diagnosis.run, diagnosis.run.vehicle.machine
-    needed = {item.name for item in machine.inputs if item.default is None}
-    needed |= {sensor.name for sensor in machine.sensors}
-    tracks = list(run.tracks)
+    """The run with no estimate valid while a signal that it rests on is stuck."""
+    run, tracks = diagnosis.run, list(diagnosis.run.tracks)
+    drives, vehicle = run.signals.drives, run.vehicle
     for fault in diagnosis.faults:
         kind, _, signal = fault.fault.partition(":")
-        if kind == STUCK and signal in needed:
-            time = tracks[fault.drive].time
-            end = np.inf if fault.ended_s is None else fault.ended_s
-            still = (time < fault.began_s) | (time > end)
-            tracks[fault.drive] = valid_where(tracks[fault.drive], still)
+        if kind != STUCK:
+            continue
+        model = vehicle.machine.equations(drives[fault.drive].available)
+        effects = model.taking(present_effects(vehicle))
+        resting = estimates_resting_on(model.with_effects(effects), signal)
+        called = {vehicle.machine.output: "clutch_torque", POWER: "slip_energy"}
+        names = {called.get(name, name) for name in resting}
+        time = tracks[fault.drive].time
+        end = np.inf if fault.ended_s is None else fault.ended_s
+        still = (time < fault.began_s) | (time > end)
+        tracks[fault.drive] = valid_where(tracks[fault.drive], still, names)
     return replace(run, tracks=tuple(tracks))
 
 

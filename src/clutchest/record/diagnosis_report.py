@@ -8,6 +8,7 @@ import numpy as np
 
 from clutchest.diagnosis.codes import WEAR
 from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
+from clutchest.diagnosis.structure import AffectedSensor
 from clutchest.models.machine import Machine
 from clutchest.quantity import Quantity
 from clutchest.record.report import plus_minus, sources, table
@@ -83,12 +84,11 @@ def diagnosis_markdown(diagnosis: Diagnosis, pictures: Sequence[str] = ()) -> st
 
 def affected(isolability: Isolability, fault: str) -> str:
     """The sensors that a fault affects, those through the same states together."""
-    through: dict[str, list[str]] = {}
-    for words in isolability.structure.get(fault, ()):
-        sensor, _, states = words.partition(" through ")
-        through.setdefault(states, []).append(sensor)
+    through: dict[tuple[str, ...], list[str]] = {}
+    for each in isolability.structure.get(fault, ()):
+        through.setdefault(each.through, []).append(each.sensor)
     parts = [
-        f"{', '.join(sensors)} through {states}" if states else ", ".join(sensors)
+        str(AffectedSensor(", ".join(sensors), states))
         for states, sensors in sorted(through.items())
     ]
     return "; ".join(parts) or "no sensor"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -24,11 +25,12 @@ def run_page(run: Run) -> str:
     """The tables of the report, with the estimates of the first drives over time."""
     from clutchest.record.report import markdown
 
-    count = min(len(run.tracks), DRAWN) if installed("matplotlib") else 0
-    drawn = [drive for drive in range(count) if len(run.tracks[drive].time)]
+    drives = min(len(run.tracks), DRAWN) if installed("matplotlib") else 0
+    drawn = [drive for drive in range(drives) if len(run.tracks[drive].time)]
     names, several = run.estimated, len(run.tracks) > 1
-    count = ceil(len(names) / PANELS)
-    pages = [names[len(names) * k // count : len(names) * (k + 1) // count] for k in range(count)]
+    sheets = ceil(len(names) / PANELS)
+    cuts = [len(names) * k // sheets for k in range(sheets + 1)]
+    pages = [names[a:b] for a, b in pairwise(cuts)]
     pictures: dict[str, str] = {}
     parts = ["## Estimates over time, ± 2σ; grey where an estimate is not valid"] if drawn else []
     for drive in drawn:
