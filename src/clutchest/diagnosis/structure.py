@@ -30,7 +30,7 @@ class AffectedSensor:
 
 
 @dataclass(frozen=True, slots=True)
-class Structure:
+class Dependences:
     """Which state, reading and output of a model depends on which quantity, in some mode.
 
     ``modes``: rates (n), readings (s) and initial values (n) in each.
@@ -41,7 +41,7 @@ class Structure:
     modes: tuple[tuple[ca.SX, ca.SX, ca.SX], ...]
 
     @classmethod
-    def of(cls, model: Model) -> Structure:
+    def of(cls, model: Model) -> Dependences:
         """That of a model, its effects included."""
         e, modes = model.expressions(), []
         for flags in product((0.0, 1.0), repeat=len(model.regime)):
@@ -87,7 +87,7 @@ def affected_sensors(
     time, not by structure.
     """
     model = model.with_effects(tuple(dict.fromkeys(effect for _, effect, _ in effects)))
-    structure = Structure.of(model)
+    structure = Dependences.of(model)
     numbers = [(effect.name, key) for effect, key in model.numbers]
     measured, reach = structure.measured, structure.reach
     affected = {}
@@ -117,7 +117,7 @@ def estimates_resting_on(model: Model, signal: str) -> frozenset[str]:
     from it, or predicted from what is wrong, corrects every state that it shows.  Nothing rests on
     an input that the equations can do without.
     """
-    structure = Structure.of(model)
+    structure = Dependences.of(model)
     e, reach, measured = structure.written, structure.reach, structure.measured
     wrong = np.zeros(len(model.states), bool)
     misled = np.array([signal in (sensor.name, sensor.column) for sensor in model.sensors])
