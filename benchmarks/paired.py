@@ -39,13 +39,15 @@ MADE = {"hour.log": 3600, "quarter.log": 900, "minute.log": 60}  # s of driving 
 
 def commands() -> dict[str, tuple[str, list[str]]]:
     """A program with its arguments, by what it does; one that prints a number is worth that."""
-    truck = ["--vehicle", "truck", "--out", "out"]
+    truck, rig = (["--vehicle", name, "--out", "out"] for name in ("truck", "alsd_rig"))
     return {
         "import": ("import clutchest", []),
         "--help": (CLUTCHEST, ["--help"]),
         **{f"{name}, µs an event": (ENGINES, [name]) for name in FILTERS},
         "replay of the demo": (CLUTCHEST, ["replay", "demo", *truck]),
         "replay of an hour": (CLUTCHEST, ["replay", "hour.log", *truck]),
+        "replay of an hour in Parquet": (CLUTCHEST, ["replay", "hour.parquet", *truck]),
+        "replay of 30 s of the differential": (CLUTCHEST, ["replay", "rig.parquet", *rig]),
         "diagnosis of 15 minutes": (CLUTCHEST, ["diagnose", "quarter.log", *truck]),
     }
 
@@ -95,6 +97,10 @@ def main() -> None:
         for log, seconds in MADE.items():
             make = ["simulate", "--vehicle", "truck", "--scenario", "city", "--seed", "5"]
             cost(clock, CLUTCHEST, [*make, "--duration", str(seconds), "-o", log], *sides[0])
+        table = ["convert", "hour.log", "-o", "hour.parquet", "--vehicle", "truck"]
+        cost(clock, CLUTCHEST, table, *sides[0])
+        rig = ["simulate", "--vehicle", "alsd_rig", "--scenario", "rig-steps", "--seed", "5"]
+        cost(clock, CLUTCHEST, [*rig, "--duration", "30", "-o", "rig.parquet"], *sides[0])
         for what, (program, arguments) in commands().items():
             if given.only not in what:
                 continue

@@ -6,14 +6,20 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from clutchest import generated
 from clutchest.cache import cache_folder
-from clutchest.compute import build
+from clutchest.compute import build, kept_text
+from clutchest.compute.functions import module_text
+from clutchest.models import machine_of
 from clutchest.models.effects import effects_of_file
+from clutchest.models.effects.effect import PARAMETER, START
+from clutchest.models.model import Model
 
 from . import linear
 
@@ -129,7 +135,49 @@ def test_processes_may_compile_at_once(folder: Path) -> None:
     assert len(list(folder.glob("model_*.py"))) == 1
     assert not list(folder.glob("*.tmp"))
     kept = {file: file.stat().st_mtime_ns for file in folder.glob("native/*")}
-    assert len(kept) == 2  # the function, and how Python calls it
+    assert len(kept) == 3  # the text, the function, and how Python calls it
     third = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     assert third == said[0]
     assert kept == {file: file.stat().st_mtime_ns for file in folder.glob("native/*")}
+
+
+def with_states(model: Model) -> tuple[tuple[str, str], ...]:
+    """What responses are taken of: every parameter, every gain of an effect, and a start."""
+    gains = [(e.name, n.key) for e in model.effects for n in e.gains]
+    return (*((PARAMETER, p.key) for p in model.parameters), *gains, (START, model.states[0].name))
+
+
+@pytest.mark.parametrize("name", ["dry_clutch", "alsd"])
+def test_kept_text_is_what_lowering_gives(
+    folder: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is taken from the folder the second time, and by another process."""
+    machine = machine_of(name)
+    model = machine.equations(machine.units)
+    model = model.with_effects(model.taking(tuple(machine.effects.values())[:4]))
+    thetas = with_states(model)
+    assert kept_text.kept_text(model, thetas) == module_text(model, thetas)
+    with monkeypatch.context() as patched:
+        patched.setattr(kept_text, "module_text", None)
+        again = kept_text.kept_text(replace(model), thetas)
+    assert again == module_text(model, thetas)
+    assert "0x" not in repr(replace(model, pieces=(), effects=())), "no address of this process"
+
+
+def test_text_is_kept_under_all_that_it_depends_on(folder: Path) -> None:
+    def other(q: Any) -> None:
+        linear.flow(q)
+        q.upper_rate = 2.0 * q.upper_rate
+
+    model, thetas = linear.TANKS, (("parameter", "leak"),)
+    state, *others = model.states
+    stiff, factor = replace(state, stiff=True), replace(state, factor=not state.factor)
+    changed = [
+        (model, ()),
+        (model, (("start", state.name),)),
+        (model.swap(model.pieces[0], other), thetas),
+        (replace(model, states=(stiff, *others)), thetas),
+        (replace(model, states=(factor, *others)), thetas),
+    ]
+    keys = {kept_text.key(*each) for each in [(model, thetas), *changed]}
+    assert len(keys) == 1 + len(changed)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from clutchest.cache import cache_folder
-from clutchest.compute.functions import forward_text, module_text
+from clutchest.compute.functions import forward_text
+from clutchest.compute.kept_text import kept_text
 from clutchest.generated import named, text_of
 from clutchest.models.model import Model
 
@@ -33,11 +34,11 @@ def generate(model: Model, thetas: Sequence[tuple[str, str]]) -> tuple[str, str]
 
 
 def _lowered_once(model: Model, thetas: tuple[tuple[str, str], ...]) -> str:
-    """:func:`module_text`; drives that follow each other need the same."""
+    """The lowered functions; drives that follow each other need the same."""
     for known, taken, text in tuple(_lowered):  # another thread may add to it meanwhile
         if taken == thetas and known == model:
             return text
-    text = module_text(model, thetas)
+    text = kept_text(model, thetas)
     _lowered.append((model, thetas, text))
     return text
 

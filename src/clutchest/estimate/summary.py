@@ -131,7 +131,9 @@ def _peak_slip(signals: Sequence[Signal], event: Engagement) -> float | None:
     for signal in other:
         a, b = np.searchsorted(signal.time, start, side="right"), np.searchsorted(signal.time, end)
         slip = slip - signal.take(slice(max(a - 1, 0), b + 1)).at(time)
-    middle = np.median(np.stack([slip[:-2], slip[1:-1], slip[2:]]), axis=0)
+    before, at, after = slip[:-2], slip[1:-1], slip[2:]
+    low, high = np.minimum(before, at), np.maximum(before, at)
+    middle = np.maximum(low, np.minimum(high, after))  # of three: np.median takes longer
     return float(np.abs(middle).max())
 
 

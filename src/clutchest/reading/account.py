@@ -40,8 +40,8 @@ class Account:
                     continue
                 mask = seen.setdefault(Why(code), np.zeros(len(rows), bool))
                 mask[place] |= column.why == code
-        counts["decoded"] = int(good.sum())
-        counts |= {words(why): int(mask.sum()) for why, mask in sorted(seen.items())}
+        counts["decoded"] = int(np.count_nonzero(good))
+        counts |= {words(why): int(np.count_nonzero(mask)) for why, mask in sorted(seen.items())}
         for code, number in enumerate(np.bincount(reason[~good]).tolist()):
             if number:
                 self.rejected[words(Why(code)) if code else "multiplexed otherwise"] += number
@@ -52,13 +52,13 @@ class Account:
         """Count the ``frames`` (n) that are not ``mapped`` (n,)."""
         for flag, reason in ((Flag.ERROR, "error frame"), (Flag.REMOTE, "remote frame")):
             kind = ~mapped & ((frames.flags & flag) != 0)
-            self.rejected[reason] += int(kind.sum())
+            self.rejected[reason] += int(np.count_nonzero(kind))
             mapped = mapped | kind
         if any(map(may_carry, wanted)):
             packets = ~mapped & belongs(frames)
-            self.rejected["packet of a longer message"] += int(packets.sum())
+            self.rejected["packet of a longer message"] += int(np.count_nonzero(packets))
             mapped = mapped | packets
-        self.rejected["not mapped"] += int((~mapped).sum())
+        self.rejected["not mapped"] += len(mapped) - int(np.count_nonzero(mapped))
         self.rejected = Counter({k: n for k, n in self.rejected.items() if n})
 
 

@@ -119,6 +119,8 @@ def _column(path: Path, rows: int, name: str) -> Floats:
         raise ClutchestError(
             f"{path}: not a readable table: {read} values in column '{name}', expected {rows}"
         )
+    if len(parts) == 1 and parts[0].flags.owndata:  # not a view of the file's
+        return parts[0]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
