@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from clutchest.discovery.residual_curves import SCALES, evidence, expected
+from clutchest.discovery.curve_evidence import SCALES, evidence, expected
 
 
 def test_evidence_is_twice_the_logarithm_of_the_bayes_factor() -> None:

@@ -18,16 +18,14 @@ from clutchest.discovery.effect_drivers import Standin, by_shapes, drivers_of, s
 from clutchest.discovery.residual_curves import (
     CandidateCurve,
     Curve,
+    CurvesAt,
     Nuisances,
     block_time,
-    covariates_at,
-    derivatives_of,
     places,
-    tested,
 )
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
 from clutchest.discovery.search import Search
-from clutchest.inference.covariates import at_rest, hats, knots
+from clutchest.inference.covariates import hats, knots
 from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, Projection
@@ -61,23 +59,10 @@ class TestedForm:
 def tested_forms(search: Search, h: CauseSet) -> dict[str, TestedForm]:
     """The test of every effect of a cause set, by name."""
     fit = search.objective.white_at(h.fit.theta, h.fit.shapes)
-    at = _At(search, fit, covariates_at(search.problem, fit))
+    at = CurvesAt.of(search.objective, fit)
     beside = _beside(search, fit, h)
     own = {name: [c for c in h.causes if c.name == name] for name in h.effects}
     return {name: _tested(at, beside, causes) for name, causes in own.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class _At:
-    """A search at a ``fit``, with the ``values`` of all covariates of every drive."""
-
-    search: Search
-    fit: Linearisation
-    values: Sequence[Mapping[str, Floats]]
-
-    def tested(self, beside: Nuisances, tables: Sequence[CandidateCurve]) -> list[Curve]:
-        """Curves by these tables, the most likely first."""
-        return tested(self.search.objective, self.fit, beside, self.values, tables, SEED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +75,7 @@ class _Driver:
     term: Standin | None
 
 
-def _tested(at: _At, beside: Nuisances, causes: Sequence[CandidateCause]) -> TestedForm:
+def _tested(at: CurvesAt, beside: Nuisances, causes: Sequence[CandidateCause]) -> TestedForm:
     """The form of one effect, of which ``causes`` are the gains."""
     drivers = _drivers(at, causes)
     names = tuple(dict.fromkeys(driver.table.covariate for driver in drivers))
@@ -110,23 +95,23 @@ def _tested(at: _At, beside: Nuisances, causes: Sequence[CandidateCause]) -> Tes
     held = np.setdiff1d(
         beside.free, [*(c.index for c in causes), *range(len(at.fit.theta), len(beside.prior))]
     )
-    alone = Nuisances(at.fit, held, at.search.objective.prior)
-    (wanted,) = at.tested(alone, [driver.table])
+    alone = Nuisances(at.fit, held, at.objective.prior)
+    (wanted,) = at.tested(alone, [driver.table], SEED)
     refuted = p_value < LEVEL
     form = Form(REFUTED if refuted else HELD, "", p_value, _pictured(at, driver, wanted))
     if not refuted:
         return TestedForm(form, names)
-    ((columns, _),) = derivatives_of(at.search.objective, at.fit, at.values, [driver.table])
+    ((columns, _),) = at.derivatives([driver.table])
     worth = found.statistic - 2.0 * found.freedom
     late = None if driver.term else _of_delay(at, driver)
-    curve = wanted if driver.term else at.tested(alone, [late])[0] if late else None
+    curve = wanted if driver.term else at.tested(alone, [late], SEED)[0] if late else None
     return TestedForm(form, names, worth, curve, columns)
 
 
-def _of_delay(at: _At, driver: _Driver) -> CandidateCurve | None:
+def _of_delay(at: CurvesAt, driver: _Driver) -> CandidateCurve | None:
     """The curve over a driver that a vehicle file can state of a signal's delay, where the effect
     is one; None where it is not."""
-    problem, table, cause = at.search.problem, driver.table, driver.cause
+    problem, table, cause = at.problem, driver.table, driver.cause
     place = places(problem)
     for name, term in problem.compiled.machine.error_terms.items():
         if name in place and term.late and term.late[0] in cause.effect.delays:
@@ -136,21 +121,20 @@ def _of_delay(at: _At, driver: _Driver) -> CandidateCurve | None:
     return None
 
 
-def _deviation(at: _At, beside: Nuisances, table: CandidateCurve) -> FormDeviation:
+def _deviation(at: CurvesAt, beside: Nuisances, table: CandidateCurve) -> FormDeviation:
     """What the data want over one driver beside the effect."""
-    objective = at.search.objective
-    ((columns, _),) = derivatives_of(objective, at.fit, at.values, [table])
+    ((columns, _),) = at.derivatives([table])
     gram = columns.T @ columns
     of = Projection.of(beside.at, beside.free, beside.prior).out_of(columns)
-    blocks = objective.problem.blocks(block_time(objective.problem))
+    blocks = at.problem.blocks(block_time(at.problem))
     return deviation(
         of.pure, beside.at.r, of.score, of.information, blocks, NEGLIGIBLE * gram, INEXACT
     )
 
 
-def _pictured(at: _At, driver: _Driver, wanted: Curve) -> FormCurve:
+def _pictured(at: CurvesAt, driver: _Driver, wanted: Curve) -> FormCurve:
     """Over the driver: what the effect does, and what the data want."""
-    problem, table, cause = at.search.problem, driver.table, driver.cause
+    problem, table, cause = at.problem, driver.table, driver.cause
     size = float(at.fit.theta[cause.index])
     grid = np.linspace(table.at[0], table.at[-1], POINTS)
     basis = hats(grid, table.at)
@@ -219,30 +203,23 @@ def _beside(search: Search, fit: Linearisation, h: CauseSet) -> Nuisances:
     return beside
 
 
-def _drivers(at: _At, causes: Sequence[CandidateCause]) -> list[_Driver]:
+def _drivers(at: CurvesAt, causes: Sequence[CandidateCause]) -> list[_Driver]:
     """Of the gains ``causes`` of one effect."""
-    search, fit, problem = at.search, at.fit, at.search.problem
-    still = set.intersection(
-        *(at_rest(*each) for each in zip(problem.drives, fit.implied, strict=True))
-    )
-    known = [
-        name for name in at.values[0] if name not in still and all(name in v for v in at.values)
-    ]
-    drivers = []
+    known, drivers = at.varying(), []
     for cause in causes:
         names: Sequence[str] = drivers_of(cause.effect, cause.gain.key, known)
-        term = standin(search.objective, fit, cause)
-        names = names or _functions(at, term, known) or _of_equation(problem, cause, known)
+        term = standin(at.objective, at.fit, cause)
+        names = names or _functions(at, term, known) or _of_equation(at.problem, cause, known)
         for name in names:
             drivers += _over(at, cause, term, name)
     return drivers
 
 
-def _functions(at: _At, term: Standin | None, known: Sequence[str]) -> list[str]:
+def _functions(at: CurvesAt, term: Standin | None, known: Sequence[str]) -> list[str]:
     """Covariates of which the error that stands for an effect is a function, but no constant."""
     if term is None:
         return []
-    acts, found = _acts(at.search.problem), list[str]()
+    acts, found = _acts(at.problem), list[str]()
     for name in known:
         values = [v[name] for v in at.values]
         bends = knots(name, np.concatenate(values), np.concatenate(acts))
@@ -252,10 +229,10 @@ def _functions(at: _At, term: Standin | None, known: Sequence[str]) -> list[str]
     return found
 
 
-def _over(at: _At, cause: CandidateCause, term: Standin | None, name: str) -> list[_Driver]:
+def _over(at: CurvesAt, cause: CandidateCause, term: Standin | None, name: str) -> list[_Driver]:
     """A cause over one covariate, by a smooth curve and by one that bends where the cause acts:
     none where the covariate does not vary, or the cause does nothing."""
-    problem, size = at.search.problem, float(at.fit.theta[cause.index])
+    problem, size = at.problem, float(at.fit.theta[cause.index])
     values, acts = [v[name] for v in at.values], _acts(problem)
     found = knots(name, np.concatenate(values), np.concatenate(acts))
     if not found or size == 0.0:

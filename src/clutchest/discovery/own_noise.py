@@ -49,7 +49,8 @@ def with_noise_of_likeliest(search: Search) -> Search:
     significant = search.null_scores.least_p <= LEVEL
     if significant or not loud(search.null.fit, search.objective):
         return search
-    likely = _likely_by_first_order(search)
+    begin = _as_loud(search)
+    likely = _likely_by_first_order(search, begin)
     scores = zip(search.candidates, search.null_scores.z, strict=True)
     tasks = [(c, size) for c, z in scores if c in likely for size in _sizes(c, float(z))]
 
@@ -57,7 +58,7 @@ def with_noise_of_likeliest(search: Search) -> Search:
         cause, size = task
         theta = search.null.fit.theta.copy()
         theta[cause.index] = size / cause.gain.upper
-        return _settled(search, (cause,), theta, turns)
+        return _settled(begin, (cause,), theta, turns)
 
     def judged(task: tuple[CandidateCause, float], turns: int) -> tuple[float, Linearisation]:
         """The cost and where the fit ends: all fits together would not have room."""
@@ -68,32 +69,32 @@ def with_noise_of_likeliest(search: Search) -> Search:
     # what is known after one turn leads on: only the best are followed to the end
     fits = concurrently(search.problem, every, lambda task: judged(task, 1), tasks)
     leaders = sorted(range(len(fits)), key=lambda i: fits[i][0])[:LEADERS]
-    without, _, _ = _settled(search, (), search.null.fit.theta, turns=1)
+    without, _, _ = _settled(begin, (), search.null.fit.theta, turns=1)
     if not leaders or without - fits[leaders[0]][0] < LEADS:
         return search
     ends = concurrently(search.problem, every, lambda i: judged(tasks[i], TURNS), leaders)
     for i, end in zip(leaders, ends, strict=True):
         fits[i] = end
-    begins: dict[CandidateCause, tuple[float, Linearisation]] = {}
+    own: dict[CandidateCause, tuple[float, Linearisation]] = {}
     for (cause, _), (cost, fit) in zip(tasks, fits, strict=True):
-        if cause not in begins or cost < begins[cause][0]:
-            begins[cause] = cost, fit
+        if cause not in own or cost < own[cause][0]:
+            own[cause] = cost, fit
     best = min(leaders, key=lambda i: fits[i][0])
-    none, _, _ = _settled(search, (), search.null.fit.theta)
+    none, _, _ = _settled(begin, (), search.null.fit.theta)
     if none - fits[best][0] < ENOUGH:
         return search
-    none = min(none, _settled(search, (), _without(tasks[best][0], fits[best][1]))[0])
+    none = min(none, _settled(begin, (), _without(tasks[best][0], fits[best][1]))[0])
     if none - fits[best][0] < ENOUGH:
         return search
-    gained = {cause: (none - own, begin) for cause, (own, begin) in begins.items()}
+    gained = {cause: (none - cost, fit) for cause, (cost, fit) in own.items()}
     _, objective, fit = fitted(tasks[best], TURNS)
     return replace(_judged_by(search, objective, fit), begins=gained)
 
 
-def _likely_by_first_order(search: Search) -> list[CandidateCause]:
+def _likely_by_first_order(search: Search, objective: Objective) -> list[CandidateCause]:
     """The candidates that may lead: those that act from a size on, of which a slope at 0 says
     nothing, and others that would by one step from the model without a cause."""
-    objective, null, free = _as_loud(search), search.null.fit, search.free(())
+    null, free = search.null.fit, search.free(())
     fit = objective.linearise_at(null.theta, null.shapes)
 
     def after(at: Linearisation, of: NDArray[np.int64]) -> float:
@@ -142,13 +143,13 @@ def loud(fit: Linearisation, objective: Objective) -> dict[str, float]:
 
 
 def _settled(
-    search: Search, causes: Sequence[CandidateCause], theta: np.ndarray, turns: int = TURNS
+    begin: Objective, causes: Sequence[CandidateCause], theta: Floats, turns: int = TURNS
 ) -> Settled:
     """The most probable numbers from ``theta`` (m) on, with noise as they leave it after so many
-    ``turns`` at most; and −2 ln(probability), that of the noise included.  The first fit is one in
-    white noise as loud as what the model without a cause leaves."""
+    ``turns`` at most; and −2 ln(probability), that of the noise included.  The first fit is one by
+    the objective ``begin``."""
     gains = [c.index for c in causes]
-    objective, fit = settle(_as_loud(search), theta, gains, settings(tuple(causes)), turns)
+    objective, fit = settle(begin, theta, gains, settings(tuple(causes)), turns)
     cost = _cost(objective, [innovations.r for innovations in fit.raw], fit.theta)
     return cost, replace(objective, span=None), fit
 

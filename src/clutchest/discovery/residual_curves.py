@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import softmax
 
+from clutchest.discovery.curve_evidence import evidence, expected
 from clutchest.inference.cores import cores, shared
 from clutchest.inference.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
 from clutchest.inference.estimated_noise import INSIGNIFICANT, LONGEST, EstimatedNoise
@@ -31,9 +31,6 @@ from clutchest.models.error_terms import ErrorTerm
 from clutchest.signals import Floats
 
 DRAWS = 1000
-SCALES = np.array(
-    [0.1, 0.3, 1.0, 3.0, 10.0]
-)  # standard deviations of coefficients, in units of an error
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
 ENTRIES = 1e7  # of derivatives, held at a time
@@ -111,88 +108,134 @@ class Nuisances:
 
 def curves(objective: Objective, fit: Linearisation, beside: Nuisances, seed: int) -> list[Curve]:
     """Every curve over every covariate at a fit, the most likely first, ``beside`` what is free."""
-    values = covariates_at(objective.problem, fit)
-    return tested(objective, fit, beside, values, tables_of(objective.problem, fit, values), seed)
+    at = CurvesAt.of(objective, fit)
+    return at.tested(beside, at.every(), seed)
 
 
-def covariates_at(problem: Problem, fit: Linearisation) -> list[dict[str, Floats]]:
-    """Every covariate of every drive at a fit."""
-    return [covariates(*each) for each in zip(problem.drives, fit.implied, strict=True)]
+@dataclass(frozen=True, slots=True)
+class CurvesAt:
+    """Curves at a ``fit`` of an ``objective``, over covariates of which every drive has these
+    ``values`` there."""
 
+    objective: Objective
+    fit: Linearisation
+    values: Sequence[Mapping[str, Floats]]
 
-def tables_of(
-    problem: Problem, fit: Linearisation, values: Sequence[Mapping[str, Floats]]
-) -> list[CandidateCurve]:
-    """Every curve over every covariate, by every error term."""
-    place = places(problem)
-    # without a signal, some equations are others
-    error_terms = {k: v for k, v in problem.compiled.machine.error_terms.items() if k in place}
-    return [
-        CandidateCurve(name, error_term.equation, place[name], covariate, at)
-        for covariate, at in _covariates_with_knots(problem, fit, values)
-        for name, error_term in error_terms.items()
-        if _is_tested(error_term, covariate, at)
-    ]
+    @classmethod
+    def of(cls, objective: Objective, fit: Linearisation) -> CurvesAt:
+        """With every covariate of every drive."""
+        drives = zip(objective.problem.drives, fit.implied, strict=True)
+        return cls(objective, fit, [covariates(*each) for each in drives])
 
+    @property
+    def problem(self) -> Problem:
+        """The drives and their unknowns."""
+        return self.objective.problem
 
-def tested(
-    objective: Objective,
-    fit: Linearisation,
-    beside: Nuisances,
-    values: Sequence[Mapping[str, Floats]],
-    tables: Sequence[CandidateCurve],
-    seed: int,
-) -> list[Curve]:
-    """The curves ``tables`` over covariates of these ``values`` (each of every drive), the most
-    likely first, by their derivatives at a fit, ``beside`` what else is free.  Where the record is
-    short and one is significant, their null is that of noise whose colour is estimated."""
-    give_back()  # of an hour, what is free in between is 100 MiB
-    given = objective, fit, beside, values, tables, seed
-    found = _tested(*given, None)
-    if len(fit.r) > LONGEST or min((curve.p_value for curve in found), default=1) > INSIGNIFICANT:
-        return found
-    return _tested(*given, EstimatedNoise(objective.noise_model, objective.stretches))
+    def varying(self) -> list[str]:
+        """Names of the covariates that every drive has, and that vary in one."""
+        drives = zip(self.problem.drives, self.fit.implied, strict=True)
+        still = set.intersection(*(at_rest(*each) for each in drives))
+        first = self.values[0]
+        return [n for n in first if n not in still and all(n in v for v in self.values)]
 
+    def every(self) -> list[CandidateCurve]:
+        """Every curve over every covariate, by every error term."""
+        place = places(self.problem)
+        # without a signal, some equations are others
+        terms = {k: v for k, v in self.problem.compiled.machine.error_terms.items() if k in place}
+        acts = np.concatenate([drive.tracked.act for drive in self.problem.drives]).astype(float)
+        acts = acts if acts.any() else np.ones(len(acts))
+        return [
+            CandidateCurve(term, error_term.equation, place[term], covariate, at)
+            for covariate in self.varying()
+            for at in knots(covariate, np.concatenate([v[covariate] for v in self.values]), acts)
+            for term, error_term in terms.items()
+            if _is_tested(error_term, covariate, at)
+        ]
 
-def _tested(
-    objective: Objective,
-    fit: Linearisation,
-    beside: Nuisances,
-    values: Sequence[Mapping[str, Floats]],
-    tables: Sequence[CandidateCurve],
-    seed: int,
-    noise: EstimatedNoise | None,
-) -> list[Curve]:
-    """The same, by the null of a ``noise`` whose colour is estimated, or by a known one."""
-    choices = Counter(table.equation for table in tables)
-    blocks = objective.problem.blocks(block_time(objective.problem))
-    projection = Projection.of(beside.at, beside.free, beside.prior)
+    def derivatives(
+        self, tables: Sequence[CandidateCurve]
+    ) -> Iterator[tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]]:
+        """Derivatives (K, C) of the white innovations by every coefficient of the curves, and
+        columns of each curve; some covariates at a time, as many as memory holds."""
+        for some in _portions(tables, _held(self.fit)):
+            yield self._portion(some)
 
-    def null(derivatives: Floats, c: Projected) -> Floats:
-        """Scores (draws, C) of curves by these ``derivatives`` (K, C), of which ``c`` is left."""
-        rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
-        if noise is not None:
-            std = np.sqrt(np.diag(c.information))
-            return noise.scores(projection, derivatives, fit.psi, rng) * std
-        from_priors = rng.standard_normal((DRAWS, len(c.away))) @ c.away
-        return from_priors + resampled_scores(projection.r, c.pure, DRAWS, rng)
+    def tested(self, beside: Nuisances, tables: Sequence[CandidateCurve], seed: int) -> list[Curve]:
+        """The curves ``tables``, the most likely first, ``beside`` what else is free.  Where the
+        record is short and one is significant, their null is that of noise whose colour is
+        estimated."""
+        give_back()  # of an hour, what is free in between is 100 MiB
+        found = self._tested(beside, tables, seed, None)
+        least = min((curve.p_value for curve in found), default=1)
+        if len(self.fit.r) > LONGEST or least > INSIGNIFICANT:
+            return found
+        noise = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
+        return self._tested(beside, tables, seed, noise)
 
-    def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
-        derivatives, some = _portion(objective, fit, values, portion)
-        gram = derivatives.T @ derivatives
-        c = projection.out_of(derivatives.copy() if noise else derivatives)
-        return _judged(projection.r, c, null(derivatives, c), gram, blocks, choices, some)
+    def _tested(
+        self,
+        beside: Nuisances,
+        tables: Sequence[CandidateCurve],
+        seed: int,
+        noise: EstimatedNoise | None,
+    ) -> list[Curve]:
+        """The same, by the null of a ``noise`` whose colour is estimated, or by a known one."""
+        choices = Counter(table.equation for table in tables)
+        blocks = self.problem.blocks(block_time(self.problem))
+        projection = Projection.of(beside.at, beside.free, beside.prior)
 
-    done = shared(judged, _portions(tables, _held(fit) // cores()))
-    most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
-    # noise has a Bayes factor of B once in B times at most
-    least = np.sort(np.exp(-most / 2.0))
-    named = [
-        replace(curve, p_value=float(family_wise(least, np.exp(-curve.evidence / 2.0))))
-        for results, _ in done
-        for curve in results
-    ]
-    return sorted(named, key=lambda curve: -curve.evidence)
+        def null(derivatives: Floats, c: Projected) -> Floats:
+            """Scores (draws, C) by these ``derivatives`` (K, C), of which ``c`` is left."""
+            rng = np.random.default_rng(seed)  # every portion meets the same draws of noise
+            if noise is not None:
+                std = np.sqrt(np.diag(c.information))
+                return noise.scores(projection, derivatives, self.fit.psi, rng) * std
+            from_priors = rng.standard_normal((DRAWS, len(c.away))) @ c.away
+            return from_priors + resampled_scores(projection.r, c.pure, DRAWS, rng)
+
+        def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
+            derivatives, some = self._portion(portion)
+            gram = derivatives.T @ derivatives
+            c = projection.out_of(derivatives.copy() if noise else derivatives)
+            return _judged(projection.r, c, null(derivatives, c), gram, blocks, choices, some)
+
+        done = shared(judged, _portions(tables, _held(self.fit) // cores()))
+        most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
+        # noise has a Bayes factor of B once in B times at most
+        least = np.sort(np.exp(-most / 2.0))
+        named = [
+            replace(curve, p_value=float(family_wise(least, np.exp(-curve.evidence / 2.0))))
+            for results, _ in done
+            for curve in results
+        ]
+        return sorted(named, key=lambda curve: -curve.evidence)
+
+    def _portion(
+        self, some: Sequence[CandidateCurve]
+    ) -> tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]:
+        """Derivatives by some curves, and columns of each."""
+        begins: dict[tuple[str, int], int] = {}
+        bases: list[list[Floats]] = [[] for _ in self.values]
+        for table in some:
+            covariate, at = table.covariate, table.at
+            if (covariate, len(at)) not in begins:
+                begins[covariate, len(at)] = sum(basis.shape[1] for basis in bases[0])
+                for basis, v in zip(bases, self.values, strict=True):
+                    basis.append(hats(v[covariate], at))
+        counts = [len(table.at) for table in some]
+        columns = np.concatenate(
+            [begins[t.covariate, n] + np.arange(n) for t, n in zip(some, counts, strict=True)]
+        )
+        thetas = np.repeat([table.theta for table in some], counts)
+        modulations = [Modulation(np.column_stack(basis), columns) for basis in bases]
+        bases.clear()  # room for the derivatives
+        derivatives = self.objective.modulated(self.fit, thetas, modulations)
+        derivatives *= np.repeat([table.unit for table in some], counts)
+        ends = np.cumsum(counts)
+        own = zip(some, ends, strict=True)
+        return derivatives, [(t, np.arange(end - len(t.at), end)) for t, end in own]
 
 
 def _judged(
@@ -246,44 +289,6 @@ def block_time(problem: Problem) -> float:
     return max(BLOCK_TIME, BLOCK_READINGS * float(period))
 
 
-def evidence(score: Floats, information: Floats, negligible: Floats) -> Floats:
-    """2 ln of the Bayes factor of coefficients of any of SCALES against none; ``score`` (…, c) and
-    its ``information`` (c, c), which counts as none in directions in which it is less than
-    ``negligible`` (c, c): the remainder of a curve that is nearly a known one is input noise."""
-    each = _of_scales(score, information, negligible)[0]
-    top = each.max(axis=-1, keepdims=True)
-    mean = np.log(np.mean(np.exp((each - top) / 2.0), axis=-1))
-    return np.asarray(top[..., 0] + 2.0 * mean)
-
-
-def expected(score: Floats, information: Floats, negligible: Floats) -> tuple[Floats, Floats]:
-    """Coefficients (c) in the mean over SCALES, each as likely as its ``evidence`` says; in rows
-    (c, c) the principal directions in which they may be off, by a standard deviation each, of
-    those that the data inform: the others are known ones'."""
-    each, means, covariances = _of_scales(score, information, negligible)
-    weight = softmax(each / 2.0)
-    mean = np.asarray(weight @ means)
-    apart = (means - mean) * np.sqrt(weight)[:, None]
-    variance, directions = np.linalg.eigh(np.tensordot(weight, covariances, 1) + apart.T @ apart)
-    return mean, np.sqrt(np.maximum(variance, 0.0))[:, None] * directions.T
-
-
-def _of_scales(
-    score: Floats, information: Floats, negligible: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """2 ln of the Bayes factor (…, s) of each scale, its most probable coefficients (…, s, c), and
-    their covariance (s, c, c)."""
-    strength, directions = np.linalg.eigh(information)
-    informed = strength > np.sum(directions * (negligible @ directions), axis=0)
-    variance = SCALES[:, None] ** 2
-    shrunk = 1.0 + variance * np.where(informed, strength, 0.0)
-    along = np.where(informed, score @ directions, 0.0)
-    each = along**2 @ (variance / shrunk).T - np.log(shrunk).sum(axis=1)
-    known = variance / shrunk
-    covariances = (directions * np.where(informed, known, 0.0)[:, None, :]) @ directions.T
-    return each, (along[..., None, :] * known) @ directions.T, covariances
-
-
 def _dispersion(
     pure: Floats, rest: Floats, blocks: NDArray[np.int64], covariance: Floats, rank: float
 ) -> float:
@@ -303,69 +308,12 @@ def places(problem: Problem) -> dict[str, int]:
     }
 
 
-def _covariates_with_knots(
-    problem: Problem, fit: Linearisation, values: Sequence[Mapping[str, Floats]]
-) -> list[tuple[str, Floats]]:
-    """Covariates that vary in every drive, and the knots of curves over them."""
-    acts = np.concatenate([drive.tracked.act for drive in problem.drives]).astype(float)
-    acts = acts if acts.any() else np.ones(len(acts))
-    still = set.intersection(
-        *(at_rest(*each) for each in zip(problem.drives, fit.implied, strict=True))
-    )
-    return [
-        (name, at)
-        for name in values[0]
-        if name not in still and all(name in v for v in values)
-        for at in knots(name, np.concatenate([v[name] for v in values]), acts)
-    ]
-
-
 def _is_tested(error_term: ErrorTerm, covariate: str, at: Floats) -> bool:
     """Whether a curve over ``covariate`` with these knots is tested."""
     quick = len(at) == max(TIME_KNOTS)
     return (not error_term.covariates or covariate in error_term.covariates) and not (
         error_term.slow and quick
     )
-
-
-def derivatives_of(
-    objective: Objective,
-    fit: Linearisation,
-    values: Sequence[Mapping[str, Floats]],
-    tables: Sequence[CandidateCurve],
-) -> Iterator[tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]]:
-    """Derivatives (K, C) of the white innovations by every coefficient of the curves, and columns
-    of each curve; some covariates at a time, as many as memory holds."""
-    for some in _portions(tables, _held(fit)):
-        yield _portion(objective, fit, values, some)
-
-
-def _portion(
-    objective: Objective,
-    fit: Linearisation,
-    values: Sequence[Mapping[str, Floats]],
-    some: Sequence[CandidateCurve],
-) -> tuple[Floats, list[tuple[CandidateCurve, NDArray[np.int64]]]]:
-    """The same of some curves."""
-    begins: dict[tuple[str, int], int] = {}
-    bases: list[list[Floats]] = [[] for _ in values]
-    for table in some:
-        covariate, at = table.covariate, table.at
-        if (covariate, len(at)) not in begins:
-            begins[covariate, len(at)] = sum(basis.shape[1] for basis in bases[0])
-            for basis, v in zip(bases, values, strict=True):
-                basis.append(hats(v[covariate], at))
-    counts = [len(table.at) for table in some]
-    columns = np.concatenate(
-        [begins[t.covariate, n] + np.arange(n) for t, n in zip(some, counts, strict=True)]
-    )
-    thetas = np.repeat([table.theta for table in some], counts)
-    modulations = [Modulation(np.column_stack(basis), columns) for basis in bases]
-    bases.clear()  # room for the derivatives
-    derivatives = objective.modulated(fit, thetas, modulations)
-    derivatives *= np.repeat([table.unit for table in some], counts)
-    ends = np.cumsum(counts)
-    return derivatives, [(t, np.arange(e - len(t.at), e)) for t, e in zip(some, ends, strict=True)]
 
 
 def _held(fit: Linearisation) -> int:

@@ -12,19 +12,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from clutchest.discovery.curve_evidence import evidence
 from clutchest.discovery.residual_curves import (
     NEGLIGIBLE,
     CandidateCurve,
     Curve,
+    CurvesAt,
     Nuisances,
-    covariates_at,
-    curves,
-    derivatives_of,
-    evidence,
     places,
 )
 from clutchest.discovery.search import Search
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.score_test import Projection
 from clutchest.signals import Floats
 
@@ -40,22 +37,23 @@ def several_errors(search: Search, errors: Sequence[Curve], level: float) -> lis
     beside curves over all leading covariates of the rest."""
     null = search.null.fit
     fit = search.objective.white_at(null.theta, null.shapes)
+    at = CurvesAt.of(search.objective, fit)
     bare = Nuisances(fit, search.free(()), search.objective.prior)
     found = [_of_equation(errors, errors[0].equation)]
-    columns = [_columns(search, fit, found[0])]
+    columns = [_columns(at, found[0])]
     while len(found) < MOST:
         beside = _beside(bare, columns)
         known = {each[0].equation for each in found}
-        left = [c for c in curves(search.objective, fit, beside, SEED) if c.equation not in known]
+        left = [c for c in at.tested(beside, at.every(), SEED) if c.equation not in known]
         if not left or left[0].p_value >= level:
             break
         found.append(_of_equation(left, left[0].equation))
-        columns.append(_columns(search, fit, found[-1]))
+        columns.append(_columns(at, found[-1]))
     if len(found) == 1:
         return found
     first, *others = found
     beside = _beside(bare, columns[1:])
-    again = _of_equation(curves(search.objective, fit, beside, SEED), first[0].equation)
+    again = _of_equation(at.tested(beside, at.every(), SEED), first[0].equation)
     if not again or again[0].p_value >= level:
         found, columns = others, columns[1:]
     together = [evidence_together(bare, each) for each in columns]
@@ -77,15 +75,13 @@ def _beside(bare: Nuisances, columns: Sequence[Floats]) -> Nuisances:
     return bare.also(np.column_stack(columns), WIDEST).explained()
 
 
-def _columns(search: Search, fit: Linearisation, errors: Sequence[Curve]) -> Floats:
+def _columns(at: CurvesAt, errors: Sequence[Curve]) -> Floats:
     """Derivatives (K, c) by the curves of one equation, one over each of its leading covariates."""
-    place = places(search.problem)
+    place = places(at.problem)
     leading = list({c.covariate: c for c in reversed(errors)}.values())
     leading = sorted(leading, key=lambda c: -c.evidence)[:COVARIATES]
     tables = [
         CandidateCurve(c.error_term, c.equation, place[c.error_term], c.covariate, c.at)
         for c in leading
     ]
-    values = covariates_at(search.problem, fit)
-    parts = [part for part, _ in derivatives_of(search.objective, fit, values, tables)]
-    return np.column_stack(parts)
+    return np.column_stack([part for part, _ in at.derivatives(tables)])
