@@ -58,7 +58,7 @@ class Loop:
         once = _sample(fitted, volts * kv, kp)
         x = np.zeros(len(model.states))
         # curves over time begin where the converted record does
-        late = [state.name.endswith("_time") for state in model.states]
+        late = [state.unit == "s" for state in model.states]
         x[late] = time[0] - time[WIDTH]
         start = np.concatenate([x, np.full(3, begin[0]), [official["vir"][0, 0] * volts]])
         return cls(time, goal, start, once.mapaccum("moves", len(time)))

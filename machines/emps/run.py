@@ -21,6 +21,7 @@ from convert import convert  # noqa: E402
 from two_records import Found, less, rms, run  # noqa: E402
 
 from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
+from clutchest.models.symbols import State  # noqa: E402
 
 # Of the benchmark's report: mass, viscous and dry friction, offset, fitted to the discovery record.
 PUBLISHED = {"mass": 95.1089, "viscous": 203.5034, "coulomb": 20.3935, "offset": -3.1648}
@@ -44,14 +45,14 @@ def states_of(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.nda
     in steady motion (n, K)."""
     speed, since = record["speed"], record["time"] - record["time"][0]
 
-    def measured(state: str) -> np.ndarray:
+    def measured(state: State) -> np.ndarray:
         """Of one state."""
-        if state == "speed":
+        if state.name == "speed":
             return speed
-        return since if state.endswith("_time") else np.sign(speed)
+        return since if state.unit == "s" else np.sign(speed)
 
     model = fitted.posterior.problem.compiled.model
-    return np.array([measured(state.name) for state in model.states])
+    return np.array([measured(state) for state in model.states])
 
 
 def force_error(fitted: FittedMachine, record: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -12,6 +12,7 @@ from clutchest.diagnosis.faults.noise import BLOCK, Noise
 from clutchest.diagnosis.faults.repeats import Repeats
 from clutchest.diagnosis.sequential import tail_bound, tail_mean
 from clutchest.signals import Signal, Traffic
+from clutchest.vehicle.vehicle import BusSignal, SignalMap
 
 H_1000 = 3.6e6  # s
 rates = pytest.mark.parametrize("rate", [1.0, 10.0, 1000.0])
@@ -48,7 +49,7 @@ def test_a_share_of_wrong_frames_is_held_against_lordens_bound(rate):
 def test_noise_is_held_against_the_tail_of_its_level(rate):
     time = np.arange(0.0, 600.0, 0.01)
     value = 0.5 * np.random.default_rng(2).standard_normal(len(time))
-    test = Noise("s", rate, 0.5, 0.0)
+    test = Noise(SignalMap("s", BusSignal("m", "s", "1"), 0.5), rate)
     test.take(Batch({"s": Signal.of("s", "", time, value)}, {}))
     assert test.threshold == tail_bound(test.tail, H_1000 / (BLOCK * test.period) / rate)
     assert not test.alarms

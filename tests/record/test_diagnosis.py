@@ -64,7 +64,7 @@ def test_json_has_what_the_interface_names(diagnosis, tmp_path):
     paths = write_diagnosis(diagnosis, tmp_path / "out")
     assert [path.name for path in paths] == ["diagnosis.json", "recording.rrd", "report.html"]
     told = json.loads(paths[0].read_text(encoding="utf-8"))
-    assert told["warnings"] == [diagnosis.reservation] and "misfit" in diagnosis.reservation
+    assert told["warnings"] == diagnosis.warnings and "misfit" in diagnosis.warnings[0]
     for monitor in told["monitors"]:
         assert {"name", "status", "why", "threshold", "false_alarms_per_1000h"} <= set(monitor)
     fault = told["faults"][0]

@@ -168,14 +168,14 @@ class Diagnosis(Tabulated):
         return figure
 
     @property
-    def reservation(self) -> str:
-        """What its machine says is to be kept in mind of a diagnosis; empty where nothing is."""
-        return self.run.vehicle.machine.reservations.get("diagnose", "")
+    def warnings(self) -> list[str]:
+        """What its machine says is to be kept in mind of a diagnosis."""
+        return self.run.vehicle.machine.reserved("diagnose")
 
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""
         return {
-            "warnings": [self.reservation] if self.reservation else [],
+            "warnings": self.warnings,
             "monitors": [
                 {
                     "name": m.name,

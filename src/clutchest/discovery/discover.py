@@ -312,9 +312,8 @@ def _untested(task: _Task, search: Search, best: CauseSet) -> list[str]:
     """In words, what the vehicle file says of itself, which parts of the log and which effects
     could not be tested; and where a drive starts unlike one at rest, as the ``best`` has it."""
     problem = search.problem
-    reserved = task.vehicle.machine.reservations.get("discover")
     words = [
-        *([reserved] if reserved else []),
+        *task.vehicle.machine.reserved("discover"),
         *task.vehicle.notes,
         *task.signals.warnings,
         *untested_effects(problem, task.testable),

@@ -5,6 +5,12 @@ the shorter a record and the slower its noise.  So noise is drawn that is colour
 record most probably is, its colour estimated in each draw as that of the record was, and the draw's
 scores taken by that estimate: a parametric bootstrap
 (B. Efron, R. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 6).
+
+What the noise of the record most probably is: unknowns take up slow errors with what they explain,
+so that the rest looks less autocorrelated than the noise is.  How much less is seen on noise drawn
+from the model, of which the unknowns take their share as of the record; what that costs its
+autocovariances is given back, and so on with the model that this makes: restricted likelihood
+(D. Harville, Maximum likelihood approaches to variance component estimation, 1977) by simulation.
 """
 
 from __future__ import annotations
@@ -15,13 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.inference.noise_model import NoiseModel, Stretches
+from clutchest.inference.noise_model import NoiseModel, Stretches, sums
 from clutchest.inference.objective import Linearisation
-from clutchest.inference.restored_noise import restored
 from clutchest.inference.score_test import Projection, ScoreTest
 from clutchest.signals import Floats
 
 DRAWS = 600  # so that the level of the search is that of several of them
+TURNS, DRAWS_OF_MODEL = 6, 60  # of what is given back to a noise model
 LONGEST = 2500  # readings; of a longer record, the colour is known well enough
 INSIGNIFICANT = 0.05  # family-wise p-value by a known colour, which an estimated one only raises
 
@@ -44,13 +50,30 @@ class EstimatedNoise:
 
     def restored(self, r: Floats, psi: Floats) -> EstimatedNoise:
         """What it is likely to be, where unknowns by which the innovations ``r`` (K) have these
-        derivatives ``psi`` (K, m), both white, took their share."""
-        own = [np.split(self.coloured(values), self._edges) for values in (r, psi)]
-        return replace(self, model=restored(self.model, self.stretches, *own))
+        derivatives ``psi`` (K, m), both white, took their share, of prior variance 1."""
+        rng = np.random.default_rng(len(self.stretches))
+        white = rng.standard_normal((len(r), DRAWS_OF_MODEL))
+        noise, known = self, self.coloured(np.column_stack([r, psi]))
+        for _ in range(TURNS):
+            whole = np.column_stack([noise.whitened(noise.model, known), white])
+            r, psi = whole[:, [0, *range(-DRAWS_OF_MODEL, 0)]], whole[:, 1:-DRAWS_OF_MODEL]
+            inner = psi.T @ psi + np.eye(psi.shape[1])
+            rest = r - psi @ np.linalg.solve(inner, psi.T @ r)
+            left, count = noise._sums(rest[:, 0])
+            drawn, _ = noise._sums(white)
+            kept, _ = noise._sums(rest[:, 1:])
+            model = NoiseModel.of_sums(noise.model.groups, left + drawn - kept, count)
+            noise = replace(noise, model=model)
+        return noise
 
     def estimated(self, rest: Floats) -> NoiseModel:
         """The model of what is left (K) of noise."""
         return NoiseModel.fit(self.stretches, np.split(rest, self._edges))
+
+    def _sums(self, white: Floats) -> tuple[Floats, Floats]:
+        """Of noise whose innovations are ``white`` (K, …), what a model is made of; see
+        :func:`~clutchest.inference.noise_model.sums`."""
+        return sums(self.stretches, np.split(self.coloured(white), self._edges))
 
     @property
     def _edges(self) -> NDArray[np.int64]:

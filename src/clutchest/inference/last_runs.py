@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,14 +42,14 @@ class LastRuns:
     """
 
     def __init__(self) -> None:
-        self._runs: deque[_Run] = deque(maxlen=KEPT)
+        self._runs: tuple[_Run, ...] = ()
 
     def at(
         self, numbers: ModelNumbers, point: OperatingPoint, wanted: NDArray[np.bool_]
     ) -> NormalisedInnovations | None:
         """A copy of the innovations there, with derivatives by the ``wanted`` thetas (m), if these
         are known."""
-        for run in tuple(self._runs):
+        for run in self._runs:
             enough = not (wanted & ~run.wanted).any()
             if enough and run.serves(numbers, point.corrections):
                 return run.innovations.only(np.flatnonzero(wanted))
@@ -65,9 +63,7 @@ class LastRuns:
         innovations: NormalisedInnovations,
     ) -> None:
         """Remember a copy of these innovations."""
-        runs = tuple(self._runs)
-        if wanted.any():
-            runs = tuple(run for run in runs if not run.wanted.any())
+        others = [run for run in self._runs if not (wanted.any() and run.wanted.any())]
         copy = innovations.only(np.flatnonzero(wanted))
         new = _Run(numbers, point.corrections, wanted.copy(), copy)
-        self._runs = deque(chain(runs, [new]), maxlen=KEPT)
+        self._runs = (*others, new)[-KEPT:]

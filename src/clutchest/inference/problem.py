@@ -116,7 +116,9 @@ class Problem:
             *(HealthyPart(h.effect, h.key, h.std) for h in healthy),
         )
         units = np.array([t.unit for t in (*shared, *starts)])
-        exact = {i for i, t in enumerate(thetas) if isinstance(t, StatedGain) and t.exact}
+        without_prior = [
+            isinstance(t, UnknownGain) or (isinstance(t, StatedGain) and t.exact) for t in thetas
+        ]
         return cls(
             vehicle,
             compiled,
@@ -127,7 +129,7 @@ class Problem:
             delayed,
             (*delayed, *(places[h.gain] for h in healthy)),
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
-            np.array([i for i in range(len(thetas)) if i not in {*exact, *places.values()}]),
+            np.flatnonzero(np.logical_not(without_prior)),
             (*wanders, *(errors if discrepant else ())),
             np.zeros(len(thetas)),
             np.zeros(len(thetas)),

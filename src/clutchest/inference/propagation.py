@@ -109,6 +109,12 @@ class Propagation(NamedTuple):
         first.innovation[later] = second.innovation[: len(table)]
         return first.innovation, np.concatenate([first.x, second.x[1:]])
 
+    @property
+    def _at_once(self) -> NDArray[np.int64]:
+        """Of every regime (r), how many steps of the states derivatives take in one; a covariance
+        that is carried in long steps may run away."""
+        return self.drive.at_once if self.frozen else np.ones_like(self.drive.at_once)
+
     def _start(self, active: NDArray[np.int64]) -> Start:
         """Where the drive begins."""
         drive, (p, g, first, _) = self.drive, self.numbers
@@ -144,8 +150,7 @@ class Propagation(NamedTuple):
                 modulation.basis[piece],
                 modulation.column,
                 into.place,
-                # a covariance that is carried in long steps may run away
-                drive.at_once if self.frozen else np.ones_like(drive.at_once),
+                self._at_once,
             ),
             events,
             Denoised(

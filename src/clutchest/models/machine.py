@@ -255,6 +255,10 @@ class Machine:
         """Names of what it can be simulated in."""
         return (*self.scenarios(), *self.excitations)
 
+    def reserved(self, verb: str) -> list[str]:
+        """Warnings that stand beside every answer of a ``verb``."""
+        return [self.reservations[verb]] if verb in self.reservations else []
+
     def supports(self, verb: str) -> None:
         """Raises ClutchestError where this ``verb`` cannot be asked of the machine."""
         for lacking in (words for piece, words in NEEDED.get(verb, ()) if not piece(self)):

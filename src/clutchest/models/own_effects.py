@@ -7,7 +7,7 @@ something that acts on the machine, or as a reading.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 TURNS = 4  # of the iteration from a truth to its reading
 
 Seen = Mapping[str, float]
-Acts = Callable[[Seen, Mapping[str, float], Mapping[str, float]], dict[str, float]]
 
 
 class OwnEffects(ABC):
@@ -34,11 +33,12 @@ class OwnEffects(ABC):
 
     ``told``: quantities whose change acts on the machine; ``inputs``: those whose readings may be
     wrong; ``sensors``: signal → quantity that is its reading; ``nominal`` gives states of which the
-    generator tells nothing.
+    generator tells nothing; ``wears``: the one of ``told`` whose changes sum up over time.
     """
 
     machine: ClassVar[str]  # in words
     told: ClassVar[tuple[str, ...]]
+    wears: ClassVar[str]
     inputs: ClassVar[tuple[str, ...]]
     sensors: ClassVar[Mapping[str, str]] = {}
 
@@ -66,17 +66,21 @@ class OwnEffects(ABC):
         return {}
 
     @abstractmethod
-    def acts(self) -> Acts:
-        """What acts, by what is seen, the changes of the quantities and their values; a new one for
-        every drive, so that it may have memory."""
+    def acts(
+        self, seen: Seen, change: Mapping[str, float], value: Mapping[str, float], worn: float
+    ) -> dict[str, float]:
+        """What acts, by what is seen, the changes of the quantities and their values, and what has
+        summed up of that which wears."""
 
     def law(self) -> Law:
         """What acts on the machine."""
         self._times.clear()
         self._states.clear()
-        acts, names, nominal = self.acts(), self._changes.names, self.nominal()
+        names, nominal = self._changes.names, self.nominal()
+        worn, before = 0.0, 0.0
 
         def act(seen: Seen) -> dict[str, float]:
+            nonlocal worn, before
             known = {**nominal, **seen}
             x = np.array([known.get(state.name, 0.0) for state in self._model.states])
             inputs = self._model.inputs
@@ -87,7 +91,9 @@ class OwnEffects(ABC):
             change, value = (
                 dict(zip(names, each[:, 0].tolist(), strict=True)) for each in (changes, values)
             )
-            return acts(seen, change, value)
+            worn += change[self.wears] * (seen["time"] - before)
+            before = seen["time"]
+            return self.acts(seen, change, value, worn)
 
         return act
 

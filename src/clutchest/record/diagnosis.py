@@ -57,8 +57,8 @@ def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = Fals
         f"{counts['passed']} monitors passed, {counts['failed']} failed, "
         f"{counts['not run']} could not run."
     )
-    if diagnosis.reservation:
-        console.print(f"[yellow]{escape(diagnosis.reservation)}[/]")
+    for words in diagnosis.warnings:
+        console.print(f"[yellow]{escape(words)}[/]")
     shown = [m for m in diagnosis.monitors if explain or m.status != "passed"]
     if shown:
         table = Table("monitor", "status", "why", title_justify="left")

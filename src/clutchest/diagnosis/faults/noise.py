@@ -12,6 +12,7 @@ from clutchest.diagnosis.sequential import new_tail, tail_bound, tail_mean, tail
 from clutchest.shown import with_unit
 from clutchest.signals import Floats
 from clutchest.vehicle import Vehicle
+from clutchest.vehicle.vehicle import SignalMap
 
 ORDER = 4  # of the differences: smooth motion vanishes in them
 BLOCK = 50  # differences whose median is one sample of the level
@@ -35,18 +36,11 @@ class Noise(StreamTest):
 
     kind, fmi = "noise", 2
 
-    def __init__(
-        self,
-        subject: str,
-        per_1000h: float,
-        std: float,
-        ar: float,
-        guessed: bool = False,
-        unit: str = "1",
-    ) -> None:
-        super().__init__(subject, per_1000h)
-        self.unit = unit
-        self.std, self.ar, self.guessed, self.sum, self.begun = std, ar, guessed, 0.0, 0.0
+    def __init__(self, signal: SignalMap, per_1000h: float, unit: str = "1") -> None:
+        super().__init__(signal.name, per_1000h)
+        self.std, self.ar, self.unit = signal.noise, signal.noise_ar, unit
+        self.guessed = signal.noise_source.startswith("guess")
+        self.sum, self.begun = 0.0, 0.0
         self.tail, self.pending = new_tail(1.0), list[float]()
         self.rest = np.zeros((2, 0))
         self.step, self.period, self.blocks = np.inf, 0.0, 0
@@ -54,18 +48,10 @@ class Noise(StreamTest):
     @classmethod
     def of(cls, vehicle: Vehicle, per_1000h: float) -> Sequence[StreamTest]:
         """See :meth:`StreamTest.of`."""
-        mapped = [vehicle.signals[name] for name in fluctuating(vehicle)]
         units = vehicle.machine.units
         return [
-            cls(
-                s.name,
-                per_1000h,
-                s.noise,
-                s.noise_ar,
-                s.noise_source.startswith("guess"),
-                units.get(s.name, "1"),
-            )
-            for s in mapped
+            cls(vehicle.signals[name], per_1000h, units.get(name, "1"))
+            for name in fluctuating(vehicle)
         ]
 
     def take(self, batch: Batch) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from clutchest.models.alsd.estimator import ALSD
 from clutchest.models.model import Model
-from clutchest.models.own_effects import Acts, OwnEffects, Seen
+from clutchest.models.own_effects import OwnEffects, Seen
 
 SHARES = {  # the generator's share → the quantity of which it is one
     "friction": "friction_now",
@@ -20,6 +20,7 @@ class DifferentialEffects(OwnEffects):
     """See :class:`OwnEffects`."""
 
     machine = "differential"
+    wears = "free_play_rate"
     inputs = ("armature_voltage", "slip_speed", "oil_temp")
     sensors = {
         "armature_current": "armature_current_reading",
@@ -45,29 +46,21 @@ class DifferentialEffects(OwnEffects):
         """See :meth:`OwnEffects.model`."""
         return ALSD
 
-    def acts(self) -> Acts:
+    def acts(
+        self, seen: Seen, change: Mapping[str, float], value: Mapping[str, float], worn: float
+    ) -> dict[str, float]:
         """See :meth:`OwnEffects.acts`."""
-        worn, before = 0.0, 0.0
-
-        def act(
-            seen: Seen, change: Mapping[str, float], value: Mapping[str, float]
-        ) -> dict[str, float]:
-            nonlocal worn, before
-            worn += change["free_play_rate"] * (seen["time"] - before)
-            before = seen["time"]
-            shares = {
-                name: change[quantity] / value[quantity] if value[quantity] else 0.0
-                for name, quantity in SHARES.items()
-            }
-            drop = change["resistance"] * seen["current"]
-            return {
-                "voltage": drop - change["motor_voltage"],
-                "load": change["motor_friction_torque"] - change["motor_torque"],
-                "film": change["drag_torque"],
-                "pack_heat": change["pack_heat"],
-                "armature_heat": change["armature_heat"] + drop * seen["current"],
-                "play": worn + change["initial_free_play"],
-                **shares,
-            }
-
-        return act
+        shares = {
+            name: change[quantity] / value[quantity] if value[quantity] else 0.0
+            for name, quantity in SHARES.items()
+        }
+        drop = change["resistance"] * seen["current"]
+        return {
+            "voltage": drop - change["motor_voltage"],
+            "load": change["motor_friction_torque"] - change["motor_torque"],
+            "film": change["drag_torque"],
+            "pack_heat": change["pack_heat"],
+            "armature_heat": change["armature_heat"] + drop * seen["current"],
+            "play": worn + change["initial_free_play"],
+            **shares,
+        }

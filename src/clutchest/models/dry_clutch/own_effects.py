@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchest.models.dry_clutch.equations import DRY_CLUTCH
 from clutchest.models.model import Model
-from clutchest.models.own_effects import Acts, OwnEffects, Seen
+from clutchest.models.own_effects import OwnEffects, Seen
 
 SMALL = 5.0  # Nm: below, a share of the torque is no number
 SLIPS = 0.1  # rad/s; below, the engine turns with the gearbox
@@ -24,6 +24,7 @@ class TruckEffects(OwnEffects):
     """See :class:`OwnEffects`."""
 
     machine = "truck"
+    wears = "zero_position_rate"
     inputs = (
         "engine_torque",
         "input_shaft_speed",
@@ -52,35 +53,27 @@ class TruckEffects(OwnEffects):
         """See :meth:`OwnEffects.nominal`."""
         return {"zero_position": self.parameters["zero_position_ref"], "friction": 1.0}
 
-    def acts(self) -> Acts:
+    def acts(
+        self, seen: Seen, change: Mapping[str, float], value: Mapping[str, float], worn: float
+    ) -> dict[str, float]:
         """See :meth:`OwnEffects.acts`."""
-        worn, before = 0.0, 0.0
-
-        def act(
-            seen: Seen, change: Mapping[str, float], value: Mapping[str, float]
-        ) -> dict[str, float]:
-            nonlocal worn, before
-            torque = value["sliding_torque"]
-            worn += change["zero_position_rate"] * (seen["time"] - before)
-            before = seen["time"]
-            load = -change["true_engine_torque"]
-            if abs(seen["slip_speed"]) > SLIPS:
-                load -= change["engine_speed_rate"] * self.parameters["engine_inertia"]
-            heat = {
-                name: change[name] + change[rate] * self.parameters[capacity]
-                for name, (rate, capacity) in HEAT.items()
-            }
-            heat["disc_heat"] += change["power"]
-            drag, slip = change["drag_torque"], seen["slip_speed"]
-            if torque <= 0.0:  # the generator's clutch is open, and carries no torque
-                load += drag
-                heat["disc_heat"] += drag * slip
-            return {
-                "torque_share": change["sliding_torque"] / torque if torque > SMALL else 0.0,
-                "torque": drag * float(np.sign(slip)) if torque > 0.0 else 0.0,
-                "engine_load": load,
-                "zero_position": worn + change["expansion"] + change["initial_zero_position"],
-                **heat,
-            }
-
-        return act
+        torque = value["sliding_torque"]
+        load = -change["true_engine_torque"]
+        if abs(seen["slip_speed"]) > SLIPS:
+            load -= change["engine_speed_rate"] * self.parameters["engine_inertia"]
+        heat = {
+            name: change[name] + change[rate] * self.parameters[capacity]
+            for name, (rate, capacity) in HEAT.items()
+        }
+        heat["disc_heat"] += change["power"]
+        drag, slip = change["drag_torque"], seen["slip_speed"]
+        if torque <= 0.0:  # the generator's clutch is open, and carries no torque
+            load += drag
+            heat["disc_heat"] += drag * slip
+        return {
+            "torque_share": change["sliding_torque"] / torque if torque > SMALL else 0.0,
+            "torque": drag * float(np.sign(slip)) if torque > 0.0 else 0.0,
+            "engine_load": load,
+            "zero_position": worn + change["expansion"] + change["initial_zero_position"],
+            **heat,
+        }
