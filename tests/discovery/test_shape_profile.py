@@ -14,8 +14,8 @@ from clutchest.discovery.candidates import CandidateCause
 from clutchest.discovery.cause_set import CauseSet
 from clutchest.discovery.search import Search, begin
 from clutchest.discovery.shape_profile import FINER, HALVED, refine
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.models import machine_of
 
 LIBRARY = tuple(machine_of("dry_clutch").effects.values())

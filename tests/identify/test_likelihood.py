@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from clutchest.identify.likelihood import widened
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
+from clutchest.inference.white_linearisation import Linearisation
 
 BLOCKS, LENGTH = 200, 25
 

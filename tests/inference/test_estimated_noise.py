@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 
 from clutchest.inference.estimated_noise import LONGEST, EstimatedNoise, with_estimated_noise
 from clutchest.inference.noise_model import NoiseModel, Stretches
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.score_test import ScoreTest, score_test
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 READINGS, SLOW = 500, 0.97

@@ -13,8 +13,8 @@ import pytest
 from scipy.stats import binomtest, kstest, norm
 
 from clutchest.discovery.search import LEVEL
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.score_test import DRAWS, GROUPS, ScoreTest, resampled_scores, score_test
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 NUISANCES = 5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from clutchest.discovery.candidates import CandidateCause
-from clutchest.inference.objective import Linearisation
+from clutchest.inference.white_linearisation import Linearisation
 
 PER_SHAPE = 1.0  # of 2 Δ ln L: what the choice among the values of a shape gains by noise alone
 

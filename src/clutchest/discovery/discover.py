@@ -50,9 +50,9 @@ from clutchest.errors import ClutchestError
 from clutchest.estimate.other_bench import on_other_bench
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.memory import give_back
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import TIME

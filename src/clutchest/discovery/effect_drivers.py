@@ -15,8 +15,9 @@ from clutchest.discovery.candidates import CandidateCause
 from clutchest.discovery.residual_curves import places
 from clutchest.inference.covariates import hats
 from clutchest.inference.linearisation import Modulation
-from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.models.declarations import ENERGY
 from clutchest.models.effects import Effect
 from clutchest.models.effects.effect import Gains

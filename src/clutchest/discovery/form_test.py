@@ -26,9 +26,9 @@ from clutchest.discovery.residual_curves import (
 from clutchest.discovery.result import HELD, REFUTED, Form, FormCurve
 from clutchest.discovery.search import Search
 from clutchest.inference.covariates import hats, knots
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, Projection
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 LEVEL = 0.01  # p-value of a form, over all drivers of the effect, below which it is refuted

@@ -19,9 +19,10 @@ from clutchest.inference.map_fit import (
     improve,
     with_noise_estimated,
 )
-from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
+from clutchest.inference.objective import NO_SHAPES, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import InitialState, Shapes
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 Indices = NDArray[np.int64]

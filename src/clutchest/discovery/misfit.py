@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from clutchest.discovery.residuals import Bins, Level, Misfit
 from clutchest.discovery.torque import torques
 from clutchest.inference.covariates import covariates
-from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.objective import Objective
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 BINS = 8

@@ -30,7 +30,8 @@ from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import TURNS, improve, settle, step
 from clutchest.inference.noise_model import NoiseModel
-from clutchest.inference.objective import FAR, NO_SHAPES, Linearisation, Objective
+from clutchest.inference.objective import FAR, NO_SHAPES, Objective
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 LOUD = 3.0  # rms innovation, of the stated noise, from which on some of it may be an error

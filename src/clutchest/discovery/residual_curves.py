@@ -21,10 +21,11 @@ from clutchest.inference.cores import cores, shared
 from clutchest.inference.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
 from clutchest.inference.estimated_noise import INSIGNIFICANT, LONGEST, EstimatedNoise
 from clutchest.inference.linearisation import Modulation
-from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import Projected, Projection, family_wise, resampled_scores
 from clutchest.inference.unknowns import UnknownGain
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.memory import give_back
 from clutchest.models.error_term_effects import PREFIX
 from clutchest.models.error_terms import ErrorTerm

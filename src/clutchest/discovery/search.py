@@ -20,10 +20,11 @@ from clutchest.inference.cores import shared
 from clutchest.inference.estimated_noise import EstimatedNoise, with_estimated_noise
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import improve, settle
-from clutchest.inference.objective import SAME, Linearisation, Objective
+from clutchest.inference.objective import SAME, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import ABSENT, NOT_EXCLUDED, Projection, ScoreTest, score_test
 from clutchest.inference.unknowns import InitialState, Shapes
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.progress import Progress
 from clutchest.signals import Floats
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.problem import Problem
 from clutchest.inference.while_sliding import while_sliding
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 Torques = tuple[Floats, Floats, Floats]

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from clutchest.errors import ClutchestError
 from clutchest.inference.map_fit import FINE, improve, settle
-from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.unknowns import UnknownParameter
 from clutchest.inference.while_sliding import while_sliding
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.models.effects import Effect
 from clutchest.progress import Progress
 from clutchest.signals import Floats, Signals

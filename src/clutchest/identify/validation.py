@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from clutchest.identify.fit import ErrorChange, Validation
 from clutchest.identify.likelihood import Posterior, along, problem_of
 from clutchest.inference.map_fit import improve, settle
-from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats, Signals
 from clutchest.vehicle import Vehicle
 

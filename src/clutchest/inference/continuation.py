@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.inference.map_fit import SLIGHT, improve
-from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.objective import Objective
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 ODD = 3.0  # standard deviations of its prior, from which on a number is continued towards it

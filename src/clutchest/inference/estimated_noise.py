@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest.inference.noise_model import NoiseModel, Stretches, sums
-from clutchest.inference.objective import Linearisation
 from clutchest.inference.score_test import Projection, ScoreTest
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 DRAWS = 600  # so that the level of the search is that of several of them

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from clutchest.errors import ClutchestError
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.linear_solve import solved
-from clutchest.inference.objective import NO_SHAPES, Linearisation, Objective
+from clutchest.inference.objective import NO_SHAPES, Objective
 from clutchest.inference.unknowns import Shapes
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 COOLING = (1e4, 1e3, 1e2, 1e1)  # variance of the noise at the first steps, over its own

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from clutchest.inference.cores import shared
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import SETTLED, curvature, improve
-from clutchest.inference.objective import Linearisation, Objective
+from clutchest.inference.objective import Objective
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 ASIDE = 2.0  # standard deviations, by which starts lie aside

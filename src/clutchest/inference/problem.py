@@ -116,9 +116,6 @@ class Problem:
             *(HealthyPart(h.effect, h.key, h.std) for h in healthy),
         )
         units = np.array([t.unit for t in (*shared, *starts)])
-        without_prior = [
-            isinstance(t, UnknownGain) or (isinstance(t, StatedGain) and t.exact) for t in thetas
-        ]
         return cls(
             vehicle,
             compiled,
@@ -129,7 +126,7 @@ class Problem:
             delayed,
             (*delayed, *(places[h.gain] for h in healthy)),
             tuple(prepared(drive, vehicle, compiled, units) for drive in drives),
-            np.flatnonzero(np.logical_not(without_prior)),
+            np.flatnonzero([_has_prior(t) for t in thetas]),
             (*wanders, *(errors if discrepant else ())),
             np.zeros(len(thetas)),
             np.zeros(len(thetas)),
@@ -327,6 +324,12 @@ def in_std(table: Floats, unit: Floats, std: Floats) -> None:
     for k in range(len(table)):
         for c in range(table.shape[1]):
             table[k, c] = table[k, c] / std[k] * unit[c]
+
+
+def _has_prior(unknown: Unknown) -> bool:
+    return not (
+        isinstance(unknown, UnknownGain) or (isinstance(unknown, StatedGain) and unknown.exact)
+    )
 
 
 def _delayed(shared: Sequence[Unknown], effects: Mapping[str, Effect]) -> dict[int, str]:

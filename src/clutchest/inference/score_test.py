@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from clutchest.inference.linear_solve import add_product
-from clutchest.inference.objective import Linearisation
+from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
 DRAWS = 2000  # of the null

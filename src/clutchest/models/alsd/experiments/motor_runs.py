@@ -30,7 +30,6 @@ SETTLE, LEAST, LONGEST = 0.02, 0.08, 0.25  # s
 ORDER = 5  # of the angle's polynomial, 4 of the speed's
 NODES = np.cos(np.pi * (np.arange(4) + 0.5) / 4)  # as many as the acceleration has coefficients
 FAST = 5.0  # Stribeck speeds: beyond, friction is Coulomb's and viscous
-TURNED = 50.0  # standard deviations of the angle that a run must cover
 
 
 @dataclass(frozen=True, slots=True)
