@@ -22,7 +22,8 @@ from dataclasses import replace
 import numpy as np
 
 import clutchest
-from clutchest.discovery.search import Search, begin, columns, free_of
+from clutchest.discovery.candidate_scores import columns
+from clutchest.discovery.search import Search, begin, free_of
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import score_test
 from clutchest.models.error_term_effects import error_term_effects

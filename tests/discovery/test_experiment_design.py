@@ -85,6 +85,20 @@ def test_a_manoeuvre_is_judged_by_its_beginning():
         assert len(part[name].time) == (signal.time < first + 2.0).sum()
 
 
+def test_experiments_on_other_benches_are_not_simulated():
+    machine, asked = machine_of("alsd"), []
+    effects = [machine.effects[name] for name in ("friction_level", "pack_stiffness")]
+    rivals = [(CandidateCause(effect, effect.gains[0], 0, ()), SIZE) for effect in effects]
+
+    def refused(name):
+        asked.append(name)
+        raise ClutchestError("no such rig")
+
+    propose(rivals, [], machine, refused, lambda signals: None)
+    apart = {"I1", "I2", "I3", "I4", "I5", "I6"}  # I7 is with the pack in part
+    assert set(asked) == set(machine.scenario_names) - apart
+
+
 def test_a_sensor_is_proposed_where_no_manoeuvre_can_be_simulated():
     vehicle = _white()
     machine = machine_of(vehicle.model)

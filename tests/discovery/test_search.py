@@ -11,8 +11,9 @@ from scipy.stats import binomtest, chi2
 
 import clutchest
 from clutchest.discovery.answer import causes_of, sizes_by_effect, sizes_of
+from clutchest.discovery.candidate_scores import columns
 from clutchest.discovery.cause_set import CauseSet
-from clutchest.discovery.search import LEVEL, Search, begin, columns, run
+from clutchest.discovery.search import LEVEL, Search, begin, run
 from clutchest.discovery.sentences import sentence
 from clutchest.discovery.shape_profile import refine
 from clutchest.discovery.verdict import SearchVerdict

@@ -21,7 +21,7 @@ from clutchest.discovery.answer import (
     where_of,
 )
 from clutchest.discovery.cause_set import CauseSet
-from clutchest.discovery.experiment_design import beginning, propose
+from clutchest.discovery.experiment_design import experiment_for
 from clutchest.discovery.extension import can_be_stated, corrected, extend
 from clutchest.discovery.foreseen import foreseen
 from clutchest.discovery.form_correction import form_correction
@@ -46,8 +46,6 @@ from clutchest.discovery.sentences import (
 from clutchest.discovery.user_effects import user_effects
 from clutchest.discovery.user_hypotheses import hypotheses
 from clutchest.discovery.verdict import HeldOut, SearchVerdict, judge, least_confirmed
-from clutchest.errors import ClutchestError
-from clutchest.estimate.other_bench import on_other_bench
 from clutchest.inference.cores import shared
 from clutchest.inference.fitted_gains import with_fitted_gains
 from clutchest.inference.problem import Problem
@@ -206,7 +204,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         where=where,
         identifiability=identifiable,
         gain=outcome.gain,
-        experiment=_experiment(task, verdict) if outcome.name == "ambiguous" else None,
+        experiment=_experiment(task, verdict, outcome),
         misfit=misfit(search.objective, before, after),
         fit=fit,
         fit_extended=fit_extended,
@@ -341,31 +339,11 @@ def _other(task: _Task) -> HeldOut | None:
     return cache(lambda: task.problem(replace(first, later=tuple(later))))
 
 
-def _experiment(task: _Task, verdict: SearchVerdict) -> Experiment:
-    """The manoeuvre that separates the sets of causes."""
-    from clutchest.simulated import simulate
-
-    common = set.intersection(*({c.index for c in h.causes} for h in verdict.sets))
-    sized = [[(c, float(h.fit.theta[c.index])) for c in h.causes] for h in verdict.sets]
-    rivals = [next((one for one in each if one[0].index not in common), each[0]) for each in sized]
-    beside = [one for one in sized[0] if one[0].index in common and one not in rivals]
-    vehicle = task.vehicle
-    effects = list({c.effect.name: c.effect for c, _ in (*rivals, *beside)}.values())
-    longest = verdict.search.problem.compiled.model.longest[0]
-
-    def problem_of(drive: Signals) -> Problem:
-        if (elsewhere := on_other_bench(drive, vehicle)) is not None:
-            raise ClutchestError(f"{elsewhere.words}: {elsewhere.explanation}")
-        return Problem.of(segmented(drive, vehicle), vehicle, effects, discrepant=True)
-
-    return propose(
-        rivals,
-        beside,
-        vehicle.machine,
-        lambda name: beginning(simulate(vehicle, name, 1, nominal=True), longest),
-        problem_of,
-        task.progress,
-    )
+def _experiment(task: _Task, verdict: SearchVerdict, outcome: _Outcome) -> Experiment | None:
+    """What would separate the causes, where they are ambiguous."""
+    if outcome.name != "ambiguous":
+        return None
+    return experiment_for(verdict, task.vehicle, task.progress)
 
 
 def _provenance(task: _Task, problem: Problem) -> dict[str, str]:

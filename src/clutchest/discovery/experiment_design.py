@@ -12,7 +12,10 @@ import numpy as np
 
 from clutchest.discovery.candidates import CandidateCause, settings
 from clutchest.discovery.result import Experiment
+from clutchest.discovery.segmentation import segmented
+from clutchest.discovery.verdict import SearchVerdict
 from clutchest.errors import ClutchestError
+from clutchest.estimate.other_bench import on_other_bench
 from clutchest.inference.cores import shared
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
@@ -20,12 +23,41 @@ from clutchest.inference.score_test import ScoreTest, d_prime, score_test
 from clutchest.models.machine import Machine
 from clutchest.progress import Progress
 from clutchest.signals import Signals
+from clutchest.vehicle import Vehicle
 
 SEPARATED = 4.0  # standard deviations at which two causes are separated
 SEED = 1  # of the simulated manoeuvres
 STEPS = 2.5e5  # of the equations, over which a manoeuvre is judged: what comes later is not seen
 
 Sized = tuple[CandidateCause, float]  # and its size, in its unit
+
+
+def experiment_for(
+    verdict: SearchVerdict, vehicle: Vehicle, progress: Progress | None = None
+) -> Experiment:
+    """The manoeuvre that separates the sets of causes of a verdict."""
+    from clutchest.simulated import simulate
+
+    common = set.intersection(*({c.index for c in h.causes} for h in verdict.sets))
+    sized = [[(c, float(h.fit.theta[c.index])) for c in h.causes] for h in verdict.sets]
+    rivals = [next((one for one in each if one[0].index not in common), each[0]) for each in sized]
+    beside = [one for one in sized[0] if one[0].index in common and one not in rivals]
+    effects = list({c.effect.name: c.effect for c, _ in (*rivals, *beside)}.values())
+    longest = verdict.search.problem.compiled.model.longest[0]
+
+    def problem_of(drive: Signals) -> Problem:
+        if (elsewhere := on_other_bench(drive, vehicle)) is not None:
+            raise ClutchestError(f"{elsewhere.words}: {elsewhere.explanation}")
+        return Problem.of(segmented(drive, vehicle), vehicle, effects, discrepant=True)
+
+    return propose(
+        rivals,
+        beside,
+        vehicle.machine,
+        lambda name: beginning(simulate(vehicle, name, 1, nominal=True), longest),
+        problem_of,
+        progress,
+    )
 
 
 def propose(
@@ -40,7 +72,8 @@ def propose(
     and the causes ``beside`` it that are certain being there; each judged by one drive of a healthy
     vehicle, ``driven`` by its name."""
     names = " or ".join(c.name for c, _ in rivals)
-    scenarios, refused = machine.scenario_names, []
+    scenarios = [name for name in machine.scenario_names if not machine.on_other_bench(name)]
+    refused = list[str]()
 
     def judged(name: str) -> float:
         if progress:

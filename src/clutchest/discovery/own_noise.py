@@ -15,17 +15,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.discovery.candidate_scores import by_shapes, columns, scored, spanned
 from clutchest.discovery.candidates import CandidateCause, settings
-from clutchest.discovery.search import (
-    LEADERS,
-    LEVEL,
-    Search,
-    by_shapes,
-    columns,
-    free_of,
-    scored,
-    spanned,
-)
+from clutchest.discovery.search import LEADERS, LEVEL, Search, free_of
 from clutchest.inference.concurrent_fits import concurrently
 from clutchest.inference.innovations import NO_DERIVATIVES
 from clutchest.inference.map_fit import TURNS, improve, settle, step

@@ -255,6 +255,14 @@ class Machine:
         """Names of what it can be simulated in."""
         return (*self.scenarios(), *self.excitations)
 
+    def on_other_bench(self, scenario: str) -> bool:
+        """Whether a scenario is an experiment on benches alone on which the equations have another
+        form."""
+        forms = self.benches.fitted if self.benches else {}
+        benches = [b for e in self.experiments if e.name == scenario for b in e.benches]
+        own = [forms.get(bench, self.fitted) for bench in benches]
+        return bool(own) and self.fitted not in own
+
     def reserved(self, verb: str) -> list[str]:
         """Warnings that stand beside every answer of a ``verb``."""
         return [self.reservations[verb]] if verb in self.reservations else []

@@ -1,0 +1,68 @@
+"""Derivatives of the innovations by candidate causes at a fit, and the scores of these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchest.discovery.candidates import CandidateCause, settings
+from clutchest.inference.cores import shared
+from clutchest.inference.estimated_noise import EstimatedNoise, with_estimated_noise
+from clutchest.inference.objective import SAME, Objective
+from clutchest.inference.score_test import ScoreTest, score_test
+from clutchest.inference.unknowns import Shapes
+from clutchest.inference.white_linearisation import Linearisation
+from clutchest.signals import Floats
+
+
+def columns(objective: Objective, fit: Linearisation, wanted: Sequence[CandidateCause]) -> Floats:
+    """Derivatives (K, C) of the innovations by each candidate's gain at a fit."""
+    derivatives = np.zeros((len(fit.r), len(wanted)))
+    plain = [i for i, c in enumerate(wanted) if not c.shapes]
+    derivatives[:, plain] = fit.by(np.array([wanted[i].index for i in plain], np.int64))
+
+    def put(together: tuple[list[int], Shapes]) -> None:
+        """Derivatives by what one linearisation serves, at its shapes."""
+        some, shapes = together
+        active = np.array([wanted[i].index for i in some])
+        shaped = objective.relinearise(fit, fit.theta, {**shapes, **fit.shapes}, active)
+        derivatives[:, some] = shaped.by(active)
+
+    shared(put, by_shapes(wanted))
+    return derivatives
+
+
+def by_shapes(wanted: Sequence[CandidateCause]) -> Iterator[tuple[list[int], Shapes]]:
+    """Indices of those of the ``wanted`` that have shapes, and these: one value of every effect's
+    at a time."""
+    rest = [i for i, c in enumerate(wanted) if c.shapes]
+    while rest:
+        now = {wanted[i].name: i for i in reversed(rest)}
+        some = [i for i in rest if wanted[i].shapes == wanted[now[wanted[i].name]].shapes]
+        yield some, settings(tuple(wanted[i] for i in now.values()))
+        rest = [i for i in rest if i not in some]
+
+
+def scored(
+    objective: Objective,
+    fit: Linearisation,
+    free: NDArray[np.int64],
+    wanted: Sequence[CandidateCause],
+    derivatives: Floats,
+    seed: int,
+) -> ScoreTest:
+    """Scores of ``wanted``, whose ``derivatives`` (K, C) are given, beside what is ``free``."""
+    one_sided = [c.gain.one_sided for c in wanted]
+    test = score_test(fit, free, objective.prior, derivatives, one_sided, seed)
+    noise = EstimatedNoise(objective.noise_model, objective.stretches)
+    return with_estimated_noise(test, noise, fit, free, objective.prior, derivatives, seed)
+
+
+def spanned(
+    objective: Objective, fits: Sequence[Linearisation], candidates: Sequence[CandidateCause]
+) -> Objective:
+    """The objective that judges by what every unknown and candidate changes at any of the fits."""
+    known = [part for fit in fits for part in (fit.psi, columns(objective, fit, candidates))]
+    return objective.with_span(known, SAME)
