@@ -21,13 +21,8 @@ from __future__ import annotations
 from collections.abc import Container, Mapping
 
 from clutchest.casadi_later import ca
-from clutchest.models.dry_clutch.symbols import (
-    ENGINE_LOAD,
-    INPUTS,
-    PARAMETERS,
-    SENSORS,
-    STATES,
-)
+from clutchest.models.dry_clutch.parameters import PARAMETERS
+from clutchest.models.dry_clutch.symbols import ENGINE_LOAD, INPUTS, SENSORS, STATES
 from clutchest.models.model import Model, Quantities
 
 # Which equations act, set by the mode: the speed equation (not locked, no transition near),
