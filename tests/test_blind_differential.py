@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from clutchest.generator.alsd.outsider import SLICE
 from clutchest.models import machine_of
 from clutchest.simulated import simulate
 
@@ -161,3 +162,9 @@ def test_the_table_adds_up():
         "cogging 0.01 Nm, coast 1: unknown: motor over time, motor_angle",
         "cogging 0.01 Nm, coast 1: named: motor_friction (form refuted: motor_friction)",
     ]
+
+
+def test_laws_are_called_as_often_as_they_take_it():
+    from blind import differential_outsiders
+
+    assert differential_outsiders.SLICE == SLICE
