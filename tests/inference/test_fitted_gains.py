@@ -73,3 +73,12 @@ def test_a_part_whose_fit_ends_beyond_any_specimen_is_passed_over():
     problem = Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ())
     near = with_fitted_gains(problem).near
     assert 0.5 < np.abs(near[problem.nuisances]).max() < 6.0
+
+
+@pytest.mark.slow
+def test_a_motor_that_begins_to_stick_and_slip_late_is_fitted():
+    """From numbers of the first quarter of this run the whole is another motion, which a Stribeck
+    speed 8 spreads off made the best of."""
+    signals = clutchest.simulate("alsd_rig", "rig-ramps", 914, duration=60.0)
+    problem = with_fitted_gains(Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ()))
+    assert np.abs(problem.begin[problem.nuisances]).max() < 5.0

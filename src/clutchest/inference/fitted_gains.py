@@ -16,7 +16,7 @@ from clutchest.inference.map_fit import cooled, improve
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
 
-PARTS = (0.0625, 0.25, 1.0)  # of a drive's time, fitted one after the other: errors sum up
+PARTS = (0.0625, 0.25, 0.5, 1.0)  # of a drive's time, fitted one after the other: errors sum up
 FAR = 6.0  # standard deviations of its spread, that no number of a specimen is off
 
 
