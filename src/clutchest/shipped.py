@@ -6,6 +6,7 @@ from pathlib import Path
 
 from clutchest.errors import ClutchestError, alike, file_like
 
+MOST_NAMED = 3  # files in a folder that was given
 _PACKAGE = Path(__file__).parent
 # In the wheel they are inside the package; in a checkout at its top level.
 _ROOTS = (_PACKAGE / "data", _PACKAGE.parents[1])
@@ -34,7 +35,9 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
         if name in (path.name, path.name.split(".")[0]):
             return path
     if direct.is_dir():
-        raise ClutchestError(f"{name}: is a folder, expected a file")
+        inside = sorted(direct.glob("*.toml")) if kind == "vehicles" else []
+        such = f" such as {' or '.join(map(str, inside[:MOST_NAMED]))}" if inside else ""
+        raise ClutchestError(f"{name}: is a folder, expected a file{such}")
     hint = file_like(direct, stock) or alike(direct.name.split(".")[0], stock)
     hint = hint or (f"; shipped {kind}: {', '.join(stock)}" if stock else "")
     raise ClutchestError(f"no such file: {name}{hint}")

@@ -227,6 +227,30 @@ def test_a_folder_that_cannot_be(run, log, tmp_path):
     assert code == 1 and err == f"clutchest: {tmp_path / 'x.asc'}: is a folder, expected a file\n"
 
 
+def test_a_folder_in_place_of_a_vehicle_file(run, log, tmp_path):
+    """As that of a discovery's results."""
+    (tmp_path / "result").mkdir()
+    (tmp_path / "result" / "extended.toml").write_text("")
+    code, _, err = run("replay", log, "--vehicle", tmp_path / "result", "--out", tmp_path / "out")
+    assert code == 1 and err.count("\n") == 1
+    assert f"expected a file such as {tmp_path / 'result' / 'extended.toml'}" in err
+
+
+def test_a_bus_without_a_frame(run, tmp_path):
+    bus = ("--interface", "virtual", "--channel", "silent", "--vehicle", "truck")
+    code, out, _ = run("monitor", *bus, "--duration", "0.2", "--out", tmp_path / "out")
+    assert code == 0 and "No frame was received: is it this channel" in out
+
+
+def test_other_interfaces_are_named_where_one_is_not_known(run, tmp_path):
+    vehicle = ("--vehicle", "truck", "--duration", "0.1", "--out", tmp_path / "out")
+    unknown = run("monitor", "--interface", "socketkan", *vehicle)[2]
+    assert "interfaces that python-can knows: " in unknown and "socketcan" in unknown
+    refused = run("monitor", "--interface", "udp_multicast", "--channel", "1.2.3.4", *vehicle)[2]
+    assert "bus udp_multicast 1.2.3.4: cannot be opened" in refused
+    assert "interfaces that python-can knows" not in refused
+
+
 @pytest.mark.parametrize("inside", ["", "deeper/still"])
 @pytest.mark.parametrize("verb", ["replay", "identify", "diagnose", "discover", "inspect"])
 def test_a_folder_for_results_is_asked_for_before_the_work(run, tmp_path, verb, inside):

@@ -10,9 +10,9 @@ import pytest
 
 import clutchest
 from clutchest.errors import ClutchestError
-from clutchest.estimate.initial_state import carried_on, fresh
+from clutchest.estimate.initial_state import History, carried_on, fresh
 from clutchest.estimate.timeline import build
-from clutchest.estimate.wear import remaining_energy
+from clutchest.estimate.wear import remaining, remaining_energy
 from clutchest.estimate.whole_log import compile_model
 from clutchest.models import machine_of
 from clutchest.vehicle.vehicle import Estimation
@@ -98,6 +98,18 @@ class TestTheSection:
         )
         low, high = wear["amount"]["ci95"]
         assert high - low == pytest.approx(2 * 1.96 * wear["amount"]["std"])
+
+    def test_a_log_that_informs_no_position_has_no_wear(self, drive):
+        """The prior of the zero position is no estimate of wear."""
+        short = drive.between(0.0, 0.3)
+        run = clutchest.replay(short, TRUCK)
+        assert not run.summary["states"]["zero_position"]["valid"]
+        assert run.summary["wear"] is None
+
+    def test_nothing_is_counted_in_slip_events_where_there_was_none(self):
+        left = remaining(3.0, "mm", 0.02, np.diag([1e-4, 1e-8]), 0.0, History(60.0, 0, 1e5))
+        assert left["MJ"]["value"] == pytest.approx(150.0)
+        assert left["engagements"] == {"value": None, "ci95": [None, None]}
 
     def test_a_new_clutch_that_was_measured(self, drive):
         """Its zero position is stated with the deviation of that measurement."""

@@ -15,7 +15,12 @@ from clutchest.diagnosis.result import Fault, Isolability
 from clutchest.diagnosis.structure import AffectedSensor
 from clutchest.record.diagnosis import print_diagnosis, write_diagnosis
 from clutchest.record.diagnosis_recording import without_what_rests_on_faults
-from clutchest.record.diagnosis_report import affected, freeze_frame, headline
+from clutchest.record.diagnosis_report import (
+    affected,
+    diagnosis_markdown,
+    freeze_frame,
+    headline,
+)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +69,7 @@ def test_json_has_what_the_interface_names(diagnosis, tmp_path):
     paths = write_diagnosis(diagnosis, tmp_path / "out")
     assert [path.name for path in paths] == ["diagnosis.json", "recording.rrd", "report.html"]
     told = json.loads(paths[0].read_text(encoding="utf-8"))
-    assert told["warnings"] == diagnosis.warnings and "misfit" in diagnosis.warnings[0]
+    assert told["warnings"] == diagnosis.warnings and "misfit" in told["warnings"][0]
     for monitor in told["monitors"]:
         assert {"name", "status", "why", "threshold", "false_alarms_per_1000h"} <= set(monitor)
     fault = told["faults"][0]
@@ -90,6 +95,17 @@ def test_the_recording_has_lanes_a_log_and_a_freeze_frame(diagnosis, tmp_path):
         "/fault/motor_friction",
         "/fault/motor_friction/freeze_frame",
     } <= entities
+
+
+def test_what_the_log_lacks_is_said_everywhere(diagnosis):
+    """As of a second log that holds no frame of the vehicle."""
+    summary = {**diagnosis.run.summary, "warnings": ["other.log: no frame of EEC1"]}
+    found = replace(diagnosis, run=replace(diagnosis.run, summary=summary))
+    console = Console(record=True, width=120, file=StringIO())
+    print_diagnosis(found, console)
+    assert "warning: other.log: no frame of EEC1" in console.export_text()
+    assert found.summary()["warnings"][-1] == "other.log: no frame of EEC1"
+    assert "- other.log: no frame of EEC1" in diagnosis_markdown(found)
 
 
 def test_the_terminal_names_the_set_and_explains(diagnosis):

@@ -44,15 +44,14 @@ def open_bus(interface: str, channel: str | None, messages: Iterable[Message] = 
     try:
         bus = can.Bus(interface=interface, **options)
     except (can.CanError, OSError, ImportError, ValueError, TypeError) as problem:
-        known = ", ".join(sorted(can.VALID_INTERFACES))
+        known = "; interfaces that python-can knows: " + ", ".join(sorted(can.VALID_INTERFACES))
+        known = "" if interface in can.VALID_INTERFACES else known
         where = f"{interface}{f' {channel}' if channel else ''}"
         reason = " ".join(str(problem).split()) or type(problem).__name__
         cause = problem.__cause__
         if cause is not None and str(cause) not in reason:
             reason += f" ({cause})"
-        raise ClutchestError(
-            f"bus {where}: cannot be opened: {reason}; interfaces that python-can knows: {known}"
-        ) from None
+        raise ClutchestError(f"bus {where}: cannot be opened: {reason}{known}") from None
     if type(bus).__name__ == "UdpMulticastBus":
         inner = bus._multicast  # type: ignore[attr-defined]
         listen_on(sockets_of(bus), inner.group, network)

@@ -154,9 +154,10 @@ def format_of(source: LogSource) -> LogFormat:
     for entry in own or log_formats():
         if entry.by_suffix(suffix):
             return entry
-    first = source.head.lstrip()[:60].splitlines()[0].decode("utf-8", "replace")
+    first = source.head.lstrip()[:60].splitlines()[0]
+    words = "binary data" if b"\0" in first else repr(first.decode("utf-8", "replace"))
     raise ClutchestError(
-        f"{source.path}: not a CAN log that is known; it begins with {first!r}; "
+        f"{source.path}: not a CAN log that is known; it begins with {words}; "
         f"expected {_expected()}"
     )
 

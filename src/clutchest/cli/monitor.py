@@ -105,6 +105,8 @@ def monitor(
     else:
         status = watching.run(session.duration, _words)
         print(f"{status.frames} frames, {status.losses}, {status.rows} rows of estimates")
+        if not status.frames:
+            print("No frame was received: is it this channel, at the bit rate of the bus?")
     print(f"Written to {out}: {', '.join(watching.written)}")
 
 

@@ -150,7 +150,8 @@ def _wear(run: Run, track: Track, per_1000h: float, length: float) -> WearTest:
     now = with_unit(plus_minus(value, std), shown.shown)
     words = f"{now} of {most:g} {shown.shown}"
     if not exceeded.any():
-        return WearTest(None, "passed", f"limit: {most:g} {shown.shown} from {wear.nominal}; {now}")
+        reach_words = f"limit: {most:g} {shown.shown} from {wear.nominal}; now {now}"
+        return WearTest(None, "passed", reach_words)
     k = int(np.argmax(exceeded))
     chance = float(ndtr((limit.value - worn[k]) / state.std[k]))
     alarm = Alarm(0.0, float(track.time[k]), chance=chance, what=f"worn by {words}")

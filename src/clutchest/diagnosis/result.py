@@ -169,8 +169,9 @@ class Diagnosis(Tabulated):
 
     @property
     def warnings(self) -> list[str]:
-        """What its machine says is to be kept in mind of a diagnosis."""
-        return self.run.vehicle.machine.reserved("diagnose")
+        """What its machine says is to be kept in mind of a diagnosis, and what the log lacks."""
+        reserved = self.run.vehicle.machine.reserved("diagnose")
+        return [*reserved, *map(str, self.run.summary["warnings"])]
 
     def summary(self) -> dict[str, Any]:
         """As ``diagnosis.json`` holds it."""

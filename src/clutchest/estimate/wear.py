@@ -39,6 +39,9 @@ def wear_trend(
     if known is None:
         known = _over_drives(vehicle, compiled, belief, history)
     amount, speed, P = known
+    useful = vehicle.estimation.get(wear.state, model.states[model.state(wear.state)]).useful_std
+    if sqrt(P[0, 0]) > useful:  # a prior is no wear
+        return None
     new = vehicle.parameters[wear.nominal]
     P[0, 0] += new.spread**2  # wear is counted from the part when new, which no drive shows
     energy = float(belief.E[0]) / MJ
@@ -57,7 +60,7 @@ def wear_trend(
         position = model.state(wear.state)
         wandering = process_noise(vehicle, model)[len(model.states) + position] * MJ
         left = limit.value - amount
-        trend["remaining"] = _remaining(left, wear.unit, speed, P, wandering, history)
+        trend["remaining"] = remaining(left, wear.unit, speed, P, wandering, history)
     trend["words"] = _words(trend, wear)
     return trend
 
@@ -126,7 +129,7 @@ def _estimate(value: float | None, std: float, unit: str) -> dict[str, Any]:
     return {"value": value, "std": std, "ci95": [value - Z * std, value + Z * std], "unit": unit}
 
 
-def _remaining(
+def remaining(
     left: float, unit: str, rate: float | None, P: Floats, wandering: float, history: History
 ) -> dict[str, Any]:
     """What is left, in the ``unit`` of wear, MJ, hours of driving and slip events as seen so
@@ -139,7 +142,7 @@ def _remaining(
     per_MJ = {
         "MJ": 1.0,
         "h": history.driven_s / 3600.0 / spent if spent > 0.0 else None,
-        "engagements": history.engagements / spent if spent > 0.0 else None,
+        "engagements": (history.engagements or None) and history.engagements / spent,
     }
     std = sqrt(P[0, 0])
     remaining: dict[str, Any] = {unit: {"value": left, "ci95": [left - Z * std, left + Z * std]}}
@@ -175,7 +178,7 @@ def _plus_minus(each: Mapping[str, Any], wear: Wear, least: int) -> str:
     those that the deviation deserves."""
     value, std = _read(each["value"], wear), _read(each["std"], wear)
     digits = max(least, -int(np.floor(np.log10(std)))) if std > 0.0 else least
-    return f"{value:.{digits}f} ± {std:.{digits}f}"
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {std:.{digits}f}"  # no minus before a zero
 
 
 def _read(value: float, wear: Wear) -> float:

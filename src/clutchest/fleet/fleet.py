@@ -210,9 +210,9 @@ def analyse_fleet(
     """
     required("distributed")
     car = load_vehicle(vehicle, trust=trust)
-    logs = logs_of([places] if isinstance(places, str) else places)
-    made_by = f"{__version__} {car.hash} {rate}"
     folder = Path(out).resolve()
+    logs = logs_of([places] if isinstance(places, str) else places, folder)
+    made_by = f"{__version__} {car.hash} {rate}"
     with client_of(scheduler, workers) as client:
         chains = _chains(client, logs, _place(car), trust)
         tasks = {
@@ -223,8 +223,7 @@ def analyse_fleet(
     vehicles = tuple(_vehicle_of(name, some, car) for name, some in tasks.items())
     if not any(one.drives for one in vehicles):
         log, why = next((log, why) for one in vehicles for log, why in one.rejected.items())
-        first = why if why.startswith(f"{log}: ") else f"{log}: {why}"
-        raise ClutchestError(f"no log could be used; the first, {first}")
+        raise ClutchestError(f"no log could be used; the first, {log}: {why}")
     return Fleet(car, vehicles, compared(vehicles, list(units_of(car.machine))))
 
 

@@ -35,8 +35,9 @@ class FleetLog:
         return hashlib.sha256(readable(text).encode()).hexdigest()[:24]
 
 
-def logs_of(places: Sequence[str]) -> tuple[FleetLog, ...]:
-    """Every log in folders, at any depth, and of patterns and single files, each once.
+def logs_of(places: Sequence[str], out: Path | None = None) -> tuple[FleetLog, ...]:
+    """Every log in folders, at any depth, and of patterns and single files, each once; what lies
+    in ``out``, results of a run before, is none.
 
     The folder below the one that is given names the vehicle; of logs that lie directly in it, and
     of single files, the folder they lie in does.  Raises ClutchestError for a place where there is
@@ -44,7 +45,7 @@ def logs_of(places: Sequence[str]) -> tuple[FleetLog, ...]:
     """
     found: dict[Path, FleetLog] = {}
     for place in places:
-        logs = list(_logs_at(place))
+        logs = [log for log in _logs_at(place) if out not in log.path.resolve().parents]
         if not logs:
             raise ClutchestError(f"{place}: no log there; expected a folder of logs or a pattern")
         for log in logs:

@@ -87,6 +87,7 @@ def estimate_log(task: LogTask, passed: Passed) -> Passed:
 
 def reject(task: LogTask, why: str, passed: Passed) -> Passed:
     """Leave a log out, with the reason; what the logs before it ``passed`` on is, and returned."""
+    why = why.removeprefix(f"{task.log.path}: ")  # it stands beside
     return _written(task, {"error": why, "drives": [], "state": passed.state}, passed)
 
 

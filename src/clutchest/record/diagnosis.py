@@ -24,6 +24,7 @@ from clutchest.record.diagnosis_report import (
 from clutchest.record.files import finished_into, json_text
 from clutchest.record.html_reports import NAME as REPORT
 from clutchest.record.html_reports import diagnosis_page
+from clutchest.record.terminal import print_warnings
 from clutchest.shown import with_unit
 
 STYLES = {"failed": "bold red", "passed": "green", "not run": "dim"}
@@ -57,8 +58,6 @@ def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = Fals
         f"{counts['passed']} monitors passed, {counts['failed']} failed, "
         f"{counts['not run']} could not run."
     )
-    for words in diagnosis.warnings:
-        console.print(f"[yellow]{escape(words)}[/]")
     shown = [m for m in diagnosis.monitors if explain or m.status != "passed"]
     if shown:
         table = Table("monitor", "status", "why", title_justify="left")
@@ -72,6 +71,7 @@ def print_diagnosis(diagnosis: Diagnosis, console: Console, explain: bool = Fals
         console.print(table)
     if explain and diagnosis.isolability:
         print_isolability(diagnosis.isolability, console)
+    print_warnings(diagnosis.warnings, "diagnosis.json", console)
 
 
 def print_isolability(isolability: Isolability, console: Console) -> None:

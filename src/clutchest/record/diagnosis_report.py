@@ -79,6 +79,8 @@ def diagnosis_markdown(diagnosis: Diagnosis, pictures: Sequence[str] = ()) -> st
     if diagnosis.isolability is not None:
         parts += ["## Detection limits of this drive", _limits(diagnosis.isolability)]
         parts += [f"## {SEPARABILITY}", table(*separability(diagnosis.isolability))]
+    if diagnosis.warnings:
+        parts += ["## Warnings", "\n".join(f"- {text}" for text in diagnosis.warnings)]
     return "\n\n".join(parts) + "\n"
 
 
