@@ -38,8 +38,8 @@ class Imprint:
         moments = {}
         for name, signal in drive.items():
             value = signal.only_valid().value
-            if len(value):
-                moments[name] = (float(np.mean(value)), float(np.std(value)))
+            if len(value) and np.isfinite(std := float(np.std(value))):
+                moments[name] = (float(np.mean(value)), std)
         return cls(str(log), drive.start_ns, float(drive.end), moments)
 
     @property
