@@ -25,7 +25,7 @@ def fleet_page(fleet: Fleet) -> str:
         )
     if fleet.rejected:
         rows = [(log, why) for log, why in fleet.rejected.items()]
-        parts += ["## Logs that could not be used", table(("log", "why"), rows)]
+        parts += ["## Logs that are not used", table(("log", "why"), rows)]
     if fleet.notes:
         parts += [
             "## Logs whose clock is not relied on",
