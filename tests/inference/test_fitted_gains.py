@@ -82,3 +82,14 @@ def test_a_motor_that_begins_to_stick_and_slip_late_is_fitted():
     signals = clutchest.simulate("alsd_rig", "rig-ramps", 914, duration=60.0)
     problem = with_fitted_gains(Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ()))
     assert np.abs(problem.begin[problem.nuisances]).max() < 5.0
+
+
+@pytest.mark.slow
+def test_a_cause_that_acts_like_numbers_far_off_is_followed():
+    """Twice the friction is ten spreads off, and with gains at the file's numbers no fit of the
+    whole ends."""
+    hidden = {"motor_friction": {"change": 1.0}}
+    signals = clutchest.simulate("alsd_rig", "rig-ramps", 931, effects=hidden, duration=60.0)
+    problem = with_fitted_gains(Problem.of(signals, clutchest.load_vehicle("alsd_rig"), ()))
+    assert np.abs(problem.near[problem.nuisances]).max() > 6.0
+    assert np.mean(_innovations(problem, problem.begin) ** 2) < 1.2

@@ -2,8 +2,9 @@
 
 Gains stay as they are while a fit goes on, so that innovations are a smooth function of θ.  Those
 at the vehicle file's numbers may be of another motion: where a motor sticks there and creeps in
-truth, a reading that it lags behind seems to have bent its bristle, on and on.  A fit that ends far
-from them, or nowhere, has met another motion still, and says nothing.
+truth, a reading that it lags behind seems to have bent its bristle, on and on.  So growing parts of
+the time are fitted.  A fit that ends far from the file's numbers has met another motion still, or a
+cause that acts like a number far off: whether it does, a longer part tells.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchest.inference.map_fit import cooled, improve
+from clutchest.inference.map_fit import cooled, improve, is_near
 from clutchest.inference.objective import Objective
 from clutchest.inference.problem import Problem
+from clutchest.inference.white_linearisation import Linearisation
+from clutchest.signals import Floats
 
 PARTS = (0.0625, 0.25, 0.5, 1.0)  # of a drive's time, fitted one after the other: errors sum up
-FAR = 6.0  # standard deviations of its spread, that no number of a specimen is off
+FAR = 6.0  # standard deviations of its spread, that no number is off from one part to the next
 
 
 def with_fitted_gains(problem: Problem) -> Problem:
@@ -25,17 +28,29 @@ def with_fitted_gains(problem: Problem) -> Problem:
     as it is where none are tracked throughout."""
     if not problem.compiled.model.tracked:
         return problem
-    near, free = problem.near, problem.nuisances
+    near, far = problem.near, None
     for share in PARTS:
         part = problem.until(share)
-        if near.any():
-            part = part.with_gains_at(near)
-        objective = Objective.of(part)
-        with np.errstate(over="ignore", invalid="ignore"):  # of a fit that leads nowhere
-            begun = cooled(objective, objective.linearise_at(near, active=free), free)
-            fitted = improve(objective, begun, free, derivatives=False).theta
-        met = bool(np.all(np.abs(fitted[free]) < FAR))
-        near = fitted if met else near
-    if met or not near.any():
-        part = problem.with_gains_at(near)
-    return replace(part.with_input_noise_at(near), begin=fitted)
+        fit = _fitted(part, near)
+        if far is not None:
+            other = _fitted(part, far)
+            fit, far = (fit, None) if _cost(fit) < _cost(other) else (other, far)
+        moved = np.abs(fit.theta - near)[problem.nuisances]
+        near, far = (near, fit.theta) if far is None and moved.max() >= FAR else (fit.theta, None)
+    return replace(problem.with_gains_at(near).with_input_noise_at(near), begin=fit.theta)
+
+
+def _fitted(part: Problem, begin: Floats) -> Linearisation:
+    """The most probable numbers of a part, tracked by the gains at numbers ``begin`` (m), from
+    which the fit sets out."""
+    if begin.any():
+        part = part.with_gains_at(begin)
+    objective, free = Objective.of(part), part.nuisances
+    with np.errstate(over="ignore", invalid="ignore"):  # of a fit that leads nowhere
+        begun = cooled(objective, objective.linearise_at(begin, active=free), free)
+        return improve(objective, begun, free, derivatives=False)
+
+
+def _cost(fit: Linearisation) -> float:
+    """Of a fit that leads somewhere."""
+    return fit.cost if is_near(fit) else np.inf

@@ -80,7 +80,7 @@ def settle(
     :func:`with_noise_estimated` does."""
     free = np.concatenate([objective.problem.nuisances, gains]).astype(np.int64)
     begin = brought_near(objective, objective.linearise_at(theta, shapes), free)
-    if np.isfinite(begin.cost) and not _is_near(begin):
+    if np.isfinite(begin.cost) and not is_near(begin):
         # as if it were of the stated level, each digit of what is left would count
         objective = objective.in_white_noise_of(begin)
         begin = objective.relinearise(begin, begin.theta, active=free)
@@ -117,7 +117,7 @@ def brought_near(
 ) -> Linearisation:
     """A linearisation far off, as near as steps in hot noise bring it; where that leads nowhere, by
     way of a growing part of the drives: small errors of heat sum up over a long one."""
-    if _is_near(lin := cooled(objective, lin, free)):
+    if is_near(lin := cooled(objective, lin, free)):
         return lin
     theta = np.where(np.isin(np.arange(len(lin.theta)), free), 0.0, lin.theta)
     for share in GROWING:
@@ -128,7 +128,8 @@ def brought_near(
     return grown if grown.cost < lin.cost else lin
 
 
-def _is_near(lin: Linearisation) -> bool:
+def is_near(lin: Linearisation) -> bool:
+    """Whether steps lead on from there."""
     return bool(np.isfinite(lin.cost) and lin.r @ lin.r < NEAR * len(lin.r))
 
 
