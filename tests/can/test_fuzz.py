@@ -57,6 +57,7 @@ def test_damaged_inputs_of_other_kinds_are_read_or_refused(suffix, tmp_path, cap
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_a_run_that_is_ended_says_its_counts_and_goes_on(tmp_path):
     """By its record: the same inputs, one after another, as of a run that nobody ended."""
     record = tmp_path / "fuzz.json"

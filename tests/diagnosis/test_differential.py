@@ -59,6 +59,7 @@ def test_an_encoder_that_slips_within_the_drive():
     assert ranked[0].size == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_signal_that_is_not_in_the_log_is_said():
     log = clutchest.simulate("alsd_rig", "rig-steps", 1, duration=2.0)
     rest = {name: signal for name, signal in log.signals.items() if name != "clutch_torque"}

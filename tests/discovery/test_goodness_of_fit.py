@@ -50,6 +50,7 @@ def coloured(random: np.random.Generator) -> Floats:
     return np.asarray(np.rint(noise / step) * step)
 
 
+@pytest.mark.slow
 def test_p_value_of_noise_of_any_kind_is_uniform():
     p = [fit(series(coloured(np.random.default_rng([9, seed])))).p_value for seed in range(60)]
     assert kstest(p, "uniform").pvalue > 0.01

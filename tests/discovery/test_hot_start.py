@@ -15,6 +15,7 @@ TRUCK = clutchest.load_vehicle("truck")
 HOT = 22  # a drive that starts some 55 K hotter than one at rest
 
 
+@pytest.mark.slow
 def test_where_a_hot_clutch_starts_is_known_less_well():
     drive = clutchest.simulate(TRUCK, "cooldown", HOT, duration=700.0)
     search = begin(Problem.of(drive, TRUCK, tuple(machine_of("dry_clutch").effects.values())))

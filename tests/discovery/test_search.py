@@ -68,6 +68,7 @@ def test_a_hidden_cause_is_found_alone(hidden):
     assert hidden.p_values["friction_speed"] < 1e-4
 
 
+@pytest.mark.slow
 def test_a_cause_that_joined_first_goes_when_another_does_without_it():
     # so large that at first, linearised without it, others answer for it
     search = searched(1, {"heat_capacity_disc": {"change": -0.49}}, "slip-steps")

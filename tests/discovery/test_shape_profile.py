@@ -93,6 +93,7 @@ def test_values_are_tried_as_close_as_the_data_tell_them_apart(std: float) -> No
     assert spread.variance[0] == pytest.approx((0.2 * about) ** 2, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_value_stays_plausible_and_near_what_was_tried() -> None:
     search = begun(1, "friction_slip")
     tried = dict(search.best.causes[0].shapes)["speed"]
@@ -102,6 +103,7 @@ def test_a_value_stays_plausible_and_near_what_was_tried() -> None:
     assert (found - tried) % (5.0 / FINER / 2**HALVED) == pytest.approx(0.0)
 
 
+@pytest.mark.slow
 def test_one_hypothesis_of_each_name_is_left() -> None:
     search = begun(1, "friction_slip")
     assert len(search.rivals) == 3

@@ -128,6 +128,7 @@ def test_wear_and_friction_are_followed(effects, state, shift):
         assert moved == pytest.approx(shift, abs=0.15 * abs(shift))
 
 
+@pytest.mark.slow
 def test_half_an_hour_without_slip_informs_no_friction():
     signals = clutchest.simulate(TRUCK, "closed", 1)
     run = clutchest.replay(signals, TRUCK)

@@ -339,6 +339,7 @@ def test_without_a_worker_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         )
 
 
+@pytest.mark.slow
 def test_in_place_of_workers_that_do_not_come_another_starts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

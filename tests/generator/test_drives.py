@@ -313,6 +313,7 @@ def test_bad_input_is_told_in_one_line(change, says):
     assert says in str(told.value) and "\n" not in str(told.value)
 
 
+@pytest.mark.slow
 def test_coolant_and_ambient_wander_slowly():
     coolant, ambient = np.array(
         [

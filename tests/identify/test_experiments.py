@@ -216,6 +216,7 @@ def command(*arguments: str):
     return CliRunner().invoke(app, ["identify", *map(str, arguments), "--vehicle", "alsd_rig"])
 
 
+@pytest.mark.slow
 def test_the_command_takes_the_bench_from_option_metadata_or_data(tmp_path):
     held, alone = tmp_path / "held.log", tmp_path / "alone.csv"
     for path, name, duration in ((held, "I1", 30.0), (alone, "I3", 10.0)):

@@ -126,6 +126,7 @@ def test_numbers_that_are_not_finite_become_null(tmp_path):
     assert told["identifiability"]["wear"]["detectable_size"] is None
 
 
+@pytest.mark.slow
 def test_a_curve_stays_in_the_vehicle_that_is_extended_again(tmp_path):
     write_discovery(discovery("unknown"), tmp_path)
     vehicle = load_vehicle(tmp_path / "extended.toml")
