@@ -31,12 +31,13 @@ def with_fitted_gains(problem: Problem) -> Problem:
     near, far = problem.near, None
     for share in PARTS:
         part = problem.until(share)
-        fit = _fitted(part, near)
-        if far is not None:
-            other = _fitted(part, far)
-            fit, far = (fit, None) if _cost(fit) < _cost(other) else (other, far)
-        moved = np.abs(fit.theta - near)[problem.nuisances]
-        near, far = (near, fit.theta) if far is None and moved.max() >= FAR else (fit.theta, None)
+        fit, told = _fitted(part, near), False
+        if far is not None and _cost(other := _fitted(part, far)) <= _cost(fit):
+            fit, told = other, True
+        if told or np.all(np.abs(fit.theta - near)[problem.nuisances] < FAR):
+            near, far = fit.theta, None
+        else:
+            far = fit.theta
     return replace(problem.with_gains_at(near).with_input_noise_at(near), begin=fit.theta)
 
 
