@@ -95,6 +95,11 @@ class SignalMap:
         """Whether frames carry it."""
         return bool(self.bus.message)
 
+    @property
+    def noise_guessed(self) -> bool:
+        """Whether the noise is a guess, by its source."""
+        return self.noise_source.startswith("guess")
+
 
 @dataclass(frozen=True, slots=True)
 class ParameterValue:

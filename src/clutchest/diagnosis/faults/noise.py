@@ -39,7 +39,7 @@ class Noise(StreamTest):
     def __init__(self, signal: SignalMap, per_1000h: float, unit: str = "1") -> None:
         super().__init__(signal.name, per_1000h)
         self.std, self.ar, self.unit = signal.noise, signal.noise_ar, unit
-        self.guessed = signal.noise_source.startswith("guess")
+        self.guessed = signal.noise_guessed
         self.sum, self.begun = 0.0, 0.0
         self.tail, self.pending = new_tail(1.0), list[float]()
         self.rest = np.zeros((2, 0))

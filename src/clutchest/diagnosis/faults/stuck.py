@@ -22,8 +22,7 @@ class Stuck(RepeatTest):
     kind, fmi = "stuck", 2
 
     def __init__(self, vehicle: Vehicle, subject: str, per_1000h: float) -> None:
-        source = vehicle.signals[subject].noise_source
-        super().__init__(subject, per_1000h, guessed=source.startswith("guess"))
+        super().__init__(subject, per_1000h, guessed=vehicle.signals[subject].noise_guessed)
         self.fluctuates = subject in fluctuating(vehicle)
         self.rests, self.last = subject in resting(vehicle), np.nan
 
