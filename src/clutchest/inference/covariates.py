@@ -3,6 +3,8 @@ rates, time and energy."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -20,11 +22,14 @@ AT_REST = 6.0  # standard deviations of its noise, from the lowest to the highes
 CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
 
-def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
-    """Name → value at every event (K) of the drive at an operating point."""
+def covariates(
+    drive: PreparedDrive, at: OperatingPoint, also: Sequence[str] = ()
+) -> dict[str, Floats]:
+    """Name → value at every event (K) of the drive at an operating point; ``also`` of these
+    quantities of the equations."""
     model, line = drive.compiled.model, drive.line
     machine = drive.compiled.machine
-    quantities, rates = tuple(machine.covariates), machine.rates
+    quantities, rates = (*machine.covariates, *also), machine.rates
     series = {
         item.name: at.inputs[:, j]
         for j, item in enumerate(model.inputs)
@@ -61,10 +66,10 @@ def covariates(drive: PreparedDrive, at: OperatingPoint) -> dict[str, Floats]:
 
 def _without_noise(drive: PreparedDrive, states: Floats) -> Floats:
     """States (K, n), of those that readings correct all the time their adaptive means: what the
-    filter makes of a reading's noise is in its innovation as well.  One that an input settles at
-    once has the slow noise of a smooth input."""
+    filter makes of a reading's noise is in its innovation as well, and so is an input's noise that
+    one which it settles at once has."""
     model, smoothed = drive.compiled.model, states.copy()
-    for i in {model.state(name) for name in model.tracked} - {*drive.tracked.settling}:
+    for i in map(model.state, model.tracked):
         noise = median_std(np.diff(states[:, i])) / np.sqrt(2.0)
         smoothed[:, i] = adaptive_mean(drive.line.t, states[:, i], noise, 0.0)
     return smoothed

@@ -17,17 +17,18 @@ KNOTS = 33  # of a drive's time, between which the response to the inputs' noise
 def without_noise(
     line: Timeline, inputs: PreparedInputs, compiled: Compiled, at: Floats
 ) -> Timeline:
-    """The drive as driven by smooth inputs where they are calm, the smoother while what they drive
-    stands: shaken by their noise, a motor that sticks would creep.  Readings of what an input
-    settles at once keep that noise, as it would stand in them ``at`` these states (n), and at the
-    temperatures that are read: a resistance that has risen by a tenth lets a tenth less through."""
+    """The drive as driven by smooth inputs while what they drive stands: shaken by their noise, a
+    motor that sticks would creep.  One that turns follows them as they are read: it takes their
+    mean itself, and what smooths them first takes away no noise, only their turns.  Readings of
+    what an input settles at once keep that noise, as it would stand in them ``at`` these states
+    (n), and at the temperatures that are read: a resistance that has risen by a tenth lets a tenth
+    less through."""
     model, noise = compiled.model, np.zeros_like(line.u)
     flags = [model.regime.index(flag) for flag in set(model.uncorrected.values())]
     stands = (line.W[line.row][:, flags] == 0.0).any(axis=1)
     for j, each in enumerate(inputs.interpolated):
-        if each.shakes is not None and each.at_rest is not None:
-            moving, at_rest = (np.interp(line.t, each.time, n) for n in (each.shakes, each.at_rest))
-            noise[:, j] = np.where(stands, at_rest, moving)
+        if each.at_rest is not None:
+            noise[:, j] = np.where(stands, np.interp(line.t, each.time, each.at_rest), 0.0)
     if not noise.any():
         return line
     z, knots = line.z.copy(), np.linspace(line.t[0], line.t[-1], KNOTS)
