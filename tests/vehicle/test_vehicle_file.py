@@ -237,22 +237,19 @@ WRONG = [
         r"unknown error term 'torqe'; did you mean 'torque' or ",
     ),
     (
-        ("[limits]", "[smooth_errors.torque]\nslave_positon = {}\n\n[limits]"),
-        "slave_positon",
-        r"unknown covariate 'slave_positon'; did you mean 'slave_position' or ",
+        ("compression = {", "compresion = {"),
+        "compresion",
+        r"unknown covariate 'compresion'; did you mean 'compression'\?",
     ),
     (
-        ("[limits]", "[smooth_errors.torque]\nslave_position = { std = 1.0 }\n\n[limits]"),
-        "slave_position = { std",
-        r"smooth_errors\.torque\.slave_position has no 'length'",
+        ("compression = { std = 1.0, length = 0.8 }", "compression = { std = 1.0 }"),
+        "compression = { std",
+        r"smooth_errors\.torque\.compression has no 'length'",
     ),
     (
-        (
-            "[limits]",
-            "[smooth_errors.torque]\nslave_position = { std = 1, length = 0 }\n\n[limits]",
-        ),
-        "slave_position = { std",
-        r"smooth_errors\.torque\.slave_position\.length",
+        ("compression = { std = 1.0, length = 0.8 }", "compression = { std = 1, length = 0 }"),
+        "compression = { std",
+        r"smooth_errors\.torque\.compression\.length",
     ),
     (
         ("[limits]", '[modes]\nlock_slip = { value = 1, unit = "s" }\n\n[limits]'),

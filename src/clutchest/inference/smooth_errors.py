@@ -29,10 +29,12 @@ def smooth_error(
     """What a smooth error of an equation does to the readings of a drive at these ``numbers``:
     columns (K, c), each to be taken a number of times that is normal, of variance 1; none where
     the drive does not have the covariate."""
-    values = covariates(drive, at).get(error.covariate)
+    machine = drive.compiled.machine
+    further = [name for name in machine.smooth_over if name == error.covariate]
+    values = covariates(drive, at, further).get(error.covariate)
     if values is None:
         return np.zeros((len(drive.readings.t), 0))
-    term = drive.compiled.machine.error_terms[error.error_term]
+    term = machine.error_terms[error.error_term]
     knots = _knots(values, error.length)
     parts = error.std / term.size * _root(knots / error.length)
     basis = np.column_stack([np.interp(values, knots, part) for part in parts.T])

@@ -78,8 +78,9 @@ class Machine:
 
     For discovery: ``error_terms``, ways in which an equation may be wrong that no effect knows;
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
-    beside inputs, states, time and energy; ``rates`` of inputs (name → input) and ``peaks`` (name →
-    the state whose highest value so far it is); ``effects``, the library;
+    beside inputs, states, time and energy; ``smooth_over`` (name → unit), further ones that a
+    smooth error of a healthy machine may go with; ``rates`` of inputs (name → input) and ``peaks``
+    (name → the state whose highest value so far it is); ``effects``, the library;
     ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all others), which sensor
     would separate errors; ``compared``, the pair of a validation.
 
@@ -134,6 +135,7 @@ class Machine:
     reservations: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     error_terms: Mapping[str, ErrorTerm] = field(default_factory=lambda: _EMPTY)
     covariates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
+    smooth_over: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     rates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     peaks: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     effects: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)

@@ -147,9 +147,10 @@ def _unknown_quantities(machine: Any) -> Iterator[tuple[str, str]]:
     for name, effect in machine.effects.items():
         if effect.name != name or effect.model not in ("", machine.name):
             yield "effects", f"has '{effect.name}' of model '{effect.model}' as '{name}'"
-    for name in machine.covariates:
-        if name not in quantities:
-            yield "covariates", f"has no quantity '{name}'" + nearest(name, quantities)
+    for piece in ("covariates", "smooth_over"):
+        for name in getattr(machine, piece):
+            if name not in quantities:
+                yield piece, f"has no quantity '{name}'" + nearest(name, quantities)
     yield from _wrong_error_terms(machine, quantities)
     for fault in machine.faults:
         if not any(n.key == fault.key for n in fault.effect.gains):

@@ -11,6 +11,13 @@ def quantity_of(machine: Machine, name: str) -> Quantity:
     states = {s.name: s.unit for s in machine.states}
     rates = {rate: f"{machine.units.get(of, '1')}/s" for rate, of in machine.rates.items()}
     peaks = {peak: states[of] for peak, of in machine.peaks.items()}
-    units = {"time": "s", "energy": "J", **machine.covariates, **rates, **peaks}
+    units = {
+        "time": "s",
+        "energy": "J",
+        **machine.covariates,
+        **machine.smooth_over,
+        **rates,
+        **peaks,
+    }
     units |= machine.units | states
     return Quantity(name, units.get(name, "1"))

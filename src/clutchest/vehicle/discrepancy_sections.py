@@ -41,6 +41,7 @@ def read_smooth_errors(file: TomlFile, machine: Machine) -> tuple[SmoothError, .
         *machine.units,
         *(state.name for state in machine.states),
         *machine.covariates,
+        *machine.smooth_over,
         *machine.rates,
         *machine.peaks,
         ENERGY,

@@ -15,6 +15,7 @@ from clutchest.models.dry_clutch.error_terms import (
     RATES,
     SENSOR_FOR,
     SEPARATING_SENSORS,
+    SMOOTH_OVER,
 )
 from clutchest.models.dry_clutch.manoeuvres import MANOEUVRES
 from clutchest.models.dry_clutch.own_effects import TruckEffects
@@ -69,6 +70,7 @@ MACHINE = Machine(
     limits={"wear": "mm"},
     error_terms=ERROR_TERMS,
     covariates=COVARIATES,
+    smooth_over=SMOOTH_OVER,
     rates=RATES,
     peaks=PEAKS,
     effects=effects_in("clutchest.models.dry_clutch.effects"),

@@ -126,5 +126,6 @@ SENSOR_FOR = {
 # Covariates beside inputs, states, time and slip energy: quantities by name, rates of inputs, and
 # the highest value so far of states, since overheating changes a lining for good.
 COVARIATES = {"slip_speed": "rad/s"}
+SMOOTH_OVER = {"compression": "mm"}
 RATES = {"position_rate": "slave_position"}
 PEAKS = {"temp_disc_peak": "temp_disc", "temp_body_peak": "temp_body"}
