@@ -69,17 +69,24 @@ def followed(read: Floats) -> InterpolatedInput:
 def test_the_noise_of_what_rests_is_told_and_little_is_left():
     noise = 0.01 * np.random.default_rng(3).standard_normal(4000)
     course = followed(4.8 + noise)
-    assert course.at_rest is not None
-    assert np.std(course.at_rest) == pytest.approx(0.01, rel=0.1)
-    assert np.corrcoef(course.at_rest, noise)[0, 1] > 0.9
+    assert np.std(course.shakes) == pytest.approx(0.01, rel=0.1)
+    assert np.corrcoef(course.shakes, noise)[0, 1] > 0.9
     assert np.std(course.value - 4.8) < 0.0015
 
 
-def test_where_it_moves_no_noise_is_told():
+def test_what_moves_is_followed_as_it_is_read():
     t = 0.005 * np.arange(400)
     read = np.where(t < 1.0, 12.0, 12.0 - 3.0 * np.sin(60.0 * (t - 1.0)))
     moves = (t > 1.05) & (t < 1.95)
     course = followed(read + 0.01 * np.random.default_rng(4).standard_normal(len(t)))
-    assert course.at_rest is not None
-    assert not course.at_rest[moves].any()
-    assert course.at_rest[t < 0.9].any()
+    assert not course.shakes[moves].any()
+    assert course.shakes[t < 0.9].any()
+
+
+def test_at_rest_an_input_is_smoother_than_while_it_acts():
+    t = np.arange(0.0, 10.0, 0.005)
+    read = 1.0 + 0.01 * np.random.default_rng(4).standard_normal(len(t))
+    course = InterpolatedInput.at_samples(t, read, 0.01, 0.0)
+    acting, resting = read - course.shakes, read - course.at_rest
+    assert np.std(np.diff(resting)) < 0.2 * np.std(np.diff(acting))
+    assert np.std(resting) < 0.5 * np.std(acting)

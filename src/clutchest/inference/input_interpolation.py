@@ -25,9 +25,9 @@ GAP = 2.0  # sample periods; across a longer one how an input bends is not known
 class InterpolatedInput:
     """``value`` (k) at ``time`` (k) s, without the fastest noise, and the second derivative by
     which it ``bends`` (k) there, where that shows.  ``integral``: lines between values at other
-    times are to have its integral, otherwise these are its own values.  ``at_rest`` (k): the noise
-    in what is read, as far as ``value`` tells; 0 where the input moves, None where it is not
-    sought.
+    times are to have its integral, otherwise these are its own values.  ``shakes`` (k): the noise
+    in what is read, as far as ``WINDOW`` s tell, and ``at_rest`` (k), as far as ``value`` does; 0
+    where the input moves, None where it is not sought.
 
     A pedal let go takes 20 ms: straight lines between samples 10 ms apart, and again between
     events, lose or make a thousandth of a slip's heat there.
@@ -37,6 +37,7 @@ class InterpolatedInput:
     value: Floats
     bends: Floats
     integral: bool = True
+    shakes: Floats | None = None
     at_rest: Floats | None = None
 
     @classmethod
@@ -67,8 +68,8 @@ class InterpolatedInput:
         close, smooth = _parabolas(read, CLOSE, noise), parabolas(read, count)
         off = maximum_filter1d(np.abs(close - smooth), CLOSE) > CALM * noise
         value = np.where(off, close, adaptive_mean(time, read, noise, ar))
-        at_rest = np.where(off, 0.0, read - value)
-        return cls(time, value, _second(time, read, period, noise), False, at_rest)
+        shakes, at_rest = (np.where(off, 0.0, read - each) for each in (smooth, value))
+        return cls(time, value, _second(time, read, period, noise), False, shakes, at_rest)
 
     def at(self, t: Floats, spacing: Floats) -> Floats:
         """Values at ``t`` (K) whose straight connections have the input's integral; ``spacing`` (K)

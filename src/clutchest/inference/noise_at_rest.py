@@ -19,16 +19,18 @@ def without_noise(
 ) -> Timeline:
     """The drive as driven by smooth inputs while what they drive stands: shaken by their noise, a
     motor that sticks would creep.  One that turns follows them as they are read: it takes their
-    mean itself, and what smooths them first takes away no noise, only their turns.  Readings of
-    what an input settles at once keep that noise, as it would stand in them ``at`` these states
-    (n), and at the temperatures that are read: a resistance that has risen by a tenth lets a tenth
-    less through."""
+    mean itself, and what smooths them first takes away no noise, only their turns.  In a machine
+    that nothing says stands, inputs are smooth where they are calm: a controller's answer to noise
+    of the readings would pass for their cause.  Readings of what an input settles at once keep that
+    noise, as it would stand in them ``at`` these states (n), and at the temperatures that are read:
+    a resistance that has risen by a tenth lets a tenth less through."""
     model, noise = compiled.model, np.zeros_like(line.u)
     flags = [model.regime.index(flag) for flag in set(model.uncorrected.values())]
     stands = (line.W[line.row][:, flags] == 0.0).any(axis=1)
     for j, each in enumerate(inputs.interpolated):
-        if each.at_rest is not None:
-            noise[:, j] = np.where(stands, np.interp(line.t, each.time, each.at_rest), 0.0)
+        if each.shakes is not None and each.at_rest is not None:
+            shakes, at_rest = (np.interp(line.t, each.time, n) for n in (each.shakes, each.at_rest))
+            noise[:, j] = np.where(stands, at_rest, 0.0) if flags else shakes
     if not noise.any():
         return line
     z, knots = line.z.copy(), np.linspace(line.t[0], line.t[-1], KNOTS)
