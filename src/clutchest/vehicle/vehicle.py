@@ -98,7 +98,7 @@ class SignalMap:
     @property
     def noise_guessed(self) -> bool:
         """Whether the noise is a guess, by its source."""
-        return self.noise_source.startswith("guess")
+        return self.noise_source.lower().startswith("guess")
 
 
 @dataclass(frozen=True, slots=True)
