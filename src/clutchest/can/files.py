@@ -27,19 +27,20 @@ _BESIDE = 15  # bytes of a frame beside its data
 _FIRST = 4096  # bytes in which most formats show; to search all of the head takes milliseconds
 
 
-def read_blocks(path: Path) -> Iterator[Frames]:
+def read_blocks(path: Path, also: str = "") -> Iterator[Frames]:
     """The frames of a log block by block, in the order of the file (mf4: of time).
 
     Lines or objects that cannot be read are counted in ``Frames.rejected`` of their block; all
-    blocks agree on ``absolute``.  Raises ClutchestError for a file that does not exist, is empty,
-    holds no frame at all, or inflates beyond its budget.
+    blocks agree on ``absolute``.  ``also``: what the caller takes besides CAN logs, in words, for
+    its error messages.  Raises ClutchestError for a file that does not exist, is empty, holds no
+    frame at all, or inflates beyond its budget.
     """
     path = Path(path)
     seen = 0
     with log_source.opened(path) as source:
         most = max(budgets.LOG_FRAMES, path.stat().st_size)
         most_bytes = budgets.by_size(path, budgets.LOG_RATIO)
-        for block in blocks_of(source):
+        for block in blocks_of(source, also):
             seen += len(block)
             if seen > most or source.position > most_bytes:
                 raise _too_many(path, most)
@@ -64,14 +65,14 @@ def _too_many(path: Path, most: int) -> ClutchestError:
     )
 
 
-def blocks_of(source: LogSource) -> Iterator[Frames]:
+def blocks_of(source: LogSource, also: str = "") -> Iterator[Frames]:
     """As :func:`read_blocks`, of a log that is already open."""
     if not source.head.strip():
-        raise ClutchestError(f"{source.path}: the file is empty; expected a CAN log: {_expected()}")
+        raise ClutchestError(f"{source.path}: the file is empty; expected {_expected(also)}")
     rejected: Counter[str] = Counter()
     empty = 0  # blocks in a row
     any_frame, absolute = False, True
-    for frames in format_of(source).read(source):
+    for frames in format_of(source, also).read(source):
         rejected.update(dict(frames.rejected))
         empty = 0 if len(frames) else empty + 1
         any_frame, absolute = any_frame or not empty, frames.absolute
@@ -90,9 +91,9 @@ def blocks_of(source: LogSource) -> Iterator[Frames]:
         yield Frames.empty(absolute=absolute, rejected=tuple(source.rejected.items()))
 
 
-def read_frames(path: Path) -> Frames:
+def read_frames(path: Path, also: str = "") -> Frames:
     """All frames of a log at once; see :func:`read_blocks`."""
-    return Frames.concatenate(read_blocks(path))
+    return Frames.concatenate(read_blocks(path, also))
 
 
 def write_frames(frames: Frames, path: Path) -> tuple[str, ...]:
@@ -140,10 +141,10 @@ def _file(path: Path, zipped: bool) -> Iterator[BinaryIO | gzip.GzipFile]:
             yield file
 
 
-def format_of(source: LogSource) -> LogFormat:
+def format_of(source: LogSource, also: str = "") -> LogFormat:
     """The format of an open log: by its content, else by its suffix.
 
-    Raises ClutchestError where neither is known.
+    Raises ClutchestError where neither is known; ``also`` as in :func:`read_blocks`.
     """
     for head in (source.head[:_FIRST], source.head):
         places = [(at, entry) for entry in log_formats() if (at := entry.sniff(head)) is not None]
@@ -158,11 +159,12 @@ def format_of(source: LogSource) -> LogFormat:
     words = "binary data" if b"\0" in first else repr(first.decode("utf-8", "replace"))
     raise ClutchestError(
         f"{source.path}: not a CAN log that is known; it begins with {words}; "
-        f"expected {_expected()}"
+        f"expected {_expected(also)}"
     )
 
 
-def _expected() -> str:
-    """The formats in words."""
+def _expected(also: str) -> str:
+    """The formats in words, and what else the caller takes."""
     *titles, last = [entry.title for entry in log_formats() if entry.writable]
-    return f"{', '.join(titles)} or {last}, each also .gz"
+    logs = f"a CAN log ({', '.join(titles)} or {last}, each also .gz)"
+    return f"{logs} or {also}" if also else logs

@@ -11,7 +11,7 @@ from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.models import shipped_machines
 from clutchest.reading.log import read_log
-from clutchest.reading.table_formats import is_table, only_decoded
+from clutchest.reading.table_formats import is_table, only_decoded, tables_in_words
 from clutchest.reading.tables import joined, read_table, write_signals
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate
@@ -55,7 +55,7 @@ class Conversion:
             )
         if only_decoded(out):
             raise ClutchestError(f"{out}: holds decoded signals; name a vehicle to decode the logs")
-        parts = [files.read_frames(path) for path in paths]
+        parts = [files.read_frames(path, tables_in_words()) for path in paths]
         if len(parts) > 1 and not all(part.absolute for part in parts):
             which = next(log for log, part in zip(logs, parts, strict=True) if not part.absolute)
             raise ClutchestError(

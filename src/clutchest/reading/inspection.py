@@ -21,6 +21,7 @@ from clutchest.paths import names_of
 from clutchest.reading.candidates import SignalCandidate, search, sources_of
 from clutchest.reading.drafting import Draft, drafted_name
 from clutchest.reading.driveline import driveline_of
+from clutchest.reading.table_formats import tables_in_words
 from clutchest.reading.window import EVERYTHING, TimeWindow
 from clutchest.shipped import locate, shipped
 from clutchest.vehicle import BusSignal, dump_vehicle, load_vehicle
@@ -187,7 +188,8 @@ def inspect_logs(
 
 def _frames(path: Path) -> Frames:
     """All frames of a log, in order of time."""
-    return Frames.concatenate(files.held(path, files.read_blocks(path))).sorted()
+    blocks = files.read_blocks(path, tables_in_words())
+    return Frames.concatenate(files.held(path, blocks)).sorted()
 
 
 def _databases(sources: Sequence[DatabaseFile]) -> list[Database]:

@@ -20,7 +20,7 @@ from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
 from clutchest.reading.table_drives import drives_of
-from clutchest.reading.table_formats import is_table
+from clutchest.reading.table_formats import is_table, tables_in_words
 from clutchest.reading.tables import joined, read_table
 from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, TimeWindow
@@ -231,7 +231,7 @@ def _table(given: Path | Any, vehicle: Vehicle) -> _Piece:
 def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
     """The frames of a log that carry ``wanted`` messages; the log may be larger than memory."""
     needed = FrameFilter(wanted, int(SPLIT_S * 1e9))
-    kept = (needed.kept(block) for block in files.read_blocks(path))
+    kept = (needed.kept(block) for block in files.read_blocks(path, tables_in_words()))
     frames = Frames.concatenate(_in_pieces(files.held(path, kept)))
     first, last = int(frames.t_ns.min()), int(frames.t_ns.max())
     back = np.concatenate([np.zeros(1, np.int64), *(s[s < 0] for _, s in frames.steps())])[1:]

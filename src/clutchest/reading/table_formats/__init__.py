@@ -40,6 +40,13 @@ def written_suffixes() -> tuple[str, ...]:
     return tuple(s for e in kinds for s in _first(e))
 
 
+@cache
+def tables_in_words() -> str:
+    """The tables that can be read, for messages that say what is expected."""
+    *suffixes, last = (entry.suffixes[0] for entry in table_formats() if entry.read)
+    return f"a table of decoded signals ({', '.join(suffixes)} or {last})"
+
+
 def _first(entry: TableKind) -> tuple[str, ...]:
     suffix = entry.suffixes[0]
     return (suffix, f"{suffix}.gz") if entry.zipped else (suffix,)
@@ -87,7 +94,9 @@ def load_table(given: Path | Any) -> SignalTable:
     if not isinstance(given, Path):
         return of_frame("DataFrame", as_pandas(given))
     if given.is_file() and not given.stat().st_size:
-        raise ClutchestError(f"{given}: the file is empty; expected a CAN log or decoded signals")
+        raise ClutchestError(
+            f"{given}: the file is empty; expected a CAN log or {tables_in_words()}"
+        )
     kind = _kind_of(given)
     if kind is None or kind.read is None:
         suffixes = [suffix for entry in table_formats() if entry.read for suffix in entry.suffixes]
