@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import sys
 
 import pytest
+import typer
+from typer.main import get_command
 
 from clutchest import cli
 from clutchest.reading.table_formats import table_formats
+
+SIMULATE = ("--scenario", "launches", "--seed", "1", "-o", "x.log")
 
 
 @pytest.fixture
@@ -49,3 +54,32 @@ def test_tables_are_not_named_where_they_are_not_taken(refused, tmp_path):
     log.write_bytes(b"hello\n")
     said = refused("play", log, "-i", "virtual", "-c", "x")
     assert "expected a CAN log (" in said and "decoded signals" not in said
+
+
+@pytest.mark.parametrize("given", ["nan", "inf", "-1"])
+@pytest.mark.parametrize(
+    ("verb", "option"),
+    [
+        (["replay", "demo", "--vehicle", "truck"], "--rate"),
+        (["fleet", ".", "--vehicle", "truck"], "--rate"),
+        (["monitor", "--vehicle", "truck", "-i", "virtual"], "--rate"),
+        (["monitor", "--vehicle", "truck", "-i", "virtual"], "--duration"),
+        (["play", "demo", "-i", "virtual"], "--speed"),
+        (["simulate", "--vehicle", "truck", *SIMULATE], "--duration"),
+        (["simulate", "--vehicle", "truck", *SIMULATE], "--onset"),
+    ],
+)
+def test_what_is_no_number_of_the_range(refused, verb, option, given):
+    said = refused(*verb, option, given)
+    assert f"'{option}': {given}; expected a number " in said
+
+
+def test_every_option_that_takes_a_number_takes_a_finite_one():
+    """Without a range typer would take nan."""
+    options = [option for verb in get_command(cli.app).commands.values() for option in verb.params]
+    numbers = [o for o in options if isinstance(o.default, float) or o.name == "duration"]
+    assert len(numbers) >= 7
+    for option in numbers:
+        for bad in (math.nan, math.inf):
+            with pytest.raises(typer.BadParameter, match="expected a number"):
+                option.callback(None, option, bad)

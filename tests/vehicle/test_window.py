@@ -115,7 +115,8 @@ def test_a_window_of_a_table(log, truck, tmp_path):
     [
         ("soon", None, r"'soon' is no time; expected seconds .* or a date"),
         ("5", "2", "ends before it starts"),
-        ("-3", None, "not negative"),
+        ("-3", None, "'-3'; expected seconds from the start of a log, from 0"),
+        ("nan", None, "'nan'; expected seconds from the start of a log, from 0"),
         ("60", None, r"no data in the time window.*is from 20\d\d-.*[+-]\d\d:\d\d to"),
     ],
 )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from clutchest.cli.groups import grouped
-from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Trust, VehicleName
+from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Rate, Trust, VehicleName
 from clutchest.cli.terminal import answer, meanwhile, print_shown, progress
 from clutchest.extras import installed
 from clutchest.shown import counted
@@ -58,10 +58,7 @@ def fleet(
     ],
     vehicle: VehicleName,
     where: ClusterOptions = HERE,
-    rate: Annotated[
-        float,
-        typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
-    ] = 10.0,
+    rate: Rate = 10.0,
     trust: Trust = False,
     out: Out = DEFAULT_OUT,
     as_json: AsJson = False,

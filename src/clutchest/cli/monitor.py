@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from clutchest.cli.groups import grouped
-from clutchest.cli.options import DEFAULT_OUT, Channel, Interface, Out, State, Trust, VehicleName
+from clutchest.cli.options import (
+    DEFAULT_OUT,
+    Channel,
+    Interface,
+    Out,
+    State,
+    Trust,
+    VehicleName,
+    within,
+)
 from clutchest.cli.terminal import note, print_json, progress
 
 if TYPE_CHECKING:
@@ -39,13 +48,22 @@ class SessionOptions:
 
     duration: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.0, show_default=False, help="Stop after so many seconds."),
+        typer.Option(
+            metavar="S",
+            callback=within(0.0),
+            show_default=False,
+            help="Stop after so many seconds.",
+        ),
     ] = None
     state: State = None
     trust: Trust = False
     rate: Annotated[
         float,
-        typer.Option(metavar="HZ", min=0.1, max=100.0, help="Rows per second of the estimates."),
+        typer.Option(
+            metavar="HZ",
+            callback=within(0.1, 100.0),
+            help="Rows per second of the estimates, 0.1 to 100.",
+        ),
     ] = 10.0
     send_dm1: Annotated[
         bool, typer.Option("--send-dm1", help="Broadcast active trouble codes as J1939 DM1.")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -137,6 +139,18 @@ def _folder(out: Path) -> Path:
     return out
 
 
+def within(low: float, high: float = math.inf) -> Callable[[float | None], float | None]:
+    """The callback of every option that takes a number: finite, from ``low`` to ``high``."""
+
+    def check(value: float | None) -> float | None:
+        if value is None or (math.isfinite(value) and low <= value <= high):
+            return value
+        expected = f"of at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+        raise typer.BadParameter(f"{value:g}; expected a number {expected}")
+
+    return check
+
+
 Out = Annotated[
     Path,
     typer.Option("--out", metavar="DIR", help="Folder for the results.", callback=_folder),
@@ -145,6 +159,14 @@ AsJson = Annotated[
     bool,
     typer.Option(
         "--json", help="Print the machine-readable result on stdout, and nothing else there."
+    ),
+]
+Rate = Annotated[
+    float,
+    typer.Option(
+        metavar="HZ",
+        callback=within(0.01, 1000.0),
+        help="Rows per second of the estimates, 0.01 to 1000.",
     ),
 ]
 DEFAULT_OUT = Path("clutchest-out")

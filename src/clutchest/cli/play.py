@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from clutchest.cli.options import Channel, Interface
+from clutchest.cli.options import Channel, Interface, within
 from clutchest.cli.terminal import progress
 
 
@@ -21,7 +21,11 @@ def play(
     channel: Channel = None,
     speed: Annotated[
         float,
-        typer.Option(metavar="X", min=0.001, max=1000.0, help="So many times as fast as it was."),
+        typer.Option(
+            metavar="X",
+            callback=within(0.001, 1000.0),
+            help="So many times as fast as it was, 0.001 to 1000.",
+        ),
     ] = 1.0,
 ) -> None:
     """Send a log onto a bus at its own pace.

@@ -10,7 +10,15 @@ import typer
 
 from clutchest.cli.estimating import estimated
 from clutchest.cli.groups import grouped
-from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Out, SourceOptions, WindowOptions
+from clutchest.cli.options import (
+    DEFAULT_OUT,
+    WHOLE,
+    AsJson,
+    Out,
+    Rate,
+    SourceOptions,
+    WindowOptions,
+)
 from clutchest.cli.terminal import answer, progress
 
 
@@ -58,10 +66,7 @@ USUAL = ExtraFiles()
 def replay(
     source: SourceOptions,
     out: Out = DEFAULT_OUT,
-    rate: Annotated[
-        float,
-        typer.Option(metavar="HZ", min=0.01, max=1000.0, help="Rows per second of the estimates."),
-    ] = 10.0,
+    rate: Rate = 10.0,
     smooth: Annotated[
         bool,
         typer.Option("--smooth", help="Also smoothed estimates, by each drive as a whole."),

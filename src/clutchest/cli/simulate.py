@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from clutchest.cli.groups import grouped
-from clutchest.cli.options import AsJson, Trust, VehicleName
+from clutchest.cli.options import AsJson, Trust, VehicleName, within
 from clutchest.cli.terminal import loaded, print_json, progress
 
 if TYPE_CHECKING:
@@ -31,7 +31,10 @@ class TruthOptions:
     duration: Annotated[
         float | None,
         typer.Option(
-            metavar="S", min=0.1, show_default=False, help="Seconds, instead of the scenario's own."
+            metavar="S",
+            callback=within(0.1),
+            show_default=False,
+            help="Seconds, at least 0.1, instead of the scenario's own.",
         ),
     ] = None
     effect: Annotated[
@@ -65,7 +68,7 @@ class TruthOptions:
         float,
         typer.Option(
             metavar="S",
-            min=0.0,
+            callback=within(0.0),
             help="When the effects begin to act, s into the drive; of the differential.",
         ),
     ] = 0.0

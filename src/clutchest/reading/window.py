@@ -93,7 +93,9 @@ def _moment(text: str | None) -> Moment | None:
         pass
     else:
         if not 0 <= seconds < 1e9:
-            raise ClutchestError(f"'{text}': seconds from the start of a log are not negative")
+            raise ClutchestError(
+                f"'{text}'; expected seconds from the start of a log, from 0 to 1e9"
+            )
         return seconds
     try:
         moment = datetime.fromisoformat(text)
