@@ -10,11 +10,14 @@ import pytest
 
 import clutchest
 from clutchest.can.files import read_frames, write_frames
+from clutchest.fleet.fleet import Fleet, FleetVehicle, note_of
 from clutchest.fleet.imprint import Imprint, Passed
 from clutchest.fleet.logs import FleetLog, numbered
-from clutchest.fleet.one_log import LogTask, begin_of, estimate_log, read_row
+from clutchest.fleet.one_log import OVERLAPS, LogTask, begin_of, estimate_log, read_row
+from clutchest.fleet.report import fleet_page
 from clutchest.simulated import write_simulation
 
+UNDATED = {"begin": None, "day": "unknown", "duration_s": 1800.0}
 MIDNIGHT_NS = 946_684_800 * 10**9  # of a clock that has lost its battery
 
 
@@ -108,3 +111,32 @@ def test_runs_are_taken_by_their_numbers() -> None:
     paths = [Path(f"a/run{k}.log") for k in (10, 2, 100, 1)]
     in_order = [path.stem for path in sorted(paths, key=numbered)]
     assert in_order == ["run1", "run2", "run10", "run100"]
+
+
+def test_clocks_that_are_not_relied_on_are_left_out_of_the_range_of_days() -> None:
+    """One that has lost its date, and one that begins before an earlier log ends."""
+    days = {"lost": "1970-01-01", "a": "2024-05-02", "b": "2024-05-07", "twice": "2024-06-01"}
+    notes = {"twice": OVERLAPS}
+    made = [
+        {
+            "log": log,
+            "note": notes.get(log),
+            "drives": [{"begin": f"{day}T00:00:00.000+00:00", "day": day, "duration_s": 1800.0}],
+        }
+        for log, day in days.items()
+    ]
+    made.append({"log": "c", "note": None, "drives": [UNDATED]})
+    noted = {row["log"]: note for row in made if (note := note_of(row))}
+    assert list(noted) == ["lost", "twice"] and "begins on 1970-01-01" in noted["lost"]
+    drives = tuple({"log": row["log"], **drive} for row in made for drive in row["drives"])
+    vehicle = FleetVehicle("v", tuple(days), {}, drives, {}, None, noted)
+
+    def page(one: FleetVehicle) -> str:
+        return fleet_page(Fleet(clutchest.load_vehicle("truck"), (one,), {}))
+
+    said = "2024-05-02 to 2024-05-07 (without 2 logs whose clock is not relied on)"
+    assert f"5 drives, 2.5 h, {said}" in page(vehicle)
+    alone = replace(vehicle, drives=drives[1:3], notes={})
+    assert "2 drives, 1.0 h, 2024-05-02 to 2024-05-07</p>" in page(alone)
+    none = replace(vehicle, drives=drives[:1], notes={"lost": noted["lost"]})
+    assert "1 drive, 0.5 h (without 1 log whose clock is not relied on)" in page(none)

@@ -27,7 +27,7 @@ def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
 
 
 def drive_rows(fleet: Fleet) -> list[dict[str, Any]]:
-    """One row a drive: when, how much slip, and the states at its end."""
+    """One row a drive: its log, when, how much slip, and the states at its end."""
     rows = []
     for one in fleet.vehicles:
         for drive in one.drives:

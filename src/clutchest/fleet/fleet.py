@@ -31,15 +31,16 @@ if TYPE_CHECKING:
 
 WEAR_RATE = "wear_per_MJ"
 LOST = "every worker that read it was lost: is memory short?"
+FIRST_DAY = "2001-01-01"  # clocks that have lost their date begin in 1970, 1980 or 2000
 Z = 1.96  # standard deviations of a 95 % interval
 
 
 @dataclass(frozen=True, slots=True)
 class FleetVehicle:
     """One vehicle after its last drive: ``logs`` used and ``rejected`` (log → why), ``drives`` as
-    ``one_log.drives_of`` has them, ``properties`` name → (value, std) of what it keeps while it
-    stands, where they are valid; ``wear`` as ``summary.json`` has it, None where there is none;
-    ``notes`` (log → what is to be said of one that is used)."""
+    ``one_log.drives_of`` has them, each with its ``log``; ``properties`` name → (value, std) of
+    what it keeps while it stands, where they are valid; ``wear`` as ``summary.json`` has it, None
+    where there is none; ``notes`` (log → why the clock of one that is used is not relied on)."""
 
     name: str
     logs: tuple[str, ...]
@@ -74,7 +75,7 @@ class Fleet(Tabulated):
 
     @property
     def notes(self) -> dict[str, str]:
-        """Logs that are used → what is to be said of them."""
+        """Logs that are used → why their clocks are not relied on."""
         return {log: note for one in self.vehicles for log, note in one.notes.items()}
 
     def differences(self) -> list[str]:
@@ -315,7 +316,7 @@ def _vehicle_of(name: str, tasks: Sequence[LogTask], car: Vehicle) -> FleetVehic
     """What the rows of a vehicle's logs say together."""
     rows = [row for row in (read_row(task.row) for task in tasks) if row is not None]
     used = [row for row in rows if row["error"] is None]
-    drives = tuple(drive for row in used for drive in row["drives"])
+    drives = tuple({"log": row["log"], **drive} for row in used for drive in row["drives"])
     wear = next((row["wear"] for row in reversed(used) if row["wear"]), None)
     properties = {}
     for key in units_of(car.machine):
@@ -332,5 +333,15 @@ def _vehicle_of(name: str, tasks: Sequence[LogTask], car: Vehicle) -> FleetVehic
         drives,
         properties,
         wear,
-        {row["log"]: row["note"] for row in used if row.get("note")},
+        {row["log"]: note for row in used if (note := note_of(row))},
     )
+
+
+def note_of(row: Mapping[str, Any]) -> str | None:
+    """Why the clock of a log is not relied on, by its row; None where it is."""
+    if row.get("note"):
+        return str(row["note"])
+    days = [drive["day"] for drive in row["drives"] if drive["begin"]]
+    if days and min(days) < FIRST_DAY:
+        return f"begins on {min(days)}, as after a loss of power: its clock is not relied on"
+    return None

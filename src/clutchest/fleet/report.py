@@ -6,6 +6,7 @@ from clutchest.extras import installed
 from clutchest.fleet.fleet import Fleet
 from clutchest.record.html import page, vector
 from clutchest.record.report import table
+from clutchest.shown import counted
 
 
 def fleet_page(fleet: Fleet) -> str:
@@ -35,9 +36,12 @@ def fleet_page(fleet: Fleet) -> str:
 
 
 def _drives(fleet: Fleet) -> str:
-    """How many drives there are, how long, and when."""
+    """How many drives there are, how long, and when, by the clocks that are relied on."""
     drives = [drive for one in fleet.vehicles for drive in one.drives]
     hours = sum(drive["duration_s"] for drive in drives) / 3600.0
-    days = sorted(drive["day"] for drive in drives if drive["begin"])
+    sure = [drive for drive in drives if drive["log"] not in fleet.notes]
+    days = sorted(drive["day"] for drive in sure if drive["begin"])
     when = f", {days[0]} to {days[-1]}" if days else ""
-    return f"{len(drives)} drives, {hours:.1f} h{when}"
+    if fleet.notes:
+        when += f" (without {counted(len(fleet.notes), 'log')} whose clock is not relied on)"
+    return f"{counted(len(drives), 'drive')}, {hours:.1f} h{when}"
