@@ -19,6 +19,7 @@ from clutchest.generator.alsd.generate import run
 from clutchest.generator.alsd.scenarios import ON_THE_ROAD, RPM
 from clutchest.generator.effects import complete
 from clutchest.models import machine_of
+from clutchest.simulated import simulate
 from clutchest.vehicle import load_vehicle
 
 Columns = dict[str, NDArray[np.float64]]
@@ -228,6 +229,13 @@ def test_a_clutch_that_coasts_is_open_and_turns_both_ways() -> None:
     assert np.mean(still) > 0.9
     assert slip[still].min() < -100.0 * RPM
     assert slip[still].max() > 100.0 * RPM
+
+
+@pytest.mark.parametrize("scenario", ["slip-oil-sweep", "coast"])
+def test_the_bus_carries_all_of_a_fast_slip(scenario: str) -> None:
+    run = simulate("alsd_rig", scenario, 1, duration=12.0)
+    assert not [words for words in run.warnings if "slip_speed" in words]
+    assert np.abs(run["slip_speed"].value).max() > 115.0 * RPM
 
 
 def test_bad_requests_are_refused() -> None:
