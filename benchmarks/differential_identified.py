@@ -52,13 +52,13 @@ def identified(shipped: Vehicle, specimen: int) -> Vehicle:
 
 def shown(found: Discovery) -> dict[str, tuple[str, float]]:
     """Effect → its gain, and the size that half of the runs show, where that is plausible."""
+    effects = clutchest.load_vehicle(RIG).machine.effects
     sizes: dict[str, tuple[str, float]] = {}
     for each in found.identifiability:
-        if each.excited and each.detectable_size is not None:
-            gains = clutchest.load_vehicle(RIG).machine.effects[each.effect].gains
-            key = next(gain.key for gain in gains if gain.unit == each.unit)
-            if TIMES * each.detectable_size <= each.plausible_size:
-                sizes[each.effect] = key, each.detectable_size
+        size = each.detectable_size
+        if size is not None and TIMES * size <= each.plausible_size:
+            gains = effects[each.effect].gains
+            sizes[each.effect] = next(g.key for g in gains if g.unit == each.unit), size
     return sizes
 
 
@@ -86,7 +86,7 @@ def one(number: int, specimen: int) -> Record:
     return {
         "specimen": specimen,
         "scenario": scenario,
-        "healthy": [each.verdict for each in healthy],
+        "healthy": [[each.verdict, *map(sorted, each.sets)] for each in healthy],
         "hidden": [name, TIMES * size],
         "verdict": found.verdict,
         "sets": [sorted(names) for names in found.sets],
@@ -100,9 +100,10 @@ def table(records: Sequence[Record]) -> None:
     for file, verdicts in zip(
         ("shipped", "identified"), zip(*(r["healthy"] for r in records), strict=True), strict=True
     ):
-        wrong = [verdict != "none" for verdict in verdicts]
-        text = "{:.0%} [{:.1%}, {:.0%}]".format(*share(wrong))
-        print(f"findings in healthy runs, {file} file: {sum(wrong)} of {len(wrong)}, {text}")
+        wrong = [found for found in verdicts if found[0] != "none"]
+        text = "{:.0%} [{:.1%}, {:.0%}]".format(*share([v[0] != "none" for v in verdicts]))
+        print(f"findings in healthy runs, {file} file: {len(wrong)} of {len(verdicts)}, {text}")
+        print(*(f"  {found}" for found in wrong), sep="\n", end="\n" if wrong else "")
     for r in records:
         name, size = r["hidden"]
         fitted = "{:.3g} ± {:.2g}".format(*r["size"]) if r["size"] else "–"
