@@ -33,6 +33,7 @@ def drive_rows(fleet: Fleet) -> list[dict[str, Any]]:
         for drive in one.drives:
             row: dict[str, Any] = {"vehicle": one.name}
             row |= {key: value for key, value in drive.items() if key != "states"}
+            row["log"] = readable(drive["log"])
             for name, state in drive["states"].items():
                 row |= {
                     name: state["value"],
