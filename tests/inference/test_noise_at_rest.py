@@ -1,4 +1,4 @@
-"""Where a motor stands its voltage is a mean, and where it turns, what is read."""
+"""What of the noise of inputs is left in a drive."""
 
 from __future__ import annotations
 
@@ -24,3 +24,13 @@ def test_a_motor_let_go_keeps_to_its_course_while_the_voltage_turns():
     released = (readings.t > 7.9) & (readings.t < 8.06)
     angle = readings.sensor == problem.compiled.model.sensor("motor_angle")
     assert np.abs(raw.r[angle & released]).max() < 0.3
+
+
+def test_an_oil_temperature_that_does_not_move_is_known_to_a_fraction_of_its_noise():
+    """At 10 Hz parabolas through 0.1 s hold one sample."""
+    rig = load_vehicle("alsd_rig")
+    run = simulate(rig, "rig-steps", 1, duration=20.0)
+    (drive,) = Problem.of(run, rig, (), discrepant=True).drives
+    oil = drive.inputs.smooth[:, drive.compiled.model.input("oil_temp")]
+    assert np.std(run["oil_temp"].value) > 0.25
+    assert np.std(oil) < 0.1

@@ -49,10 +49,9 @@ class InterpolatedInput:
     def of(cls, time: Floats, read: Floats, noise: float) -> InterpolatedInput:
         """Of readings with this ``noise``: parabolas through ``WINDOW`` s, and the readings
         themselves where those are off by more than noise."""
-        period = max(float(np.median(np.diff(time))), 1e-3)
-        count = round(WINDOW / period) // 2 * 2 + 1
-        if not FIVE <= count <= len(time):
+        if seldom(time):
             return cls.straight(time, read)
+        period, count = _window(time)
         return cls(time, _parabolas(read, count, noise), _second(time, read, period, noise))
 
     @classmethod
@@ -61,8 +60,7 @@ class InterpolatedInput:
         readings whose noise has the AR(1) coefficient ``ar``: their adaptive mean, and parabolas
         through ``CLOSE`` samples where those through ``WINDOW`` s are off.  What noise is left in
         them is in derivatives, and in the innovations of what the input settles at once."""
-        period = max(float(np.median(np.diff(time))), 1e-3)
-        count = round(WINDOW / period) // 2 * 2 + 1
+        period, count = _window(time)
         if not CLOSE <= count <= len(time):
             return cls.straight(time, read)
         close, smooth = _parabolas(read, CLOSE, noise), parabolas(read, count)
@@ -139,6 +137,17 @@ def slopes_of(t: Floats, at: Floats, time: Floats, value: Floats, j: int, out: F
         if k > 0 and t[k] > t[k - 1]:
             out[k, j] = (now - before) / (t[k] - t[k - 1])
         before = now
+
+
+def seldom(time: Floats) -> bool:
+    """Whether samples (k) come too seldom, or are too few, for parabolas through ``WINDOW`` s."""
+    return not FIVE <= _window(time)[1] <= len(time)
+
+
+def _window(time: Floats) -> tuple[float, int]:
+    """s from sample to sample (k), and how many ``WINDOW`` s hold, an odd number."""
+    period = max(float(np.median(np.diff(time))), 1e-3)
+    return period, round(WINDOW / period) // 2 * 2 + 1
 
 
 def _parabolas(read: Floats, count: int, noise: float) -> Floats:

@@ -17,7 +17,7 @@ from clutchest.estimate.timeline import Timeline, build
 from clutchest.estimate.whole_log import Compiled, delays
 from clutchest.inference.decimation import decimated
 from clutchest.inference.denoising import adaptive_mean, deadband, deadband_of_mean, mean_of_slow
-from clutchest.inference.input_interpolation import InterpolatedInput, spacing
+from clutchest.inference.input_interpolation import InterpolatedInput, seldom, spacing
 from clutchest.inference.input_noise_covariance import input_noise_directions
 from clutchest.inference.linearisation import Derivatives, filtered
 from clutchest.inference.noise_at_rest import without_noise
@@ -235,7 +235,10 @@ def _interpolated(
     slow: NDArray[np.bool_],
 ) -> list[InterpolatedInput]:
     """Every input, with samples as close as the signal's, so that it can be shifted in time; of
-    ``slow`` ones (nu) their mean.  Of what drives a tracked state, samples count, not integrals."""
+    ``slow`` ones (nu) their mean, and of those that drive no tracked state and come too seldom to
+    be smoothed otherwise: of an oil temperature at 10 Hz that does not move, noise would pass for a
+    change that shows how friction goes with it.  Of what drives a tracked state, samples count, not
+    integrals."""
     inputs, e = [], model.expressions()
     tracked = [model.state(name) for name in model.tracked]
     followed = _driving(model, e, e.rate[tracked])
@@ -247,7 +250,7 @@ def _interpolated(
             between = InterpolatedInput.of(own, read, mapped.noise)
             if j in followed:
                 between = InterpolatedInput.at_samples(own, read, mapped.noise, mapped.noise_ar)
-            if slow[j]:
+            if slow[j] or (j not in followed and seldom(own)):
                 mean = mean_of_slow(own, read, mapped.noise, mapped.noise_ar)
                 between = InterpolatedInput.straight(own, mean)
         inputs.append(between)
