@@ -28,7 +28,7 @@ SPELL = 30.0  # s of readings of a temperature whose noise acts as one
 SHORTEST = 5  # readings of a stretch
 TERMS = 32  # of a random walk: of its variance at a drive's end, 1/150 is left out
 SMALL = 1e-3  # of such a term, for derivatives
-PLACES = 64  # over a position, at which a smooth error is told
+PLACES = 64  # over the stroke, at which a smooth error is told
 ABSENT = 1e-6  # of its largest variance: what it does not have
 
 Vector = Floats  # (m,) in the order of ``Truck.nuisances``
@@ -62,8 +62,9 @@ class Truck:
         wanders = {k: s.wander for k, s in vehicle.estimation.items() if s.wander > 0.0}
         late = {name: vehicle.signals[name].delay_spread for name in LATE}
         for error in vehicle.smooth_errors:
-            if (error.error_term, error.covariate) != ("torque", "slave_position"):
-                raise ValueError(f"an error of {error.error_term} is not known here")
+            if (error.error_term, error.covariate) != ("torque", "compression"):
+                over = f"{error.error_term} over {error.covariate}"
+                raise ValueError(f"an error of {over} is not known here")
         curve = [(error.std / 100.0, error.length) for error in vehicle.smooth_errors]
         acts = {gain.gain: gain.std for gain in vehicle.healthy}
         healthy = {gain.gain: (gain.effect, gain.key) for gain in vehicle.healthy}
@@ -216,17 +217,17 @@ class Seen:
 
     def _bends(self) -> Iterator[tuple[str, Floats]]:
         """Of an error of the torque curve, what each of its independent parts (n,) does: as if the
-        friction changed with the position."""
+        friction changed with the stroke below the kiss point."""
         if self.truck.curve is None:
             return
         share, length = self.truck.curve
-        position = self.recorded.signals["slave_position"]
-        places = np.linspace(position.min(), position.max(), PLACES)
+        stroke = self.recorded.signals["slave_position"] - self._plain.zero_position
+        places = np.linspace(stroke.min(), stroke.max(), PLACES)
         apart = np.subtract.outer(places, places) / length
         variance, parts = np.linalg.eigh(np.exp(-0.5 * apart**2))
         for size, part in zip(variance, parts.T, strict=True):
             if size > ABSENT * variance[-1]:
-                yield "friction", share * np.sqrt(size) * np.interp(position, places, part)
+                yield "friction", share * np.sqrt(size) * np.interp(stroke, places, part)
 
     def _heated(self) -> Floats:
         """What one standard deviation of every heat error does to the blocks' means, (K, d)."""
