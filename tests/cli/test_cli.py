@@ -419,7 +419,7 @@ def test_interrupt_and_closed_pipe_are_quiet(log, tmp_path):
 import sys
 from clutchest import cli
 import clutchest.can.files as files
-def interrupted(path):
+def interrupted(*asked):
     raise KeyboardInterrupt
 files.read_frames = interrupted
 cli.main()
