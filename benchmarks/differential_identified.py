@@ -78,11 +78,7 @@ def one(number: int, specimen: int) -> Record:
     name = sorted(after)[number * len(SCENARIOS) % len(after)]
     key, size = after[name]
     found = clutchest.discover(run(1, {name: {key: TIMES * size}}), own)
-    sizes = {
-        cause.effect: [cause.parameters[key].value, cause.parameters[key].std]
-        for cause in found.causes
-        if cause.effect == name
-    }
+    fitted = next((cause.parameters[key] for cause in found.causes if cause.effect == name), None)
     return {
         "specimen": specimen,
         "scenario": scenario,
@@ -90,7 +86,7 @@ def one(number: int, specimen: int) -> Record:
         "hidden": [name, TIMES * size],
         "verdict": found.verdict,
         "sets": [sorted(names) for names in found.sets],
-        "size": sizes.get(name),
+        "size": fitted and [fitted.value, fitted.std],
         "shrinks": {each: after[each][1] / before[each][1] for each in after if each in before},
     }
 

@@ -3,7 +3,7 @@ rates, time and energy."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
@@ -23,7 +23,7 @@ CONSTANT = 1e-9  # of its own size; a covariate that moves less is none
 
 
 def covariates(
-    drive: PreparedDrive, at: OperatingPoint, also: Sequence[str] = ()
+    drive: PreparedDrive, at: OperatingPoint, also: Iterable[str] = ()
 ) -> dict[str, Floats]:
     """Name → value at every event (K) of the drive at an operating point; ``also`` of these
     quantities of the equations."""

@@ -30,8 +30,7 @@ def smooth_error(
     columns (K, c), each to be taken a number of times that is normal, of variance 1; none where
     the drive does not have the covariate."""
     machine = drive.compiled.machine
-    further = [name for name in machine.smooth_over if name == error.covariate]
-    values = covariates(drive, at, further).get(error.covariate)
+    values = covariates(drive, at, machine.smooth_over).get(error.covariate)
     if values is None:
         return np.zeros((len(drive.readings.t), 0))
     term = machine.error_terms[error.error_term]
