@@ -3,8 +3,8 @@
 The sensor's innovations, in units of their standard deviation, are cut into windows and averaged
 over them (Welch) at fixed frequencies, and at fixed orders of the slip.  In a healthy machine each
 average is of exponential numbers about its surroundings in the spectrum; a line stands out of them
-(a test of a gamma distribution).  What makes the stronger line, a frequency or an order, is
-reported.
+(a test of a gamma distribution).  Of the best frequency and the best order, that is reported which
+explains more of the innovations.
 """
 
 from __future__ import annotations
@@ -69,9 +69,10 @@ def judder(
         return None
     hours = max(float(track.time[-1] - track.time[0]) / 3600.0, SHORTEST_H)
     level = log(per_1000h * hours / 1000.0)
-    best = by_slip if by_slip and by_slip.log_p < by_time.log_p else by_time
+    best = by_slip if by_slip and by_slip.explains > by_time.explains else by_time
     is_order = best is by_slip
-    if best.log_p > level:
+    log_p = min(line.log_p for line in (by_time, by_slip) if line)
+    if log_p > level:
         return None
     amplitude = windows.std * best.amplitude
     if amplitude < declared.least:
@@ -93,7 +94,7 @@ def judder(
         output=output,
         slip=mean_slip,
         duration_s=WINDOW * (len(windows.z) + 1) / 2.0,
-        p_value=min(float(np.exp(best.log_p)), 1.0),
+        p_value=min(float(np.exp(log_p)), 1.0),
         friction_slope=slope,
     )
 
@@ -128,11 +129,13 @@ def _windows(
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """A ``line`` with its ``amplitude`` in standard deviations and ln p."""
+    """A ``line`` with its ``amplitude`` in standard deviations and ln p, and the power that it
+    ``explains``, summed over windows."""
 
     line: float
     amplitude: float
     log_p: float
+    explains: float
 
 
 def _by_time_and_slip(windows: _Windows) -> tuple[_Line | None, _Line | None]:
@@ -177,7 +180,8 @@ def _strongest(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_])
     fine_power = np.mean(np.abs(_transform(z[own], phase[own], fine)) ** 2, axis=0)
     m = int(np.argmax(fine_power))
     signal = max(float(fine_power[m]) - float(np.mean(level[own]) * around[k]), 0.0)
-    return _Line(float(fine[m]), float(np.sqrt(signal) * _per_root_power(z)), float(log_p[k]))
+    amplitude = float(np.sqrt(signal) * _per_root_power(z))
+    return _Line(float(fine[m]), amplitude, float(log_p[k]), signal * float(shown[k]))
 
 
 def _log_sf(x: Floats, n: Floats) -> Floats:
