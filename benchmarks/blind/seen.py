@@ -66,9 +66,11 @@ class Truck:
                 over = f"{error.error_term} over {error.covariate}"
                 raise ValueError(f"an error of {over} is not known here")
         curve = [(error.std / 100.0, error.length) for error in vehicle.smooth_errors]
-        acts = {gain.gain: gain.std for gain in vehicle.healthy}
-        healthy = {gain.gain: (gain.effect, gain.key) for gain in vehicle.healthy}
         effects = machine_of(vehicle.model).effects
+        # the oracle's trucks have no further masses: what is told apart of their heat is too much
+        known = [gain for gain in vehicle.healthy if gain.effect in effects]
+        acts = {gain.gain: gain.std for gain in known}
+        healthy = {gain.gain: (gain.effect, gain.key) for gain in known}
         bounds = {
             name: next((n.lower, n.upper) for n in effects[effect].gains if n.key == key)
             for name, (effect, key) in healthy.items()

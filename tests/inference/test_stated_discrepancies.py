@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import clutchest
+from clutchest.discovery.candidates import candidates
 from clutchest.generator import Mismatch
 from clutchest.generator.structure import CURVE_POINTS, DEEPEST, Structure
+from clutchest.inference.covariates import covariates
 from clutchest.inference.objective import NO_SHAPES, Objective
 from clutchest.inference.problem import Problem
 from clutchest.inference.score_test import score_test
@@ -40,7 +42,34 @@ def test_they_come_back_from_a_file_as_stated(tmp_path) -> None:
     path = tmp_path / "own.toml"
     dump_vehicle(replace(TRUCK, healthy=gains, smooth_errors=two), path)
     again = load_vehicle(path)
-    assert (again.healthy, again.smooth_errors) == (gains, two)
+    assert set(again.healthy) >= set(gains) and again.smooth_errors == two
+    assert all(gain.std == 0.0 for gain in again.healthy if gain not in gains)
+
+
+def test_parts_left_out_act_as_far_as_the_machine_says_unless_the_file_does(tmp_path) -> None:
+    parts = TRUCK.machine.unmodelled
+    usual = {f"{name}.{n.key}": n.healthy for name, part in parts.items() for n in part.gains}
+    assert {gain.gain: gain.std for gain in TRUCK.healthy} == usual and min(usual.values()) > 0.0
+    path = tmp_path / "own.toml"
+    dump_vehicle(replace(TRUCK, healthy=()), path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("slip = 0.0", "slip = 0.1"), encoding="utf-8")
+    own = {gain.gain: gain.std for gain in load_vehicle(path).healthy}
+    assert own == {**dict.fromkeys(usual, 0.0), "flywheel.slip": 0.1}
+
+
+def test_parts_left_out_are_no_candidates_and_no_covariates() -> None:
+    signals = clutchest.simulate(TRUCK, "launches", 5, duration=60.0)
+    effects = tuple(TRUCK.machine.effects.values())
+    problem = Problem.of(signals, TRUCK, effects, discrepant=True)
+    states = {s.name for part in TRUCK.machine.unmodelled.values() for s in part.states}
+    assert states <= {state.name for state in problem.compiled.model.states}
+    assert set(problem.effects) == set(TRUCK.machine.effects)
+    assert not {c.name for c in candidates(problem)} & set(TRUCK.machine.unmodelled)
+    (drive,) = problem.drives
+    assert not set(covariates(drive, drive.at_nominal)) & states
+    without = Problem.of(signals, replace(TRUCK, healthy=()), effects, discrepant=True)
+    assert len(without.compiled.model.states) == len(problem.compiled.model.states) - len(states)
 
 
 @pytest.mark.slow

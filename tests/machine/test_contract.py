@@ -52,6 +52,11 @@ DEFECTS = {  # what is replaced, by what, and words of the message
         'name, equation = "coulomb_change"',
         "effects names 'coulomb_change' twice",
     ),
+    "part left out that is an effect": (
+        "effects=(CoulombChange(), Stribeck(), CurrentGain()),",
+        "effects=(CoulombChange(), Stribeck(), CurrentGain()),\n    unmodelled=(Stribeck(),),",
+        "unmodelled has 'stribeck', which is one of the effects",
+    ),
     "effect on a quantity that is not there": (
         '{"current_reading": "change"}',
         '{"curent_reading": "change"}',

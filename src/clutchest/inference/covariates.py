@@ -36,7 +36,8 @@ def covariates(
         if item.name not in model.slopes
     }
     states = _without_noise(drive, at.states)
-    series |= {state.name: states[:, i] for i, state in enumerate(model.states)}
+    parts = {state.name for part in machine.unmodelled.values() for state in part.states}
+    series |= {s.name: states[:, i] for i, s in enumerate(model.states) if s.name not in parts}
     e = model.expressions()
     quantities = tuple(name for name in quantities if name in e.quantities.names())
     wanted = [getattr(e.quantities, name) for name in quantities]

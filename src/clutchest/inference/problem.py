@@ -90,7 +90,9 @@ class Problem:
         # readings count in full: Gauss–Newton steps take care of what a first order lacks
         model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
         present = model.taking(present_effects(vehicle))
-        sought = {e.name: e for e in model.taking(effects) if e not in present}
+        parts = vehicle.machine.unmodelled
+        unmodelled = [e for name, e in parts.items() if discrepant and _acts(vehicle, name)]
+        sought = {e.name: e for e in model.taking((*effects, *unmodelled)) if e not in present}
         wanders = wander(vehicle, model) if discrepant else ()
         compiled = compile_model(
             vehicle,
@@ -119,7 +121,7 @@ class Problem:
         return cls(
             vehicle,
             compiled,
-            sought,
+            {name: e for name, e in sought.items() if name not in parts},
             usable,
             thetas,
             len(shared),
@@ -349,6 +351,11 @@ def _delay_spread(vehicle: Vehicle, signal: str) -> float:
     """s, standard deviation of a signal's delay around what the vehicle file states."""
     stated = vehicle.signals.get(signal)
     return stated.delay_spread if stated else TIMING
+
+
+def _acts(vehicle: Vehicle, effect: str) -> bool:
+    """Whether an effect acts in a healthy vehicle."""
+    return any(gain.effect == effect and gain.std > 0.0 for gain in vehicle.healthy)
 
 
 def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:

@@ -80,9 +80,10 @@ class Machine:
     ``covariates``, quantities of the equations that an error may correlate with (name → unit),
     beside inputs, states, time and energy; ``smooth_over`` (name → unit), further ones that a
     smooth error of a healthy machine may go with; ``rates`` of inputs (name → input) and ``peaks``
-    (name → the state whose highest value so far it is); ``effects``, the library;
-    ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all others), which sensor
-    would separate errors; ``compared``, the pair of a validation.
+    (name → the state whose highest value so far it is); ``effects``, the library; ``unmodelled``,
+    parts that the equations leave out: never a cause, but allowed for as far as each gain goes in
+    a ``healthy`` machine; ``separating_sensors`` and ``sensor_for`` (equation → sensor, "" for all
+    others), which sensor would separate errors; ``compared``, the pair of a validation.
 
     For estimation: ``separating_manoeuvres``, what parts two states that one kind of measurement
     knows together.
@@ -139,6 +140,7 @@ class Machine:
     rates: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     peaks: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     effects: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)
+    unmodelled: Mapping[str, Effect] = field(default_factory=lambda: _EMPTY)
     separating_sensors: tuple[Separation, ...] = ()
     sensor_for: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     compared: Comparison | None = None
@@ -184,6 +186,7 @@ class Machine:
         columns: Iterable[Column] = (),
         error_terms: Iterable[ErrorTerm] = (),
         effects: Iterable[Effect] = (),
+        unmodelled: Iterable[Effect] = (),
         **pieces: Any,
     ) -> Machine:
         """The machine of a single form of the equations, and whatever other ``pieces`` it has.
@@ -209,6 +212,7 @@ class Machine:
             equations=lambda signals: model,
             error_terms=_by_name("error_terms", model, ((t.equation, t) for t in error_terms)),
             effects=_by_name("effects", model, ((effect.name, effect) for effect in effects)),
+            unmodelled=_by_name("unmodelled", model, ((part.name, part) for part in unmodelled)),
             **pieces,
         )
 

@@ -142,11 +142,7 @@ def _unknown_quantities(machine: Any) -> Iterator[tuple[str, str]]:
         yield "event", f"needs an output of the machine, and the equations' output '{POWER}'"
     if machine.output and machine.output not in model.outputs:
         yield "output", f"'{machine.output}' is none of the equations' outputs"
-    for name in (name for name in machine.effects if name in RESERVED):
-        yield "effects", f"has '{name}', which is a reserved name"
-    for name, effect in machine.effects.items():
-        if effect.name != name or effect.model not in ("", machine.name):
-            yield "effects", f"has '{effect.name}' of model '{effect.model}' as '{name}'"
+    yield from _wrong_effects(machine)
     for piece in ("covariates", "smooth_over"):
         for name in getattr(machine, piece):
             if name not in quantities:
@@ -158,6 +154,17 @@ def _unknown_quantities(machine: Any) -> Iterator[tuple[str, str]]:
     for name in machine.excitations:
         if name in machine.scenarios():
             yield "excitations", f"names scenario '{name}' twice"
+
+
+def _wrong_effects(machine: Any) -> Iterator[tuple[str, str]]:
+    for piece in ("effects", "unmodelled"):
+        for name, effect in getattr(machine, piece).items():
+            if name in RESERVED:
+                yield piece, f"has '{name}', which is a reserved name"
+            if effect.name != name or effect.model not in ("", machine.name):
+                yield piece, f"has '{effect.name}' of model '{effect.model}' as '{name}'"
+    for name in machine.effects.keys() & machine.unmodelled.keys():
+        yield "unmodelled", f"has '{name}', which is one of the effects"
 
 
 def _no_numbers(written: Expressions) -> list[str]:

@@ -18,17 +18,25 @@ SHORTEST = 1e-9  # unit of the covariate
 
 
 def read_healthy_gains(file: TomlFile, machine: Machine) -> tuple[HealthyGain, ...]:
-    """How far effects go in a healthy vehicle.  Raises ClutchestError with file and line."""
+    """How far effects go in a healthy vehicle, those of unmodelled parts as far as the machine says
+    unless the file does.  Raises ClutchestError with file and line."""
     table = file.table((HEALTHY,), file.data.get(HEALTHY, {}))
-    file.known((HEALTHY,), table, machine.effects, "effect")
+    effects = {**machine.effects, **machine.unmodelled}
+    file.known((HEALTHY,), table, effects, "effect")
     gains = []
     for effect, value in table.items():
         stated = file.table((HEALTHY, effect), value)
-        keys = [number.key for number in machine.effects[effect].gains]
+        keys = [number.key for number in effects[effect].gains]
         file.known((HEALTHY, effect), stated, keys, f"gain of '{effect}'")
         for key, std in stated.items():
             gains.append(HealthyGain(effect, key, file.number((HEALTHY, effect, key), std, 0.0)))
-    return tuple(gains)
+    known = {gain.gain for gain in gains}
+    usual = (
+        HealthyGain(name, number.key, number.healthy)
+        for name, effect in machine.unmodelled.items()
+        for number in effect.gains
+    )
+    return (*gains, *(gain for gain in usual if gain.gain not in known))
 
 
 def read_smooth_errors(file: TomlFile, machine: Machine) -> tuple[SmoothError, ...]:

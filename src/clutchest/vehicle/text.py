@@ -121,8 +121,10 @@ def _database(file: DatabaseFile, name: str) -> str | dict[str, Any]:
 
 
 def _healthy(vehicle: Vehicle) -> dict[str, dict[str, float]]:
-    """Effect → gain → how far it goes in a healthy vehicle."""
-    table: dict[str, dict[str, float]] = {}
+    """Effect → gain → how far it goes in a healthy vehicle; 0 of unmodelled parts that it has not,
+    which a file that is silent would have."""
+    parts = vehicle.machine.unmodelled.items()
+    table = {name: {gain.key: 0.0 for gain in effect.gains} for name, effect in parts}
     for gain in vehicle.healthy:
         table.setdefault(gain.effect, {})[gain.key] = gain.std
     return table

@@ -1,5 +1,5 @@
 """The heavy-truck dry clutch of [ME12]: ``equations``, ``symbols``, ``regimes``, ``error_terms``,
-one file per effect in ``effects``, one file per fault in ``faults``."""
+one file per effect in ``effects``, per fault in ``faults``, per part left out in ``unmodelled``."""
 
 from __future__ import annotations
 
@@ -74,6 +74,7 @@ MACHINE = Machine(
     rates=RATES,
     peaks=PEAKS,
     effects=effects_in("clutchest.models.dry_clutch.effects"),
+    unmodelled=effects_in("clutchest.models.dry_clutch.unmodelled"),
     separating_sensors=SEPARATING_SENSORS,
     sensor_for=SENSOR_FOR,
     compared=Comparison("measured_torque", "clutch_torque", "Nm", "clutch torque", "torque"),
