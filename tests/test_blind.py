@@ -68,6 +68,8 @@ def test_the_plan_holds_what_it_must():
     assert len(few) >= 120 and few == quick()
     assert {case.cause for case in few if case.part == "outsider"} == set(OUTSIDERS)
     assert {case.cause for case in few if case.part == "effect"} == set(gains())
+    fresh = {case.seed for case in full(first=1000)}
+    assert len(fresh) == len(cases) and not fresh & {case.seed for case in cases}
     groups = [case.cause for case in cases if case.part == "mismatch"]
     assert len(groups) >= 300 and min(map(groups.count, groups)) >= 20
     assert set(groups) == {*GROUPS, ALL}

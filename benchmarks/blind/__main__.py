@@ -12,10 +12,11 @@
 A shard takes every n-th case and resumes where it stopped: each finished case is one line of JSON
 under ``--out``, and is not run again.  ``--limit`` takes a random part of the cases, the larger
 one holding the smaller; ``--each`` the first so many of every cause, group or noise of the parts,
-without the ``--after`` so many that were used before; ``--least`` only cases aimed at so large a
-d′.  ``--ci`` is the fixed short run, whose sizes are already known; with ``--table`` it fails where
-a case is missing, or where what must be reached lies outside a row's interval.  ``--thin`` takes
-every n-th of the cases.
+without the ``--after`` so many that were used before; ``--first`` numbers the cases from there on,
+for fresh ones where all were used; ``--least`` only cases aimed at so large a d′.  ``--ci`` is the
+fixed short run, whose sizes are already known; with ``--table`` it fails where a case is missing,
+or where what must be reached lies outside a row's interval.  ``--thin`` takes every n-th of the
+cases.
 ``--measured`` adds the gain on the drive held out, ``--hour`` the cost of a log of one hour;
 ``--alone`` holds no drive out, which could take a finding back.  The table counts the first run of
 every case and says by which version; ``--again`` runs cases once more, for a second column.
@@ -154,6 +155,7 @@ def main() -> None:
     parser.add_argument("--limit", type=int, help="a random part of so many cases")
     parser.add_argument("--each", type=int, help="so many cases of every cause of the parts")
     parser.add_argument("--after", type=int, default=0, help="without the first so many of each")
+    parser.add_argument("--first", type=int, default=0, help="number of a kind's first case")
     parser.add_argument(
         "--least", type=float, default=0.0, metavar="d′", help="only cases aimed at so much or more"
     )
@@ -176,9 +178,9 @@ def main() -> None:
     if given.ci:
         cases = quick()
     elif given.each:
-        cases = each(given.parts, given.each, given.after)
+        cases = each(given.parts, given.each, given.after, given.first)
     else:
-        cases = drawn(given.parts, given.limit)
+        cases = drawn(given.parts, given.limit, given.first)
     cases = [case for case in cases if case.d_prime >= given.least][:: given.thin]
     if given.prepare:
         return prepare(cases, given.shard, given.out)

@@ -67,10 +67,11 @@ def gains() -> list[str]:
     return [f"{name}.{number.key}" for name, effect in effects.items() for number in effect.gains]
 
 
-def full() -> list[Case]:
-    """Every case, part by part; noise kinds take turns within each cause and size."""
+def full(first: int = 0) -> list[Case]:
+    """Every case, part by part, numbered from ``first`` on; noise kinds take turns within each
+    cause and size."""
     noises = list(NOISES)
-    cases = [Case("null", "", 0.0, noise, i) for noise in noises for i in range(NULLS)]
+    cases = [Case("null", "", 0.0, noise, first + i) for noise in noises for i in range(NULLS)]
     for part, causes, sizes in (
         ("effect", gains(), SIZES),
         ("outsider", list(OUTSIDERS), LEFTOVER),
@@ -78,26 +79,26 @@ def full() -> list[Case]:
     ):
         count = NEAR if part == "near-miss" else SEEDS
         for cause, (k, size), i in product(causes, enumerate(sizes), range(count)):
-            cases.append(Case(part, cause, size, noises[(i + k) % len(noises)], i))
-    cases += [Case("two", "", TWO, noises[i % len(noises)], i) for i in range(PAIRS)]
+            cases.append(Case(part, cause, size, noises[(i + k) % len(noises)], first + i))
+    cases += [Case("two", "", TWO, noises[i % len(noises)], first + i) for i in range(PAIRS)]
     for k, group in enumerate((*GROUPS, ALL)):
         of = (noises[(i + k) % len(noises)] for i in range(MISMATCHES))
-        cases += [Case("mismatch", group, 0.0, noise, i) for i, noise in enumerate(of)]
+        cases += [Case("mismatch", group, 0.0, noise, i) for i, noise in enumerate(of, first)]
     return cases
 
 
-def drawn(parts: Sequence[str], limit: int | None = None) -> list[Case]:
+def drawn(parts: Sequence[str], limit: int | None = None, first: int = 0) -> list[Case]:
     """The cases of these parts in an order drawn once for all, the first ``limit`` of them."""
-    cases = [case for case in full() if case.part in parts]
+    cases = [case for case in full(first) if case.part in parts]
     order = np.random.default_rng(0).permutation(len(cases))
     return [cases[i] for i in order[:limit]]
 
 
-def each(parts: Sequence[str], count: int, after: int = 0) -> list[Case]:
+def each(parts: Sequence[str], count: int, after: int = 0, first: int = 0) -> list[Case]:
     """``count`` cases of every cause in these parts ``after`` so many, in the order drawn."""
     taken: dict[tuple[str, str], int] = {}
     chosen = []
-    for case in drawn(parts):
+    for case in drawn(parts, first=first):
         kind = case.part, case.cause or case.noise
         taken[kind] = taken.get(kind, 0) + 1
         if after < taken[kind] <= after + count:
