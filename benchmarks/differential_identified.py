@@ -15,7 +15,6 @@ size shrinks that half of the runs show.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections import defaultdict
 from collections.abc import Sequence
@@ -25,28 +24,23 @@ from typing import Any
 
 import numpy as np
 from differential_runs import DURATION
+from kept_records import keep, kept
 
 import clutchest
 from clutchest.discovery.result import Discovery
 from clutchest.identify import identify_vehicle
 from clutchest.vehicle import Vehicle
-from identify import SPECIMEN, share
+from identify import LATER, SPECIMEN, logs_of, share
 
 RIG = "alsd_rig"
 SCENARIOS = "rig-steps", "rig-slow", "rig-ramps"
 TIMES = 2.0  # what half of the runs show
-LATER = 100_000  # between the seeds of a specimen's logs
 Record = dict[str, Any]
 
 
 def identified(shipped: Vehicle, specimen: int) -> Vehicle:
     """The vehicle file of a specimen, from a log of every experiment."""
-    first, *later = (
-        clutchest.simulate(
-            shipped, name, LATER * (i + 1) + specimen, truck_seed=specimen, duration=lasts
-        )
-        for i, (name, lasts) in enumerate(SPECIMEN)
-    )
+    first, *later = logs_of(specimen, SPECIMEN, shipped).values()
     return identify_vehicle("all", replace(first, later=tuple(later)), shipped).vehicle
 
 
@@ -121,14 +115,12 @@ def main() -> None:
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     path = options.out / "identified.jsonl"
-    path.touch()
-    records = [json.loads(line) for line in path.read_text().splitlines()]
+    records = kept(path)
     done = {record["specimen"] for record in records}
     for number in range(options.count):
         if (specimen := options.first + number) not in done:
             records.append(one(number, specimen))
-            with path.open("a") as file:
-                file.write(json.dumps(records[-1]) + "\n")
+            keep(path, records[-1])
             print(f"{number + 1}/{options.count} {records[-1]['verdict']}", file=sys.stderr)
     table(records)
 

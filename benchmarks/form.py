@@ -14,7 +14,6 @@ and are not run again.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_records import keep, kept
 from scipy.stats import binomtest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -174,8 +174,7 @@ def main() -> None:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     path = given.out / f"{given.which}.jsonl"
-    lines = path.read_text().splitlines() if path.exists() else []
-    done = {record["name"]: record for record in map(json.loads, lines)}
+    done = {record["name"]: record for record in kept(path)}
     test = right if given.which == "right" else near
     for name in names(given.which, given.skip + given.count)[given.skip :]:
         if name in done:
@@ -183,8 +182,7 @@ def main() -> None:
         began = time.process_time()
         done[name] = {"name": name, **test(name)}
         done[name]["seconds"] = round(time.process_time() - began, 1)
-        with path.open("a") as written:
-            written.write(json.dumps(done[name]) + "\n")
+        keep(path, done[name])
         print(name, done[name]["seconds"], file=sys.stderr, flush=True)
     tell(given.which, list(done.values()))
 

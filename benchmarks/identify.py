@@ -21,7 +21,7 @@ import os
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -69,6 +69,7 @@ LOGS: Mapping[str, Mapping[str, Experiments]] = {
 VEHICLES = {"dry_clutch": "truck", "alsd": "alsd_rig"}
 REFIT = "refit"
 SAMPLED = 1e-4  # s, by a recorder of its own
+LATER = 100_000  # between the seeds of a specimen's logs
 ALLOWED, POOLED, BIAS = (0.92, 0.98), (0.94, 0.97), 0.2
 
 Found = dict[str, tuple[float, float]]  # key → error over std, std over the prior's
@@ -86,17 +87,7 @@ def one(task: Task) -> tuple[int, dict[str, Found]]:
         quick = ("armature_voltage", "armature_current")
         recorder = {name: replace(vehicle.signals[name], period=SAMPLED) for name in quick}
         fast = replace(vehicle, signals={**vehicle.signals, **recorder})
-        drives = {  # one specimen, and noise of its own in each log
-            (name, lasts): clutchest.simulate(
-                fast if (name, lasts) in FAST else vehicle,
-                name,
-                100_000 * (i + 1) + seed,
-                truck_seed=seed,
-                duration=lasts,
-            )
-            for i, (name, lasts) in enumerate(SPECIMEN)
-            if (name, lasts) in wanted
-        }
+        drives = logs_of(seed, wanted, vehicle, fast)
         truth = draw_alsd(values, spreads, seed)
         return seed, {name: _on_benches(name, vehicle, drives, truth) for name in names}
     drives = {log: clutchest.simulate(vehicle, log[0], seed, duration=log[1]) for log in wanted}
@@ -105,6 +96,27 @@ def one(task: Task) -> tuple[int, dict[str, Found]]:
 
 
 Drives = Mapping[tuple[str, float | None], Signals]
+
+
+def logs_of(
+    specimen: int,
+    wanted: Collection[tuple[str, float | None]],
+    vehicle: Vehicle,
+    fast: Vehicle | None = None,
+) -> Drives:
+    """The logs ``wanted`` of one differential, each with noise of its own, those of FAST as the
+    bus of ``fast`` shows them."""
+    return {
+        (name, lasts): clutchest.simulate(
+            fast if fast and (name, lasts) in FAST else vehicle,
+            name,
+            LATER * (i + 1) + specimen,
+            truck_seed=specimen,
+            duration=lasts,
+        )
+        for i, (name, lasts) in enumerate(SPECIMEN)
+        if (name, lasts) in wanted
+    }
 
 
 def _of_a_truck(

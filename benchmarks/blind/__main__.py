@@ -39,6 +39,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a folder, not as a package
 
+from kept_records import keep
+
 from blind import differential as suite
 from blind import differential_table as suite_table
 from blind import table
@@ -67,26 +69,25 @@ def run(
     done: Collection[str] = () if again else table.finished(out)
     stamp = {"version": version()}
     mine = [case for case in cases[which::of] if case.name not in done]
-    with (out / f"records-{which}-of-{of}.jsonl").open("a") as records:
-        for i, case in enumerate(mine, 1):
-            began = time.monotonic()
-            followed = not short or case.d_prime >= NAMED
-            record = score(
-                case,
-                out,
-                measured=measured,
-                followed=followed,
-                alone=alone,
-                known=known.get(case.name),
-            )
-            record |= {**stamp, "at": datetime.now(UTC).isoformat(timespec="seconds")}
-            records.write(json.dumps(record) + "\n")
-            records.flush()
-            print(
-                f"{i}/{len(mine)} {record['verdict']} {time.monotonic() - began:.0f} s",
-                file=sys.stderr,
-                flush=True,
-            )
+    records = out / f"records-{which}-of-{of}.jsonl"
+    for i, case in enumerate(mine, 1):
+        began = time.monotonic()
+        followed = not short or case.d_prime >= NAMED
+        record = score(
+            case,
+            out,
+            measured=measured,
+            followed=followed,
+            alone=alone,
+            known=known.get(case.name),
+        )
+        record |= {**stamp, "at": datetime.now(UTC).isoformat(timespec="seconds")}
+        keep(records, record)
+        print(
+            f"{i}/{len(mine)} {record['verdict']} {time.monotonic() - began:.0f} s",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 def version() -> str:

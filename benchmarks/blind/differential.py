@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from differential_runs import DURATION, SCENARIOS, vehicle_of
+from kept_records import keep, kept
 
 from blind.differential_outsiders import OUTSIDERS
 from clutchest import load_vehicle
@@ -72,18 +73,15 @@ def run(mine: Collection[Case], out: Path, name: str, version: str) -> None:
         (r["scenario"], r["seed"], r["effects"], r.get("outsider", ""), r.get("size", 0.0))
         for r in records(out)
     ]
-    with (out / name).open("a") as file:
-        for k, case in enumerate((case for case in mine if case not in done), 1):
-            record = judged(case) | {"version": version}
-            file.write(json.dumps(record) + "\n")
-            file.flush()
-            print(k, *case, record["verdict"], record["sentence"], file=sys.stderr, flush=True)
+    for k, case in enumerate((case for case in mine if case not in done), 1):
+        record = judged(case) | {"version": version}
+        keep(out / name, record)
+        print(k, *case, record["verdict"], record["sentence"], file=sys.stderr, flush=True)
 
 
 def records(out: Path) -> list[dict[str, Any]]:
     """What has been run."""
-    lines = [line for path in sorted(out.glob("*.jsonl")) for line in path.read_text().splitlines()]
-    return [json.loads(line) for line in lines]
+    return [record for path in sorted(out.glob("*.jsonl")) for record in kept(path)]
 
 
 def judged(case: Case) -> dict[str, Any]:

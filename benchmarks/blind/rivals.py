@@ -14,7 +14,6 @@ Needs pysindy.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -28,6 +27,8 @@ from scipy.stats import pearsonr
 from clutchest.models import machine_of
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # started as a file, not as a package
+
+from kept_records import keep, kept
 
 from blind.cases import answer, drive_of, outsider_of
 from blind.drives import NOISES, Drive
@@ -201,16 +202,15 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("blind-out"))
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
-    scored, kept = list(finished(given.out).values()), given.out / "rivals.jsonl"
-    found = {r["name"]: r for r in map(json.loads, kept.open() if kept.exists() else ())}
+    scored, path = list(finished(given.out).values()), given.out / "rivals.jsonl"
+    found = {r["name"]: r for r in kept(path)}
     left = [r for part in counted(scored).values() for r in part if r["name"] not in found]
     known = unseal(KNOWN)
-    with ProcessPoolExecutor(given.jobs) as pool, kept.open("a") as records:
+    with ProcessPoolExecutor(given.jobs) as pool:
         told = [answer_of(r, given.out, known) for r in left]
         for i, each in enumerate(pool.map(judged, left, told), 1):
             found[each["name"]] = each
-            records.write(json.dumps(each) + "\n")
-            records.flush()
+            keep(path, each)
             print(f"{i}/{len(left)}", file=sys.stderr, flush=True)
     table = lines(scored, found)
     (given.out / "rivals.txt").write_text(table + "\n", encoding="utf-8")

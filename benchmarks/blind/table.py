@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_records import kept
 
 from blind.filtered import filtered
 from blind.first_run import first_run
@@ -40,8 +40,7 @@ def finished(out: Path) -> dict[str, Record]:
 
 def _records(out: Path) -> Iterator[dict[str, Any]]:
     for path in sorted(out.glob("records-*.jsonl")):
-        with path.open() as lines:
-            yield from map(json.loads, lines)
+        yield from kept(path)
 
 
 def rows(records: Sequence[Record]) -> list[Row]:
