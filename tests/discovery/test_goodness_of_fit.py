@@ -17,6 +17,7 @@ from clutchest.discovery.goodness_of_fit import REJECTED, GoodnessOfFit, of_seri
 from clutchest.discovery.noise_contrasts import periodograms, windows
 from clutchest.discovery.residual_series import ResidualSeries, likeliest_variance
 from clutchest.discovery.spectral_lines import _white, lines
+from clutchest.inference.score_test import family_wise
 
 Floats = NDArray[np.float64]
 Distort = Callable[[ResidualSeries, np.random.Generator], Floats]
@@ -129,6 +130,34 @@ def test_a_line_states_its_frequency_and_amplitude():
     best = int(np.argmin(line.log_p))
     assert line.frequency[best] * RATE == pytest.approx(9.0, abs=0.2)
     assert line.amplitude[best] == pytest.approx(0.6, rel=0.1)
+
+
+def least_p_of_lines(noise: Floats, seed: int) -> float:
+    """Of the residuals of a short record in one piece."""
+    tables = lines(noise, np.arange(len(noise)), 300, np.random.default_rng(seed))
+    null = np.sort(np.exp(np.min([table.null for table in tables], axis=0)))
+    least = min(float(table.log_p.min()) for table in tables)
+    return float(family_wise(null, np.exp(least)))
+
+
+@pytest.mark.parametrize("memory", [[], [0.95], [1.08, 0.18, -0.27]])
+def test_p_value_of_lines_is_uniform_however_slow_the_noise(memory):
+    """The last is that of the levels of tanks: nearly all of its power lies in two bins."""
+    p = []
+    for seed in range(150):
+        noise = np.random.default_rng([11, seed]).standard_normal(1324)
+        slow = lfilter([1.0], [1.0, *(-tap for tap in memory)], noise)[300:]
+        p.append(least_p_of_lines(slow, seed))
+    assert kstest(p, "uniform").pvalue > 0.01
+    assert np.mean(np.array(p) < 0.05) < 0.12
+
+
+def test_a_line_in_slow_noise_is_found():
+    random = np.random.default_rng(4)
+    slow = lfilter([1.0], [1.0, -1.08, -0.18, 0.27], random.standard_normal(1324))[300:]
+    wave = np.sin(2.0 * np.pi * 0.2 * np.arange(len(slow)))
+    assert least_p_of_lines(slow, 0) > 0.01
+    assert least_p_of_lines(slow + 0.5 * wave, 0) < REJECTED
 
 
 def test_noise_in_a_band_wider_than_a_line_is_none():

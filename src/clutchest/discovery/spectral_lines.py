@@ -1,9 +1,11 @@
 """Lines in the spectrum of residuals: a peak of the periodogram over its smooth surroundings.
 
-Welch's method: periodograms of overlapping windows under Hann's taper, each over its own mean power
-so that level and outliers do nothing, are averaged.  The logarithm at every frequency is compared
-with a parabola through its neighbours on both sides, those that a line there would leak into left
-out.  So whatever smooth spectrum the noise has, of its sensor and of the filter, is no line.
+Welch's method: periodograms of overlapping windows under Hann's taper are averaged, each over how
+loud it is, so that level and outliers do nothing.  How loud is judged at all frequencies alike:
+mean power would be that of a few slow ones where noise is slow, and scatter with them.  The
+logarithm at every frequency is compared with a parabola through its neighbours on both sides, those
+that a line there would leak into left out.  So whatever smooth spectrum the noise has, of its
+sensor and of the filter, is no line.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ SIDE = 2  # neighbours that there must be on each side
 FEWEST = 4  # windows
 SMOOTH = 0.02  # of the logarithm: standard deviation by which a smooth spectrum is no parabola
 CORRELATED = 0.25  # share of each neighbour that gives adjacent bins Hann's correlation of 4/9
+TURNS = 4  # of the loudness of windows and the spectrum, each from the other
+TINY = 1e-30  # of power
 INDEPENDENT = 1.0 / (1.0 + 2.0 / 36.0)  # windows that overlap by half, worth as many that do not
 
 
@@ -50,9 +54,7 @@ def lines(
         if len(begins) < FEWEST:
             continue
         window = values[begins[:, None] + np.arange(size)]
-        power = periodograms(window)
-        power /= np.maximum(power.mean(axis=1, keepdims=True), 1e-30)
-        spectrum = np.maximum(power.mean(axis=0), 1e-30)
+        spectrum = _mean_spectrum(periodograms(window))
         excess_of, bins = _excess_operator(len(spectrum), reach)
         excess = excess_of @ np.log(spectrum)
         null = _white(len(spectrum), len(begins) * INDEPENDENT, draws, rng) @ excess_of.T
@@ -71,6 +73,17 @@ def lines(
             )
         )
     return found
+
+
+def _mean_spectrum(power: Floats) -> Floats:
+    """The mean (F) of periodograms ``power`` (W, F), each over how many times as loud it is, which
+    is the mean of its ratios to that spectrum: the likeliest where each is a copy of one spectrum,
+    of any level, times exponential variates."""
+    spectrum = np.maximum(power.mean(axis=0), TINY)
+    for _ in range(TURNS):
+        times = np.maximum((power / spectrum).mean(axis=1, keepdims=True), TINY)
+        spectrum = np.maximum((power / times).mean(axis=0), TINY)
+    return spectrum
 
 
 def _begins(place: NDArray[np.int64], size: int) -> NDArray[np.int64]:
