@@ -4,7 +4,9 @@ python benchmarks/foreign.py tanks DATA RESULT --draws 20 --shard tanks.jsonl: R
 machines/tanks/run.py wrote.  Each draw simulates a record of the discovery inputs with the extended
 vehicle and noise drawn in blocks, and asks discover; the shard goes on where it ended.  The tanks'
 residuals are slow: innovations of an autoregression are drawn, and added to the level.  The emps is
-simulated under its own controller, disturbed by a force (machines/emps/closed_loop.py).
+simulated under its own controller, disturbed by a force (machines/emps/closed_loop.py), and so is
+the servo (machines/servo/closed_loop.py), whose RESULT is the folder of the first discovery: later
+curves, of the duty's timing, are not simulated.
 A finding there is a false alarm: its share, with the interval of Clopper and Pearson, is printed.
 """
 
@@ -13,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -98,7 +100,23 @@ def emps(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
     return lambda seed: read(rig.drawn(spectrum, seed))
 
 
-DRAWS = {"tanks": tanks, "emps": emps}
+def servo(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
+    """The arm under its controller, disturbed by blocks of what the model leaves of the record."""
+    convert, loop = import_module("convert"), import_module("closed_loop")
+
+    def read(tables: Sequence[pd.DataFrame]) -> Signals:
+        with TemporaryDirectory() as folder:
+            made = [Path(folder) / f"run_{i:03d}.parquet" for i in range(len(tables))]
+            for path, table in zip(made, tables, strict=True):
+                table.to_parquet(path, index=False)
+            return read_log(made, fitted.vehicle)
+
+    runs = convert.chosen(convert.runs(data), convert.DISCOVERY)
+    own = loop.Loop.of(runs, fitted, signals).as_loud(read)
+    return lambda seed: read(own.drawn(seed))
+
+
+DRAWS = {"tanks": tanks, "emps": emps, "servo": servo}
 
 
 def exact(vehicle: Vehicle) -> Vehicle:
@@ -117,7 +135,7 @@ def draw_of(machine: str, data: Path, vehicle: Vehicle) -> Draw:
     sys.path[:0] = [str(MACHINES / machine), str(MACHINES)]
     with TemporaryDirectory() as folder:
         paths = import_module("convert").convert(data, Path(folder))
-        signals = read_log(paths[:1], vehicle)
+        signals = read_log(paths[0] if isinstance(paths[0], list) else paths[:1], vehicle)
     return DRAWS[machine](data, signals, FittedMachine.of(signals, exact(vehicle)))
 
 

@@ -112,16 +112,22 @@ def by_published(bench: Bench, late: int = 0, rate: float = np.inf) -> np.ndarra
     return np.array(path)
 
 
-def by_machine(bench: Bench, fitted: FittedMachine, late: int, rate: float) -> np.ndarray:
-    """Positions (steps, runs) as our equations simulate them, controller and all."""
+def by_machine(
+    bench: Bench, fitted: FittedMachine, late: int, rate: float, pushed: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and duties (steps, runs) as our equations simulate them, controller and all, the
+    arm ``pushed`` (steps, runs) by these rad/s²."""
     aims = bench.aims(late, rate)
     model, rates = fitted.posterior.problem.compiled.model, fitted.rates()
     count = len(bench.gain)
     x, position = np.zeros((len(model.states), count)), bench.position[0].copy()
-    place, path, dt = model.state("speed"), [], STEP / FINE
+    place, path, duties, dt = model.state("speed"), [], [], STEP / FINE
     moment, inertia = bench.mass * 9.81 * bench.arm, bench.mass * bench.arm**2
+    push = np.zeros((*bench.goal.shape, len(x)))
+    push[..., place] = pushed
     for k in range(len(bench.goal)):
         path.append(position.copy())
+        duties.append(bench.duty(aims[k], position) * bench.switched(k, late))
         for _ in range(FINE):
             known = {
                 "duty": bench.duty(aims[k], position) * bench.switched(k, late),
@@ -133,11 +139,11 @@ def by_machine(bench: Bench, fitted: FittedMachine, late: int, rate: float) -> n
                 "acceleration": np.zeros(count),
             }
             u = np.array([known[item.name] for item in model.inputs])
-            first = np.array(rates(x, u, np.ones((1, count))))
+            first = np.array(rates(x, u, np.ones((1, count)))) + push[k].T
             half = x + dt / 2.0 * first
-            second = np.array(rates(half, u, np.ones((1, count))))
+            second = np.array(rates(half, u, np.ones((1, count)))) + push[k].T
             x, position = x + dt * second, position + dt * half[place]
-    return np.array(path)
+    return np.array(path), np.array(duties)
 
 
 def less(before: np.ndarray, after: np.ndarray) -> list[float]:
@@ -185,7 +191,7 @@ def main() -> None:
     late, rate, off = controller(Bench(chosen(record, DISCOVERY)))
     bench = Bench(chosen(record, HELD_OUT))
     paths = {
-        name: by_machine(bench, each, late, rate)
+        name: by_machine(bench, each, late, rate)[0]
         for name, each in zip(("textbook", "extended"), fitted, strict=True)
     } | {"M6": by_published(bench), "M6, such goals": by_published(bench, late, rate)}
     error = {name: bench.absolute_error(path) for name, path in paths.items()}
