@@ -112,6 +112,7 @@ def with_noise_estimated(
     return objective, objective.whitened(lin)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a part that leads nowhere
 def brought_near(
     objective: Objective, lin: Linearisation, free: NDArray[np.int64]
 ) -> Linearisation:
