@@ -15,7 +15,7 @@ import pytest
 from clutchest import generated
 from clutchest.cache import cache_folder
 from clutchest.compute import build, kept_text
-from clutchest.compute.functions import module_text
+from clutchest.compute.functions import filter_text, fit_text
 from clutchest.models import machine_of
 from clutchest.models.effects import effects_of_file
 from clutchest.models.effects.effect import PARAMETER, START
@@ -156,11 +156,12 @@ def test_kept_text_is_what_lowering_gives(
     model = machine.equations(machine.units)
     model = model.with_effects(model.taking(tuple(machine.effects.values())[:4]))
     thetas = with_states(model)
-    assert kept_text.kept_text(model, thetas) == module_text(model, thetas)
-    with monkeypatch.context() as patched:
-        patched.setattr(kept_text, "module_text", None)
-        again = kept_text.kept_text(replace(model), thetas)
-    assert again == module_text(model, thetas)
+    for text_of in (filter_text, fit_text):
+        lowered = text_of(model, thetas)
+        assert kept_text.kept_text(text_of, model, thetas) == lowered
+        with monkeypatch.context() as patched:
+            patched.setattr(kept_text, "remember", None)
+            assert kept_text.kept_text(text_of, replace(model), thetas) == lowered
     assert "0x" not in repr(replace(model, pieces=(), effects=())), "no address of this process"
 
 

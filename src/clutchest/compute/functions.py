@@ -22,8 +22,8 @@ from clutchest.models.effects.effect import INPUT_NOISE, PARAMETER, START, WANDE
 from clutchest.models.model import Expressions, Model
 
 
-def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
-    """Source of all functions that kernel and online filter call, for one model.
+def filter_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
+    """Source of the functions of one model that its filters call.
 
     ``thetas`` are what signatures are taken of: (``"parameter"``, key), (effect name, number),
     (``"start"``, state), the value with which a state begins, (``"input_noise"``, input), what an
@@ -32,15 +32,15 @@ def module_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
     ask for the last two.
     """
     functions = _Functions.of(model, tuple(thetas))
-    return "\n\n".join(
-        [
-            *_constants(model, thetas),
-            *functions.steps(),
-            *functions.denoised_steps(),
-            *functions.rates(),
-            *functions.readings(),
-        ]
-    )
+    parts = [*functions.steps(), *functions.moments(), *functions.readings()]
+    return "\n\n".join([*_constants(model, thetas), *functions.shared(), *parts])
+
+
+def fit_text(model: Model, thetas: Sequence[tuple[str, str]]) -> str:
+    """Source of the functions of one model that its fits call; see :func:`filter_text`."""
+    functions = _Functions.of(model, tuple(thetas))
+    parts = [*functions.denoised_steps(), *functions.readings()]
+    return "\n\n".join([*_constants(model, thetas), *functions.shared(), *parts])
 
 
 def _constants(model: Model, thetas: Sequence[tuple[str, str]]) -> list[str]:
@@ -157,29 +157,35 @@ class _Functions:
                 taken_in[model.state(name), k] = taken.dt
         return taken_in
 
-    def rates(self) -> list[str]:
-        """``implied``, ``decays``, ``dynamics``, ``step_map``, ``outputs`` and ``initial``."""
+    def shared(self) -> list[str]:
+        """``dynamics`` and ``initial``."""
+        e = self.e
+        started = ca.SX(e.initial.numel(), len(self.thetas))
+        for k, (owner, name) in enumerate(self.thetas):
+            if owner == START:
+                started[:, k] = ca.jacobian(e.initial, e.x[self.model.state(name)])
+        by_x, by_inputs = ca.jacobian(e.rate, e.x), ca.jacobian(e.rate, e.u)
+        first = {"xi": e.initial, "Si": ca.jacobian(e.initial, self.theta) + started}
+        return [
+            lower("dynamics", self.at, {"f": e.rate, "A": by_x, "B": by_inputs}),
+            lower("initial", {"x": e.x, "p": e.p, "g": e.g}, first),
+        ]
+
+    def moments(self) -> list[str]:
+        """``implied``, ``decays``, ``step_map`` and ``outputs``."""
         model, e, at = self.model, self.e, self.at
         decay = ca.SX(len(model.states), 1)
         for i, rate in decays(model, e).items():
             decay[i] = rate
-        started = ca.SX(e.initial.numel(), len(self.thetas))
-        for k, (owner, name) in enumerate(self.thetas):
-            if owner == START:
-                started[:, k] = ca.jacobian(e.initial, e.x[model.state(name)])
-        by_x = ca.jacobian(e.rate, e.x)
         outputs, by_state = e.outputs, ca.jacobian(e.outputs, e.x)
         ends = {"x": e.x, "u0": e.u0, "u": e.u, "w": e.w, "p": e.p, "g": e.g}
         jumps = {"mapped": e.mapped, "J": ca.jacobian(e.mapped, e.x)}
-        first = {"xi": e.initial, "Si": ca.jacobian(e.initial, self.theta) + started}
         return [
             lower("implied", at, {"v": e.implied}),
             lower("decays", at, {"decay": decay, "D": ca.jacobian(decay, e.x)}),
-            lower("dynamics", at, {"f": e.rate, "A": by_x, "B": ca.jacobian(e.rate, e.u)}),
             lower("step_map", ends, jumps),
             lower("outputs", at, {"y": outputs, "Y": by_state, "Yu": ca.jacobian(outputs, e.u)}),
             lower("outputs_signature", at, {"Ym": ca.jacobian(outputs, self.theta)}),
-            lower("initial", {"x": e.x, "p": e.p, "g": e.g}, first),
         ]
 
     def readings(self) -> list[str]:

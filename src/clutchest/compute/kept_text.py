@@ -8,7 +8,7 @@ beside them, and from the files that lower it: these are what it is kept under.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cache
 from importlib.metadata import version
@@ -19,7 +19,6 @@ import casadi as ca
 from clutchest import __version__
 from clutchest.cache import recalled, remember
 from clutchest.compute import functions, lower, step
-from clutchest.compute.functions import module_text
 from clutchest.models import model as models
 from clutchest.models.model import Model
 
@@ -27,12 +26,16 @@ _LOWERED_BY = (functions, lower, step, models)
 _WRITTEN_OUT = ("pieces", "effects")  # functions: what they do is in the equations
 
 
-def kept_text(model: Model, thetas: tuple[tuple[str, str], ...]) -> str:
-    """:func:`module_text`, from the cache folder where it is there."""
-    name = f"lowered_{key(model, thetas)}"
+Thetas = tuple[tuple[str, str], ...]
+
+
+def kept_text(text_of: Callable[[Model, Thetas], str], model: Model, thetas: Thetas) -> str:
+    """What ``text_of`` gives, a function of ``compute.functions``; from the cache folder where it
+    is there."""
+    name = f"{text_of.__name__}_{key(model, thetas)}"
     if (known := recalled(name)) is not None:
         return known.decode()
-    text = module_text(model, thetas)
+    text = text_of(model, thetas)
     remember(name, text.encode())
     return text
 

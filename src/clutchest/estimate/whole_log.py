@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from clutchest import generated
 from clutchest.compute import build
+from clutchest.compute.kept_text import Thetas
 from clutchest.compute.records import (
     Belief,
     EventResults,
@@ -143,8 +144,10 @@ def compile_model(
     noises: Sequence[str] = (),
     wanders: Sequence[str] = (),
     progress: Progress | None = None,
+    generate: Callable[[Model, Thetas], tuple[str, str]] = build.generate,
 ) -> Compiled:
-    """The model lowered and loaded, with the vehicle's numbers.
+    """The model lowered and loaded, with the vehicle's numbers: for filters, or for what else
+    ``generate``, of ``compute.build``, lowers it.
 
     ``effects`` stand in the equations, unless given those of the vehicle file that the model can
     take; what the file says of an effect holds, others are at gain 0.  ``starts`` names states
@@ -174,7 +177,7 @@ def compile_model(
     thetas += [(INPUT_NOISE, name) for name in noises]
     thetas += [(WANDER, name) for name in wanders]
     spread += [0.0] * (len(noises) + len(wanders))
-    digest, text = build.generate(model, tuple(thetas))
+    digest, text = generate(model, tuple(thetas))
     if progress and not build.is_compiled(digest):
         progress("compiling the model, once on this machine", None)
     return Compiled(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchest.compute import build
 from clutchest.estimate.whole_log import Compiled, compile_model, present_effects
 from clutchest.inference.discrepancy import Discrepancy, directions_of
 from clutchest.inference.innovations import NormalisedInnovations
@@ -86,9 +87,7 @@ class Problem:
         they may in a healthy vehicle."""
         drives = signals.drives
         usable = frozenset.intersection(*(drive.available for drive in drives))
-        model = vehicle.machine.to_fit(usable)
-        # readings count in full: Gauss–Newton steps take care of what a first order lacks
-        model = replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
+        model = _counting_in_full(vehicle.machine.to_fit(usable))
         present = model.taking(present_effects(vehicle))
         parts = vehicle.machine.unmodelled
         unmodelled = [e for name, e in parts.items() if discrepant and _acts(vehicle, name)]
@@ -102,6 +101,7 @@ class Problem:
             taken_in(model),
             tuple(each.state for each in wanders),
             progress,
+            build.generate_for_fits,
         )
         known = tuple(of_compiled(compiled, sought))
         names = {str(t) for t in known}
@@ -326,6 +326,12 @@ def in_std(table: Floats, unit: Floats, std: Floats) -> None:
     for k in range(len(table)):
         for c in range(table.shape[1]):
             table[k, c] = table[k, c] / std[k] * unit[c]
+
+
+def _counting_in_full(model: Model) -> Model:
+    """The model with readings that count in full: Gauss–Newton steps take care of what a first
+    order lacks."""
+    return replace(model, sensors=tuple(replace(s, repeats=0.0) for s in model.sensors))
 
 
 def _has_prior(unknown: Unknown) -> bool:
