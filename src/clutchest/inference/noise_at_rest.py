@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -22,25 +23,30 @@ def without_noise(
     mean itself, and what smooths them first takes away no noise, only their turns.  In a machine
     that nothing says stands, inputs are smooth where they are calm: a controller's answer to noise
     of the readings would pass for their cause.  Readings of what an input settles at once keep that
-    noise, as it would stand in them ``at`` these states (n), and at the temperatures that are read:
-    a resistance that has risen by a tenth lets a tenth less through."""
-    model, noise = compiled.model, np.zeros_like(line.u)
+    noise, as late as that state follows, as it would stand in them ``at`` these states (n), and at
+    temperatures that are read: a resistance that has risen by a tenth lets a tenth less through.
+    """
+    model, noises = compiled.model, dict[int, tuple[Floats, Floats]]()
     flags = [model.regime.index(flag) for flag in set(model.uncorrected.values())]
-    stands = (line.W[line.row][:, flags] == 0.0).any(axis=1)
+    acts = (line.W[line.row][:, flags] == 0.0).any(axis=1) if flags else np.ones(len(line.t), bool)
     for j, each in enumerate(inputs.interpolated):
-        if each.shakes is not None and each.at_rest is not None:
-            shakes, at_rest = (np.interp(line.t, each.time, n) for n in (each.shakes, each.at_rest))
-            noise[:, j] = np.where(stands, at_rest, 0.0) if flags else shakes
-    if not noise.any():
+        noise = each.at_rest if flags else each.shakes
+        if noise is not None and noise.any():
+            noises[j] = each.time, noise
+    if not noises:
         return line
-    z, knots = line.z.copy(), np.linspace(line.t[0], line.t[-1], KNOTS)
+    u, z, knots = line.u.copy(), line.z.copy(), np.linspace(line.t[0], line.t[-1], KNOTS)
+    for j, (time, noise) in noises.items():
+        u[:, j] -= acts * np.interp(line.t, time, noise)
     states = _read_directly(line, compiled, at, knots)
     for sensor in range(len(model.sensors)):
         of = line.sensor == sensor
-        gains = _settled_gains(sensor, states, line, compiled)
-        for j in range(len(model.inputs)):
-            z[of] += np.interp(line.t[of], knots, gains[:, j]) * noise[of, j]
-    return replace(line, u=line.u - noise, z=z)
+        for gains, lags in _settled(sensor, states, line, compiled):
+            t = line.t[of] - np.interp(line.t[of], knots, lags)
+            for j, (time, noise) in noises.items():
+                there = np.interp(line.t[of], knots, gains[:, j])
+                z[of] += acts[of] * there * np.interp(t, time, noise)
+    return replace(line, u=u, z=z)
 
 
 def _read_directly(line: Timeline, compiled: Compiled, at: Floats, times: Floats) -> Floats:
@@ -57,15 +63,18 @@ def _read_directly(line: Timeline, compiled: Compiled, at: Floats, times: Floats
     return states
 
 
-def _settled_gains(sensor: int, states: Floats, line: Timeline, compiled: Compiled) -> Floats:
-    """Derivatives (k, nu) of a sensor's reading by the inputs at ``states`` (k, n), by way of what
-    an input settles at once, with their sign reversed."""
+def _settled(
+    sensor: int, states: Floats, line: Timeline, compiled: Compiled
+) -> Iterator[tuple[Floats, Floats]]:
+    """For each state that an input settles at once: derivatives (k, nu) of a sensor's reading by
+    the inputs at ``states`` (k, n) by way of it, with their sign reversed, and its lag (k) in s."""
     n, nu = states.shape[1], line.u.shape[1]
     f, A, B, H = np.zeros(n), np.zeros((n, n)), np.zeros((n, nu)), np.zeros(n)
-    numbers, gains = (line.W[line.row[0]], compiled.p, compiled.g), np.zeros((len(states), nu))
-    for k, x in enumerate(states):
-        compiled.functions.dynamics(x, line.u[0], *numbers, f, A, B)
-        compiled.functions.reading(sensor, x, line.u[0], *numbers, H)
-        for i in compiled.model.settling:
-            gains[k] += H[i] / A[i, i] * B[i]
-    return gains
+    numbers = line.W[line.row[0]], compiled.p, compiled.g
+    for i in compiled.model.settling:
+        gains, lags = np.zeros((len(states), nu)), np.zeros(len(states))
+        for k, x in enumerate(states):
+            compiled.functions.dynamics(x, line.u[0], *numbers, f, A, B)
+            compiled.functions.reading(sensor, x, line.u[0], *numbers, H)
+            gains[k], lags[k] = H[i] / A[i, i] * B[i], -1.0 / A[i, i]
+        yield gains, lags
