@@ -33,7 +33,6 @@ from clutchest.cli.trust import trust
 from clutchest.cli.verb import Verb
 from clutchest.errors import ClutchestError
 from clutchest.extras import EXTRAS, missing
-from clutchest.record.light_rerun import lighten_rerun
 
 _SWITCH_S = 5e-4  # compiled code that has ended waits no longer for a thread that runs Python
 _OBJECTS = 200_000  # made before Python searches for circles among them: in vain after imports
@@ -70,7 +69,6 @@ def main() -> None:
     nobody foresaw, with a file to send."""
     printable()
     hide_asammdf()
-    lighten_rerun()
     gc.set_threshold(_OBJECTS)
     sys.setswitchinterval(_SWITCH_S)
     atexit.register(gc.freeze)  # nor in the end, which would take a quarter of a second

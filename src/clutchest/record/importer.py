@@ -14,8 +14,6 @@ import tomllib
 from pathlib import Path
 from typing import NoReturn
 
-from clutchest.record.light_rerun import lighten_rerun
-
 NOT_OURS = 66  # as the viewer wants it said
 SUFFIXES = {".asc", ".blf", ".crtd", ".csv", ".db", ".log", ".mf4", ".pcap", ".trc", ".xlsx"}
 VEHICLE = "CLUTCHEST_VEHICLE"
@@ -35,7 +33,6 @@ def main() -> None:
     vehicle = vehicle_of(path)
     if vehicle is None:
         _leave(f"{path.name}: no vehicle file beside it, and {VEHICLE} is not set")
-    lighten_rerun()
     send(path, vehicle, given.application_id, given.recording_id)
 
 
