@@ -29,9 +29,11 @@ RESAMPLED = 1000  # draws of the bootstrap
 
 @dataclass(frozen=True)
 class Found:
-    """Both machines, fitted to the discovery record, and both records: as signals, as tables."""
+    """The machines, fitted to the discovery record: as they were, with the first finding alone and
+    with the whole chain; and both records, as signals and as tables."""
 
     before: FittedMachine
+    first: FittedMachine
     after: FittedMachine
     signals: tuple[Signals, Signals]
     tables: tuple[pd.DataFrame, ...]
@@ -59,10 +61,11 @@ def run(
         tables = tuple(pd.read_parquet(path) for path in paths)
     found = chain(signals, vehicle, held_out.drives)
     extended = extended_by(found, vehicle)
-    before, after = (FittedMachine.of(signals, each) for each in (vehicle, extended))
+    stages = (vehicle, extended_by(found[:1], vehicle), extended)
+    before, first, after = (FittedMachine.of(signals, each) for each in stages)
     result = {
         **summary(found),
-        **judge(Found(before, after, (signals, held_out), tables), options.out),
+        **judge(Found(before, first, after, (signals, held_out), tables), options.out),
         "fitted": {"before": dict(before.numbers), "after": dict(after.numbers)},
         "seconds": perf_counter() - wall,
         "processor_seconds": process_time() - cpu,

@@ -58,12 +58,15 @@ def judge(found: Found, out: Path) -> Mapping[str, Any]:
         [predicted(fitted, signals) for fitted in (found.before, found.after)]
         for signals in found.signals
     )
+    first = predicted(found.first, found.signals[1])
     draw(*other, out / "level.png")
     return {
         "rmse_before": rms(other[0].error),
         "rmse_after": rms(other[1].error),
         "rmse_of": "simulated level on the validation record, V; starts as the other",
         "less_ci95": less(other[0].error, other[1].error, BLOCK),
+        "rmse_first": rms(first.error),
+        "less_first_ci95": less(other[0].error, first.error, BLOCK),
         "rmse_estimation": [rms(each.error) for each in own],
     }
 
