@@ -101,7 +101,7 @@ def emps(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
 
 
 def servo(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
-    """The arm under its controller, disturbed by blocks of what the model leaves of the record."""
+    """The arm under its controller, disturbed by noise of the record's colour."""
     convert, loop = import_module("convert"), import_module("closed_loop")
 
     def read(tables: Sequence[pd.DataFrame]) -> Signals:
@@ -112,7 +112,7 @@ def servo(data: Path, signals: Signals, fitted: FittedMachine) -> Draw:
             return read_log(made, fitted.vehicle)
 
     runs = convert.chosen(convert.runs(data), convert.DISCOVERY)
-    own = loop.Loop.of(runs, fitted, signals).as_loud(read)
+    own = loop.Loop.of(runs, fitted).as_noisy(signals, read)
     return lambda seed: read(own.drawn(seed))
 
 

@@ -71,7 +71,7 @@ def test_draws_of_the_servo_are_of_the_numbers_that_made_them(servo, tmp_path):
 
     signals = read([sys.modules["convert"].table(each) for each in runs])
     fitted = FittedMachine.of(signals, car)
-    loop = servo.Loop.of(runs, fitted, signals)
+    loop = servo.Loop.of(runs, fitted)
     assert (loop.late, loop.rate) == (0, np.inf)
     first, again, other = (loop.drawn(seed) for seed in (1, 1, 2))
     pd.testing.assert_frame_equal(first[0], again[0])
@@ -79,7 +79,8 @@ def test_draws_of_the_servo_are_of_the_numbers_that_made_them(servo, tmp_path):
     drawn = FittedMachine.of(read(first), car)
     for name in ("resistance", "torque_constant", "viscous"):
         assert drawn.numbers[name] == pytest.approx(fitted.numbers[name], rel=0.1)
-    loud = loop.as_loud(read)
-    made = read(loud.drawn(3))
-    own = servo.innovations(FittedMachine.of(made, car), made)
-    assert np.std(own) == pytest.approx(servo.READING * np.std(loop.rest), rel=0.3)
+    made = read(loop.as_noisy(signals, read).drawn(3))
+    own = servo.autocovariance(FittedMachine.of(made, car), made)
+    wanted = servo.autocovariance(fitted, signals)
+    assert np.sqrt(own[0]) == pytest.approx(np.sqrt(wanted[0]), rel=0.4)
+    assert own[1] / own[0] == pytest.approx(wanted[1] / wanted[0], abs=0.25)
