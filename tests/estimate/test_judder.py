@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import gammaln
 from scipy.stats import gamma
 
-from clutchest.estimate.judder import _log_sf
+from clutchest.estimate.judder import _leading_term, _log_sf
 from clutchest.estimate.replay import replay
 from clutchest.estimate.run import Run
 from clutchest.models import machine_of
@@ -111,3 +112,23 @@ def test_how_seldom_a_line_is_beyond_floating_point_numbers_too() -> None:
     exact, far = _log_sf(x, shape)[:3], _log_sf(x, shape)[3]
     np.testing.assert_allclose(exact, gamma.logsf(x[:3], shape[:3]), rtol=1e-12, atol=1e-15)
     assert not np.isfinite(gamma.logsf(x[3], shape[3])) and far < -4000.0
+
+
+def test_the_quick_bound_is_below_how_seldom_a_line_is() -> None:
+    shape, x = (a.ravel() for a in np.meshgrid(np.geomspace(1.0, 1e4, 60), np.geomspace(1.0, 30.0)))
+    x = shape * x
+    share = _log_sf(x, shape)
+    bound = _leading_term(x, shape, gammaln(shape))
+    assert np.all(bound <= share + 1e-9 * np.abs(share))
+    at_mean = _log_sf(shape, shape)
+    assert np.all(at_mean >= -1.0)
+
+
+def test_a_healthy_run_is_judged_by_the_bound_alone(
+    steps: Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless a line may be there, ``scipy.special`` is not loaded."""
+    asked = []
+    monkeypatch.setattr("clutchest.estimate.judder._log_sf", lambda *given: asked.append(given))
+    assert found(replay(steps, "alsd_rig")) is None
+    assert not asked

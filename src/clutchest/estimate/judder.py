@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import log, pi
+from math import lgamma, log, pi
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -64,11 +64,11 @@ def judder(
     windows = _windows(signals, track, sensor, weights)
     if windows is None:
         return None
-    by_time, by_slip = _by_time_and_slip(windows)
-    if by_time is None:
-        return None
     hours = max(float(track.time[-1] - track.time[0]) / 3600.0, SHORTEST_H)
     level = log(per_1000h * hours / 1000.0)
+    by_time, by_slip = _by_time_and_slip(windows, level)
+    if by_time is None:
+        return None
     best = by_slip if by_slip and by_slip.explains > by_time.explains else by_time
     is_order = best is by_slip
     log_p = min(line.log_p for line in (by_time, by_slip) if line)
@@ -128,6 +128,34 @@ def _windows(
 
 
 @dataclass(frozen=True, slots=True)
+class _Spectrum:
+    """Residual ``z`` (w, n) at ``lines`` (k) per unit of ``phase`` (w, n), of which windows show
+    those ``seen`` (w, k): their ``level`` (w, 1), the averages ``around`` (k) each line, and its
+    own relative to them, ``x`` (k), of a gamma distribution of ``shape`` (k)."""
+
+    z: Floats
+    phase: Floats
+    lines: Floats
+    seen: NDArray[np.bool_]
+    level: Floats
+    around: Floats
+    x: Floats
+    shape: Floats
+
+    @property
+    def log_p(self) -> Floats:
+        """ln of how seldom a line like each stands out somewhere by chance (k)."""
+        return _log_sf(self.x, self.shape) + log(len(self.lines))
+
+    def may_be(self, level: float) -> bool:
+        """Whether some line may be as seldom as ``level`` (ln p): quick to say, by the leading term
+        of ln p, which is below it."""
+        leading = _leading_term(self.x, self.shape, np.array([*map(lgamma, self.shape)]))
+        bound = np.where(self.x > self.shape, leading, -1.0)  # above the mean there are 1/e or more
+        return bool(np.min(bound) + log(len(self.lines)) <= level)
+
+
+@dataclass(frozen=True, slots=True)
 class _Line:
     """A ``line`` with its ``amplitude`` in standard deviations and ln p, and the power that it
     ``explains``, summed over windows."""
@@ -138,9 +166,9 @@ class _Line:
     explains: float
 
 
-def _by_time_and_slip(windows: _Windows) -> tuple[_Line | None, _Line | None]:
+def _by_time_and_slip(windows: _Windows, level: float) -> tuple[_Line | None, _Line | None]:
     """The strongest lines at fixed frequencies, and at fixed orders of the slip; None for too few
-    of them."""
+    of them, or where none is as seldom as the ``level`` (ln p)."""
     highest = HIGHEST / float(np.median(np.diff(windows.time[0])))
     rate = windows.slip / (2.0 * pi)  # revolutions per second
     lines = np.arange(LOWEST, highest, 1.0 / WINDOW)
@@ -149,15 +177,18 @@ def _by_time_and_slip(windows: _Windows) -> tuple[_Line | None, _Line | None]:
     orders = np.arange(LOWEST / fastest, most, 1.0 / WINDOW / fastest)
     turning = np.outer(rate, orders)
     seen = (turning > LOWEST) & (turning < highest)
-    return (
-        _strongest(windows.z, windows.time, lines, np.ones((len(rate), len(lines)), bool)),
-        _strongest(windows.z, windows.turned, orders, seen),
+    spectra = (
+        _spectrum(windows.z, windows.time, lines, np.ones((len(rate), len(lines)), bool)),
+        _spectrum(windows.z, windows.turned, orders, seen),
     )
+    if not any(each and each.may_be(level) for each in spectra):
+        return None, None
+    by_time, by_slip = (_strongest(each) if each else None for each in spectra)
+    return by_time, by_slip
 
 
-def _strongest(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_]) -> _Line | None:
-    """The line that stands out most: ``z`` (w, n) at ``phase`` (w, n), lines (k) per unit of it, of
-    which windows show those ``seen`` (w, k); None where there are too few."""
+def _spectrum(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_]) -> _Spectrum | None:
+    """The lines (k) that enough windows show; None where there are too few."""
     shown = np.count_nonzero(seen, axis=0)
     kept = np.flatnonzero(shown >= FEWEST)
     lines, seen, shown = lines[kept], seen[:, kept], shown[kept]
@@ -171,29 +202,39 @@ def _strongest(z: Floats, phase: Floats, lines: Floats, seen: NDArray[np.bool_])
     mean = np.sum(np.where(seen, power / level, 0.0), axis=0) / shown
     beside = sliding_window_view(np.pad(mean, AROUND, "reflect"), 2 * AROUND + 1)
     around = np.maximum(np.median(beside, axis=1), 1.0)
-    n = np.asarray(INDEPENDENT * shown, np.float64)
-    log_p = _log_sf(n * mean / around, n) + log(len(lines))
+    shape = np.asarray(INDEPENDENT * shown, np.float64)
+    return _Spectrum(z, phase, lines, seen, level, around, shape * mean / around, shape)
+
+
+def _strongest(among: _Spectrum) -> _Line:
+    """The line that stands out most."""
+    z, phase, lines, log_p = among.z, among.phase, among.lines, among.log_p
     k = int(np.argmin(log_p))
-    own = seen[:, k]
+    own = among.seen[:, k]
     width = lines[1] - lines[0]
     fine = lines[k] + np.arange(-width, width, FINE * width)
     fine_power = np.mean(np.abs(_transform(z[own], phase[own], fine)) ** 2, axis=0)
     m = int(np.argmax(fine_power))
-    signal = max(float(fine_power[m]) - float(np.mean(level[own]) * around[k]), 0.0)
+    surroundings = float(np.mean(among.level[own]) * among.around[k])
+    signal = max(float(fine_power[m]) - surroundings, 0.0)
     amplitude = float(np.sqrt(signal) * _per_root_power(z))
-    return _Line(float(fine[m]), amplitude, float(log_p[k]), signal * float(shown[k]))
+    shown = float(np.count_nonzero(own))
+    return _Line(float(fine[m]), amplitude, float(log_p[k]), signal * shown)
 
 
-def _log_sf(x: Floats, n: Floats) -> Floats:
-    """ln of the share of gamma distributions of shape n beyond ``x``, also where that is no
+def _log_sf(x: Floats, shape: Floats) -> Floats:
+    """ln of the share of gamma distributions of a ``shape`` beyond ``x``, also where that is no
     floating-point number any more: its leading term."""
-    from scipy.special import gammaincc, gammaln  # loaded where a machine declares judder
+    from scipy.special import gammaincc, gammaln  # loads for a tenth of a second
 
     with np.errstate(divide="ignore"):
-        exact = np.log(gammaincc(n, x))
-    return np.where(
-        np.isfinite(exact), exact, (n - 1.0) * np.log(np.maximum(x, 1.0)) - x - gammaln(n)
-    )
+        exact = np.log(gammaincc(shape, x))
+    return np.where(np.isfinite(exact), exact, _leading_term(x, shape, gammaln(shape)))
+
+
+def _leading_term(x: Floats, shape: Floats, log_gamma: Floats) -> Floats:
+    """Of ln of that share: below it for a shape of 1 or more."""
+    return (shape - 1.0) * np.log(np.maximum(x, 1.0)) - x - log_gamma
 
 
 def _taper(count: int) -> Floats:
