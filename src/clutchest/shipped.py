@@ -21,6 +21,14 @@ def shipped(kind: str) -> dict[str, Path]:
     return {}
 
 
+def shipped_file(name: str, kind: str) -> Path | None:
+    """The shipped file of that name, with or without its suffix; None where there is none."""
+    for stem, path in shipped(kind).items():
+        if name in (stem, path.name):
+            return path
+    return None
+
+
 def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
     """The file ``name``: as a path, else in one of the folders ``beside``, else a shipped one.
 
@@ -30,10 +38,9 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
     for candidate in (direct, *(folder / direct for folder in beside)):
         if candidate.is_file():
             return candidate
+    if found := shipped_file(name, kind):
+        return found
     stock = shipped(kind)
-    for path in stock.values():
-        if name in (path.name, path.name.split(".")[0]):
-            return path
     if direct.is_dir():
         inside = sorted(direct.glob("*.toml")) if kind == "vehicles" else []
         such = f" such as {' or '.join(map(str, inside[:MOST_NAMED]))}" if inside else ""

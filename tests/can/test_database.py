@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import pytest
 
-from clutchest.can.database import load
+from clutchest.can.database import DatabaseFile, load
+from clutchest.can.files import read_frames
 from clutchest.errors import ClutchestError
-from clutchest.shipped import shipped
+from clutchest.shipped import locate, shipped
 
 HEAD = 'VERSION ""\nBS_:\nBU_: A\n'
 ONE = HEAD + 'BO_ 100 One: 2 A\n SG_ S : 0|8@1+ (0.5,-3) [0|10] "°C" A\n'
@@ -200,8 +202,27 @@ def test_a_broken_dbc_names_file_and_line(tmp_path):
     path.write_bytes(bytes(range(256)))
     with pytest.raises(ClutchestError, match=r"broken\.dbc"):
         load([path])
-    with pytest.raises(ClutchestError, match=r"nowhere\.dbc: cannot be read"):
+    with pytest.raises(ClutchestError, match=r"no such file: .*nowhere\.dbc"):
         load([tmp_path / "nowhere.dbc"])
+
+
+def test_a_shipped_database_is_found_by_its_name(tmp_path, monkeypatch):
+    file = locate("hdt_clutch", "dbc")
+    for name in (
+        "hdt_clutch",
+        "hdt_clutch.dbc",
+        Path("hdt_clutch"),
+        DatabaseFile(Path("hdt_clutch")),
+    ):
+        assert load([name]) == load([file])
+    frames = read_frames(locate("demo", "logs"))
+    assert set(frames.decode("hdt_clutch")) == set(frames.decode(file)) != set()
+    assert set(frames.decode({0: "hdt_clutch"})) == set(frames.decode({0: file}))
+    with pytest.raises(ClutchestError, match="no such file: hdt_cluch; did you mean 'hdt_clutch'"):
+        load(["hdt_cluch"])
+    monkeypatch.chdir(tmp_path)
+    Path("hdt_clutch").write_text(ONE)  # a file of one's own comes first
+    assert set(load(["hdt_clutch"]).messages) == {"One"}
 
 
 def test_overlapping_signals_and_double_names_are_warnings(tmp_path):

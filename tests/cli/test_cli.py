@@ -152,6 +152,8 @@ def test_version(run):
         (["replay", "gone.log", "--vehicle", "truck"], "no such file: gone.log"),
         (["replay", "gone.log", "--vehicle", "truk"], "truk; did you mean 'truck'?"),
         (["inspect", "gone.log"], "no such file: gone.log"),
+        (["inspect", "alsd", "--dbc", "hdt_cluch"], "hdt_cluch; did you mean 'hdt_clutch'?"),
+        (["inspect", "alsd", "--dbc", "0=alsd_"], "alsd_; did you mean 'alsd'"),
         (["convert", "gone.log", "-o", "x.asc"], "no such file: gone.log"),
         (
             ["simulate", "--vehicle", "truck", "--scenario", "sity", "--seed", "1", "-o", "x.log"],

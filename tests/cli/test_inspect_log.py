@@ -12,6 +12,7 @@ from clutchest.can.files import read_frames, write_frames
 from clutchest.can.frames import Flag, Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading.inspection import inspect_logs
+from clutchest.shipped import locate
 from clutchest.simulated import write_simulation
 from clutchest.vehicle import load_vehicle
 
@@ -145,6 +146,14 @@ def test_a_dbc_of_another_bus_is_an_error(log, tmp_path):
     words = r"0 of \d+ ids of my drive\.log are in other\.dbc: .*123; one has 11 bits only"
     with pytest.raises(ClutchestError, match=words):
         inspect_logs([log], [tmp_path / "other.dbc"])
+
+
+def test_a_shipped_database_by_its_name(found, log, tmp_path):
+    named = inspect_logs([log], ["hdt_clutch"])
+    assert [file.path for file in named.dbc] == [locate("hdt_clutch", "dbc")]
+    assert {row.message for row in named.rows} == {row.message for row in found.rows}
+    named.write_vehicle(tmp_path / "own.toml", tmp_path / "own.toml")
+    assert load_vehicle(tmp_path / "own.toml").dbc[0].path == locate("hdt_clutch", "dbc").resolve()
 
 
 def test_rates_add_up_over_relative_clocks(tmp_path):

@@ -382,6 +382,14 @@ def test_strange_texts_and_numbers_survive_the_writing(truck: Vehicle, tmp_path:
     assert load_vehicle(tmp_path / "odd.toml") == odd
 
 
+def test_a_shipped_dbc_by_its_name(tmp_path: Path) -> None:
+    text = load_vehicle("truck").path.read_text()
+    named = text.replace('dbc = ["hdt_clutch.dbc"]', 'dbc = ["hdt_clutch"]')
+    assert named != text
+    (tmp_path / "own.toml").write_text(named)
+    assert load_vehicle(tmp_path / "own.toml").dbc == load_vehicle("truck").dbc
+
+
 def test_a_missing_dbc_waits_for_the_log() -> None:
     assert load_vehicle("gt350").dbc == (DatabaseFile(Path("ford_lincoln_base_pt.dbc")),)
     assert re.fullmatch("[0-9a-f]{64}", load_vehicle("gt350").hash)

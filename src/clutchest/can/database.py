@@ -14,6 +14,7 @@ from clutchest.can import j1939
 from clutchest.can.layout_cache import recalled, remember
 from clutchest.can.log_source import utf16_of
 from clutchest.errors import ClutchestError, nearest
+from clutchest.shipped import locate
 
 if TYPE_CHECKING:
     import cantools.database.can as cantools_can
@@ -159,14 +160,20 @@ class Database:
         return None
 
 
-def load(given: Sequence[Path | DatabaseFile]) -> Database:
+def located(given: str | Path | DatabaseFile) -> DatabaseFile:
+    """The file of a database, which may be a shipped one by its name (``hdt_clutch``)."""
+    file = given if isinstance(given, DatabaseFile) else DatabaseFile(Path(given))
+    return replace(file, path=locate(str(file.path), "dbc"))
+
+
+def load(given: Sequence[str | Path | DatabaseFile]) -> Database:
     """The messages of all files; of a name that occurs twice the first holds, with a warning.
 
     A name that the files of different channels have becomes one for each, such as ``EEC1@0`` and
     ``EEC1@1``.  Raises ClutchestError naming file and line for a DBC that cantools refuses.
     """
     warnings: list[str] = []
-    files = [each if isinstance(each, DatabaseFile) else DatabaseFile(Path(each)) for each in given]
+    files = [located(each) for each in given]
     read = [
         (file, replace(message, channel=file.channel))
         for file in files

@@ -11,6 +11,7 @@ import typer
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, WHOLE, AsJson, Logs, Out, WindowOptions
 from clutchest.cli.terminal import answer, progress
+from clutchest.shipped import shipped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,8 +30,8 @@ def inspect(
             "--dbc",
             metavar="[N=]FILE",
             show_default=False,
-            help="Names the messages, with N= those of channel N only; repeat for several.  "
-            "Without it the shipped ones do.",
+            help="Names the messages, with N= those of channel N only; repeat for several.  A "
+            f"file, or a shipped DBC: {', '.join(shipped('dbc'))}.  Without it all of these do.",
         ),
     ] = None,
     model: Annotated[

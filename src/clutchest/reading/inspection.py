@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from clutchest.can import files
-from clutchest.can.database import Database, DatabaseFile, load
+from clutchest.can.database import Database, DatabaseFile, load, located
 from clutchest.can.frames import Frames
 from clutchest.can.survey import IdStatistics, survey
 from clutchest.can.transport import reassembled
@@ -130,16 +130,17 @@ class Inspection:
 
 def inspect_logs(
     paths: Sequence[str | Path],
-    dbc: Sequence[Path | DatabaseFile] = (),
+    dbc: Sequence[str | Path | DatabaseFile] = (),
     window: TimeWindow = EVERYTHING,
     model: str = "",
 ) -> Inspection:
     """Survey ``paths``, logs of frames, and search for the canonical signals of a machine, by SPN,
     name, unit, range and behaviour.
 
-    ``dbc`` names the messages; without any the shipped DBCs do.  ``model``: a machine by name or by
-    its file (``.py``); without it, the shipped one with most signals in the logs.  Raises
-    ClutchestError for a file that cannot be read, and where no id of the logs is in ``dbc``.
+    ``dbc`` names the messages: files, or shipped DBCs by name; without any all shipped ones do.
+    ``model``: a machine by name or by its file (``.py``); without it, the shipped one with most
+    signals in the logs.  Raises ClutchestError for a file that cannot be read, and where no id of
+    the logs is in ``dbc``.
     """
     model_file = Path(model).resolve() if model.endswith(".py") else None
     asked = machine_in_file(model_file) if model_file else machine_of(model) if model else None
@@ -151,10 +152,7 @@ def inspect_logs(
     if not parts:
         raise ClutchestError(f"{' '.join(map(str, logs))}: no data in the time window")
     frames = Frames.concatenate(parts).sorted()
-    sources = tuple(
-        each if isinstance(each, DatabaseFile) else DatabaseFile(each)
-        for each in dbc or shipped("dbc").values()
-    )
+    sources = tuple(located(each) for each in dbc or shipped("dbc").values())
     databases = _databases(sources)
     rows = tuple(survey(frames, databases))
     if dbc and not any(row.message for row in rows):

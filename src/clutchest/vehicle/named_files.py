@@ -11,7 +11,7 @@ from typing import Any
 from clutchest.can.database import DatabaseFile
 from clutchest.errors import file_like
 from clutchest.models.python_file import digest_of
-from clutchest.shipped import shipped
+from clutchest.shipped import shipped_file
 from clutchest.vehicle.earlier_patch import EarlierPatch, read_patch
 from clutchest.vehicle.toml import Keys, TomlFile
 
@@ -114,7 +114,5 @@ def _dbc(file: TomlFile, entry: str) -> Path:
     beside = file.path.parent / entry
     if beside.is_file():
         return beside.resolve()
-    for path in shipped("dbc").values():
-        if path.name == entry:
-            return path.resolve()
-    return Path(entry)
+    found = shipped_file(entry, "dbc")
+    return found.resolve() if found else Path(entry)
