@@ -11,6 +11,7 @@ from typer.main import get_command
 
 from clutchest import cli
 from clutchest.reading.table_formats import table_formats
+from clutchest.shipped import shipped
 
 SIMULATE = ("--scenario", "launches", "--seed", "1", "-o", "x.log")
 
@@ -83,3 +84,21 @@ def test_every_option_that_takes_a_number_takes_a_finite_one():
         for bad in (math.nan, math.inf):
             with pytest.raises(typer.BadParameter, match="expected a number"):
                 option.callback(None, option, bad)
+
+
+@pytest.mark.parametrize("verb", ["replay", "diagnose", "discover", "fleet", "export", "monitor"])
+def test_shipped_vehicles_are_named_where_none_is_given(refused, verb):
+    said = refused(verb, *([] if verb in ("export", "monitor") else ["demo"]))
+    assert "--vehicle" in said.partition("Error: Missing: ")[2].partition(";")[0]
+    assert f"; shipped vehicles: {', '.join(shipped('vehicles'))}" in said
+
+
+def test_all_that_is_missing_is_named_at_once(refused):
+    said = refused("replay").splitlines()[-1]
+    assert said.startswith("Error: Missing: LOG, --vehicle; shipped vehicles: ")
+    assert refused("convert", "demo").splitlines()[-1] == "Error: Missing: -o"
+
+
+def test_a_wrong_value_before_what_is_missing(refused):
+    said = refused("replay", "--rate", "0").splitlines()[-1]
+    assert "'--rate': 0; expected a number" in said and "Missing" not in said
