@@ -12,6 +12,7 @@ from typer.main import get_command
 from clutchest import cli
 from clutchest.reading.table_formats import table_formats
 from clutchest.shipped import shipped
+from clutchest.vehicle import load_vehicle
 
 SIMULATE = ("--scenario", "launches", "--seed", "1", "-o", "x.log")
 
@@ -97,6 +98,24 @@ def test_all_that_is_missing_is_named_at_once(refused):
     said = refused("replay").splitlines()[-1]
     assert said.startswith("Error: Missing: LOG, --vehicle; shipped vehicles: ")
     assert refused("convert", "demo").splitlines()[-1] == "Error: Missing: -o"
+
+
+@pytest.mark.parametrize("vehicle", ["truck", "alsd_rig", "alsd_car"])
+def test_simulate_names_the_scenarios_of_the_vehicle(refused, vehicle, tmp_path):
+    said = refused("simulate", "--vehicle", vehicle).splitlines()[-1]
+    head, named = said.split(f"; scenarios of {load_vehicle(vehicle).name}: ")
+    assert head == "Error: Missing: --scenario, --seed, -o"
+    others = ("--seed", "1", "-o", tmp_path / "x.log")
+    unknown = refused("simulate", "--vehicle", vehicle, "--scenario", "qqqq", *others)
+    assert sorted(named.split(", ")) == sorted(unknown.strip().split("; valid: ")[1].split(", "))
+
+
+def test_simulate_without_anything_names_all_of_it(refused):
+    said = refused("simulate").splitlines()[-1]
+    assert said.startswith("Error: Missing: --vehicle, --scenario, --seed, -o; shipped vehicles: ")
+    said = refused("simulate", "--vehicle", "truk", "--seed", "1").splitlines()[-1]
+    assert said.startswith("Error: Missing: --scenario, -o; ")
+    assert said.endswith("truk; did you mean 'truck'?")
 
 
 def test_a_wrong_value_before_what_is_missing(refused):

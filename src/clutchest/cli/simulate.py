@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,10 +12,11 @@ import typer
 from clutchest.cli.groups import grouped
 from clutchest.cli.options import AsJson, Trust, VehicleName, within
 from clutchest.cli.terminal import loaded, print_json, progress
+from clutchest.cli.verb import Verb
+from clutchest.errors import ClutchestError
 
 if TYPE_CHECKING:
     from clutchest.vehicle import Vehicle
-from clutchest.cli.verb import Verb
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,8 @@ DEFAULT_TRUTH = TruthOptions()
 
 
 class WithScenarios(Verb):
-    """A command whose help ends with the scenarios of every machine."""
+    """A command whose help ends with the scenarios of every machine, and that names those of the
+    vehicle where none is given."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """See :meth:`click.Command.format_epilog`."""
@@ -112,6 +114,18 @@ class WithScenarios(Verb):
         machines = [machine_of(name) for name in names()]
         with formatter.section("Scenarios"):
             formatter.write_dl([(m.name, ", ".join(m.scenario_names)) for m in machines])
+
+    def choices(self, name: str, given: Mapping[str, Any]) -> str:
+        """See :meth:`Verb.choices`."""
+        if name != "scenario" or "vehicle" not in given:
+            return super().choices(name, given)
+        from clutchest.vehicle import load_vehicle
+
+        try:
+            car = load_vehicle(given["vehicle"], trust=bool(given.get("trust")))
+        except ClutchestError as problem:
+            return str(problem)
+        return f"scenarios of {car.name}: {', '.join(car.machine.scenarios_for(car.signals))}"
 
 
 Scenario = Annotated[

@@ -97,7 +97,8 @@ class Machine:
     nominal value where all of these parameters are fitted, because they are relative to them;
     ``delay_relations``, how late signals are behind the equations' anchor.
 
-    For simulation: ``generate``, a program of its own, and the names of its ``scenarios``;
+    For simulation: ``generate``, a program of its own, and the names of its ``scenarios``,
+    ``scenarios_with`` those where a vehicle has these signals, if not all;
     ``manoeuvres``: scenario → what a driver does in it, in words;
     ``own_effects`` (effect → its numbers, parameters by key) gives the generator's ``Outsider``
     for a user's own effects; where
@@ -157,6 +158,7 @@ class Machine:
     delay_relations: tuple[DelayRelation, ...] = ()
     generate: Callable[..., Any] | None = None
     scenarios: Callable[[], Sequence[str]] = tuple
+    scenarios_with: Callable[[Container[str]], Sequence[str]] | None = None
     manoeuvres: Mapping[str, str] = field(default_factory=lambda: _EMPTY)
     own_effects: OwnEffects | None = None
     excitations: Mapping[str, Excitation] = field(default_factory=lambda: _EMPTY)
@@ -260,6 +262,12 @@ class Machine:
     def scenario_names(self) -> tuple[str, ...]:
         """Names of what it can be simulated in."""
         return (*self.scenarios(), *self.excitations)
+
+    def scenarios_for(self, signals: Container[str]) -> tuple[str, ...]:
+        """Names of what a vehicle with these signals can be simulated in."""
+        if self.scenarios_with is None:
+            return self.scenario_names
+        return (*self.scenarios_with(signals), *self.excitations)
 
     def on_other_bench(self, scenario: str) -> bool:
         """Whether a scenario is an experiment on benches alone on which the equations have another

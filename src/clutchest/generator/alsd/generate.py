@@ -11,7 +11,12 @@ from clutchest.errors import ClutchestError
 from clutchest.generator.alsd.effects import EFFECTS, RANGES, numbers
 from clutchest.generator.alsd.outsider import run_under
 from clutchest.generator.alsd.plant import FAST, STEP, WHEELS
-from clutchest.generator.alsd.scenarios import ON_THE_ROAD, SCENARIOS, ActuatorScenario
+from clutchest.generator.alsd.scenarios import (
+    ON_THE_ROAD,
+    SCENARIOS,
+    ActuatorScenario,
+    scenarios_with,
+)
 from clutchest.generator.effects import Values, complete
 from clutchest.generator.mismatch import Mismatch
 from clutchest.generator.outsider import Law, Reading
@@ -81,13 +86,13 @@ def _scenarios_of(request: DriveRequest) -> Mapping[str, ActuatorScenario]:
     scenario, channels = request.scenario, request.channels
     if not channels:
         return SCENARIOS
-    wheels = any(channel.name == "wheel_speed_left" for channel in channels)
-    if scenario in SCENARIOS and wheels != (scenario in ON_THE_ROAD):
+    possible = scenarios_with([channel.name for channel in channels])
+    if scenario in SCENARIOS and scenario not in possible:
         where, has = ("a car", "maps no") if scenario in ON_THE_ROAD else ("the rig", "maps a")
         raise ClutchestError(
             f"scenario '{scenario}' is for {where}: this vehicle {has} wheel_speed_left"
         )
-    return {name: plan for name, plan in SCENARIOS.items() if wheels == (name in ON_THE_ROAD)}
+    return possible
 
 
 def draw(parameters: Values, spreads: Values, seed: int) -> dict[str, float]:

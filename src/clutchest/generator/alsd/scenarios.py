@@ -6,7 +6,7 @@ the sampling.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from math import pi
 from types import MappingProxyType
@@ -243,3 +243,9 @@ SCENARIOS: Mapping[str, ActuatorScenario] = MappingProxyType(
     }
 )
 ON_THE_ROAD = frozenset({"car"})  # all others are for the rig
+
+
+def scenarios_with(signals: Container[str]) -> dict[str, ActuatorScenario]:
+    """Those of the place, car or rig, where a vehicle has these signals."""
+    wheels = "wheel_speed_left" in signals
+    return {name: plan for name, plan in SCENARIOS.items() if wheels == (name in ON_THE_ROAD)}

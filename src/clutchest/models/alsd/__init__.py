@@ -11,6 +11,7 @@ Equation and figure numbers are the paper's.  One file per part: ``dc_motor`` (1
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import Any
 
 from clutchest.models.alsd.error_terms import (
@@ -48,6 +49,12 @@ def _scenarios() -> tuple[str, ...]:
     from clutchest.generator import alsd
 
     return tuple(alsd.SCENARIOS)
+
+
+def _scenarios_with(signals: Container[str]) -> tuple[str, ...]:
+    from clutchest.generator.alsd.scenarios import scenarios_with
+
+    return tuple(scenarios_with(signals))
 
 
 MACHINE = Machine(
@@ -99,6 +106,7 @@ MACHINE = Machine(
     benches=BENCHES,
     generate=_generate,
     scenarios=_scenarios,
+    scenarios_with=_scenarios_with,
     manoeuvres=MANOEUVRES,
     own_effects=DifferentialEffects,
     template="alsd_rig",
