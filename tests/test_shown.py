@@ -55,7 +55,7 @@ def test_pictures_of_signals_and_runs(run: Run) -> None:
         np.array(run.tracks[0].mode_names)[np.unique(run.tracks[0].mode)]
     )
     assert first.get_title(loc="left") == "body temperature [°C]"
-    _, *some = run.plot(0, "friction", "clutch_torque").axes
+    _, *some = run.plot("friction", "clutch_torque", drive=0).axes
     assert [axes.get_title(loc="left") for axes in some] == ["friction", "clutch torque [Nm]"]
 
 
@@ -63,9 +63,17 @@ def test_pictures_of_what_is_not_there(run: Run) -> None:
     with pytest.raises(ClutchestError, match=r"no signal 'engine_sped'.*engine_speed"):
         run.signals.plot("engine_sped")
     with pytest.raises(ClutchestError, match="no drive 3, expected 0"):
-        run.plot(3)
+        run.plot(drive=3)
     with pytest.raises(ClutchestError, match=r"no estimate 'frictio'; did you mean 'friction'"):
-        run.plot(0, "frictio")
+        run.plot("frictio")
+    with pytest.raises(ClutchestError, match=r"no estimate 'temp_disk'; did you mean 'temp_disc'"):
+        run.plot("temp_disk")
+    with pytest.raises(ClutchestError, match=r"signal: run\.signals\.plot\('slave_position'\)"):
+        run.plot("friction", "slave_position")
+    with pytest.raises(ClutchestError, match=r"no estimate '1'; a drive is given as drive=1"):
+        run.plot(1)
+    with pytest.raises(ClutchestError, match=r"no drive friction, expected 0"):
+        run.plot(drive="friction")
 
 
 def test_a_diagnosis_draws_every_monitor_that_ran(run: Run) -> None:
@@ -73,6 +81,8 @@ def test_a_diagnosis_draws_every_monitor_that_ran(run: Run) -> None:
     (axes,) = diagnosis.plot().axes
     ran = [name for name, drives in diagnosis.lanes.items() if drives[0]]
     assert [label.get_text() for label in axes.get_yticklabels()] == ran
+    with pytest.raises(ClutchestError, match=r"no drive stuck, expected 0"):
+        diagnosis.plot("stuck")
 
 
 def test_columns_have_units(run: Run) -> None:

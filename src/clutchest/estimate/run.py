@@ -225,7 +225,7 @@ class Run(Showing):
 
     def track(self, drive: int) -> Track:
         """The estimates of a drive.  Raises ClutchestError where there is none."""
-        if not 0 <= drive < len(self.tracks):
+        if drive not in range(len(self.tracks)):
             raise ClutchestError(f"no drive {drive}, expected 0 … {len(self.tracks) - 1}")
         return self.tracks[drive]
 
@@ -234,9 +234,10 @@ class Run(Showing):
         """Names of what is estimated: states, then outputs."""
         return tuple(dict.fromkeys(n for t in self.tracks for n in (*t.states, *t.outputs)))
 
-    def plot(self, drive: int = 0, *names: str) -> Picture:
+    def plot(self, *names: str, drive: int = 0) -> Picture:
         """Mode, states and outputs of one drive over time, all or those of these ``names``, each
-        with a band of two standard deviations; grey where an estimate is not valid.
+        with a band of two standard deviations; grey where an estimate is not valid.  Signals are
+        drawn by ``signals.plot``.
 
         Raises ClutchestError where there is no such drive, or no such name.
         """
@@ -248,10 +249,18 @@ class Run(Showing):
         bands = {}
         for name in names or estimates:
             if name not in estimates:
-                raise ClutchestError(f"no estimate '{name}'" + nearest(name, estimates))
+                raise ClutchestError(f"no estimate '{name}'{self._instead(name, estimates)}")
             each = estimates[name]
             bands[Quantity(name, units.get(name, "1"))] = Band(each.value, each.std, each.valid)
         return draw_estimates(track.time, track.mode, track.mode_names, bands)
+
+    def _instead(self, name: object, estimates: Iterable[str]) -> str:
+        """What was meant by what is no estimate."""
+        if isinstance(name, int):
+            return f"; a drive is given as drive={name}"
+        if name in self.signals.signals:
+            return f"; of a signal: run.signals.plot('{name}')"
+        return nearest(str(name), estimates)
 
     def to_pandas(self) -> pd.DataFrame:
         """The columns of ``estimates.parquet``; all drives, one below the other.

@@ -36,7 +36,7 @@ def run_page(run: Run) -> str:
     for drive in drawn:
         parts += [f"### Drive {drive}"] if several else []
         for k, shown in enumerate(pages):
-            pictures[f"drive{drive}-{k}"] = bitmap(run.plot(drive, *shown)._repr_png_())
+            pictures[f"drive{drive}-{k}"] = bitmap(run.plot(*shown, drive=drive)._repr_png_())
             parts.append(f"![Estimates of drive {drive} over time](drive{drive}-{k})")
     if drawn and len(run.tracks) > len(drawn):
         parts.append(f"Drawn are {len(drawn)} of {len(run.tracks)} drives.")
