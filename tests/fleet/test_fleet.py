@@ -54,6 +54,18 @@ def test_whose_a_log_is(tmp_path: Path) -> None:
         logs_of([str(tmp_path / "nothing")])
 
 
+def test_shipped_logs_by_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    stock = shipped("logs")
+    both = (FleetLog(stock["alsd"], "alsd"), FleetLog(stock["demo"], "demo"))
+    assert logs_of(["demo", "alsd", str(stock["demo"])]) == both
+    with pytest.raises(ClutchestError, match=r"^dem: no log there; .* shipped log: alsd, demo$"):
+        logs_of(["dem"])
+    (tmp_path / "demo" / "red").mkdir(parents=True)  # a folder of one's own comes first
+    (tmp_path / "demo" / "red" / "one.log").write_text("x")
+    assert logs_of(["demo"]) == (FleetLog(Path("demo/red/one.log"), "red"),)
+
+
 def test_the_spread_of_a_fleet_is_found() -> None:
     std = RNG.uniform(0.05, 0.2, 2000)
     y = 3.0 + RNG.normal(0.0, 0.3, 2000) + RNG.normal(0.0, std)

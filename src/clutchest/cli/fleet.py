@@ -12,6 +12,7 @@ from clutchest.cli.groups import grouped
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, Rate, Trust, VehicleName
 from clutchest.cli.terminal import answer, meanwhile, print_shown, progress
 from clutchest.extras import installed
+from clutchest.shipped import shipped
 from clutchest.shown import counted
 
 if TYPE_CHECKING:
@@ -52,8 +53,9 @@ def fleet(
         typer.Argument(
             metavar="FOLDER",
             show_default=False,
-            help="Folders of logs, at any depth, patterns or logs; the folder below the one that "
-            "is given names the vehicle.",
+            help="Folders of logs, at any depth, patterns, logs, or names of shipped logs: "
+            f"{', '.join(shipped('logs'))}; the folder below the one that is given names the "
+            "vehicle.",
         ),
     ],
     vehicle: VehicleName,

@@ -14,6 +14,7 @@ from clutchest.can import log_source
 from clutchest.can.formats import log_formats
 from clutchest.errors import ClutchestError
 from clutchest.paths import readable
+from clutchest.shipped import shipped, shipped_file
 
 TEXT = ".txt"  # of a log, and of whatever somebody notes beside it
 TABLES = (".parquet", ".xlsx", ".mdf")
@@ -36,18 +37,21 @@ class FleetLog:
 
 
 def logs_of(places: Sequence[str], out: Path | None = None) -> tuple[FleetLog, ...]:
-    """Every log in folders, at any depth, and of patterns and single files, each once; what lies
-    in ``out``, results of a run before, is none.
+    """Every log in folders, at any depth, and of patterns, single files and names of shipped logs,
+    each once; what lies in ``out``, results of a run before, is none.
 
     The folder below the one that is given names the vehicle; of logs that lie directly in it, and
-    of single files, the folder they lie in does.  Raises ClutchestError for a place where there is
-    none.
+    of single files, the folder they lie in does; a shipped log is of a vehicle of its own name.
+    Raises ClutchestError for a place where there is none.
     """
     found: dict[Path, FleetLog] = {}
     for place in places:
         logs = [log for log in _logs_at(place) if out not in log.path.resolve().parents]
         if not logs:
-            raise ClutchestError(f"{place}: no log there; expected a folder of logs or a pattern")
+            raise ClutchestError(
+                f"{place}: no log there; expected a folder of logs, a pattern or a shipped log: "
+                + ", ".join(shipped("logs"))
+            )
         for log in logs:
             found.setdefault(log.path.resolve(), log)
     return tuple(sorted(found.values(), key=lambda log: (log.vehicle, log.path)))
@@ -67,6 +71,9 @@ def _logs_at(place: str) -> Iterator[FleetLog]:
             yield FleetLog(file, readable(below[0] if len(below) > 1 else path.resolve().name))
         return
     files = [path] if path.is_file() else [Path(name) for name in _matching(place)]
+    stock = None if files else shipped_file(place, "logs")
+    if stock is not None:
+        yield FleetLog(stock, stock.name.split(".")[0])
     for file in files:
         if file.is_dir():
             yield from _logs_at(str(file))
