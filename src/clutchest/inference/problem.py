@@ -89,9 +89,9 @@ class Problem:
         usable = frozenset.intersection(*(drive.available for drive in drives))
         model = _counting_in_full(vehicle.machine.to_fit(usable))
         present = model.taking(present_effects(vehicle))
-        parts = vehicle.machine.unmodelled
-        unmodelled = [e for name, e in parts.items() if discrepant and _acts(vehicle, name)]
-        sought = {e.name: e for e in model.taking((*effects, *unmodelled)) if e not in present}
+        parts = _unmodelled(vehicle) if discrepant else {}
+        every = model.taking((*effects, *parts.values()))
+        sought = {e.name: e for e in every if e not in present}
         wanders = wander(vehicle, model) if discrepant else ()
         compiled = compile_model(
             vehicle,
@@ -359,9 +359,10 @@ def _delay_spread(vehicle: Vehicle, signal: str) -> float:
     return stated.delay_spread if stated else TIMING
 
 
-def _acts(vehicle: Vehicle, effect: str) -> bool:
-    """Whether an effect acts in a healthy vehicle."""
-    return any(gain.effect == effect and gain.std > 0.0 for gain in vehicle.healthy)
+def _unmodelled(vehicle: Vehicle) -> dict[str, Effect]:
+    """The parts that the equations leave out and a healthy vehicle has, by name."""
+    acting = {gain.effect for gain in vehicle.healthy if gain.std > 0.0}
+    return {name: e for name, e in vehicle.machine.unmodelled.items() if name in acting}
 
 
 def healthy_stds(vehicle: Vehicle, model: Model) -> dict[str, float]:
