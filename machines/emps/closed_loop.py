@@ -21,6 +21,7 @@ from scipy.io import loadmat
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
+import coloured_noise  # noqa: E402
 from convert import WIDTH, filtered  # noqa: E402
 
 from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
@@ -30,12 +31,10 @@ SAMPLE = 1e-3  # s, of the controller
 STEPS = 10  # of an integration, in a sample
 RESOLUTION = 5e-8  # m, of the encoder as recorded
 READING = 0.01  # s, from one reading of the converted record to the next
-LAGS = 24  # readings, over which innovations are compared
 PASSED = 48.0  # Hz, above which nothing of the disturbance passes the converter's filter
 FREQUENCIES = np.linspace(0.0, 500.0, 501)  # Hz
 INITIAL = 1e-3  # N²/Hz, the spectrum that the search begins with
 TURNS, DRAWS = 6, 4  # of the search, and records of each
-LEAST = 0.02  # of the variance of innovations: smaller spectra are not told from it
 
 
 @dataclass(frozen=True)
@@ -71,11 +70,8 @@ class Loop:
 
     def drawn(self, spectrum: np.ndarray, seed: int) -> pd.DataFrame:
         """The same with noise of a ``spectrum`` N²/Hz at the ``FREQUENCIES``."""
-        rng, count = np.random.default_rng(seed), len(self.time)
-        own = np.interp(np.fft.rfftfreq(count, SAMPLE), FREQUENCIES, spectrum)
-        white = rng.standard_normal((2, len(own)))
-        size = np.sqrt(own * count / SAMPLE / 4.0)
-        return self.moved(np.fft.irfft((white[0] + 1j * white[1]) * size, count))
+        rng, shape = np.random.default_rng(seed), (len(self.time),)
+        return self.moved(coloured_noise.drawn(FREQUENCIES, spectrum, SAMPLE, shape, rng))
 
 
 def _sample(fitted: FittedMachine, gain: float, kp: float) -> ca.Function:
@@ -116,21 +112,11 @@ def spectrum_of(
     for turn in range(TURNS):
         own = [read(loop.drawn(spectrum, 1_000_000 + turn * DRAWS + k)) for k in range(DRAWS)]
         made = [_visible(FittedMachine.of(each, fitted.vehicle), each) for each in own]
-        spectrum = spectrum * wanted / np.mean(made, axis=0)
-        spectrum[FREQUENCIES > PASSED] = np.median(spectrum[FREQUENCIES <= PASSED])
+        shown = np.mean(made, axis=0)
+        spectrum = coloured_noise.corrected(FREQUENCIES, spectrum, wanted, shown, PASSED)
     return spectrum
 
 
 def _visible(fitted: FittedMachine, signals: Signals) -> np.ndarray:
-    """The spectrum of the innovations at the ``FREQUENCIES``, by their autocovariances (Blackman
-    and Tukey)."""
-    [own] = fitted.predicted(signals, "speed")
-    place = np.round((own.time - own.time[0]) / READING).astype(int)
-    error = np.full(place[-1] + 1, np.nan)
-    error[place] = own.error
-    pairs = [error[lag:] * error[: len(error) - lag] for lag in range(LAGS + 1)]
-    covariance = np.array([np.nanmean(each) for each in pairs])
-    taper = np.hanning(2 * LAGS + 3)[LAGS + 1 : -1]
-    waves = np.cos(2.0 * np.pi * READING * np.outer(FREQUENCIES, np.arange(1, LAGS + 1)))
-    spectrum = covariance[0] + 2.0 * waves @ (taper * covariance)[1:]
-    return np.maximum(spectrum, LEAST * covariance[0])
+    """The spectrum of the innovations at the ``FREQUENCIES``."""
+    return coloured_noise.visible(fitted, signals, READING, FREQUENCIES)

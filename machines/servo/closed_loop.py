@@ -8,24 +8,29 @@ measured one.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from convert import EVERY, SCALE, SIGN, table
-from run import STEP, Bench, by_machine, controller
 
-from clutchest.identify.fitted_machine import FittedMachine
-from clutchest.signals import Signals
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+import coloured_noise  # noqa: E402
+from convert import EVERY, SCALE, SIGN, table  # noqa: E402
+from run import STEP, Bench, by_machine, controller  # noqa: E402
+
+from clutchest.identify.fitted_machine import FittedMachine  # noqa: E402
+from clutchest.signals import Signals  # noqa: E402
 
 READING = EVERY * STEP  # s
-LAGS = 24  # readings, over which innovations are compared
 FREQUENCIES = np.linspace(0.0, 0.5 / READING, 101)  # Hz
 PASSED = 10.0  # Hz, above which little of the disturbance passes the converter's means over 40 ms
 INITIAL = 1.0  # rad²/s³, the spectrum that the search begins with
 TURNS = 6  # of the search, each with a record
-LEAST = 0.02  # of the variance of innovations: smaller spectra are not told from it
 
 
 @dataclass(frozen=True)
@@ -51,11 +56,7 @@ class Loop:
     def disturbance(self, seed: int) -> np.ndarray:
         """rad/s² (steps, runs)."""
         rng, (steps, count) = np.random.default_rng(seed), self.bench.goal.shape
-        at = np.fft.rfftfreq(steps, STEP)
-        own = np.interp(at, FREQUENCIES, self.spectrum, right=0.0)
-        white = rng.standard_normal((2, count, len(own)))
-        size = np.sqrt(own * steps / STEP / 4.0)
-        return np.fft.irfft((white[0] + 1j * white[1]) * size, steps).T
+        return coloured_noise.drawn(FREQUENCIES, self.spectrum, STEP, (count, steps), rng).T
 
     def drawn(self, seed: int) -> list[pd.DataFrame]:
         """Tables of the runs, as the converter gives them."""
@@ -73,32 +74,16 @@ class Loop:
     def as_noisy(self, signals: Signals, read: Callable[[Sequence[pd.DataFrame]], Signals]) -> Loop:
         """One whose draws have innovations, of the model fitted anew, of the autocovariance of
         those of the ``signals``; ``read``: tables as signals."""
-        loop, wanted = self, visible(autocovariance(self.fitted, signals))
+        loop, wanted = self, _visible(self.fitted, signals)
         for turn in range(TURNS):
             made = read(loop.drawn(1_000_000 + turn))
             own = FittedMachine.of(made, self.fitted.vehicle)
-            shown = visible(autocovariance(own, made))
-            spectrum = loop.spectrum * wanted / shown
-            spectrum[FREQUENCIES > PASSED] = np.median(spectrum[FREQUENCIES <= PASSED])
+            known = loop.spectrum, wanted, _visible(own, made)
+            spectrum = coloured_noise.corrected(FREQUENCIES, *known, PASSED)
             loop = replace(loop, spectrum=spectrum)
         return loop
 
 
-def autocovariance(fitted: FittedMachine, signals: Signals) -> np.ndarray:
-    """Of errors of the speed one reading ahead, within runs, at 0…LAGS readings, (rad/s)²."""
-    pairs: list[list[np.ndarray]] = [[] for _ in range(LAGS + 1)]
-    for own in fitted.predicted(signals, "speed"):
-        place = np.round((own.time - own.time[0]) / READING).astype(int)
-        error = np.full(place[-1] + 1 + LAGS, np.nan)
-        error[place] = own.error
-        for lag, some in enumerate(pairs):
-            some.append(error[lag:] * error[: len(error) - lag])
-    return np.array([np.nanmean(np.concatenate(some)) for some in pairs])
-
-
-def visible(covariance: np.ndarray) -> np.ndarray:
-    """The spectrum of an autocovariance at the FREQUENCIES (Blackman and Tukey)."""
-    taper = np.hanning(2 * LAGS + 3)[LAGS + 1 : -1]
-    waves = np.cos(2.0 * np.pi * READING * np.outer(FREQUENCIES, np.arange(1, LAGS + 1)))
-    spectrum = covariance[0] + 2.0 * waves @ (taper * covariance)[1:]
-    return np.maximum(spectrum, LEAST * covariance[0])
+def _visible(fitted: FittedMachine, signals: Signals) -> np.ndarray:
+    """The spectrum of the innovations at the ``FREQUENCIES``."""
+    return coloured_noise.visible(fitted, signals, READING, FREQUENCIES)

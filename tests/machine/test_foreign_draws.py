@@ -80,7 +80,7 @@ def test_draws_of_the_servo_are_of_the_numbers_that_made_them(servo, tmp_path):
     for name in ("resistance", "torque_constant", "viscous"):
         assert drawn.numbers[name] == pytest.approx(fitted.numbers[name], rel=0.1)
     made = read(loop.as_noisy(signals, read).drawn(3))
-    own = servo.autocovariance(FittedMachine.of(made, car), made)
-    wanted = servo.autocovariance(fitted, signals)
+    own = servo.coloured_noise.autocovariance(FittedMachine.of(made, car), made, servo.READING)
+    wanted = servo.coloured_noise.autocovariance(fitted, signals, servo.READING)
     assert np.sqrt(own[0]) == pytest.approx(np.sqrt(wanted[0]), rel=0.4)
     assert own[1] / own[0] == pytest.approx(wanted[1] / wanted[0], abs=0.25)

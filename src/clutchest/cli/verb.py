@@ -17,11 +17,11 @@ class Verb(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """See :meth:`click.Command.parse_args`."""
-        given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
-        missing = [p for p in self.get_params(ctx) if p.required and not _given(p, given)]
         try:
-            return super().parse_args(ctx, args)
+            return super().parse_args(ctx, list(args))
         except typer.BadParameter as problem:
+            given, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+            missing = [p for p in self.get_params(ctx) if p.required and not _given(p, given)]
             if any(problem.param is parameter for parameter in missing):
                 choices = [self.choices(str(p.name), given) for p in missing]
                 names = ", ".join(map(_typed, missing))
