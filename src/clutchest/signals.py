@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from clutchest import memory_mapped
 from clutchest.errors import ClutchestError, nearest
 from clutchest.native import compiled
+from clutchest.paths import names_of
 from clutchest.shown import Showing, Shown
 
 if TYPE_CHECKING:
@@ -292,7 +293,8 @@ class Signals(Showing, Mapping[str, Signal]):
     def shown(self) -> Shown:
         """The signals of this drive: samples, how many of them are valid, and the range."""
         drives = len(self.later) + 1
-        line = f"{len(self.signals)} signals, {self.end:.1f} s"
+        of = names_of(self.sources)
+        line = f"{of}{': ' if of else ''}{len(self.signals)} signals, {self.end:.1f} s"
         rows = []
         for name, signal in self.signals.items():
             valid = signal.value[signal.valid]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 from rerun.chunk import RrdReader
 
@@ -337,6 +338,19 @@ def test_simulate_writes_log_and_truth(run, tmp_path):
     assert {"time", "temp_disc", "clutch_torque", "mode"} <= set(truth)
     assert abs(truth.zero_position.iloc[0] - (38.4 - 0.5)) < 1e-6
     assert "engine_speed" in pd.read_csv(told["log"], nrows=3)
+
+
+def test_simulate_without_a_seed_is_that_of_python(run, tmp_path):
+    log = tmp_path / "x.csv"
+    arguments = ["simulate", "--vehicle", "truck", "--scenario", "city", "--duration", 5, "-o", log]
+    code, out, err = run(*arguments)
+    assert (code, err) == (0, "") and out.endswith("(city, seed 0)\n")
+    signals = clutchest.simulate("truck", "city", duration=5.0)
+    assert repr(signals).startswith("<Signals: city, seed 0: ")
+    written = clutchest.read_log(log, "truck")
+    np.testing.assert_allclose(written["engine_speed"].value, signals["engine_speed"].value)
+    about = pq.read_schema(f"{log}.truth.parquet").metadata
+    assert about[b"seed"] == b"0"
 
 
 def test_replay_and_carry_on(run, log, tmp_path):

@@ -131,6 +131,14 @@ def test_words(run, search, logs, tmp_path, verdict):
     assert f"rerun {tmp_path / 'out' / 'recording.rrd'}" in out
     commands = [line for line in out.splitlines() if line.startswith("  clutchest simulate")]
     assert len(commands) == (verdict == "ambiguous")
+    heading = (tmp_path / "out" / "extended.toml").read_text("utf-8").splitlines()[1]
+    nothing = verdict == "none"
+    assert ("Nothing was added to the model: extended.toml is truck.toml as it was" in text) == (
+        heading.startswith("# Nothing was added: ")
+    )
+    assert heading.startswith("# Nothing was added: ") == nothing
+    added = json.loads((tmp_path / "out" / "discovery.json").read_text("utf-8"))["added"]
+    assert bool(added) != nothing
 
 
 @pytest.mark.parametrize(

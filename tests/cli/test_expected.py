@@ -104,7 +104,7 @@ def test_all_that_is_missing_is_named_at_once(refused):
 def test_simulate_names_the_scenarios_of_the_vehicle(refused, vehicle, tmp_path):
     said = refused("simulate", "--vehicle", vehicle).splitlines()[-1]
     head, named = said.split(f"; scenarios of {load_vehicle(vehicle).name}: ")
-    assert head == "Error: Missing: --scenario, --seed, -o"
+    assert head == "Error: Missing: --scenario, -o"
     others = ("--seed", "1", "-o", tmp_path / "x.log")
     unknown = refused("simulate", "--vehicle", vehicle, "--scenario", "qqqq", *others)
     assert sorted(named.split(", ")) == sorted(unknown.strip().split("; valid: ")[1].split(", "))
@@ -112,7 +112,7 @@ def test_simulate_names_the_scenarios_of_the_vehicle(refused, vehicle, tmp_path)
 
 def test_simulate_without_anything_names_all_of_it(refused):
     said = refused("simulate").splitlines()[-1]
-    assert said.startswith("Error: Missing: --vehicle, --scenario, --seed, -o; shipped vehicles: ")
+    assert said.startswith("Error: Missing: --vehicle, --scenario, -o; shipped vehicles: ")
     said = refused("simulate", "--vehicle", "truk", "--seed", "1").splitlines()[-1]
     assert said.startswith("Error: Missing: --scenario, -o; ")
     assert said.endswith("truk; did you mean 'truck'?")

@@ -266,7 +266,9 @@ def test_the_report_says_what_the_extended_vehicle_holds():
     assert holds.format("wear") in report(discovery("ambiguous"))
     patched = report(discovery("unknown"))
     assert holds.format("curve_1") in patched and "names no cause" in patched
-    assert "is the original vehicle" in report(discovery("none"))
+    assert "Nothing was added: `extended.toml` is truck.toml as it was." in report(
+        discovery("none")
+    )
 
 
 def test_what_could_be_told_is_printed():

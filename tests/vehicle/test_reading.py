@@ -13,6 +13,7 @@ from clutchest.can.frames import Frames
 from clutchest.errors import ClutchestError
 from clutchest.reading import read_log
 from clutchest.reading.tables import write_signals
+from clutchest.reading.window import TimeWindow
 from clutchest.signals import Signal, Signals
 from clutchest.simulated import write_simulation
 from clutchest.vehicle import load_vehicle
@@ -62,6 +63,26 @@ def test_a_long_silence_starts_a_new_drive(logs, send, truck, tmp_path: Path) ->
     signals = read_log(tmp_path / "day.log", truck)
     assert [round(drive.end, 2) for drive in signals.drives] == [0.49, 0.49]
     assert any("no frame of" in w for w in signals.warnings)
+
+
+def test_a_log_that_is_left_out_is_named(logs, send, truck, tmp_path: Path) -> None:
+    one = logs("one.log", 0.0, lasts=20.0)
+    beside, later = tmp_path / "beside.log", tmp_path / "later.log"
+    write_frames(send("ETC2", start=1.0, CurrentGear=[1.0] * 50), beside)  # within the other's time
+    write_frames(send("ETC2", start=500.0, CurrentGear=[1.0] * 50), later)
+    for other in (beside, later):
+        words = read_log([one, other], truck).warnings
+        assert [w for w in words if w.startswith(f"left out: {other}: no frame ")], other
+    short = logs("short.log", 500.0, lasts=2.0)
+    window = TimeWindow.parse("5", None)
+    words = read_log([one, short], truck, window).warnings
+    assert [w for w in words if w.startswith(f"left out: {short}: no data in the time window")]
+    for path in (one, short):
+        write_signals(read_log(path, truck), path.with_suffix(".parquet"))
+    tables = [path.with_suffix(".parquet") for path in (one, short)]
+    words = read_log(tables, truck, window).warnings
+    assert [w for w in words if w.startswith(f"left out: {tables[1]}: no data in the time window")]
+    assert not [w for w in read_log([one, short], truck).warnings if "left out" in w]
 
 
 def test_relative_clocks_do_not_join(tmp_path: Path, truck) -> None:

@@ -23,10 +23,12 @@ _KIND = np.uint8(Flag.EXTENDED | Flag.REMOTE | Flag.ERROR)
 
 @dataclass
 class FrameFilter:
-    """Keeps the frames of ``messages``, and both sides of clock jumps beyond ``gap_ns``."""
+    """Keeps the frames of ``messages``, and both sides of clock jumps beyond ``gap_ns``; ``found``
+    once there was one of them."""
 
     messages: Iterable[Message]
     gap_ns: int
+    found: bool = False
     _blocks: int = 0
     _seen: set[int] = field(default_factory=set)
 
@@ -44,6 +46,7 @@ class FrameFilter:
             keep |= same
         if any(transport.may_carry(message) for message in self.messages):
             keep |= transport.belongs(frames)
+        self.found = self.found or bool(keep.any())
         if not keep.all():
             keep[self._landmarks(frames, kind)] = True
         left, special = frames.flags[~keep], Flag.ERROR | Flag.REMOTE

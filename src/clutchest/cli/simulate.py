@@ -137,9 +137,7 @@ Scenario = Annotated[
         "excitations.",
     ),
 ]
-Seed = Annotated[
-    int, typer.Option(metavar="N", min=0, show_default=False, help="Same seed, same drive.")
-]
+Seed = Annotated[int, typer.Option(metavar="N", min=0, help="Same seed, same drive.")]
 Output = Annotated[
     Path,
     typer.Option(
@@ -156,15 +154,15 @@ Output = Annotated[
 def simulate(
     vehicle: VehicleName,
     scenario: Scenario,
-    seed: Seed,
     out: Output,
+    seed: Seed = 0,
     truth: TruthOptions = DEFAULT_TRUTH,
     trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a drive, and write its log and the truth.
 
-    The truth is written beside it, to LOG.truth.parquet.
+    The truth is written beside it, to LOG.truth.parquet, with the seed among its metadata.
 
     \b
     Example:
@@ -210,7 +208,7 @@ def simulate(
     if as_json:
         print_json(made)
     else:
-        print(f"Written: {out} and {truth_file.name}")
+        print(f"Written: {out} and {truth_file.name} ({scenario}, seed {seed})")
 
 
 def _check_own(files: Sequence[Path], car: Vehicle, named: Container[str]) -> None:

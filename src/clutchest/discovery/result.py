@@ -246,6 +246,25 @@ class Discovery(Tabulated):
         """Whether causes have names: the model can then be run with them."""
         return bool(self.causes)
 
+    @property
+    def added_effects(self) -> dict[str, Mapping[str, float]]:
+        """The effects that act in the extended vehicle and not so in the given one, with their
+        numbers."""
+        before, after = self.vehicle.effects, self.extended.effects
+        return {
+            name: numbers
+            for name, numbers in after.items()
+            if before.get(name) != numbers and any(numbers.values())
+        }
+
+    @property
+    def added(self) -> tuple[str, ...]:
+        """Names of the effects and curves that are in the extended model and not so in the given
+        one; empty where ``extended`` is the vehicle as it was."""
+        before, after = self.vehicle.curves, self.extended.curves
+        curves = [name for name, curve in after.items() if before.get(name) != curve]
+        return (*self.added_effects, *curves)
+
     def shown(self) -> Shown:
         """The causes with their sizes."""
         library = self.extended.library
@@ -307,6 +326,7 @@ class Discovery(Tabulated):
                 "extended": self.fit_extended and asdict(self.fit_extended),
             },
             "causes": [_of_cause(c) for c in self.causes],
+            "added": list(self.added),
             "rivals": [asdict(r) for r in self.rivals],
             "hypotheses": [asdict(h) for h in self.hypotheses],
             "where": where and where.summary(),

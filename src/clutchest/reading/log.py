@@ -37,7 +37,8 @@ _PIECE = 1 << 18  # frames kept in one piece: each of its columns is a large arr
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """One file: its contents and, on an absolute clock, when it starts and ends (ns)."""
+    """One file: its contents and, on an absolute clock, when it starts and ends (ns); whether any
+    of them is ``mapped``."""
 
     path: Path
     content: Frames | Signals
@@ -45,6 +46,7 @@ class _Piece:
     start: int = 0
     end: int = 0
     warning: str = ""
+    mapped: bool = True
 
 
 def as_signals(given: Signals | Logs, vehicle: Vehicle) -> Signals:
@@ -104,7 +106,7 @@ def read_log(
     warnings = (
         *(warning for group in groups for warning in group.warnings),
         *first.warnings,
-        *map(str, unmapped),
+        *(f"left out: {problem}" for problem in unmapped),
     )
     return replace(first, later=tuple(later), warnings=warnings)
 
@@ -126,7 +128,8 @@ def _tables_drive(
     mapped = _only_mapped(joined(tables), vehicle)
     parts = drives_of(mapped, SPLIT_S)
     drives = [window.of_signals(plausible(part, vehicle, database)) for part in parts]
-    return _Drives(tuple(drive for drive in drives if drive))
+    kept = tuple(drive for drive in drives if drive)
+    return _Drives(kept, warnings=() if kept else _outside(group))
 
 
 def _frames_drives(
@@ -148,8 +151,22 @@ def _frames_drives(
             drives.append(signals_of(inside, vehicle, database, sources, traffic))
         except NoMappedFrame as problem:
             unmapped.append(problem)
-    warnings = tuple(piece.warning for piece in group if piece.warning)
-    return _Drives(tuple(drives), tuple(unmapped), warnings)
+    warnings = [piece.warning for piece in group if piece.warning]
+    if drives:
+        warnings += [
+            f"left out: {piece.path}: no frame that {vehicle.path.name} maps"
+            for piece in group
+            if not piece.mapped
+        ]
+    elif not unmapped:
+        warnings += _outside(group)
+    return _Drives(tuple(drives), tuple(unmapped), tuple(warnings))
+
+
+def _outside(group: Sequence[_Piece]) -> tuple[str, ...]:
+    """Warnings of logs of which the time window leaves nothing."""
+    span = _spans(group)
+    return tuple(f"left out: {piece.path}: no data in the time window; {span}" for piece in group)
 
 
 def _is_frame(given: object) -> bool:
@@ -241,7 +258,7 @@ def _frames(path: Path, wanted: Sequence[Message]) -> _Piece:
         if len(back)
         else ""
     )
-    return _Piece(path, frames, frames.absolute, first, last, warning)
+    return _Piece(path, frames, frames.absolute, first, last, warning, needed.found)
 
 
 def _in_pieces(blocks: Iterable[Frames]) -> Iterator[Frames]:

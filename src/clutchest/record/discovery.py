@@ -61,8 +61,9 @@ def _draw(discovery: Discovery, folder: Path) -> tuple[str | None, str | None]:
 
 
 def _heading(discovery: Discovery) -> str:
+    which = "All other" if discovery.added else "Nothing was added: all"
     return (
         f"clutchest {__version__}, discover: {title(discovery)}.\n"
-        f"All other entries are those of {discovery.vehicle.path.name}.  "
+        f"{which} entries are those of {discovery.vehicle.path.name}.  "
         "Reasons: report.md, discovery.json."
     )

@@ -201,7 +201,7 @@ def next_commands(discovery: Discovery) -> list[str]:
     scenario = shlex.quote(discovery.experiment.scenario)
     hidden = "".join(
         f" --effect {name}:" + ",".join(f"{key}={value:.4g}" for key, value in numbers.items())
-        for name, numbers in _added(discovery).items()
+        for name, numbers in discovery.added_effects.items()
     )
     return [
         f"clutchest simulate --vehicle {vehicle} --scenario {scenario} --seed 1{hidden} -o next.log"
@@ -309,24 +309,11 @@ def _causes(discovery: Discovery) -> str:
     return table((CAUSES_HEAD[0], "definition", *CAUSES_HEAD[1:]), rows)
 
 
-def _added(discovery: Discovery) -> dict[str, Mapping[str, float]]:
-    """The effects that act in the extended vehicle and not so in the given one, with their
-    numbers."""
-    before, after = discovery.vehicle.effects, discovery.extended.effects
-    return {
-        name: numbers
-        for name, numbers in after.items()
-        if before.get(name) != numbers and any(numbers.values())
-    }
-
-
 def _extension(discovery: Discovery) -> str:
     """What the extended vehicle has in its model that the given one has not."""
-    vehicle, extended = discovery.vehicle, discovery.extended
-    curves = [name for name, c in extended.curves.items() if vehicle.curves.get(name) != c]
-    added = [*_added(discovery), *curves]
+    added = discovery.added
     if not added:
-        return "`extended.toml` is the original vehicle."
+        return f"Nothing was added: `extended.toml` is {discovery.vehicle.path.name} as it was."
     how = "replay LOG --vehicle extended.toml"
     empirical = (
         f"  {discovery.curve} is an empirical correction: it reproduces these data and names no "

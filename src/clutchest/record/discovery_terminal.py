@@ -63,6 +63,9 @@ def print_discovery(discovery: Discovery, console: Console) -> None:
         console.print(escape(f"Next: {discovery.experiment.words}"))
     for command in next_commands(discovery):
         console.print(f"  {escape(command)}", soft_wrap=True)
+    if not discovery.added:
+        name = discovery.vehicle.path.name
+        console.print(escape(f"Nothing was added to the model: extended.toml is {name} as it was."))
     print_warnings(discovery.warnings, "report.md", console)
 
 
