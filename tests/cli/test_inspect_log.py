@@ -105,7 +105,15 @@ def test_draft_replays_at_once_and_names_its_guess(found, log, truck, tmp_path):
     for name in truck.signals:
         np.testing.assert_array_equal(mine[name].value, theirs[name].value)
         assert vehicle.signals[name].noise >= truck.signals[name].noise
+    assert "# the log has every signal of truck by name" in target.read_text()
     runs = [clutchest.replay(*each).summary for each in ((mine, vehicle), (theirs, truck))]
+    drafted, shipped = (" ".join(run["warnings"]) for run in runs)
+    assert "all 19; into the slip energy they bring kiss_point ±" in drafted
+    assert "identify torque-curve determines it" in drafted
+    assert "100 % of engine_torque is 3500 Nm; torque and energy scale with it" in drafted
+    assert "guessed" not in shipped and "not listed" not in shipped
+    brought, total = runs[0]["slip_energy_std_from_J"], runs[0]["slip_energy_std_J"]
+    assert next(iter(brought)) == "kiss_point" and 0.5 * total < brought["kiss_point"] <= total
     slipping = [run["modes_s"]["slipping"] for run in runs]
     assert runs[0]["contradiction"] is None and slipping[0] == pytest.approx(slipping[1], abs=0.5)
 

@@ -11,6 +11,7 @@ from clutchest.can.decode import rows_of
 from clutchest.can.files import read_frames, write_frames
 from clutchest.errors import ClutchestError
 from clutchest.estimate import whole_log
+from clutchest.estimate.track import SMALLEST
 from clutchest.reading import load_database
 from clutchest.record.files import write_run
 from clutchest.shipped import locate
@@ -174,6 +175,26 @@ def test_a_drive_in_stretches_is_the_whole_drive(monkeypatch):
     told = dict(parts.summary)
     assert told.pop("log_likelihood") == pytest.approx(whole.summary["log_likelihood"], rel=1e-12)
     assert told == {key: whole.summary[key] for key in told}
+
+
+def test_slips_that_wide_parameters_leave_open_are_said(monkeypatch):
+    """Of a kiss point known to a millimetre, whether torque passes is open in some slips; all of
+    them are counted, whether filtered at once or in stretches."""
+    kiss = replace(TRUCK.parameters["kiss_point"], spread=1.0, source="guess: another's")
+    wide = replace(TRUCK, parameters={**TRUCK.parameters, "kiss_point": kiss})
+    signals = clutchest.read_log("demo", TRUCK)
+    every = clutchest.replay(signals, TRUCK).tracks[0].engagements
+    told = clutchest.replay(signals, wide)
+    (track,) = told.tracks
+    assert track.uncertain_slips
+    starts = [e.start_s for e in (*track.engagements, *track.uncertain_slips)]
+    assert sorted(starts) == pytest.approx([e.start_s for e in every], abs=0.05)
+    open_slips = told.summary["uncertain_slips"]
+    assert all(SMALLEST < e["energy_J"] < e["energy_std_J"] for e in open_slips)
+    assert f"not listed: {len(open_slips)} slip event" in told.summary["warnings"][0]
+    assert list(told.summary["slip_energy_std_from_J"]) == ["kiss_point"]
+    monkeypatch.setattr("clutchest.estimate.replay.STRETCH", 17.0)
+    assert clutchest.replay(signals, wide).tracks[0].uncertain_slips == track.uncertain_slips
 
 
 def test_outliers_do_little_harm():

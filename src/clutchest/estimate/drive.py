@@ -19,7 +19,7 @@ from clutchest.estimate.delay_equalisation import Clocks
 from clutchest.estimate.drive_setup import DriveSetup, held_on
 from clutchest.estimate.engines import KERNEL, filter_of
 from clutchest.estimate.initial_state import History, carried_on, contradicted, fresh, leave
-from clutchest.estimate.run import Engagement, Track
+from clutchest.estimate.run import Track
 from clutchest.estimate.sample_timing import SampleTiming
 from clutchest.estimate.samples import APART, SensorReadings, slope_count
 from clutchest.estimate.timeline import (
@@ -28,7 +28,7 @@ from clutchest.estimate.timeline import (
     Timeline,
     assemble,
 )
-from clutchest.estimate.track import Rows, engagements, track_of
+from clutchest.estimate.track import NO_SLIPS, Rows, Slips, engagements, track_of
 from clutchest.estimate.whole_log import (
     Compiled,
     Filtered,
@@ -293,7 +293,7 @@ class Drive:
         new, released_ns = stretch.signals, stretch.released_ns
         return Piece(track, line, filtered, new, begins, released_ns, tuple(warnings))
 
-    def _slips(self, rows: Rows, last: bool) -> tuple[Engagement, ...]:
+    def _slips(self, rows: Rows, last: bool) -> Slips:
         """The slip events that are over."""
         recent = rows if self.recent is None else self.recent.then(rows)
         away = np.flatnonzero(recent.mode != self._event)
@@ -304,10 +304,12 @@ class Drive:
             over = Rows(*(getattr(over, name)[: keep + 1] for name in Rows.__slots__))
         else:
             self.recent = recent
-            return ()
+            return NO_SLIPS
         self.recent = recent.since(keep)
         events = engagements(self.compiled, over)
-        self.history = replace(self.history, engagements=self.history.engagements + len(events))
+        self.history = replace(
+            self.history, engagements=self.history.engagements + len(events.certain)
+        )
         return events
 
     def _forget(self) -> None:

@@ -161,7 +161,8 @@ class Track:
     without an output of that name, ``slip_energy`` where its equations have no output ``power``.
     ``contradiction``: why none of the states is valid, if so.  ``responses``: how the output
     followed each actuation, and ``judder``, the strongest line in its residual while surfaces
-    slide, of a machine that declares them.
+    slide, of a machine that declares them.  ``uncertain_slips``: events beside ``engagements`` of
+    which the parameters' spreads leave open whether there was any energy.
     """
 
     time: Floats
@@ -178,6 +179,7 @@ class Track:
     contradiction: Contradiction | None = None
     responses: tuple[TrackingFigures, ...] = ()
     judder: JudderLine | None = None
+    uncertain_slips: tuple[Engagement, ...] = ()
 
     @property
     def outputs(self) -> dict[str, Estimate]:

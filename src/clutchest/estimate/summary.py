@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from clutchest import memory_mapped
+from clutchest.estimate.guesses import energy_std_from, guesses, uncertain_slips
 from clutchest.estimate.initial_state import History
 from clutchest.estimate.observability import (
     NOTHING,
@@ -52,12 +53,10 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         drive = part.drive
         prefix = f"drive {number}: " if len(parts) > 1 else ""
         warnings += [prefix + warning for warning in (*drive.warnings, *part.warnings)]
-    if vehicle.guessed:
-        every = len(vehicle.guessed) == len(vehicle.parameters)
-        names = f"all {len(vehicle.guessed)}" if every else ", ".join(vehicle.guessed)
-        warnings.append(f"guessed parameters, by {vehicle.path.name}: {names}")
-    warnings += vehicle.notes
     end, believed = parts[-1], not tracks[-1].contradiction
+    energy_from = energy_std_from(end.compiled, end.final) if believed else {}
+    uncertain = [slip for track in tracks for slip in track.uncertain_slips]
+    warnings += [*uncertain_slips(uncertain), *guesses(vehicle, energy_from), *vehicle.notes]
     energy = tracks[-1].slip_energy if believed else None
     trend = wear_trend(vehicle, end.compiled, end.final, end.history) if believed else None
     return {
@@ -84,6 +83,12 @@ def summarise(vehicle: Vehicle, tracks: Sequence[Track], parts: Sequence[Part]) 
         ],
         "slip_energy_J": _number(energy.value if energy else None),
         "slip_energy_std_J": _number(energy.std if energy else None),
+        "slip_energy_std_from_J": energy_from,
+        "uncertain_slips": [
+            {"drive": number, **asdict(event)}
+            for number, track in enumerate(tracks)
+            for event in track.uncertain_slips
+        ],
         "guessed_parameters": list(vehicle.guessed),
         "log_likelihood": float(sum(track.log_likelihood for track in tracks)),
         "warnings": warnings,

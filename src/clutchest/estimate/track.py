@@ -71,13 +71,25 @@ class Rows:
         return Rows(*(getattr(self, name)[row:] for name in Rows.__slots__))
 
 
+@dataclass(frozen=True, slots=True)
+class Slips:
+    """Slip events that are certain, and those that stand out of the noise but not of what the
+    parameters' spreads leave open."""
+
+    certain: tuple[Engagement, ...] = ()
+    uncertain: tuple[Engagement, ...] = ()
+
+
+NO_SLIPS = Slips()
+
+
 def track_of(
     vehicle: Vehicle,
     compiled: Compiled,
     timeline: Timeline,
     filtered: Filtered,
     rows: Rows | None = None,
-    events: tuple[Engagement, ...] | None = None,
+    events: Slips | None = None,
     before: Floats | float = 0.0,
 ) -> Track:
     """The estimates of a drive, or of a piece of one, on the regular grid.
@@ -87,6 +99,7 @@ def track_of(
     """
     model, grid = compiled.model, timeline.grid
     rows = rows or Rows.of(compiled, timeline, filtered)
+    events = events or engagements(compiled, rows)
     sensed = timeline.sensor >= 0
     return Track(
         time=rows.time[grid],
@@ -110,9 +123,10 @@ def track_of(
             filtered.innovation[sensed, 0],
             np.sqrt(filtered.innovation[sensed, 1]),
         ),
-        engagements=engagements(compiled, rows) if events is None else events,
+        engagements=events.certain,
         log_likelihood=filtered.log_likelihood,
         information=Information.of(compiled, rows.time, rows.mode, filtered.gained, before),
+        uncertain_slips=events.uncertain,
     )
 
 
@@ -158,6 +172,7 @@ def joined(tracks: Sequence[Track]) -> Track:
             first.information.mode_names,
         ),
         contradiction=tracks[-1].contradiction,
+        uncertain_slips=tuple(event for track in tracks for event in track.uncertain_slips),
     )
 
 
@@ -186,28 +201,30 @@ def _estimate(value: Floats, variance: Floats, known: bool = True) -> Estimate:
     return Estimate(np.where(valid, value, np.nan), np.where(valid, std, np.nan), valid)
 
 
-def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
+def engagements(compiled: Compiled, rows: Rows) -> Slips:
     """Slip events: runs of rows in which the clutch slips and passes torque; of a torque that no
     signal informs, all in which it slips."""
     rules = compiled.machine.regimes
     known = compiled.machine.output not in compiled.model.unobservable
     if not rules.event:
-        return ()
+        return NO_SLIPS
     time, slips = rows.time, rows.mode == rules.modes.index(rules.event)
     if not slips.any():
-        return ()
+        return NO_SLIPS
     information = Information.of(compiled, time, rows.mode, rows.gained)
-    events = []
+    certain: list[Engagement] = []
+    uncertain: list[Engagement] = []
     for a, b in zip(*runs(slips), strict=True):
         first, last = max(int(a) - 1, 0), min(int(b), len(time) - 1)
         gained = rows.energy[last] - rows.energy[first]
         duration = time[last] - time[first]
         # the parameters' share of the variance from the difference of the energy's responses
-        variance = max(gained[2], 0.0) + float(np.sum((gained[3:] * compiled.spread) ** 2))
-        small = known and gained[0] < max(SMALLEST, np.sqrt(variance))
-        if duration < SHORTEST or small:
+        noise = max(gained[2], 0.0)
+        variance = noise + float(np.sum((gained[3:] * compiled.spread) ** 2))
+        if duration < SHORTEST or (known and gained[0] < max(SMALLEST, np.sqrt(noise))):
             continue
         passed = rows.torque[int(a) : int(b), 0]
+        events = uncertain if known and gained[0] < np.sqrt(variance) else certain
         events.append(
             Engagement(
                 start_s=float(time[first]),
@@ -220,4 +237,4 @@ def engagements(compiled: Compiled, rows: Rows) -> tuple[Engagement, ...]:
                 information_bits=information.between(time[first], time[last]).total(),
             )
         )
-    return tuple(events)
+    return Slips(tuple(certain), tuple(uncertain))

@@ -120,6 +120,7 @@ class Draft:
             source_address=candidate.sender,
             channel=candidate.channel,
             reference=self.references.get(name) if percent else None,
+            reference_source=self._reference_source(name) if percent else "",
             fraction=parts.get("fraction"),
             friction=parts.get("friction"),
             period=_period(self.found.sources.get(name)),
@@ -160,6 +161,30 @@ class Draft:
             other=None if line.other is None else replace(line.other.bus, unit=unit),
             period=_period(wheel),
         )
+
+    def _reference_source(self, name: str) -> str:
+        """Where the torque that 100 % stands for is from."""
+        if name not in self.references:
+            return ""
+        if name in self.stated:
+            return "stated by this log"
+        return f"guess: the shipped {self.machine.template}'s largest torque"
+
+    def origin(self) -> tuple[str, ...]:
+        """Where the numbers that no log shows are from, what would determine them, and whether the
+        log has every signal of that vehicle."""
+        words = origin_of_parameters(self.machine, self.template)
+        if not words:
+            return ()
+        theirs = load_vehicle(self.template).signals.values()
+        mine = {(c[0].message, c[0].signal) for c in self.found.candidates.values()}
+        if not {(signal.bus.message, signal.bus.signal) for signal in theirs} <= mine:
+            return words
+        same = (
+            f"the log has every signal of {self.template} by name: if it is of that very vehicle, "
+            f"--vehicle {self.template} knows its numbers better"
+        )
+        return (*words, same)
 
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
@@ -226,6 +251,20 @@ def guessed_parameters(machine: Machine, template: str = "") -> dict[str, Parame
         key: replace(p, spread=_widened(p.value, p.unit, p.spread), source=source)
         for key, p in load_vehicle(template).parameters.items()
     }
+
+
+def origin_of_parameters(machine: Machine, template: str) -> tuple[str, ...]:
+    """Of which shipped vehicle guessed parameters are, and what would determine them, in words."""
+    if not template:
+        return ()
+    words = (
+        f"parameters are those of the nearest shipped vehicle, {template}, with spreads of a third "
+        "(of positions 1 mm): torque, energies and temperatures rest on them"
+    )
+    determined = [f"{p.name} ({', '.join(p.parameters)})" for p in machine.procedures]
+    if not determined:
+        return (words,)
+    return words, f"clutchest identify determines them from logs: {', '.join(determined)}"
 
 
 def drafted_name(log: Path) -> str:

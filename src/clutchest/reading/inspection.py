@@ -95,6 +95,7 @@ class Inspection:
             "modes": self.draft.driveline.thresholds(self.machine, False),
             "missing": list(self.missing),
             "guesses": list(self.draft.guesses()),
+            "nearest_vehicle": self.draft.template or None,
             "warnings": list(self.warnings),
         }
 
@@ -118,6 +119,7 @@ class Inspection:
         ]
         lines += [f"MISSING {what}" for what in self.missing]
         lines += [f"GUESS {what}" for what in self.draft.guesses()]
+        lines += self.draft.origin()
         lines += self.draft.driveline.words()
         lines += [
             f"{name}: also possible: {c.where}"

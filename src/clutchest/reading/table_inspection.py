@@ -15,7 +15,7 @@ from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
 from clutchest.paths import names_of
-from clutchest.reading.drafting import guessed_parameters
+from clutchest.reading.drafting import guessed_parameters, origin_of_parameters
 from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
 from clutchest.reading.table_formats import load_table
@@ -62,6 +62,11 @@ class TableInspection:
     model_file: Path | None = None
 
     @property
+    def origin(self) -> tuple[str, ...]:
+        """Where the drafted numbers are from, and what would determine them."""
+        return origin_of_parameters(self.machine, self.machine.template)
+
+    @property
     def missing(self) -> tuple[str, ...]:
         """What the drafted vehicle file lacks, in words."""
         words = [
@@ -83,6 +88,7 @@ class TableInspection:
                 for name, columns in self.candidates.items()
             },
             "missing": list(self.missing),
+            "nearest_vehicle": self.machine.template or None,
             "warnings": list(self.warnings),
         }
 
@@ -127,6 +133,7 @@ class TableInspection:
             f"Drafted by `clutchest inspect` from {names_of(self.logs)}.",
             "Every parameter is a guess; see the `source` of each.",
             *(f"MISSING {what}" for what in self.missing),
+            *self.origin,
         ]
         lines += [
             f"{name}: also possible: {column.column}"

@@ -47,6 +47,8 @@ def print_table_inspection(inspection: TableInspection, console: Console) -> Non
     console.print(columns)
     for what in inspection.missing:
         console.print(f"missing: {escape(what)}")
+    for words in inspection.origin:
+        console.print(escape(words))
     print_warnings(inspection.warnings, "inspect.json", console)
 
 
@@ -95,4 +97,6 @@ def print_inspection(inspection: Inspection, console: Console) -> None:
         console.print(f"missing: {escape(what)}")
     for what in inspection.draft.guesses():
         console.print(f"guessed: {escape(what)}")
+    for words in inspection.draft.origin():
+        console.print(escape(words))
     print_warnings(inspection.warnings, "inspect.json", console)

@@ -28,6 +28,7 @@ _KEYS = (
     "noise_ar",
     "noise_source",
     "reference",
+    "reference_source",
     "fraction",
     "friction",
     "gears",
@@ -46,6 +47,7 @@ _COMPANION = ("message", "signal", "unit")
 _REQUIRES = {
     "fraction": "reference",
     "friction": "reference",
+    "reference_source": "reference",
     "gear": "gears",
     "gear_numbers": "gear",
     "other": "gears",
@@ -128,6 +130,7 @@ def _signal(entry: _Entry) -> SignalMap:
         noise_ar=_noise_ar(entry),
         noise_source=entry.string("noise_source"),
         reference=reference,
+        reference_source=entry.string("reference_source"),
         fraction=_companion(entry, "fraction", bus, "%", unit),
         friction=_companion(entry, "friction", bus, "%", unit),
         gears=_gears(entry),

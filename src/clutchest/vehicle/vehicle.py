@@ -57,7 +57,8 @@ class SignalMap:
     ``noise_ar`` AR(1) coefficient per sample of this signal, ``noise_source`` the source of both;
     one that begins with "guess" makes them a guess.
 
-    A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``.
+    A J1939 torque is percent of ``reference`` (Nm): ``bus`` plus ``fraction`` less ``friction``;
+    a ``reference_source`` that begins with "guess" makes it one.
     A wheel speed becomes an input-shaft speed through ``gears`` (ratio engine/wheel, first gear
     first), in a unit of length per time through the tyres' rolling ``radius`` (m); the gear is
     taken from ``gear`` where mapped, which has ``gear_numbers`` in them (1, 2, … unless given),
@@ -77,6 +78,7 @@ class SignalMap:
     noise_ar: float = 0.0
     noise_source: str = ""
     reference: float | None = None
+    reference_source: str = ""
     fraction: BusSignal | None = None
     friction: BusSignal | None = None
     gears: tuple[float, ...] = ()
@@ -99,6 +101,11 @@ class SignalMap:
     def noise_guessed(self) -> bool:
         """Whether the noise is a guess, by its source."""
         return self.noise_source.lower().startswith("guess")
+
+    @property
+    def reference_guessed(self) -> bool:
+        """Whether the torque that 100 % stands for is a guess, by its source."""
+        return self.reference_source.lower().startswith("guess")
 
 
 @dataclass(frozen=True, slots=True)
