@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clutchest.discovery.discover import discover
     from clutchest.discovery.result import Discovery
     from clutchest.errors import ClutchestError
+    from clutchest.estimate.estimated_series import EstimatedSeries
     from clutchest.estimate.feedforward import Feedforward, feedforward
     from clutchest.estimate.filterpy_engine import filterpy_of
     from clutchest.estimate.replay import replay
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from clutchest.reading import read_log
     from clutchest.record.files import write_run
     from clutchest.record.notebook import view
+    from clutchest.saving import save
     from clutchest.signals import Signal, Signals
     from clutchest.simulated import simulate
     from clutchest.vehicle import Vehicle, load_vehicle
@@ -41,6 +43,7 @@ _HOMES = {
     "Discovery": "clutchest.discovery.result",
     "Engagement": "clutchest.estimate.run",
     "Estimate": "clutchest.estimate.run",
+    "EstimatedSeries": "clutchest.estimate.estimated_series",
     "Feedforward": "clutchest.estimate.feedforward",
     "Innovations": "clutchest.estimate.run",
     "Monitor": "clutchest.monitor.monitor",
@@ -60,6 +63,7 @@ _HOMES = {
     "load_vehicle": "clutchest.vehicle",
     "read_log": "clutchest.reading",
     "replay": "clutchest.estimate.replay",
+    "save": "clutchest.saving",
     "simulate": "clutchest.simulated",
     "view": "clutchest.record.notebook",
     "write_run": "clutchest.record.files",
@@ -71,6 +75,7 @@ __all__ = [
     "Discovery",
     "Engagement",
     "Estimate",
+    "EstimatedSeries",
     "Feedforward",
     "Fit",
     "Fleet",
@@ -91,6 +96,7 @@ __all__ = [
     "load_vehicle",
     "read_log",
     "replay",
+    "save",
     "simulate",
     "view",
     "write_run",

@@ -18,6 +18,12 @@ class ClutchestError(Exception):
         super().__init__(" ".join(line.strip() for line in said.splitlines()))
 
 
+class UnknownNameError(ClutchestError, KeyError):
+    """A name that a mapping does not have, so that its ``get`` works as any other's."""
+
+    __str__ = Exception.__str__  # KeyError quotes what it says
+
+
 MOST = 16  # names that a message lists
 
 

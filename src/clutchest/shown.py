@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from math import floor, isfinite, log10
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -52,6 +53,12 @@ class Showing(ABC):
     @abstractmethod
     def shown(self) -> Shown:
         """The line and the table."""
+
+    def save(self, path: str | Path, **options: Any) -> list[Path]:
+        """Write it to ``path``; see :func:`clutchest.save`."""
+        import clutchest  # which knows every kind of result, and where it is written
+
+        return clutchest.save(self, path, **options)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.shown().line}>"

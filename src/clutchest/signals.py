@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError, UnknownNameError, nearest
 from clutchest.native import compiled
 from clutchest.paths import names_of
 from clutchest.shown import Showing, Shown
@@ -352,8 +352,8 @@ class Signals(Showing, Mapping[str, Signal]):
         try:
             return self.signals[name]
         except KeyError:
-            raise ClutchestError(
-                f"no signal '{name}' in this log" + nearest(name, self.signals)
+            raise UnknownNameError(
+                f"no signal '{name}' in this log" + nearest(str(name), self.signals)
             ) from None
 
     def __iter__(self) -> Iterator[str]:

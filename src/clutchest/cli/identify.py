@@ -87,11 +87,8 @@ def identify(
         required("matplotlib")
         from clutchest.identify import identify_vehicle as run
         from clutchest.identify.fit import print_fit
-        from clutchest.paths import readable
         from clutchest.reading import read_log
-        from clutchest.record.files import finished_into, json_text
-        from clutchest.record.html_reports import fit_page
-        from clutchest.vehicle.trust import trust_written
+        from clutchest.record.fit import write_fit
 
         car = loaded(vehicle, trust)
         disjoint(logs, holdout or ())
@@ -100,14 +97,8 @@ def identify(
         benches = _benches(logs, signals, holdout or [], held_out, bench or [], car)
         fit = run(name, signals, car, show, held_out, benches, refit)
         show("writing", None)
-        with finished_into(out) as folder:
-            (folder / "fit.json").write_text(json_text(fit.as_dict()), encoding="utf-8")
-            fit.write_vehicle(folder / "vehicle.toml", out / "vehicle.toml")
-            fit.draw(folder)
-            (folder / "report.html").write_text(readable(fit_page(fit, car)), encoding="utf-8")
-            names = sorted(path.name for path in folder.iterdir())
-        trust_written(fit.vehicle, out / "vehicle.toml")
-    answer(fit.as_dict(), as_json, lambda console: print_fit(fit, car, console), out, names)
+        names = [path.name for path in write_fit(fit, out)]
+    answer(fit.summary(), as_json, lambda console: print_fit(fit, car, console), out, names)
 
 
 def _benches(

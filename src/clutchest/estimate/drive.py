@@ -300,16 +300,14 @@ class Drive:
         if last:
             over, keep = recent, len(recent.time)
         elif len(away):
-            over, keep = recent.since(0), int(away[-1])
-            over = Rows(*(getattr(over, name)[: keep + 1] for name in Rows.__slots__))
+            over, keep = recent.until(int(away[-1]) + 1), int(away[-1])
         else:
             self.recent = recent
             return NO_SLIPS
         self.recent = recent.since(keep)
         events = engagements(self.compiled, over)
-        self.history = replace(
-            self.history, engagements=self.history.engagements + len(events.certain)
-        )
+        count = self.history.engagements + len(events.certain)
+        self.history = replace(self.history, engagements=count)
         return events
 
     def _forget(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
-from clutchest.errors import ClutchestError, nearest
+from clutchest.errors import ClutchestError, UnknownNameError, nearest
+from clutchest.estimate.estimated_series import EstimatedSeries
 from clutchest.estimate.judder_line import JudderLine
 from clutchest.estimate.observability import Information
 from clutchest.paths import names_of
@@ -189,8 +190,11 @@ class Track:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Run(Showing):
+class Run(Showing, Mapping[str, EstimatedSeries]):
     """A replay: signals in, one :class:`Track` per drive out.
+
+    Behaves as a mapping of names of states and outputs → their estimates in the first drive, as
+    :class:`Signals` does; those of another one are ``run.estimate(name, drive=1)``.
 
     ``summary`` is what ``summary.json`` holds; ``final`` what ``state.json`` carries to the
     next drive.
@@ -236,6 +240,38 @@ class Run(Showing):
         """Names of what is estimated: states, then outputs."""
         return tuple(dict.fromkeys(n for t in self.tracks for n in (*t.states, *t.outputs)))
 
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in any drive."""
+        return tuple(dict.fromkeys(name for track in self.tracks for name in track.states))
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be kept in mind of it."""
+        return list(map(str, self.summary["warnings"]))
+
+    def estimate(self, name: str, drive: int = 0) -> EstimatedSeries:
+        """A state or an output of one drive, by name.
+
+        Raises ClutchestError where there is no such drive, or no such name.
+        """
+        track = self.track(drive)
+        estimates = {**track.states, **track.outputs}
+        if name not in estimates:
+            raise UnknownNameError(f"no estimate '{name}'{self._instead(name, estimates)}")
+        e = estimates[name]
+        unit = self._units.get(name, "1")
+        return EstimatedSeries(name, unit, track.time, e.value, e.std, e.valid)
+
+    def __getitem__(self, name: str) -> EstimatedSeries:
+        return self.estimate(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.tracks[0].states, *self.tracks[0].outputs))
+
+    def __len__(self) -> int:
+        return len(self.tracks[0].states) + len(self.tracks[0].outputs)
+
     def plot(self, *names: str, drive: int = 0) -> Picture:
         """Mode, states and outputs of one drive over time, all or those of these ``names``, each
         with a band of two standard deviations; grey where an estimate is not valid.  Signals are
@@ -247,13 +283,10 @@ class Run(Showing):
         from clutchest.quantity import Quantity
 
         track = self.track(drive)
-        units, estimates = self._units, {**track.states, **track.outputs}
         bands = {}
-        for name in names or estimates:
-            if name not in estimates:
-                raise ClutchestError(f"no estimate '{name}'{self._instead(name, estimates)}")
-            each = estimates[name]
-            bands[Quantity(name, units.get(name, "1"))] = Band(each.value, each.std, each.valid)
+        for name in names or (*track.states, *track.outputs):
+            each = self.estimate(name, drive)
+            bands[Quantity(name, each.unit)] = Band(each.value, each.std, each.valid)
         return draw_estimates(track.time, track.mode, track.mode_names, bands)
 
     def _instead(self, name: object, estimates: Iterable[str]) -> str:

@@ -66,6 +66,10 @@ class Rows:
             )
         )
 
+    def until(self, row: int) -> Rows:
+        """The rows before one."""
+        return Rows(*(getattr(self, name)[:row] for name in Rows.__slots__))
+
     def since(self, row: int) -> Rows:
         """The rows from one on."""
         return Rows(*(getattr(self, name)[row:] for name in Rows.__slots__))

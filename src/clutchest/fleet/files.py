@@ -15,7 +15,7 @@ from clutchest.record.files import finished_into
 
 def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
     """Write ``summary.parquet`` (a row a vehicle), ``drives.parquet`` (a row a drive) and
-    ``report.html``; gives the paths of these and of the dataset."""
+    ``report.html``; gives the paths of these and, where it is there, of the dataset."""
     import pandas as pd
 
     with finished_into(out) as folder:
@@ -23,7 +23,7 @@ def write_fleet(fleet: Fleet, out: Path) -> list[Path]:
         write_table(pd.DataFrame(drive_rows(fleet)), folder / "drives.parquet")
         (folder / "report.html").write_text(readable(fleet_page(fleet)), encoding="utf-8")
         names = sorted(path.name for path in folder.iterdir())
-    return [out / name for name in (*names, DATASET)]
+    return [out / name for name in (*names, DATASET) if (out / name).exists()]
 
 
 def drive_rows(fleet: Fleet) -> list[dict[str, Any]]:

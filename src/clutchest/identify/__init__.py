@@ -67,7 +67,7 @@ def identify_vehicle(
     signals = as_signals(signals, vehicle)
     holdout = None if holdout is None else as_signals(holdout, vehicle)
     fit = _identified(name, signals, vehicle, progress, holdout, benches, refit)
-    return replace(fit, begun=signals.begun)
+    return replace(fit, begun=signals.begun, before=vehicle)
 
 
 def _identified(

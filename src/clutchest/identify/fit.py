@@ -126,7 +126,7 @@ class Fit(Tabulated):
     ``vehicle`` has the determined numbers in it.  ``parameters``: key in the vehicle file, dotted
     unless it is a parameter's, to its result.  ``draw`` writes the pictures into a folder.
     ``validation``: what the numbers are worth on logs not used to fit them, None without any.
-    ``begun``: when the logs do, in words.
+    ``begun``: when the logs do, in words.  ``before``: the vehicle as it was given.
     """
 
     procedure: str
@@ -138,6 +138,7 @@ class Fit(Tabulated):
     draw: Callable[[Path], None]
     validation: Validation | None = None
     begun: str = ""
+    before: Vehicle | None = None
 
     def shown(self) -> Shown:
         """Every number with its standard deviation, or why it is not determined."""
@@ -171,7 +172,7 @@ class Fit(Tabulated):
             self.draw(Path(folder))
             return [PictureFile(p.name, p.read_bytes()) for p in sorted(Path(folder).iterdir())]
 
-    def as_dict(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """The contents of ``fit.json``."""
         return {
             "procedure": self.procedure,

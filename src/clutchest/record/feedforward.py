@@ -12,8 +12,8 @@ from clutchest.record.files import finished_into
 NAME = "feedforward.parquet"
 
 
-def write_feedforward(found: Feedforward, out: Path) -> None:
-    """Write ``feedforward.parquet`` into the folder ``out``, units in its metadata.
+def write_feedforward(found: Feedforward, out: Path) -> list[Path]:
+    """Write ``feedforward.parquet`` into the folder ``out``, units in its metadata; gives its path.
 
     Raises ClutchestError if ``out`` is no folder.
     """
@@ -27,3 +27,4 @@ def write_feedforward(found: Feedforward, out: Path) -> None:
             "units": json.dumps({name: found.units[name] for name in found.columns}),
         }
         pq.write_table(table.replace_schema_metadata(metadata), folder / NAME)
+    return [out / NAME]
