@@ -30,7 +30,7 @@ MOST = 16  # names that a message lists
 def nearest(given: str, valid: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` for the closest valid names, else a list of what is valid."""
     names = sorted(set(valid))
-    if close := alike(given, names):
+    if close := alike(str(given), names):
         return close
     if not names:
         return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from clutchest.errors import ClutchestError, alike, file_like
@@ -34,6 +35,8 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
 
     Raises ClutchestError, naming the nearest shipped file, where there is none.
     """
+    if not name:
+        raise ClutchestError("a file name is empty")
     direct = Path(name)
     for candidate in (direct, *(folder / direct for folder in beside)):
         if candidate.is_file():
@@ -48,3 +51,13 @@ def locate(name: str, kind: str, beside: tuple[Path, ...] = ()) -> Path:
     hint = file_like(direct, stock) or alike(direct.name.split(".")[0], stock)
     hint = hint or (f"; shipped {kind}: {', '.join(stock)}" if stock else "")
     raise ClutchestError(f"no such file: {name}{hint}")
+
+
+def locate_each(names: Iterable[str], kind: str) -> list[Path]:
+    """The files of these ``names``.  Raises ClutchestError where one is given twice, too."""
+    once: dict[Path, Path] = {}
+    for path in (locate(name, kind) for name in names):
+        if path.resolve() in once:
+            raise ClutchestError(f"{path}: given twice; expected each log once")
+        once[path.resolve()] = path
+    return list(once.values())

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Unpack
 from zlib import crc32
 
 import numpy as np
@@ -33,6 +33,7 @@ from clutchest.reading.mapping import signals_of
 from clutchest.reading.tables import write_signals
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Floats, Signal, Signals, Truth
+from clutchest.simulation_options import Effects, Options, checked_effects, checked_options
 from clutchest.vehicle import BusSignal, SignalMap, Vehicle, load_vehicle
 from clutchest.vehicle.vehicle import SPEED
 
@@ -43,31 +44,6 @@ _TABLE, _ROW_S = (
     "rows",
     0.01,
 )  # of a vehicle without a bus: what is sampled together, and how often, s
-
-Effects = Mapping[str, Mapping[str, float]]
-
-
-class Options(TypedDict, total=False):
-    """``duration`` s, default the scenario's own; ``onset`` s, from which the effects act, of
-    machines whose generator can begin them within a drive; ``nominal``: parameters as they stand in
-    the vehicle file, not drawn from their spreads; ``truck_seed``: seed of the parameters, default
-    that of the drive; ``disturbances``: name → size of what varies during the drive, see
-    :class:`clutchest.generator.Disturbances`; ``noise_ar``: AR(1) coefficient of all noise instead
-    of the file's; ``outliers``: share of samples that are outliers; ``outsider``: an unmodelled
-    effect, see :class:`clutchest.generator.Outsider`; ``mismatch``: what sets a
-    healthy machine apart from its model, see :class:`clutchest.generator.Mismatch`;
-    ``effects_files``: a user's own effects, which ``effects`` may name beside the library's."""
-
-    duration: float | None
-    onset: float
-    nominal: bool
-    truck_seed: int | None
-    disturbances: Mapping[str, float]
-    noise_ar: float | None
-    outliers: float
-    outsider: Outsider | None
-    mismatch: Mismatch
-    effects_files: Sequence[Path]
 
 
 def simulate(
@@ -206,6 +182,7 @@ def _sampled(
 ) -> Sampled:
     machine = vehicle.machine
     machine.supports("simulate")
+    checked_options(options)
     mapped_messages(vehicle, database)
     noise_ar = options.get("noise_ar")
     vehicle = replace(
@@ -289,7 +266,7 @@ def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[st
             "has the library's effects only"
         )
     merged = {name: dict(values) for name, values in vehicle.effects.items()}
-    for name, values in (effects or {}).items():
+    for name, values in checked_effects(effects or {}).items():
         merged[name] = {**merged.get(name, {}), **values}
     return merged
 

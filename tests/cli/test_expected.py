@@ -110,6 +110,21 @@ def test_simulate_names_the_scenarios_of_the_vehicle(refused, vehicle, tmp_path)
     assert sorted(named.split(", ")) == sorted(unknown.strip().split("; valid: ")[1].split(", "))
 
 
+@pytest.mark.parametrize("verb", [["convert", "-o", "x.asc"], ["inspect"]])
+def test_a_log_given_twice(refused, tmp_path, monkeypatch, verb):
+    monkeypatch.chdir(tmp_path)
+    assert "demo.log.gz: given twice; expected each log once" in refused(*verb, "demo", "demo")
+    assert refused(*verb, "") == "clutchest: a file name is empty\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_request_without_a_number_says_so(refused, tmp_path):
+    request = tmp_path / "request.csv"
+    request.write_text("time,torque_request\n0,abc\n")
+    said = refused("feedforward", request, "--vehicle", "alsd_rig", "--out", tmp_path / "out")
+    assert "request.csv: row 2: torque_request 'abc' is not a number (1 such cell)" in said
+
+
 def test_simulate_without_anything_names_all_of_it(refused):
     said = refused("simulate").splitlines()[-1]
     assert said.startswith("Error: Missing: --vehicle, --scenario, -o; shipped vehicles: ")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from clutchest.cli.options import DEFAULT_OUT, AsJson, Out, State, Trust, VehicleName
 from clutchest.cli.terminal import answer, print_shown, progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from clutchest.estimate.feedforward import Feedforward
 
 
 def feedforward(
@@ -54,9 +59,18 @@ def feedforward(
             "taken": dict(found.taken),
             "ranges": found.ranges,
             "unmet": found.unmet,
+            "warnings": list(found.warnings),
         },
         as_json,
-        lambda console: print_shown(found.shown(), console),
+        lambda console: _print(found, console),
         out,
         [NAME],
     )
+
+
+def _print(found: Feedforward, console: Console) -> None:
+    """Print the range of every column, and what is wrong with the request."""
+    from clutchest.record.terminal import print_warnings
+
+    print_shown(found.shown(), console)
+    print_warnings(found.warnings, "--json", console)

@@ -43,6 +43,7 @@ class Feedforward(Showing):
     columns: Mapping[str, Floats]
     units: Mapping[str, str]
     taken: Mapping[str, float]
+    warnings: tuple[str, ...] = ()  # of the request
 
     def shown(self) -> Shown:
         """The range of every column."""
@@ -131,7 +132,8 @@ def feedforward(
     units = {s.name: s.unit for s in model.states if s.name in taken}
     units |= {"time": "s", inverse.request: _unit(inverse), **inverse.columns}
     every = {**asked, **columns}
-    return Feedforward(vehicle.name, inverse.request, inverse.reached, every, units, taken)
+    of = (vehicle.name, inverse.request, inverse.reached)
+    return Feedforward(*of, every, units, taken, signals.warnings)
 
 
 def _with_inverse() -> list[str]:
@@ -146,7 +148,12 @@ def _unit(inverse: Inverse) -> str:
 def _signals(request: Request, vehicle: Vehicle, inverse: Inverse) -> Signals:
     """The request as signals.  Raises ClutchestError where there is none in it."""
     if isinstance(request, tuple):
-        time, value = (np.asarray(column, np.float64) for column in request)
+        try:
+            time, value = (np.asarray(column, np.float64) for column in request)
+        except ValueError as problem:
+            raise ClutchestError(
+                f"request: expected times and values, numbers: {problem}"
+            ) from None
         if time.shape != value.shape or time.ndim != 1:
             raise ClutchestError(
                 f"request: {time.shape} times and {value.shape} values, expected as many of both"
@@ -159,7 +166,8 @@ def _signals(request: Request, vehicle: Vehicle, inverse: Inverse) -> Signals:
         request = read_log(request, vehicle)
     if inverse.request not in request.available:
         has = ", ".join(sorted(request.available)) or "nothing"
-        raise ClutchestError(f"no column '{inverse.request}' in the request, which has {has}")
+        why = "; ".join(("", *request.warnings))
+        raise ClutchestError(f"no column '{inverse.request}' in the request, which has {has}{why}")
     return request
 
 

@@ -66,8 +66,8 @@ def replay(
     """
     vehicle = load_vehicle(vehicle)
     signals = as_signals(signals, vehicle)
-    if not 0.0 < rate <= FASTEST:
-        raise ClutchestError(f"rate {rate:g} Hz: expected more than 0, at most {FASTEST:g}")
+    if isinstance(rate, str) or not 0.0 < rate <= FASTEST:
+        raise ClutchestError(f"rate {rate} Hz: expected more than 0, at most {FASTEST:g}")
     tracks, parts = [], []
     unusable: list[tuple[Signals, Unusable]] = []
     estimate = _whole if smooth else _in_stretches

@@ -257,7 +257,7 @@ class Run(Showing, Mapping[str, EstimatedSeries]):
         """
         track = self.track(drive)
         estimates = {**track.states, **track.outputs}
-        if name not in estimates:
+        if not isinstance(name, str) or name not in estimates:
             raise UnknownNameError(f"no estimate '{name}'{self._instead(name, estimates)}")
         e = estimates[name]
         unit = self._units.get(name, "1")

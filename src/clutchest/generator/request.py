@@ -80,14 +80,17 @@ class DriveRequest:
         if name not in scenarios:
             raise ClutchestError(f"unknown scenario '{name}'" + nearest(name, scenarios))
         plan = scenarios[name]
-        lasts = plan.duration if self.duration is None else float(self.duration)
+        try:
+            lasts = plan.duration if self.duration is None else float(self.duration)
+        except (TypeError, ValueError):
+            raise ClutchestError(f"duration {self.duration!r}: expected a number, s") from None
         if not 0 < lasts < np.inf:
             raise ClutchestError(f"duration {lasts:g} s: expected more than 0 s")
         if not 0.0 <= self.onset < lasts:
             raise ClutchestError(f"onset {self.onset:g} s: expected 0 to the {lasts:g} s it lasts")
         for what, number in (("seed", self.seed), ("truck_seed", self.machine_seed)):
-            if number < 0:
-                raise ClutchestError(f"{what} {number}: expected 0 or more")
+            if not isinstance(number, int | np.integer) or number < 0:
+                raise ClutchestError(f"{what} {number}: expected a whole number, 0 or more")
         for key in needed:
             if key not in self.parameters:
                 raise ClutchestError(

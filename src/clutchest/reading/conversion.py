@@ -14,7 +14,7 @@ from clutchest.reading.log import read_log
 from clutchest.reading.table_formats import is_table, only_decoded, tables_in_words
 from clutchest.reading.tables import joined, read_table, write_signals
 from clutchest.reading.window import EVERYTHING, TimeWindow
-from clutchest.shipped import locate
+from clutchest.shipped import locate_each
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle
 
@@ -38,7 +38,7 @@ class Conversion:
         With a ``vehicle`` CAN logs are decoded; decoded tables need none.  Raises ClutchestError
         where the suffix of ``out`` cannot hold what the logs contain.
         """
-        paths = [locate(log, "logs") for log in logs]
+        paths = locate_each(logs, "logs")
         tables = [is_table(path) for path in paths]
         if vehicle is not None:
             return cls(read_log(paths, vehicle, window))

@@ -23,7 +23,7 @@ from clutchest.reading.drafting import Draft, drafted_name
 from clutchest.reading.driveline import driveline_of
 from clutchest.reading.table_formats import tables_in_words
 from clutchest.reading.window import EVERYTHING, TimeWindow
-from clutchest.shipped import locate, shipped
+from clutchest.shipped import locate_each, shipped
 from clutchest.vehicle import BusSignal, dump_vehicle, load_vehicle
 
 
@@ -146,7 +146,7 @@ def inspect_logs(
     """
     model_file = Path(model).resolve() if model.endswith(".py") else None
     asked = machine_in_file(model_file) if model_file else machine_of(model) if model else None
-    logs = tuple(locate(str(path), "logs") for path in paths)
+    logs = tuple(locate_each(map(str, paths), "logs"))
     if not logs:
         raise ClutchestError("no log to inspect")
     read = [window.of_frames(_frames(path), (str(path),)) for path in logs]

@@ -24,7 +24,8 @@ from clutchest.reading.table_formats import is_table, tables_in_words
 from clutchest.reading.tables import joined, read_table
 from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, TimeWindow
-from clutchest.shipped import locate
+from clutchest.shipped import locate_each
+from clutchest.shown import Showing
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
 
@@ -50,14 +51,24 @@ class _Piece:
 
 
 def as_signals(given: Signals | Logs, vehicle: Vehicle) -> Signals:
-    """Signals as they are, and what :func:`read_log` takes as read."""
-    return given if isinstance(given, Signals) else read_log(given, vehicle)
+    """Signals as they are, those of a run, and what :func:`read_log` takes as read.
+
+    Raises ClutchestError for another result, whose table is no log.
+    """
+    if isinstance(given, Signals):
+        return given
+    if isinstance(given, Showing):
+        own = getattr(given, "signals", None)
+        if isinstance(own, Signals):
+            return own
+        raise ClutchestError(f"expected signals, a log or a run, not a {type(given).__name__}")
+    return read_log(given, vehicle)
 
 
 def read_log(
     paths: Logs,
     vehicle: Vehicle | str | Path,
-    window: TimeWindow = EVERYTHING,
+    window: TimeWindow | tuple[float | None, float | None] = EVERYTHING,
     *,
     traffic: bool = True,
 ) -> Signals:
@@ -68,14 +79,14 @@ def read_log(
     canonical columns, or those of the vehicle file's ``[columns]``, the values within its min … max
     are valid. Logs on absolute clocks that overlap or lie less than a minute apart are pieces of
     one drive; all others are drives of their own, in ``later`` in order of time. Of each drive only
-    what lies in ``window`` is kept, with times in s from its start. Delays that the vehicle file
-    states are not applied. Without ``traffic`` the times and the integrity of frames, which fault
-    tests need, are left out.
+    what lies in ``window``, as ``(60, 300)`` s, is kept, with times in s from its start. Delays
+    that the vehicle file states are not applied. Without ``traffic`` the times and the integrity of
+    frames, which fault tests need, are left out.
 
     Raises ClutchestError for a file that cannot be read, a contradiction between vehicle file and
     DBC, or when no mapped message occurs at all.
     """
-    vehicle = load_vehicle(vehicle)
+    vehicle, window = load_vehicle(vehicle), TimeWindow.of(window)
     alone = isinstance(paths, str | Path) or _is_frame(paths) or not isinstance(paths, Iterable)
     logs = _located([paths] if alone else list(paths))  # type: ignore[arg-type]
     tabular = [not isinstance(log, Path) or is_table(log) for log in logs]
@@ -182,13 +193,8 @@ def _located(given: list[Any]) -> list[Any]:
         raise ClutchestError(
             f"expected a path or a DataFrame (pandas, polars, Arrow), not {type(log).__name__}"
         )
-    logs = [log if _is_frame(log) else locate(str(log), "logs") for log in given]
-    once: set[Path] = set()
-    for path in (log for log in logs if isinstance(log, Path)):
-        if path.resolve() in once:
-            raise ClutchestError(f"{path}: given twice; expected each log once")
-        once.add(path.resolve())
-    return logs
+    paths = iter(locate_each((str(log) for log in given if not _is_frame(log)), "logs"))
+    return [log if _is_frame(log) else next(paths) for log in given]
 
 
 def _spans(pieces: Sequence[_Piece]) -> str:

@@ -14,6 +14,7 @@ from clutchest.can.time_stamps import LAST_S
 from clutchest.errors import ClutchestError, nearest
 from clutchest.reading.signal_table import Cells, Frame, RowTable, SignalTable
 from clutchest.reading.written_times import written_times
+from clutchest.shown import counted
 from clutchest.signals import Floats
 from clutchest.vehicle import TableColumn
 
@@ -270,7 +271,7 @@ def not_numbers(table: RowTable, header: str, name: str, column: Cells) -> list[
     row = wrong[0] + table.first_row
     return [
         f"{_file(table)}: row {row}: {name} '{table.cells(header).iloc[wrong[0]]}' is not a number "
-        f"({len(wrong)} such cells)"
+        f"({counted(len(wrong), 'such cell')})"
     ]
 
 

@@ -20,7 +20,7 @@ from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
 from clutchest.reading.table_formats import load_table
 from clutchest.reading.table_units import likely_unit
-from clutchest.shipped import locate
+from clutchest.shipped import locate_each
 from clutchest.vehicle import (
     BusSignal,
     SignalMap,
@@ -152,7 +152,7 @@ def inspect_tables(paths: Sequence[str | Path], model: str = "") -> TableInspect
     """
     model_file = Path(model).resolve() if model.endswith(".py") else None
     asked = machine_in_file(model_file) if model_file else machine_of(model) if model else None
-    logs = tuple(locate(str(path), "logs") for path in paths)
+    logs = tuple(locate_each(map(str, paths), "logs"))
     columns: dict[str, ColumnStatistics] = {}
     warnings: list[str] = []
     duration, time = 0.0, None

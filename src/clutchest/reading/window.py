@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,18 @@ class TimeWindow:
         if a is not None and b is not None and type(a) is type(b) and a >= b:  # type: ignore[operator]
             raise ClutchestError(f"'{start}' to '{stop}': the window ends before it starts")
         return window
+
+    @classmethod
+    def of(cls, given: TimeWindow | tuple[Any, Any]) -> TimeWindow:
+        """A window as it is, or from a pair of what :meth:`parse` takes, numbers or dates."""
+        if isinstance(given, TimeWindow):
+            return given
+        if not isinstance(given, tuple | list) or len(given) != 2:
+            raise ClutchestError(
+                f"window {given!r}: expected from where to where, as (60, 300) s, None for no limit"
+            )
+        start, stop = (None if moment is None else str(moment) for moment in given)
+        return cls.parse(start, stop)
 
     def __bool__(self) -> bool:
         return self.start is not None or self.stop is not None

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from math import isfinite
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -250,7 +251,7 @@ class Vehicle(Showing):
         for key, value in values.items():
             if key not in parameters:
                 raise ClutchestError(f"no parameter '{key}'{nearest(key, parameters)}")
-            if not isfinite(value):
+            if not isinstance(value, Real) or not isfinite(value):
                 raise ClutchestError(f"{key}: {value} is no finite number")
             source = f"given instead of {parameters[key].value:g}"
             parameters[key] = replace(parameters[key], value=float(value), source=source)

@@ -1,0 +1,61 @@
+"""What is wrong in a call is said in one line, and nothing that was asked for is passed over."""
+
+from __future__ import annotations
+
+import pytest
+
+import clutchest
+from clutchest.errors import ClutchestError
+
+
+def city(**more):
+    return clutchest.simulate("truck", "city", **{"duration": 5.0, **more})
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"duratoin": 5.0}, "simulate has no option 'duratoin'; did you mean 'duration'"),
+        ({"duration": "x"}, "duration 'x': expected a number, s"),
+        ({"seed": 1.5}, "seed 1.5: expected a whole number, 0 or more"),
+        ({"effects": "wear"}, "effects: expected {'wear': {'amount': 0.5}}, not str"),
+        ({"effects": {"wear": 1}}, "effect 'wear': expected numbers by name, not 1"),
+        ({"effects": {"wear": {"amount": "x"}}}, "effect 'wear': expected numbers by name"),
+    ],
+)
+def test_of_a_simulation(more, said):
+    with pytest.raises(ClutchestError) as caught:
+        city(**more)
+    assert str(caught.value).startswith(said)
+
+
+def test_a_run_stands_for_its_signals_and_no_other_result_for_any():
+    run = clutchest.replay("demo", "truck")
+    again = clutchest.replay(run, "truck")
+    assert again.summary["frames"] == run.summary["frames"] > 0
+    with pytest.raises(ClutchestError, match="expected signals, a log or a run, not a Diagnosis"):
+        clutchest.replay(clutchest.diagnose(run), "truck")
+
+
+@pytest.mark.parametrize("window", [5, (1, 2, 3), "12", ("a", "b"), (5, 2), (-1, 5)])
+def test_a_window_that_is_none(window):
+    with pytest.raises(ClutchestError):
+        clutchest.read_log("demo", "truck", window)
+
+
+def test_a_window_is_a_pair():
+    part = clutchest.read_log("demo", "truck", (60, None))
+    whole = clutchest.read_log("demo", "truck")
+    assert part.end == pytest.approx(whole.end - 60.0, abs=0.02)
+
+
+@pytest.mark.parametrize("value", ["x", None, float("nan")])
+def test_a_parameter_that_is_no_number(value):
+    truck = clutchest.load_vehicle("truck")
+    with pytest.raises(ClutchestError, match=r"engine_inertia: .* is no finite number"):
+        truck.with_parameters(engine_inertia=value)
+
+
+def test_a_request_that_is_no_number():
+    with pytest.raises(ClutchestError, match=r"request: expected times and values, numbers: .*'x'"):
+        clutchest.feedforward("alsd_rig", ([0, 1], [0, "x"]))
