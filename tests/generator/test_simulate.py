@@ -196,5 +196,5 @@ def test_every_parameter_has_a_largest_magnitude():
 
 
 def test_a_seed_below_zero_is_told(truck):
-    with pytest.raises(ClutchestError, match="truck_seed -1: expected 0 or more"):
+    with pytest.raises(ClutchestError, match="truck_seed -1: expected a whole number, 0 or more"):
         simulate(truck, "closed", 1, duration=1.0, truck_seed=-1)
