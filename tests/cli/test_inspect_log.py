@@ -109,7 +109,7 @@ def test_draft_replays_at_once_and_names_its_guess(found, log, truck, tmp_path):
     runs = [clutchest.replay(*each).summary for each in ((mine, vehicle), (theirs, truck))]
     drafted, shipped = (" ".join(run["warnings"]) for run in runs)
     assert "all 19; into the slip energy they bring kiss_point ±" in drafted
-    assert "identify torque-curve determines it" in drafted
+    assert "clutchest identify determines them: torque-curve (kiss_point)" in drafted
     assert "100 % of engine_torque is 3500 Nm; torque and energy scale with it" in drafted
     assert "guessed" not in shipped and "not listed" not in shipped
     brought, total = runs[0]["slip_energy_std_from_J"], runs[0]["slip_energy_std_J"]

@@ -30,7 +30,8 @@ def diagnose(
 
     Every monitor raises false alarms at the rate that the vehicle file states ([monitors]
     false_alarms_per_1000h).  One that could not detect its fault in these logs says why: not run.
-    Writes diagnosis.json and recording.rrd, in which each fault has a freeze frame.
+    Writes report.html (start there), diagnosis.json and recording.rrd, in which each fault has a
+    freeze frame.
 
     \b
     Example:

@@ -42,9 +42,10 @@ def discover(
 ) -> None:
     """Detect errors of the model and name their causes.
 
-    Writes report.md (start there), discovery.json, extended.toml (the vehicle with the identified
-    causes in its model, if there are any) and recording.rrd.  Says so where no error is detectable,
-    where the log does not separate causes, and where no known cause explains the error.
+    Writes report.html (start there) and report.md, discovery.json, extended.toml (the vehicle with
+    the identified causes in its model, if there are any) and recording.rrd.  Says so where no error
+    is detectable, where the log does not separate causes, and where no known cause explains the
+    error.
 
     \b
     Example:

@@ -24,7 +24,8 @@ def play(
         typer.Option(
             metavar="X",
             callback=within(0.001, 1000.0),
-            help="So many times as fast as it was, 0.001 to 1000.",
+            help="So many times as fast as it was, 0.001 to 1000; a monitor's estimates are right "
+            "at 1 only, since it goes by the time of reception.",
         ),
     ] = 1.0,
 ) -> None:

@@ -66,9 +66,11 @@ def uncertain_slips(slips: Sequence[Engagement]) -> list[str]:
 
 def _determined(vehicle: Vehicle, keys: Sequence[str]) -> str:
     """By which procedures these parameters are determined, in words."""
-    names = [p.name for p in vehicle.machine.procedures if set(keys) & set(p.parameters)]
-    which = "it" if len(keys) == 1 else "such"
-    return f"; clutchest identify {' or '.join(names)} determines {which}" if names else ""
+    words = []
+    for procedure in vehicle.machine.procedures:
+        if own := [key for key in keys if key in procedure.parameters]:
+            words.append(f"{procedure.name} ({', '.join(own)})")
+    return f"; clutchest identify determines them: {', '.join(words)}" if words else ""
 
 
 def _short(value: float) -> str:

@@ -26,6 +26,7 @@ from clutchest.estimate.tracking import during
 from clutchest.estimate.wear import wear_trend
 from clutchest.estimate.whole_log import Belief, Compiled
 from clutchest.models.symbols import State
+from clutchest.shown import with_unit
 from clutchest.signals import Counts, Floats, Signal, Signals
 from clutchest.vehicle import Vehicle
 
@@ -279,9 +280,10 @@ def _too_wide(
         return "nothing in this log informs it"
     if together := correlated_with(partners):
         return together
+    wide = f"±{with_unit(f'{std:.2g}', state.unit)}"
     if std > 1.5 * own:
-        return f"±{std:.2g} {state.unit}, most of it from the spread of the parameters"
-    return f"±{std:.2g} {state.unit} is too wide to be of use"
+        return f"{wide}, most of it from the spread of the parameters"
+    return f"{wide} is too wide to be of use"
 
 
 def _sensors(tracks: Sequence[Track]) -> dict[str, dict[str, Any]]:

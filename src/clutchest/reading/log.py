@@ -24,7 +24,7 @@ from clutchest.reading.table_formats import is_table, tables_in_words
 from clutchest.reading.tables import joined, read_table
 from clutchest.reading.wanted import mapped_messages
 from clutchest.reading.window import EVERYTHING, TimeWindow
-from clutchest.shipped import locate_each
+from clutchest.shipped import locate_each, shipped
 from clutchest.shown import Showing
 from clutchest.signals import Signals
 from clutchest.vehicle import Vehicle, load_vehicle
@@ -236,10 +236,16 @@ def _dbc(vehicle: Vehicle, path: Path, folders: Sequence[Path]) -> Path:
         if candidate.is_file():
             return candidate
     places = ", ".join(dict.fromkeys(str(folder.resolve()) for folder in folders))
+    whence = f"; the heading of {vehicle.path} says whose it is" if _is_shipped(vehicle) else ""
     raise ClutchestError(
         f"{vehicle.path.name}: no such DBC: {path}; searched: the vehicle file's folder, the "
-        f"shipped DBCs, {places}"
+        f"shipped DBCs, {places}{whence}"
     )
+
+
+def _is_shipped(vehicle: Vehicle) -> bool:
+    """Whether its file is one of those that travel with the package."""
+    return vehicle.path in [path.resolve() for path in shipped("vehicles").values()]
 
 
 def _table(given: Path | Any, vehicle: Vehicle) -> _Piece:
