@@ -165,9 +165,11 @@ def test_a_shipped_database_by_its_name(found, log, tmp_path):
 
 
 def test_rates_add_up_over_relative_clocks(tmp_path):
-    path = tmp_path / "console.log"
-    path.write_text("".join(f" (000.{k * 10000:06d})  can0  123   [2]  AB CD\n" for k in range(50)))
-    once, twice = inspect_logs([path]), inspect_logs([path, path])
+    path, again = tmp_path / "console.log", tmp_path / "again.log"
+    for each in (path, again):
+        lines = (f" (000.{k * 10000:06d})  can0  123   [2]  AB CD\n" for k in range(50))
+        each.write_text("".join(lines))
+    once, twice = inspect_logs([path]), inspect_logs([path, again])
     assert once.rows[0].rate_hz == pytest.approx(100.0)
     assert twice.rows[0].count == 2 * once.rows[0].count == 100
     assert twice.rows[0].rate_hz == pytest.approx(100.0, rel=0.03)
