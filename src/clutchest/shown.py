@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from clutchest.errors import UnknownNameError, nearest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,9 +70,27 @@ class Showing(ABC):
 
 
 class Tabulated(Showing):
-    """What is a table of numbers too."""
+    """What is a table of numbers too, and has parts by name: ``fit["kiss_point"]``."""
 
     __slots__ = ()
+
+    @property
+    @abstractmethod
+    def by_name(self) -> Mapping[str, Any]:
+        """What its names stand for."""
+
+    def __getitem__(self, name: str) -> Any:
+        found = self.by_name
+        if not isinstance(name, str) or name not in found:
+            hint = nearest(str(name), found) or "; there is none"
+            raise UnknownNameError(f"no '{name}' in this {type(self).__name__}{hint}")
+        return found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.by_name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.by_name
 
     @abstractmethod
     def rows(self) -> list[dict[str, Any]]:

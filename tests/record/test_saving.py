@@ -37,6 +37,17 @@ def test_estimates_by_name(run):
     assert two.estimate("clutch_torque", drive=1).unit == "Nm" and "clutch_torque" in two
 
 
+def test_parts_of_other_results_by_name(run):
+    found = clutchest.diagnose(run)
+    assert found["wear"].name == "wear" and "wear" in found and bool(found)
+    assert list(found) == [monitor.name for monitor in found.monitors]
+    with pytest.raises(ClutchestError, match="no 'waer' in this Diagnosis; did you mean 'wear'"):
+        found["waer"]
+    fit = clutchest.identify("noise", run.signals, run.vehicle)
+    first = next(iter(fit.parameters))
+    assert fit[first] is fit.parameters[first] and list(fit) == list(fit.parameters)
+
+
 def test_a_name_that_is_none(run):
     assert "temp_disk" not in run and run.get("temp_disk") is None
     assert run.signals.get("rpm", 3) == 3

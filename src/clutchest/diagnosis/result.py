@@ -119,6 +119,11 @@ class Diagnosis(Tabulated):
     provenance: Mapping[str, str]
     lanes: Mapping[str, tuple[tuple[tuple[float, str], ...], ...]] = field(default_factory=dict)
 
+    @property
+    def by_name(self) -> Mapping[str, MonitorStatus]:
+        """The monitors."""
+        return {monitor.name: monitor for monitor in self.monitors}
+
     def shown(self) -> Shown:
         """Every fault, and every monitor with its status."""
         names = ", ".join(fault.fault for fault in self.faults) or "no fault"

@@ -247,6 +247,11 @@ class Discovery(Tabulated):
         return bool(self.causes)
 
     @property
+    def by_name(self) -> Mapping[str, Cause]:
+        """The causes."""
+        return {cause.effect: cause for cause in self.causes}
+
+    @property
     def added_effects(self) -> dict[str, Mapping[str, float]]:
         """The effects that act in the extended vehicle and not so in the given one, with their
         numbers."""

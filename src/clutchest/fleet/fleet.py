@@ -60,6 +60,11 @@ class Fleet(Tabulated):
     compared: Mapping[str, tuple[FleetComparison, np.ndarray]]
 
     @property
+    def by_name(self) -> Mapping[str, FleetVehicle]:
+        """The vehicles."""
+        return {one.name: one for one in self.vehicles}
+
+    @property
     def outliers(self) -> dict[str, list[str]]:
         """Vehicle → the properties in which it differs from the fleet."""
         found: dict[str, list[str]] = {}

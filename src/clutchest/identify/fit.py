@@ -140,6 +140,11 @@ class Fit(Tabulated):
     begun: str = ""
     before: Vehicle | None = None
 
+    @property
+    def by_name(self) -> Mapping[str, Fitted]:
+        """The numbers."""
+        return self.parameters
+
     def shown(self) -> Shown:
         """Every number with its standard deviation, or why it is not determined."""
         rows = [
