@@ -63,6 +63,13 @@ def test_a_threshold_that_healthy_vehicles_hardly_reach_is_not_zero():
     assert from_path(path, 1e-4) == from_path(np.zeros(1000), 1e-4) > 0.0
 
 
+def test_a_threshold_that_fewer_than_the_wanted_peaks_reach_is_not_zero():
+    """Of a fault that seldom shows, three peaks where fifty alarms are allowed."""
+    path = np.zeros(1000)
+    path[[100, 400, 700]] = 1.2
+    assert from_path(path, 0.05) == from_path(np.zeros(1000), 0.05) > 0.0
+
+
 def test_autocorrelation_is_estimated_and_a_fault_has_no_influence():
     rng = np.random.default_rng(3)
     z = rng.standard_normal(4000)

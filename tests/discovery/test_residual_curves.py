@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from scipy.stats import multivariate_normal
 
-from clutchest.discovery.curve_evidence import SCALES, evidence, expected
+import clutchest
+from clutchest.discovery.curve_evidence import SCALES, covariance, evidence, expected
+from clutchest.discovery.residual_curves import CurvesAt, Nuisances
+from clutchest.inference.fitted_gains import with_fitted_gains
+from clutchest.inference.objective import Objective
+from clutchest.inference.problem import Problem
+from clutchest.inference.score_test import Projection
+from clutchest.models.error_term_effects import error_term_effects
 
 
 def test_evidence_is_twice_the_logarithm_of_the_bayes_factor() -> None:
@@ -45,3 +55,32 @@ def test_a_faint_direction_is_no_evidence() -> None:
     assert evidence(score, information, np.zeros((2, 2))) > 500.0
     assert evidence(score, information, 1e-5 * information) > 500.0  # of itself: all of it is told
     assert evidence(score, information, 1e-5 * 1e6 * np.eye(2) * np.sum(shared**2)) < 5.0
+
+
+@pytest.mark.slow
+def test_the_noise_of_a_current_that_settles_at_once_is_no_error_of_the_motor() -> None:
+    """A straight curve over the motor's torque is its torque constant, but for the voltage's noise
+    that the current of the one has and the mean current of the other has not.  Innovations that go
+    with the difference by 9 standard deviations, as the angle's do, are no error."""
+    vehicle = clutchest.load_vehicle("alsd_rig")
+    signals = clutchest.simulate(vehicle, "rig-ramps", 31, duration=20.0)
+    effects = error_term_effects(vehicle.machine)
+    problem = with_fitted_gains(Problem.of(signals, vehicle, effects, discrepant=True))
+    objective = Objective.of(problem)
+    at = CurvesAt.of(objective, objective.white_at(problem.begin))
+    tables = [t for t in at.every() if (t.term, t.covariate) == ("motor", "motor_torque")]
+    nuisances = problem.nuisances, objective.prior
+    ((columns, _),) = at.derivatives(tables)
+    left = Projection.of(at.fit, *nuisances).out_of(columns)
+    faint = left.pure @ np.linalg.eigh(left.information)[1][:, 0]
+    fit = replace(at.fit, r=at.fit.r - 9.0 * faint / np.linalg.norm(faint))
+    (curve,) = replace(at, fit=fit).tested(Nuisances(fit, *nuisances), tables, 3)
+    assert curve.worth < 0.0
+    assert curve.p_value > 0.01
+
+
+def test_coefficients_have_no_variance_where_the_data_inform_too_little() -> None:
+    """Of two directions, the faint one stays at 0, the other has its variance of before."""
+    information, negligible = np.diag([4.0, 0.1]), np.diag([1.0, 1.0])
+    np.testing.assert_allclose(covariance(information, negligible), np.diag([0.2, 0.0]))
+    np.testing.assert_allclose(covariance(information, 0.0 * negligible), np.diag([0.2, 1.0 / 1.1]))

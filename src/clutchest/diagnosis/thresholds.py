@@ -125,4 +125,4 @@ def from_path(path: Floats, per_block: float) -> float:
         return max(float(np.sort(highest)[-min(round(wanted), len(highest))]), LOWEST)
     # exponential (maximum likelihood), its mean excess longer by one standard error
     excess = float(np.mean(highest - base)) * (1.0 + 1.0 / np.sqrt(len(highest)))
-    return float(base + excess * np.log(max(len(highest) / wanted, 1.0)))
+    return max(float(base + excess * np.log(max(len(highest) / wanted, 1.0))), LOWEST)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import softmax
 
 from clutchest.signals import Floats
@@ -34,13 +35,26 @@ def expected(score: Floats, information: Floats, negligible: Floats) -> tuple[Fl
     return mean, np.sqrt(np.maximum(variance, 0.0))[:, None] * directions.T
 
 
+def covariance(information: Floats, negligible: Floats) -> Floats:
+    """Covariance (c, c) of coefficients under a prior of one unit, none in directions in which the
+    data inform less than ``negligible`` (c, c): there they stay 0."""
+    strength, directions = np.linalg.eigh(information)
+    informed = _informed(strength, directions, negligible)
+    return np.asarray((directions * (informed / (1.0 + strength))) @ directions.T)
+
+
+def _informed(strength: Floats, directions: Floats, negligible: Floats) -> NDArray[np.bool_]:
+    """Which ``directions`` (columns of (c, c)) of a ``strength`` (c) count."""
+    return np.asarray(strength > np.sum(directions * (negligible @ directions), axis=0))
+
+
 def _of_scales(
     score: Floats, information: Floats, negligible: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """2 ln of the Bayes factor (…, s) of each scale, its most probable coefficients (…, s, c), and
     their covariance (s, c, c)."""
     strength, directions = np.linalg.eigh(information)
-    informed = strength > np.sum(directions * (negligible @ directions), axis=0)
+    informed = _informed(strength, directions, negligible)
     variance = SCALES[:, None] ** 2
     shrunk = 1.0 + variance * np.where(informed, strength, 0.0)
     along = np.where(informed, score @ directions, 0.0)

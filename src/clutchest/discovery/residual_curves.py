@@ -16,9 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchest.discovery.curve_evidence import evidence, expected
+from clutchest.discovery.curve_evidence import covariance, evidence, expected
 from clutchest.inference.cores import cores, shared
-from clutchest.inference.covariates import TIME_KNOTS, at_rest, covariates, hats, knots
+from clutchest.inference.covariates import (
+    TIME_KNOTS,
+    at_rest,
+    covariates,
+    hats,
+    knots,
+    noise_in_derivatives,
+)
 from clutchest.inference.estimated_noise import INSIGNIFICANT, LONGEST, EstimatedNoise
 from clutchest.inference.linearisation import Modulation
 from clutchest.inference.objective import Objective
@@ -34,6 +41,7 @@ from clutchest.signals import Floats
 DRAWS = 1000
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
+CLEAR = 100.0  # times the power of a curve's noise, from which on a remainder is a curve
 ENTRIES = 1e7  # of derivatives, held at a time
 
 
@@ -116,17 +124,21 @@ def curves(objective: Objective, fit: Linearisation, beside: Nuisances, seed: in
 @dataclass(frozen=True, slots=True)
 class CurvesAt:
     """Curves at a ``fit`` of an ``objective``, over covariates of which every drive has these
-    ``values`` there."""
+    ``values`` there, some without the ``noise`` that derivatives hold."""
 
     objective: Objective
     fit: Linearisation
     values: Sequence[Mapping[str, Floats]]
+    noise: Sequence[Mapping[str, Floats]]
 
     @classmethod
     def of(cls, objective: Objective, fit: Linearisation) -> CurvesAt:
         """With every covariate of every drive."""
-        drives = zip(objective.problem.drives, fit.implied, strict=True)
-        return cls(objective, fit, [covariates(*each) for each in drives])
+        drives = list(zip(objective.problem.drives, fit.implied, strict=True))
+        values = [covariates(*each) for each in drives]
+        smooth = zip(drives, values, strict=True)
+        noise = [noise_in_derivatives(*each, without) for each, without in smooth]
+        return cls(objective, fit, values, noise)
 
     @property
     def problem(self) -> Problem:
@@ -172,8 +184,23 @@ class CurvesAt:
         least = min((curve.p_value for curve in found), default=1)
         if len(self.fit.r) > LONGEST or least > INSIGNIFICANT:
             return found
-        noise = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
-        return self._tested(beside, tables, seed, noise)
+        colour = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
+        return self._tested(beside, tables, seed, colour)
+
+    def _by_noise(self, table: CandidateCurve) -> Floats:
+        """Derivatives (K, c) by what a curve would be with the noise that its covariate lacks, less
+        what it is.  A parameter by which the model has a straight curve holds that noise, which is
+        in the innovations as well: what is left of the two beside each other is no error."""
+        name, columns = table.covariate, np.arange(len(table.at))
+        if not all(name in noise for noise in self.noise):
+            return np.zeros((len(self.fit.r), len(columns)))
+        drives = zip(self.values, self.noise, strict=True)
+        off = [
+            hats(v[name] + noise[name], table.at) - hats(v[name], table.at) for v, noise in drives
+        ]
+        modulations = [Modulation(basis, columns) for basis in off]
+        thetas = np.full(len(columns), table.theta)
+        return table.unit * self.objective.modulated(self.fit, thetas, modulations)
 
     def _tested(
         self,
@@ -198,9 +225,13 @@ class CurvesAt:
 
         def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
             derivatives, some = self._portion(portion)
-            gram = derivatives.T @ derivatives
+            negligible = [
+                table.negligible * _gram(derivatives[:, columns])
+                + CLEAR * _gram(self._by_noise(table))
+                for table, columns in some
+            ]
             c = projection.out_of(derivatives.copy() if noise else derivatives)
-            return _judged(projection.r, c, null(derivatives, c), gram, blocks, choices, some)
+            return _judged(projection.r, c, null(derivatives, c), negligible, blocks, choices, some)
 
         done = shared(judged, _portions(tables, _held(self.fit) // cores()))
         most = np.max([strongest for _, strongest in done] or [np.full(DRAWS, -np.inf)], axis=0)
@@ -239,33 +270,37 @@ class CurvesAt:
         return derivatives, [(t, np.arange(end - len(t.at), end)) for t, end in own]
 
 
+def _gram(columns: Floats) -> Floats:
+    return np.asarray(columns.T @ columns)
+
+
 def _judged(
     r: Floats,
     c: Projected,
     null: Floats,
-    gram: Floats,
+    negligible: Sequence[Floats],
     blocks: NDArray[np.int64],
     choices: Mapping[str, int],
     some: Sequence[tuple[CandidateCurve, NDArray[np.int64]]],
 ) -> tuple[list[Curve], Floats]:
-    """Curves by what is left of their derivatives ``c`` (K, C), whose products were ``gram`` (C,
-    C), p-values not known yet, and the strongest evidence of each draw of ``null`` scores (draws,
-    C)."""
+    """Curves by what is left of their derivatives ``c`` (K, C), in which for each of ``some`` less
+    than ``negligible`` (c, c) is noise of its inputs, p-values not known yet, and the strongest
+    evidence of each draw of ``null`` scores (draws, C)."""
     results, most = [], np.full(len(null), -np.inf)
-    for table, columns in some:
+    for (table, columns), least in zip(some, negligible, strict=True):
         own = np.ix_(columns, columns)
         information, score = c.information[own], c.score[columns]
-        covariance = np.asarray(np.linalg.inv(information + np.eye(len(columns))), np.float64)
-        rank = float(np.trace(covariance @ information))
+        spread = covariance(information, least)
+        rank = float(np.trace(spread @ information))
         if rank < 0.1:
             continue
-        rare, negligible = 2.0 * np.log(choices[table.equation]), table.negligible * gram[own]
-        most = np.maximum(most, evidence(null[:, columns], information, negligible) - rare)
-        best, dispersion = covariance @ score, 1.0
-        if evidence(score, information, negligible) > 0.0:
+        rare = 2.0 * np.log(choices[table.equation])
+        most = np.maximum(most, evidence(null[:, columns], information, least) - rare)
+        best, dispersion = spread @ score, 1.0
+        if evidence(score, information, least) > 0.0:
             pure = c.pure[:, columns]
-            dispersion = _dispersion(pure, r + pure @ best, blocks, covariance, rank)
-        scaled = score / dispersion, information / dispersion, negligible / dispersion
+            dispersion = _dispersion(pure, r + pure @ best, blocks, spread, rank)
+        scaled = score / dispersion, information / dispersion, least / dispersion
         coefficients, off = expected(*scaled)
         results.append(
             Curve(
@@ -291,13 +326,13 @@ def block_time(problem: Problem) -> float:
 
 
 def _dispersion(
-    pure: Floats, rest: Floats, blocks: NDArray[np.int64], covariance: Floats, rank: float
+    pure: Floats, rest: Floats, blocks: NDArray[np.int64], spread: Floats, rank: float
 ) -> float:
     """How much more the scores of ``pure`` (K, c) scatter from block to block than noise at its
     mean level makes them: where inputs move fast, their noise and timing weigh more."""
     each = np.zeros((int(blocks.max()) + 1, pure.shape[1]))
     np.add.at(each, blocks, pure * rest[:, None])
-    return max(1.0, float(np.trace(covariance @ (each.T @ each))) / rank)
+    return max(1.0, float(np.trace(spread @ (each.T @ each))) / rank)
 
 
 def places(problem: Problem) -> dict[str, int]:

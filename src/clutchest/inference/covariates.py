@@ -3,7 +3,7 @@ rates, time and energy."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import casadi as ca
 import numpy as np
@@ -27,42 +27,62 @@ def covariates(
 ) -> dict[str, Floats]:
     """Name → value at every event (K) of the drive at an operating point; ``also`` of these
     quantities of the equations."""
-    model, line = drive.compiled.model, drive.line
-    machine = drive.compiled.machine
-    quantities, rates = (*machine.covariates, *also), machine.rates
+    line, machine = drive.line, drive.compiled.machine
+    series, power = _series(drive, at, _without_noise(drive, at.states), also)
+    spans = np.diff(line.t, prepend=line.t[0])
+    # correlation with the noise of a covariate is no error
+    series = {name: deadband(line.t, value, drive.tracked.act) for name, value in series.items()}
+    series |= {
+        name: denoised_rate(line.t, at.inputs[:, drive.compiled.model.input(of)], drive.tracked.act)
+        for name, of in machine.rates.items()
+        if of in series
+    }
+    series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
+    series[ENERGY] = np.cumsum(power * spans)
+    series[TIME] = line.t
+    return series
+
+
+def noise_in_derivatives(
+    drive: PreparedDrive, at: OperatingPoint, smooth: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """Name → what the ``smooth`` covariates lack (K) that derivatives hold, which are taken at the
+    states themselves; of those that vary with states which an input settles at once."""
+    settling = drive.compiled.model.settling
+    if not len(settling):
+        return {}
+    mean = _without_noise(drive, at.states)
+    mean[:, settling] = at.states[:, settling]
+    read, _ = _series(drive, at, mean)
+    without, _ = _series(drive, at, _without_noise(drive, at.states))
+    return {n: v - smooth[n] for n, v in read.items() if np.any(v != without[n])}
+
+
+def _series(
+    drive: PreparedDrive, at: OperatingPoint, states: Floats, also: Iterable[str] = ()
+) -> tuple[dict[str, Floats], Floats]:
+    """Inputs, ``states`` (K, n) and the equations' quantities as they are, and the power (K)."""
+    model, machine, line = drive.compiled.model, drive.compiled.machine, drive.line
     series = {
         item.name: at.inputs[:, j]
         for j, item in enumerate(model.inputs)
         if item.name not in model.slopes
     }
-    states = _without_noise(drive, at.states)
     parts = {state.name for part in machine.unmodelled.values() for state in part.states}
     series |= {s.name: states[:, i] for i, s in enumerate(model.states) if s.name not in parts}
     e = model.expressions()
-    quantities = tuple(name for name in quantities if name in e.quantities.names())
+    known = e.quantities.names()
+    quantities = tuple(name for name in (*machine.covariates, *also) if name in known)
     wanted = [getattr(e.quantities, name) for name in quantities]
-    power = model.power(e)
     values = e.along(
-        ca.vertcat(*wanted, power),
+        ca.vertcat(*wanted, model.power(e)),
         states,
         at.inputs,
         line.W[line.row],
         drive.compiled.p,
         drive.compiled.g,
     )
-    series |= dict(zip(quantities, values, strict=False))
-    spans = np.diff(line.t, prepend=line.t[0])
-    # correlation with the noise of a covariate is no error
-    series = {name: deadband(line.t, value, drive.tracked.act) for name, value in series.items()}
-    series |= {
-        name: denoised_rate(line.t, at.inputs[:, model.input(of)], drive.tracked.act)
-        for name, of in rates.items()
-        if of in series
-    }
-    series |= {name: np.maximum.accumulate(series[of]) for name, of in machine.peaks.items()}
-    series[ENERGY] = np.cumsum(values[-1] * spans)
-    series[TIME] = line.t
-    return series
+    return series | dict(zip(quantities, values, strict=False)), values[-1]
 
 
 def _without_noise(drive: PreparedDrive, states: Floats) -> Floats:
