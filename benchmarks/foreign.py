@@ -5,8 +5,7 @@ machines/tanks/run.py wrote.  Each draw simulates a record of the discovery inpu
 vehicle and noise drawn in blocks, and asks discover; the shard goes on where it ended.  The tanks'
 residuals are slow: innovations of an autoregression are drawn, and added to the level.  The emps is
 simulated under its own controller, disturbed by a force (machines/emps/closed_loop.py), and so is
-the servo (machines/servo/closed_loop.py), whose RESULT is the folder of the first discovery: later
-curves, of the duty's timing, are not simulated.
+the servo (machines/servo/closed_loop.py).
 A finding there is a false alarm: its share, with the interval of Clopper and Pearson, is printed.
 """
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import runpy
 import sys
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -12,6 +13,8 @@ import pytest
 from scipy.signal import lfilter
 
 from clutchest.identify.fitted_machine import FittedMachine
+from clutchest.machine import Observed
+from clutchest.models.thresholds import Thresholds
 from clutchest.reading import read_log
 from foreign_machines import MACHINES, module, vehicle
 
@@ -35,6 +38,19 @@ def test_the_level_beyond_the_sensors_end_is_known_from_the_simulation():
     level = np.array([2.0, 9.9, 10.5, 12.0])
     reading = level - np.array([float(above(x, 10.0)) for x in level])
     assert foreign["unlimited"](reading) == pytest.approx(level, abs=1e-3)
+
+
+def test_the_servos_equations_do_not_hold_where_it_turns():
+    """Nor where it is slow, nor for as long around as the means of a reading reach."""
+    time, signals = 0.025 * np.arange(60), {}
+    signals["speed"] = np.where(time < 0.5, 2.0, -2.0)
+    signals["speed"][50] = -0.1
+    nothing = np.zeros(len(time), bool)
+    observed = Observed(time, signals.get, nothing, nothing, {}, Thresholds())
+    free = module("servo", "sts3215").turning(observed).free_running
+    assert np.flatnonzero(~free).tolist() == [*range(17, 23), *range(48, 53)]
+    signals["speed"] = np.full(len(time), 2.0)
+    assert module("servo", "sts3215").turning(observed).free_running.all()
 
 
 @pytest.fixture
@@ -73,6 +89,11 @@ def test_draws_of_the_servo_are_of_the_numbers_that_made_them(servo, tmp_path):
     fitted = FittedMachine.of(signals, car)
     loop = servo.Loop.of(runs, fitted)
     assert (loop.late, loop.rate) == (0, np.inf)
+    calm = read(replace(loop, spectrum=0.0 * loop.spectrum).drawn(1))
+    own = FittedMachine.of(calm, car)
+    error = np.concatenate([each.error for each in own.predicted(calm, "speed")])
+    assert np.sqrt(np.mean(error**2)) < 0.005  # rad/s: what is drawn is what is reported
+    assert own.numbers["armature"] == pytest.approx(fitted.numbers["armature"], rel=0.02)
     first, again, other = (loop.drawn(seed) for seed in (1, 1, 2))
     pd.testing.assert_frame_equal(first[0], again[0])
     assert np.std(first[0]["speed"] - other[0]["speed"]) > 1e-4
