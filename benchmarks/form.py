@@ -7,7 +7,8 @@ Drives of five minutes by other trucks in the blind suite's scenarios and noises
 of the library in turn, of sizes from a tenth of the largest plausible one to all of it; where a
 cause improves the fit by 2 Δ ln L of 40 or more it is taken for named, and its form is tested.
 ``near``: the suite's near misses in turn, a quarter or half as large as the class may be; they are
-searched for as ``discover`` does without a drive held out.  Finished cases are lines of JSON in DIR
+searched for as ``discover`` does without a drive held out; a second table is of those that the
+suite's oracle can tell from effects of the library.  Finished cases are lines of JSON in DIR
 and are not run again.
 """
 
@@ -29,6 +30,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from blind.drives import NOISES, Drive
 from blind.near_misses import NEAR_MISSES
+from blind.oracle import Oracle
+from blind.outsiders import Outsider
 from blind.plan import gains
 
 from clutchest.discovery.answer import causes_of, distorted, where_of
@@ -46,6 +49,7 @@ from clutchest.signals import Signals
 LEAST = 0.1  # of the largest plausible size
 NAMED = 40.0  # 2 Δ ln L
 RIGHT, NEAR = 310_000, 320_000  # seeds from here on
+TOLD = 8.0  # distance, squared, of what can be told from every effect of the library
 SHARES = 0.25, 0.5  # of the largest size of a near miss
 Record = dict[str, Any]
 
@@ -113,18 +117,21 @@ def near(name: str) -> Record:
     outsider = kind(float(random.choice(SHARES)) * kind.largest, float(random.uniform()))
     problem = problem_of(drive.signals(outsider=outsider), drive)
     verdict = judge(begin(problem), None, None)
+    search = verdict.search
     causes = causes_of(verdict) if verdict.name in ("named", "ambiguous") else ()
     peaks = drive.vehicle.machine.peaks
     said = verdict.name
     where = where_of(said, causes, verdict.errors, verdict.others, peaks)
-    if said == "none":
-        null = verdict.search.objective.linearise_at(verdict.search.null.fit.theta)
-        fit = goodness_of_fit(problem, verdict.search.objective.less_scatter(null))
-        said, where = ("unknown", distorted(fit)) if fit.rejects else (said, where)
+    best = verdict.best if causes else search.null
+    again = search.objective.linearise_at(best.fit.theta, best.fit.shapes)
+    fit = goodness_of_fit(problem, search.objective.less_scatter(again))
+    if said != "unknown" and fit.outweighs(search.null.cost - best.cost):
+        said, where, causes = "unknown", distorted(fit), ()
     return {
         "scenario": drive.scenario,
         "noise": drive.noise,
         "size": outsider.size / kind.largest,
+        "distance": None if said == "none" else distance(drive, outsider, said, verdict.sets),
         "verdict": said,
         "causes": [c.effect for c in causes],
         "forms": [c.form.state for c in causes],
@@ -134,6 +141,18 @@ def near(name: str) -> Record:
         "errors": where.errors if where else [],
         "expected": [kind.equations(), kind.drivers],
     }
+
+
+def distance(drive: Drive, outsider: Outsider, said: str, sets: Sequence[CauseSet]) -> float:
+    """By how many standard deviations the oracle parts a near miss from the effect of the library
+    that comes nearest, or from what it was taken for where that is nearer."""
+    oracle = Oracle(drive)
+    twin = oracle.twin(outsider=outsider)
+    found = [min(oracle.nearest(twin, whole=False).values())]
+    for h in sets if said in ("named", "ambiguous") else ():
+        shapes = {(c.name, key): value for c in h.causes for key, value in c.shapes}
+        found.append(oracle.distance(twin, h.effects, shapes))
+    return min(found)
 
 
 def names(which: str, count: int) -> list[str]:
@@ -151,18 +170,26 @@ def tell(which: str, records: Sequence[Record]) -> None:
             "form refuted": [r["form"] == "refuted" for r in records],
         }
     else:
-        rates = {
-            "unknown, or form refuted": [
-                r["verdict"] == "unknown" or "refuted" in r["forms"] for r in records
-            ],
-            "equation": [r["equation"] in r["expected"][0] for r in records],
-            "driver in the first two": [
-                bool(set(r["expected"][1]) & set((r["drivers"] or [])[:2])) for r in records
-            ],
-        }
+        records = [r for r in records if r["verdict"] != "none"]
+        rates = _rates_of_near(records)
+        told = [r for r in records if r["distance"] ** 2 >= TOLD]
+        rates |= {f"of those told, {what}": hits for what, hits in _rates_of_near(told).items()}
     for what, hits in rates.items():
         limits = binomtest(sum(hits), len(hits)).proportion_ci(0.95, "exact")
-        print(f"{what:28}{sum(hits):4} of {len(hits)}  [{limits.low:.3f}, {limits.high:.3f}]")
+        print(f"{what:40}{sum(hits):4} of {len(hits)}  [{limits.low:.3f}, {limits.high:.3f}]")
+
+
+def _rates_of_near(records: Sequence[Record]) -> dict[str, list[bool]]:
+    """Of near misses in which something is found, by what is asked."""
+    return {
+        "unknown, or form refuted": [
+            r["verdict"] == "unknown" or "refuted" in r["forms"] for r in records
+        ],
+        "equation": [r["equation"] in r["expected"][0] for r in records],
+        "driver in the first two": [
+            bool(set(r["expected"][1]) & set((r["drivers"] or [])[:2])) for r in records
+        ],
+    }
 
 
 def main() -> None:

@@ -72,14 +72,14 @@ class Oracle:
 
     # --- distances ---------------------------------------------------------------------------
 
-    def distance(self, twin: Seen, causes: Sequence[str] = ()) -> float:
-        """d′ of a twin from the nearest sizes of the effects ``causes`` acting together; from the
-        model without a cause where there are none."""
+    def distance(self, twin: Seen, causes: Sequence[str] = (), shapes: Shapes = NOMINAL) -> float:
+        """d′ of a twin from the nearest sizes of the effects ``causes`` acting together in these
+        ``shapes``; from the model without a cause where there are none."""
         begin = self._fit(twin)
         if not causes:
             return begin.distance
         # from where the drive began, and from the numbers that come nearest without a cause
-        return min(self._fit(twin, causes, begin=z).distance for z in (None, begin.z))
+        return min(self._fit(twin, causes, shapes, z).distance for z in (None, begin.z))
 
     def nearest(
         self, twin: Seen, beside: Sequence[str] = (), *, whole: bool = True

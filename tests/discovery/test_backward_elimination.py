@@ -17,6 +17,7 @@ class Reducible:
     rivals: tuple
     by_count: dict
     tied: tuple = ()
+    null: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(cost=100.0))
     problem: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(discrepancies=()))
 
     def released(self, h):
@@ -120,3 +121,10 @@ def test_a_curve_must_explain_more_than_what_was_dropped(monkeypatch, worth, unn
     assert said.name == ("unknown" if unnamed else "named")
     assert said.dropped == ["b"]
     assert verdict._verdict(search, {}, [curve], {}).name == "unknown"
+
+
+@pytest.mark.parametrize(("causes", "least"), [(1, 110.0), (2, 100.0), (3, 90.0)])
+def test_one_curve_outranks_causes_the_sooner_the_more_they_are(causes, least):
+    for worth, outranks in ((least - 1.0, False), (least + 1.0, True)):
+        curves = [SimpleNamespace(worth=worth), SimpleNamespace(worth=0.0)]
+        assert verdict._better_as_curve(100.0, causes, curves) == outranks

@@ -238,3 +238,15 @@ def test_noise_far_above_what_is_stated_is_said():
     assert found.sentence.startswith("No error is detectable, but an error may pass for noise")
     times = float(found.sentence.partition("zero_position ")[2].partition(" times")[0])
     assert 4.0 < times < 6.0
+
+
+@pytest.mark.parametrize(("explained", "doubted"), [(0.0, True), (20.0, True), (1000.0, False)])
+def test_what_is_left_casts_doubt_on_what_explains_less(explained, doubted):
+    residuals = white(np.random.default_rng(3))
+    bent = np.where(np.arange(len(residuals)) // LONG % 2 == 0, 0.3, -0.3)
+    found = fit(series(residuals + bent))
+    assert found.rejects and found.outweighs(explained) == doubted
+
+
+def test_noise_casts_doubt_on_nothing():
+    assert not fit(series(white(np.random.default_rng(3)))).outweighs(0.0)

@@ -99,7 +99,7 @@ def where_of(
 ) -> Where | None:
     """The equation, and covariates ranked by how likely an error is that correlates with them; a
     state stands for its ``peaks`` as well; ``others``: curves of other equations with errors.
-    Where the form of a cause is refuted, that is the error, over its driver first."""
+    Where forms are refuted, that which is most surely is the error, over its driver first."""
     if verdict == "none":
         return None
     if verdict == "unknown":
@@ -108,11 +108,12 @@ def where_of(
             for each in (errors, *others)
         )
         return replace(first, others=tuple(also))
-    wrong = next((c for c in causes if c.form.refuted and c.form.curve is not None), None)
-    if wrong is None or wrong.form.curve is None:
+    curves = {c.effect: c.form.curve for c in causes if c.form.refuted and c.form.curve is not None}
+    if not curves:
         return _where(causes[0].equation, errors, peaks)
+    wrong = min((c for c in causes if c.effect in curves), key=lambda c: c.form.p_value or 0.0)
     of = _where(wrong.equation, errors, peaks)
-    names = dict.fromkeys([wrong.form.curve.covariate, *of.covariates])
+    names = dict.fromkeys([curves[wrong.effect].covariate, *of.covariates])
     return Where(of.equation, tuple(names))
 
 

@@ -160,6 +160,11 @@ class _Outcome:
         )
 
     @property
+    def doubted(self) -> _Outcome:
+        """The same where residuals are not noise, more surely than what was found is not."""
+        return replace(self, name="unknown", curve=None, gain=None, added={})
+
+    @property
     def named(self) -> bool:
         """Whether causes have names."""
         return self.name in ("named", "ambiguous")
@@ -186,18 +191,20 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
     after = verdict.best.fit if outcome.named else before
     task.show("testing the residuals")
     fit, fit_extended = _tested(search, [before, after] if outcome.named else [before])
+    left = fit_extended or fit
+    if doubted := outcome.name != "unknown" and left.outweighs(search.null.cost - after.cost):
+        outcome, after, fit_extended = outcome.doubted, before, None
     causes = outcome.with_forms(causes_of(verdict)) if outcome.named else ()
-    machine = task.vehicle.machine
-    where = where_of(outcome.name, causes, outcome.errors, verdict.others, machine.peaks)
-    if outcome.name == "none" and fit.rejects:
-        outcome, where = replace(outcome, name="unknown"), distorted(fit)
+    peaks = task.vehicle.machine.peaks
+    where = where_of(outcome.name, causes, outcome.errors, verdict.others, peaks)
+    where = distorted(left) if doubted else where
     excited = any(each.excited for each in identifiable)
     above = loud(after, search.objective) if outcome.name == "none" else {}
     extended, curve, refused = _extended(task, verdict, outcome, causes)
     return Discovery(
         vehicle=task.vehicle,
         verdict=outcome.name,
-        sentence=sentence(outcome.name, verdict.sets, causes, where, fit, above, excited),
+        sentence=sentence(outcome.name, verdict.sets, causes, where, left, above, excited),
         causes=causes,
         sets=tuple(h.effects for h in verdict.sets) if outcome.named else (),
         rivals=rivals_of(problem, verdict) if outcome.named else (),
@@ -221,9 +228,7 @@ def _answer(task: _Task, on_identifiability: OnIdentifiability | None) -> Discov
         ),
         provenance=_provenance(task, problem),
         hypotheses=hypotheses(verdict, outcome.name, causes, task.own),
-        strongest=strongest_of(outcome.errors, machine.peaks)
-        if where is None or where.distorted
-        else None,
+        strongest=strongest_of(outcome.errors, peaks) if where is None or where.distorted else None,
     )
 
 

@@ -30,6 +30,7 @@ from clutchest.signals import Floats
 
 DRAWS = 1000  # of data with nothing but noise
 REJECTED = 0.001  # p-value below which the model does not fit
+LEAST = 1e-300  # p-value of which a logarithm is taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,11 @@ class GoodnessOfFit:
     def rejects(self) -> bool:
         """Whether the residuals are more than noise."""
         return self.p_value is not None and self.p_value < REJECTED
+
+    def outweighs(self, explained: float) -> bool:
+        """Whether residuals are not noise, more surely than that is which causes ``explained``, 2 Δ
+        ln L: these do not name what is wrong, whatever they are."""
+        return self.rejects and -2.0 * np.log(max(self.tests[0].p_value, LEAST)) > explained
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,9 +25,10 @@ def sentence(
     loud: Mapping[str, float],
     excited: bool,
 ) -> str:
-    """The answer in words, with the sizes of the ``causes``; ``fit`` of the model without a cause;
-    ``loud``: sensors whose residuals are so many times their stated noise, in which an error may
-    be; ``excited``: whether the data could show any cause at all."""
+    """The answer in words, with the sizes of the ``causes``; ``fit`` of the model without a cause,
+    or with those that were found where residuals are not noise even so; ``loud``: sensors whose
+    residuals are so many times their stated noise, in which an error may be; ``excited``: whether
+    the data could show any cause at all."""
     if verdict == "none" and not excited:
         return "These data excite no known cause: they neither confirm nor refute the model."
     if verdict == "none" and loud:
@@ -42,7 +43,7 @@ def sentence(
         assert where is not None
         if where.distorted:
             return (
-                "No error of the equations is detectable, but the residuals are not noise: "
+                "No error of the equations is established, but the residuals are not noise: "
                 f"{fit.tests[0].words}."
             )
         errors = [

@@ -123,10 +123,9 @@ def _verdict(
     p = errors[0].p_value if errors else 1.0
     forms = tested_forms(search, best)
     unnamed = unnamed and not _by_form(search, best, forms)
-    if len(best.causes) > 1:  # one curve may explain as much as several causes
-        errors = _residual_errors(search, search.null)
-        most = max((curve.worth for curve in errors), default=0.0)
-        unnamed |= most > search.null.cost - best.cost
+    if best.causes:  # one curve may explain as much as several causes, or more than one
+        errors = _residual_errors(search, search.null)  # by the noise of the best
+        unnamed |= _better_as_curve(search.null.cost - best.cost + denied, len(best.causes), errors)
     unnamed |= any(
         not _of_right_family(search, best, effect, forms[effect], errors)
         for effect in best.effects
@@ -155,6 +154,14 @@ def _verdict(
         forms,
         several[1:],
     )
+
+
+def _better_as_curve(explained: float, causes: int, errors: Sequence[Curve]) -> bool:
+    """Whether one curve of the ``errors`` without a cause explains clearly more than one cause
+    did, as much as two, or nearly as much as three, each chosen among many; ``explained``:
+    2 Δ ln L."""
+    most = max((curve.worth for curve in errors), default=0.0)
+    return most > explained + CLOSE * (2 - causes)
 
 
 def _by_form(search: Search, best: CauseSet, forms: Mapping[str, TestedForm]) -> bool:

@@ -9,7 +9,15 @@ from clutchest.models.error_terms import ErrorTerm
 
 # A reading that the equations take as an input is corrected, so that there the sign turns.
 _ENGINES_MAP = ("engine_speed", "engine_torque", "coolant_temp", "ambient_temp")
-_ACTUATOR = ("slave_position", "position_rate", "temp_housing", "ambient_temp", "time")
+# What is bolted to an engine is shaken by it.
+_ACTUATOR = (
+    "slave_position",
+    "position_rate",
+    "engine_speed",
+    "temp_housing",
+    "ambient_temp",
+    "time",
+)
 _WEARS = (  # and creeps, and swells; how fast the engine or the truck goes does nothing to it
     "slip_speed",
     "slave_position",
