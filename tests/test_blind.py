@@ -184,7 +184,7 @@ def test_an_outsider_acts_where_it_says(drives, plain, name):
         assert np.array_equal(value, nothing.signals[signal][1]), signal
 
 
-def test_near_misses_are_enough_and_half_of_them_in_no_list():
+def test_near_misses_are_enough_and_six_of_them_in_no_list():
     """What is said to be in no list is no error term over that driver."""
     from blind.near_misses import NEAR_MISSES
     from blind.outsiders import OUTSIDERS

@@ -235,7 +235,7 @@ class ShakenSensor(NearMiss):
     """The position sensor rectifies the engine's shaking about one resonance."""
 
     name, equation, drivers = "shaken_sensor", "sensor:slave_position", ("engine_speed",)
-    others, listed = ("zero_position",), False
+    others = ("zero_position",)  # listed since it was missed
     unit, largest = "mm", 0.6
 
     def readings(self, true: Readings) -> Readings:
