@@ -77,6 +77,9 @@ def test_the_noise_of_a_current_that_settles_at_once_is_no_error_of_the_motor() 
     (curve,) = replace(at, fit=fit).tested(Nuisances(fit, *nuisances), tables, 3)
     assert curve.worth < 0.0
     assert curve.p_value > 0.01
+    nothing = [tables[0]._replace(negligible=1e9)]  # it is none, but it has been looked at
+    (curve,) = replace(at, fit=fit).tested(Nuisances(fit, *nuisances), nothing, 3)
+    assert not curve.coefficients.any()
 
 
 def test_coefficients_have_no_variance_where_the_data_inform_too_little() -> None:

@@ -290,10 +290,10 @@ def _judged(
     for (table, columns), least in zip(some, negligible, strict=True):
         own = np.ix_(columns, columns)
         information, score = c.information[own], c.score[columns]
-        spread = covariance(information, least)
-        rank = float(np.trace(spread @ information))
-        if rank < 0.1:
+        spread, any_spread = (covariance(information, each) for each in (least, 0.0 * least))
+        if np.trace(any_spread @ information) < 0.1:
             continue
+        rank = float(np.trace(spread @ information))
         rare = 2.0 * np.log(choices[table.equation])
         most = np.maximum(most, evidence(null[:, columns], information, least) - rare)
         best, dispersion = spread @ score, 1.0
