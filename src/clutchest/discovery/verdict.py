@@ -123,7 +123,8 @@ def _verdict(
     p = errors[0].p_value if errors else 1.0
     forms = tested_forms(search, best)
     unnamed = unnamed and not _by_form(search, best, forms)
-    if best.causes:  # one curve may explain as much as several causes, or more than one
+    held = any(not tested.form.refuted for tested in forms.values())
+    if len(best.causes) > 1 or held:  # one curve may explain as much as several, or more than one
         errors = _residual_errors(search, search.null)  # by the noise of the best
         unnamed |= _better_as_curve(search.null.cost - best.cost + denied, len(best.causes), errors)
     unnamed |= any(
