@@ -190,10 +190,11 @@ class CurvesAt:
     def _by_noise(self, table: CandidateCurve) -> Floats:
         """Derivatives (K, c) by what a curve would be with the noise that its covariate lacks, less
         what it is.  A parameter by which the model has a straight curve holds that noise, which is
-        in the innovations as well: what is left of the two beside each other is no error."""
+        in the innovations as well: what is left of the two beside each other is no error.  No rows
+        where it lacks none."""
         name, columns = table.covariate, np.arange(len(table.at))
         if not all(name in noise for noise in self.noise):
-            return np.zeros((len(self.fit.r), len(columns)))
+            return np.zeros((0, len(columns)))
         drives = zip(self.values, self.noise, strict=True)
         off = [
             hats(v[name] + noise[name], table.at) - hats(v[name], table.at) for v, noise in drives
@@ -290,9 +291,9 @@ def _judged(
     for (table, columns), least in zip(some, negligible, strict=True):
         own = np.ix_(columns, columns)
         information, score = c.information[own], c.score[columns]
-        spread, any_spread = (covariance(information, each) for each in (least, 0.0 * least))
-        if np.trace(any_spread @ information) < 0.1:
+        if np.trace(covariance(information, 0.0 * least) @ information) < 0.1:
             continue
+        spread = covariance(information, least)
         rank = float(np.trace(spread @ information))
         rare = 2.0 * np.log(choices[table.equation])
         most = np.maximum(most, evidence(null[:, columns], information, least) - rare)
