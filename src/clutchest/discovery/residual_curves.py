@@ -184,8 +184,8 @@ class CurvesAt:
         least = min((curve.p_value for curve in found), default=1)
         if len(self.fit.r) > LONGEST or least > INSIGNIFICANT:
             return found
-        colour = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
-        return self._tested(beside, tables, seed, colour)
+        noise = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
+        return self._tested(beside, tables, seed, noise)
 
     def _by_noise(self, table: CandidateCurve) -> Floats:
         """Derivatives (K, c) by what a curve would be with the noise that its covariate lacks, less

@@ -52,9 +52,10 @@ def noise_in_derivatives(
     if not len(settling):
         return {}
     mean = _without_noise(drive, at.states)
-    mean[:, settling] = at.states[:, settling]
-    read, _ = _series(drive, at, mean)
-    without, _ = _series(drive, at, _without_noise(drive, at.states))
+    as_they_are = mean.copy()
+    as_they_are[:, settling] = at.states[:, settling]
+    read, _ = _series(drive, at, as_they_are)
+    without, _ = _series(drive, at, mean)
     return {n: v - smooth[n] for n, v in read.items() if np.any(v != without[n])}
 
 

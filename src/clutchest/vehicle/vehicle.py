@@ -27,6 +27,11 @@ FALSE_ALARMS = 1.0  # per 1000 h, unless a vehicle file has another number
 SPEED = "m/s"  # of the road
 
 
+def _says_guess(source: str) -> bool:
+    """Whether a number is a guess by what its source says."""
+    return source.lower().startswith("guess")
+
+
 @dataclass(frozen=True, slots=True)
 class BusSignal:
     """One signal on the bus: the DBC's names, and the bus unit the file claims for it."""
@@ -101,12 +106,12 @@ class SignalMap:
     @property
     def noise_guessed(self) -> bool:
         """Whether the noise is a guess, by its source."""
-        return self.noise_source.lower().startswith("guess")
+        return _says_guess(self.noise_source)
 
     @property
     def reference_guessed(self) -> bool:
         """Whether the torque that 100 % stands for is a guess, by its source."""
-        return self.reference_source.lower().startswith("guess")
+        return _says_guess(self.reference_source)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +126,7 @@ class ParameterValue:
     @property
     def guessed(self) -> bool:
         """Whether the value is a guess, by its source."""
-        return self.source.lower().startswith("guess")
+        return _says_guess(self.source)
 
 
 @dataclass(frozen=True, slots=True)
