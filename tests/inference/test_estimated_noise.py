@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from clutchest.inference import estimated_noise
 from clutchest.inference.estimated_noise import LONGEST, EstimatedNoise, with_estimated_noise
-from clutchest.inference.noise_model import NoiseModel, Stretches
-from clutchest.inference.score_test import ScoreTest, score_test
+from clutchest.inference.noise_model import FEWEST, NoiseModel, Stretches
+from clutchest.inference.score_test import Projection, ScoreTest, score_test
 from clutchest.inference.white_linearisation import Linearisation
 from clutchest.signals import Floats
 
@@ -94,3 +96,45 @@ def test_coloured_noise_is_what_whitening_undoes():
     slow = lfilter([1.0], [1.0, -1.2, 0.5], rng.standard_normal((600, 3)), axis=0)
     model = NoiseModel.fit([stretches], [slow[:, 0]])
     np.testing.assert_allclose(model.coloured(stretches, model.whiten(stretches, slow)), slow)
+
+
+def test_scores_of_draws_are_those_of_all_that_is_left_of_each(monkeypatch):
+    """By whole information matrices, with nuisances that have a prior and some that have none."""
+    monkeypatch.setattr(estimated_noise, "DRAWS", 8)
+    record, known = Record.drawn(4), np.repeat([0.0, 2.0], NUISANCES // 2)
+    projection = Projection.of(record.lin, np.arange(NUISANCES), known)
+    every = np.column_stack([projection.psi, record.columns])
+    noise, given = record.noise, (projection, record.columns, every)
+    found = noise.scores(*given, np.random.default_rng(6))
+
+    rng = np.random.default_rng(6)
+    drawn = noise.restored(projection.r, every).coloured(rng.choice(projection.r, (READINGS, 8)))
+    white = noise.whitened(noise.model, drawn)
+    inner = every.T @ every + (1.0 + 1e-9) * np.eye(every.shape[1])
+    rest = noise.coloured(white - every @ np.linalg.solve(inner, every.T @ white))
+    for score, each, left in zip(found, drawn.T, rest.T, strict=True):
+        model = noise.estimated(left)
+        r = noise.whitened(model, each[:, None])[:, 0]
+        own = noise.whitened(model, noise.coloured(every))
+        psi, columns = np.split(own, [NUISANCES], axis=1)
+        c = Projection(r, psi, np.zeros(NUISANCES), known, psi.T @ psi).out_of(columns.copy())
+        expected = c.score + rng.standard_normal(len(c.away)) @ c.away
+        np.testing.assert_allclose(score, expected / np.sqrt(np.diag(c.information)), atol=1e-9)
+
+
+def test_scores_take_no_product_of_all_causes_with_all(monkeypatch):
+    """Of causes by themselves the variance counts, not how they resemble each other."""
+    monkeypatch.setattr(estimated_noise, "DRAWS", 3)
+    causes, rng = 3000, np.random.default_rng(7)
+    stretch = one_stretch(FEWEST)
+    r, psi = rng.standard_normal(FEWEST), rng.standard_normal((FEWEST, 2))
+    noise = EstimatedNoise(NoiseModel.fit([stretch], [r]), [stretch])
+    projection = Projection(r, psi, np.zeros(2), np.ones(2), psi.T @ psi)
+    columns = rng.standard_normal((FEWEST, causes))
+    tracemalloc.start()
+    try:
+        noise.scores(projection, columns, psi, rng)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 0.5 * causes**2 * columns.itemsize

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from clutchest.inference.noise_model import FEWEST, GAP, ORDER, NoiseModel, Stretches
+from clutchest.inference.noise_model import FEWEST, GAP, ORDER, NoiseModel, Stretches, sums
 from clutchest.signals import Floats
 
 FIRST, SECOND = 1.2, -0.4  # x_k = FIRST x_{k−1} + SECOND x_{k−2} + e_k
@@ -187,3 +187,17 @@ def test_colour_of_nothing_known_is_white():
 def test_a_record_without_readings_has_no_noise():
     nothing = Stretches(np.zeros(0, np.int64), np.zeros(0, np.int64))
     assert not len(NoiseModel.fit([nothing], [np.zeros(0)]).groups)
+
+
+def test_lagged_products_are_taken_within_stretches_in_the_mean_of_columns():
+    """Two drives with two sensors each, and a hole in one."""
+    rng = np.random.default_rng(11)
+    time = np.concatenate([np.arange(30), np.arange(40, 60), np.arange(25)]) * PERIOD
+    drive = Stretches.of(time, np.repeat([0, 1], [50, 25]), np.zeros(75, np.int64))
+    errors = [rng.standard_normal((75, 4)), rng.standard_normal((75, 4))]
+    lagged, count = sums([drive, drive], errors)
+    np.testing.assert_array_equal(count, [100, 50])
+    for i, stretches in enumerate([[(0, 30), (30, 50)], [(50, 75)]]):
+        for lag in range(ORDER + 1):
+            parts = [e[a + lag : b] * e[a : b - lag] for e in errors for a, b in stretches]
+            assert lagged[i, lag] == pytest.approx(np.concatenate(parts).sum() / 4)

@@ -84,6 +84,10 @@ class EstimatedNoise:
         pairs = zip(self.stretches, parts, strict=True)
         return np.concatenate([function(s, np.ascontiguousarray(part)) for s, part in pairs])
 
+    def _whiten_in_place(self, model: NoiseModel, values: Floats) -> None:
+        for s, part in zip(self.stretches, np.split(values, self._edges), strict=True):
+            model.whiten_in_place(s, part)
+
     def scores(
         self, projection: Projection, columns: Floats, every: Floats, rng: np.random.Generator
     ) -> Floats:
@@ -96,15 +100,16 @@ class EstimatedNoise:
         drawn = self.restored(r, every).coloured(rng.choice(r, (len(r), DRAWS)))
         white = self.whitened(self.model, drawn)
         rest = self.coloured(white - every @ np.linalg.solve(inner, every.T @ white))
-        basis = self.coloured(np.column_stack([psi, columns]))
-        null = np.zeros((DRAWS, columns.shape[1]))
+        basis = self.coloured(np.column_stack([psi, columns, projection.r]))
+        own, null = np.empty_like(basis), np.zeros((DRAWS, columns.shape[1]))
         for k in range(DRAWS):
-            own = self.whitened(self.estimated(rest[:, k]), np.column_stack([basis, drawn[:, k]]))
+            own[:], own[:, -1] = basis, drawn[:, k]
+            self._whiten_in_place(self.estimated(rest[:, k]), own)
             free = own[:, : psi.shape[1]]
             of_draw = Projection(own[:, -1], free, np.zeros(psi.shape[1]), known, free.T @ free)
-            c = of_draw.out_of(own[:, psi.shape[1] : -1].copy())
+            c = of_draw.apart(own[:, psi.shape[1] : -1])
             score = c.score + rng.standard_normal(len(c.away)) @ c.away
-            null[k] = score / np.sqrt(np.maximum(np.diag(c.information), 1e-300))
+            null[k] = score / np.sqrt(np.maximum(c.variance, 1e-300))
         return null
 
 

@@ -140,13 +140,12 @@ def sums(stretches: Sequence[Stretches], errors: Sequence[Floats]) -> tuple[Floa
     groups = np.unique(np.concatenate([s.group for s in stretches]))
     lagged, count = np.zeros((len(groups), ORDER + 1)), np.zeros(len(groups))
     for s, e in zip(stretches, errors, strict=True):
-        table = e if e.ndim == 2 else e[:, None]
-        for i, which in enumerate(groups):
-            inside = s.group == which
-            count[i] += np.count_nonzero(inside)
-            for lag in range(ORDER + 1):
-                rows = np.flatnonzero(inside & (s.place >= lag))
-                lagged[i, lag] += np.vdot(table[rows], table[rows - lag]) / table.shape[1]
+        of = np.searchsorted(groups, s.group)
+        table = np.ascontiguousarray(e, np.float64).reshape(len(e), prod(e.shape[1:]))
+        count += np.bincount(of, minlength=len(groups))
+        own = np.zeros_like(lagged)
+        _lagged(table, of, s.place, own)
+        lagged += own / table.shape[1]
     return lagged, count
 
 
@@ -167,6 +166,17 @@ def _levinson(covariance: Floats, longest: int, count: int) -> tuple[Floats, Flo
     best = int(np.argmin(criterion))
     weights[best:], variance[best:] = weights[best], variance[best]
     return weights, np.sqrt(variance)
+
+
+@compiled
+def _lagged(errors: Floats, of: NDArray, place: NDArray, lagged: Floats) -> None:
+    longest = lagged.shape[1] - 1
+    for k in range(len(errors)):
+        for lag in range(min(place[k], longest) + 1):
+            total = 0.0
+            for c in range(errors.shape[1]):
+                total += errors[k, c] * errors[k - lag, c]
+            lagged[of[k], lag] += total
 
 
 @compiled

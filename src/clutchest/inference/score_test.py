@@ -115,6 +115,16 @@ class Projected:
 
 
 @dataclass(frozen=True, slots=True)
+class Apart:
+    """Of each of C columns with nuisances taken out: ``score`` (C), its ``variance`` (C), and
+    ``away`` (q, C) as :class:`Projected` has it."""
+
+    score: Floats
+    variance: Floats
+    away: Floats
+
+
+@dataclass(frozen=True, slots=True)
 class Projection:
     """Takes out of columns what nuisances explain of them: of innovations ``r`` (K), nuisances
     ``theta`` (n) of precision ``known`` (n), by which the derivatives are ``psi`` (K, n)."""
@@ -133,15 +143,28 @@ class Projection:
 
     def out_of(self, columns: Floats) -> Projected:
         """Of ``columns`` (K, C), which are used up."""
+        weight, priced, score = self._taken_out_of(columns)
+        information = columns.T @ columns + weight.T @ priced
+        return Projected(weight, columns, score, information, priced[self.known > 0.0])
+
+    def apart(self, columns: Floats) -> Apart:
+        """The same of each column by itself, and of its information the variance alone."""
+        weight, priced, score = self._taken_out_of(columns)
+        variance = np.einsum("kc,kc->c", columns, columns) + (weight * priced).sum(axis=0)
+        return Apart(score, variance, priced[self.known > 0.0])
+
+    def _taken_out_of(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
+        """What nuisances explain of ``columns`` (K, C) taken out of them in place; how much each
+        nuisance stands in for a column (n, C), the same by its precision, and scores (C).
+
+        Information is made of sums of squares of what is left, not of differences: nuisances may
+        take up all but a billionth of a column.
+        """
         inner = self.information + np.diag(self.known + 1e-9)
         weight = np.asarray(np.linalg.solve(inner, self.psi.T @ columns), np.float64)
         add_product(columns, self.psi, -weight)
-        pure = columns
-        # sums of squares, not differences: nuisances may take up all but a billionth of a column
         priced = self.known[:, None] * weight
-        information = pure.T @ pure + weight.T @ priced
-        score = priced.T @ self.theta - pure.T @ self.r
-        return Projected(weight, pure, score, information, priced[self.known > 0.0])
+        return weight, priced, priced.T @ self.theta - columns.T @ self.r
 
 
 def resampled_scores(r: Floats, pure: Floats, draws: int, rng: np.random.Generator) -> Floats:
