@@ -93,45 +93,6 @@ class SpillCaught(cm.Effect):
         }
 
 
-class SpillShared(cm.Effect):
-    """Above its ``rim`` the upper tank spills ``rate`` × excess, of which the lower one catches a
-    ``share``, and the rest is lost: so the benchmark's description."""
-
-    name, equation = "spill_shared", "upper"
-    parameters = (
-        cm.Number("rate", "1/s", 0.0, 0.3, trials=(0.03, 0.1)),
-        cm.Number("rim", "V", 5.0, 13.0, shape=True, default=10.0, grid=(8.5, 9.25, 10.0, 10.75)),
-        cm.Number("share", "1", 0.0, 1.0, shape=True, default=0.5, grid=(0.35, 0.7)),
-    )
-
-    def terms(self, g):
-        return {
-            "spilled": lambda s, q: s + spilling(g, q),
-            "caught": lambda flow, q: flow + g.share * spilling(g, q),
-        }
-
-
-class SpillWeir(cm.Effect):
-    """Over its ``rim`` the upper tank spills as over a weir, ``flow`` × excess^1.5, of which the
-    lower one catches a ``share``."""
-
-    name, equation = "spill_weir", "upper"
-    parameters = (
-        cm.Number("flow", "1/(s V^0.5)", 0.0, 1.0, trials=(0.05, 0.2)),
-        cm.Number("rim", "V", 5.0, 13.0, shape=True, default=10.0, grid=(8.5, 9.25, 10.0, 10.75)),
-        cm.Number("share", "1", 0.0, 1.0, shape=True, default=1.0, grid=(0.5, 0.95)),
-    )
-
-    def terms(self, g):
-        def spilling(q):
-            return g.flow * above(q.upper, g.rim) ** 1.5
-
-        return {
-            "spilled": lambda s, q: s + spilling(q),
-            "caught": lambda flow, q: flow + g.share * spilling(q),
-        }
-
-
 class LowerSpill(cm.Effect):
     """Above its ``rim`` the lower tank spills ``rate`` × excess."""
 
@@ -266,8 +227,6 @@ MACHINE = cm.Machine.of(
     effects=(
         SpillLost(),
         SpillCaught(),
-        SpillShared(),
-        SpillWeir(),
         LowerSpill(),
         Leak(),
         PumpCurve(),
