@@ -16,8 +16,9 @@ def city(**more):
     ("more", "said"),
     [
         ({"duratoin": 5.0}, "simulate has no option 'duratoin'; did you mean 'duration'"),
+        ({"seed": -1}, "seed -1: expected a whole number, 0 or more"),
         ({"duration": "x"}, "duration 'x': expected a number, s"),
-        ({"seed": 1.5}, "seed 1.5: expected a whole number, 0 or more"),
+        ({"seed": 1.5}, "seed: expected a whole number, not 1.5"),
         ({"effects": "wear"}, "effects: expected {'wear': {'amount': 0.5}}, not str"),
         ({"effects": {"wear": 1}}, "effect 'wear': expected numbers by name, not 1"),
         ({"effects": {"wear": {"amount": "x"}}}, "effect 'wear': expected numbers by name"),

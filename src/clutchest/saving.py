@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.reading.table_formats import suffix_of, write_table, written_suffixes
 from clutchest.reading.tables import write_signals
@@ -26,6 +27,7 @@ _FOLDERS = {
 }
 
 
+@checked
 def save(result: Any, path: str | Path, **options: Any) -> list[Path]:
     """Write a ``result`` of ``clutchest``; gives the paths of the files written.
 
@@ -40,10 +42,12 @@ def save(result: Any, path: str | Path, **options: Any) -> list[Path]:
     if isinstance(result, Vehicle):
         if path.suffix != ".toml":
             raise ClutchestError(f"{path}: a vehicle is written as .toml")
+        _without(options, path)
         written = _written(path, lambda place: dump_vehicle(result, place, target=path))
         trust_written(result, path)
         return written
     if isinstance(result, Signals):
+        _without(options, path)
         return _written(path, lambda place: write_signals(result, place))
     home = _FOLDERS.get(type(result).__name__)
     if home is None:
@@ -52,12 +56,19 @@ def save(result: Any, path: str | Path, **options: Any) -> list[Path]:
             f"expected Signals, a Vehicle or a result ({kinds}), not {type(result).__name__}"
         )
     if suffix_of(path) is not None:
+        _without(options, path)
         return _written(path, lambda place: write_table(result.to_pandas(), place))
     if path.suffix[1:].isalpha() and not path.is_dir():
         suffixes = ", ".join(written_suffixes())
         raise ClutchestError(f"{path}: expected a folder, or a table's file ({suffixes})")
-    paths: list[Path] = getattr(import_module(home[0]), home[1])(result, path, **options)
+    paths: list[Path] = checked(getattr(import_module(home[0]), home[1]))(result, path, **options)
     return paths
+
+
+def _without(options: Mapping[str, Any], path: Path) -> None:
+    """Raises ClutchestError where one file is to be written, and options are those of a folder."""
+    for name in options:
+        raise ClutchestError(f"save: '{name}' is an option of a folder, not of the file {path}")
 
 
 def _written(path: Path, write: Callable[[Path], None]) -> list[Path]:

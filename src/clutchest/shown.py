@@ -11,6 +11,7 @@ from math import floor, isfinite, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clutchest.checked import checked
 from clutchest.errors import UnknownNameError, nearest
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class Showing(ABC):
     def shown(self) -> Shown:
         """The line and the table."""
 
+    @checked
     def save(self, path: str | Path, **options: Any) -> list[Path]:
         """Write it to ``path``; see :func:`clutchest.save`."""
         import clutchest  # which knows every kind of result, and where it is written

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
+from clutchest.checked import checked, checked_fields
 from clutchest.errors import ClutchestError, UnknownNameError, nearest
 from clutchest.native import compiled
 from clutchest.paths import names_of
@@ -60,12 +61,18 @@ class Signal:
     why: NDArray[np.uint8]
 
     @classmethod
+    @checked
     def of(
         cls, name: str, unit: str, time: Floats, value: Floats, why: NDArray[np.uint8] | None = None
     ) -> Signal:
         """A signal from plain arrays; samples that are not finite become invalid, times sorted."""
         time, value = np.asarray(time, np.float64), np.array(value, np.float64)
         why = np.zeros(len(time), np.uint8) if why is None else np.array(why, np.uint8)
+        if not time.shape == value.shape == why.shape or time.ndim != 1:
+            raise ClutchestError(
+                f"signal '{name}': {time.shape} times, {value.shape} values and {why.shape} "
+                "reasons, expected as many of each"
+            )
         why[(why == _VALID) & ~np.isfinite(value)] = Why.OUT_OF_RANGE
         value[why != _VALID] = np.nan
         if len(time) > 1 and np.any(time[1:] < time[:-1]):
@@ -94,21 +101,27 @@ class Signal:
             why=memory_mapped.mapped_to_disk(self.why),
         )
 
+    @checked
     def take(self, rows: Rows) -> Signal:
         """The samples of ``rows``."""
         return Signal(self.name, self.unit, self.time[rows], self.value[rows], self.why[rows])
 
+    @checked
     def between(self, start: float, end: float) -> Signal:
         """The samples from ``start`` s on, before ``end`` s."""
         return self.take(slice(*np.searchsorted(self.time, (start, end))))
 
+    @checked
     def then(self, later: Signal) -> Signal:
         """These samples and behind them those of ``later``."""
         return Signal.joined((self, later))
 
     @classmethod
+    @checked
     def joined(cls, parts: Sequence[Signal]) -> Signal:
         """The samples of all ``parts``, at least one, which follow each other in time."""
+        if not parts:
+            raise ClutchestError("parts: expected one signal at least")
         some = [part for part in parts if len(part)]
         if len(some) < 2:
             return some[0] if some else parts[-1]
@@ -118,6 +131,7 @@ class Signal:
         )
         return cls(some[0].name, some[0].unit, time, value, why)
 
+    @checked
     def at(self, time: Floats, gap: float = LOST) -> Floats:
         """Values at ``time`` (n,), of a signal without invalid samples: straight between samples no
         further apart than ``gap`` s, else the last one, which is held; the first before it."""
@@ -237,6 +251,7 @@ class Truth:
     columns: Mapping[str, NDArray]
 
 
+@checked_fields
 @dataclass(frozen=True, repr=False)
 class Signals(Showing, Mapping[str, Signal]):
     """The named signals of one drive; later drives of the same read hang on ``later``.
@@ -276,6 +291,7 @@ class Signals(Showing, Mapping[str, Signal]):
         """Names of the signals with a valid sample in this drive."""
         return frozenset(name for name, signal in self.signals.items() if signal.valid.any())
 
+    @checked
     def between(self, start: float = -np.inf, end: float = np.inf) -> Signals:
         """The samples of this drive alone from ``start`` s on, before ``end`` s, at the times that
         they have; signals without any are left out."""
@@ -283,6 +299,7 @@ class Signals(Showing, Mapping[str, Signal]):
         kept = {name: signal for name, signal in inside.items() if len(signal)}
         return replace(self, signals=kept, end=min(end, self.end), later=())
 
+    @checked
     def has_samples_of(self, other: Signals) -> bool:
         """Whether the signals available in both drives have the same values, at whatever times."""
         both = self.available & other.available
@@ -333,6 +350,7 @@ class Signals(Showing, Mapping[str, Signal]):
 
         return polars.from_pandas(self.to_pandas())
 
+    @checked
     def plot(self, *names: str) -> Picture:
         """This drive's signals over time, one below the other; all of them unless named."""
         from clutchest.pictures import stacked, thinned
@@ -351,7 +369,7 @@ class Signals(Showing, Mapping[str, Signal]):
     def __getitem__(self, name: str) -> Signal:
         try:
             return self.signals[name]
-        except KeyError:
+        except (KeyError, TypeError):  # TypeError: what no mapping has
             raise UnknownNameError(
                 f"no signal '{name}' in this log" + nearest(str(name), self.signals)
             ) from None

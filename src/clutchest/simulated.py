@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Unpack
@@ -17,6 +18,7 @@ from clutchest.can import files
 from clutchest.can.database import Database, Message
 from clutchest.can.encode import encode
 from clutchest.can.frames import Frames
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError, nearest
 from clutchest.generator import (
     Channel,
@@ -46,6 +48,7 @@ _TABLE, _ROW_S = (
 )  # of a vehicle without a bus: what is sampled together, and how often, s
 
 
+@partial(checked, own=("effects",))
 def simulate(
     vehicle: Vehicle | str | Path,
     scenario: str,
@@ -266,7 +269,7 @@ def _all_effects(vehicle: Vehicle, effects: Effects | None) -> dict[str, dict[st
             "has the library's effects only"
         )
     merged = {name: dict(values) for name, values in vehicle.effects.items()}
-    for name, values in checked_effects(effects or {}).items():
+    for name, values in checked_effects({} if effects is None else effects).items():
         merged[name] = {**merged.get(name, {}), **values}
     return merged
 

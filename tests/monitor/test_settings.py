@@ -6,6 +6,7 @@ import pytest
 
 import can
 import clutchest
+from clutchest.errors import ClutchestError
 from clutchest.monitor.settings import MonitorSettings
 
 
@@ -44,7 +45,7 @@ def test_settings_by_keyword_and_as_a_value(bus, tmp_path):
 
 
 def test_a_setting_that_there_is_not(bus):
-    with pytest.raises(TypeError, match="speed"):
+    with pytest.raises(ClutchestError, match="MonitorSettings has no option 'speed'"):
         clutchest.Monitor(bus, "truck", speed=2.0)
     with pytest.raises(FrozenInstanceError):
         MonitorSettings().rate = 1.0

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from clutchest.checked import checked
 from clutchest.diagnosis import structure
 from clutchest.diagnosis.codes import MISFIT, WEAR, number_of_set, status_byte
 from clutchest.diagnosis.contradiction import contradictions
@@ -35,6 +36,7 @@ from clutchest.vehicle import Vehicle
 Drives = Sequence[DriveDiagnosis]
 
 
+@checked
 def diagnose(
     run: Run | Signals | Logs,
     vehicle: Vehicle | str | Path | None = None,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from clutchest.checked import checked
 from clutchest.diagnosis.structure import AffectedSensor
 from clutchest.shown import Shown, Tabulated
 from clutchest.signals import Floats
@@ -155,6 +156,7 @@ class Diagnosis(Tabulated):
         """Column of the rows → unit."""
         return {"began_s": "s", "first_detected_s": "s"}
 
+    @checked
     def plot(self, drive: int = 0) -> Picture:
         """When each monitor of one drive passed (green) and failed (red)."""
         from clutchest.pictures import stacked

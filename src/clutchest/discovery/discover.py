@@ -11,6 +11,7 @@ from pathlib import Path
 from time import perf_counter
 
 from clutchest import __version__
+from clutchest.checked import checked
 from clutchest.discovery.answer import (
     causes_of,
     distorted,
@@ -64,12 +65,13 @@ from clutchest.vehicle import Vehicle, load_vehicle
 OnIdentifiability = Callable[[tuple[Identifiable, ...]], None]
 
 
+@checked
 def discover(
     signals: Signals | Logs,
     vehicle: Vehicle | str | Path,
     *,
     holdout: Sequence[Signals] | Signals | Logs | None = None,
-    effects_files: Sequence[Path] = (),
+    effects_files: Sequence[str | Path] = (),
     progress: Progress | None = None,
     on_identifiability: OnIdentifiability | None = None,
 ) -> Discovery:
@@ -92,7 +94,7 @@ def discover(
         signals, [each for drive in drives for each in drive.drives], machine
     )
     effects = (*machine.effects.values(), *own, *error_term_effects(machine))
-    task = _Task(signals, held_out, vehicle, effects, tuple(effects_files), progress)
+    task = _Task(signals, held_out, vehicle, effects, tuple(map(Path, effects_files)), progress)
     return _answer(task, on_identifiability)
 
 

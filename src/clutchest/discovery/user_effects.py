@@ -12,14 +12,14 @@ from clutchest.models.validate_effect import why_invalid
 from clutchest.vehicle import Vehicle
 
 
-def user_effects(files: Sequence[Path], vehicle: Vehicle) -> list[Effect]:
+def user_effects(files: Sequence[str | Path], vehicle: Vehicle) -> list[Effect]:
     """Every effect of these ``files`` that the vehicle has not in its model already.
 
     Raises ClutchestError, with the file's name, for one that cannot be tested.
     """
     values = {key: quantity.value for key, quantity in vehicle.parameters.items()}
     effects: dict[str, Effect] = {}
-    for path in dict.fromkeys(path.resolve() for path in files):
+    for path in dict.fromkeys(Path(file).resolve() for file in files):
         for name, effect in effects_of_file(path).items():
             if name in vehicle.effects:
                 continue

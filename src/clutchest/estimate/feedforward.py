@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clutchest.checked import checked
 from clutchest.compute.forward import forward
 from clutchest.errors import ClutchestError
 from clutchest.estimate.whole_log import present_effects
@@ -90,6 +91,7 @@ class Feedforward(Showing):
         return table
 
 
+@checked
 def feedforward(
     vehicle: Vehicle | str | Path, request: Request, *, state: Mapping[str, Any] | None = None
 ) -> Feedforward:

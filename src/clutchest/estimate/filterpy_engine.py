@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from clutchest.checked import checked
 from clutchest.compute.records import Belief, RowResults
 from clutchest.estimate.delay_equalisation import evenly_late
 from clutchest.estimate.drive_setup import DriveSetup
@@ -80,6 +81,7 @@ def _store(
     rows.gained[o] = gained[0]
 
 
+@checked
 def filterpy_of(
     vehicle: Vehicle | str | Path, signals: Signals | Logs | None = None, *, consider: bool = True
 ) -> OnlineFilter:

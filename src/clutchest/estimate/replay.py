@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from clutchest import __version__, memory_mapped
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.estimate.consistency import Consistency, all_invalid
 from clutchest.estimate.delay_equalisation import evenly_late
@@ -43,6 +44,7 @@ TOGETHER = 8  # stretches whose estimates are put away together
 FASTEST = 1000.0  # Hz, of the output grid
 
 
+@checked
 def replay(
     signals: Signals | Logs,
     vehicle: Vehicle | str | Path,
@@ -66,7 +68,7 @@ def replay(
     """
     vehicle = load_vehicle(vehicle)
     signals = as_signals(signals, vehicle)
-    if isinstance(rate, str) or not 0.0 < rate <= FASTEST:
+    if not 0.0 < rate <= FASTEST:
         raise ClutchestError(f"rate {rate} Hz: expected more than 0, at most {FASTEST:g}")
     tracks, parts = [], []
     unusable: list[tuple[Signals, Unusable]] = []

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchest import memory_mapped
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError, UnknownNameError, nearest
 from clutchest.estimate.estimated_series import EstimatedSeries
 from clutchest.estimate.judder_line import JudderLine
@@ -65,8 +67,11 @@ class Innovations:
     innovation: Floats
     std: Floats
 
+    @checked
     def of(self, name: str) -> tuple[Floats, Floats, Floats]:
-        """(time, innovation, std) of one sensor."""
+        """(time, innovation, std) of one sensor.  Raises ClutchestError where there is none."""
+        if name not in self.names:
+            raise UnknownNameError(f"no sensor '{name}'{nearest(name, self.names)}")
         which, n = self.names.index(name), 0
         pieces = [
             (rows, self.sensor[rows] == which) for rows in memory_mapped.portions(len(self.time))
@@ -229,6 +234,7 @@ class Run(Showing, Mapping[str, EstimatedSeries]):
             rows,
         )
 
+    @checked
     def track(self, drive: int) -> Track:
         """The estimates of a drive.  Raises ClutchestError where there is none."""
         if drive not in range(len(self.tracks)):
@@ -250,6 +256,7 @@ class Run(Showing, Mapping[str, EstimatedSeries]):
         """What is to be kept in mind of it."""
         return list(map(str, self.summary["warnings"]))
 
+    @partial(checked, own=("name",))
     def estimate(self, name: str, drive: int = 0) -> EstimatedSeries:
         """A state or an output of one drive, by name.
 
@@ -272,6 +279,7 @@ class Run(Showing, Mapping[str, EstimatedSeries]):
     def __len__(self) -> int:
         return len(self.tracks[0].states) + len(self.tracks[0].outputs)
 
+    @partial(checked, own=("names",))
     def plot(self, *names: str, drive: int = 0) -> Picture:
         """Mode, states and outputs of one drive over time, all or those of these ``names``, each
         with a band of two standard deviations; grey where an estimate is not valid.  Signals are
@@ -293,7 +301,7 @@ class Run(Showing, Mapping[str, EstimatedSeries]):
         """What was meant by what is no estimate."""
         if isinstance(name, int):
             return f"; a drive is given as drive={name}"
-        if name in self.signals.signals:
+        if isinstance(name, str) and name in self.signals.signals:
             return f"; of a signal: run.signals.plot('{name}')"
         return nearest(str(name), estimates)
 
@@ -325,6 +333,7 @@ class Run(Showing, Mapping[str, EstimatedSeries]):
 
         return polars.from_pandas(self.to_pandas())
 
+    @checked
     def about(self, columns: Iterable[str]) -> dict[str, Any]:
         """``units`` and ``comments`` of these columns, and ``start_ns`` of every drive's time 0:
         the attributes of a table."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchest import __version__
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.extras import required
 from clutchest.fleet.cluster import alone, client_of, in_turn, settle, survived
@@ -195,9 +196,10 @@ def units_of(machine: Machine) -> dict[str, str]:
     return kept
 
 
+@checked
 def analyse_fleet(
-    places: str | Sequence[str],
-    vehicle: str | Path,
+    places: str | Path | Sequence[str | Path],
+    vehicle: Vehicle | str | Path,
     out: str | Path,
     *,
     scheduler: str | None = None,
@@ -217,7 +219,7 @@ def analyse_fleet(
     required("distributed")
     car = load_vehicle(vehicle, trust=trust)
     folder = Path(out).resolve()
-    logs = logs_of([places] if isinstance(places, str) else places, folder)
+    logs = logs_of([places] if isinstance(places, str | Path) else places, folder)
     made_by = f"{__version__} {car.hash} {rate}"
     with client_of(scheduler, workers) as client:
         chains = _chains(client, logs, _place(car), trust)

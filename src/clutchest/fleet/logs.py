@@ -18,6 +18,7 @@ from clutchest.shipped import shipped, shipped_file
 
 TEXT = ".txt"  # of a log, and of whatever somebody notes beside it
 TABLES = (".parquet", ".xlsx", ".mdf")
+_EXPECTED = "expected a folder of logs, a pattern or a shipped log: "
 AGAIN = ".truth.parquet"  # beside a simulated log: not a log
 
 
@@ -36,7 +37,7 @@ class FleetLog:
         return hashlib.sha256(readable(text).encode()).hexdigest()[:24]
 
 
-def logs_of(places: Sequence[str], out: Path | None = None) -> tuple[FleetLog, ...]:
+def logs_of(places: Sequence[str | Path], out: Path | None = None) -> tuple[FleetLog, ...]:
     """Every log in folders, at any depth, and of patterns, single files and names of shipped logs,
     each once; what lies in ``out``, results of a run before, is none.
 
@@ -45,13 +46,12 @@ def logs_of(places: Sequence[str], out: Path | None = None) -> tuple[FleetLog, .
     Raises ClutchestError for a place where there is none.
     """
     found: dict[Path, FleetLog] = {}
-    for place in places:
+    if not places:
+        raise ClutchestError(f"no place of logs is given; {_EXPECTED}" + ", ".join(shipped("logs")))
+    for place in map(str, places):
         logs = [log for log in _logs_at(place) if out not in log.path.resolve().parents]
         if not logs:
-            raise ClutchestError(
-                f"{place}: no log there; expected a folder of logs, a pattern or a shipped log: "
-                + ", ".join(shipped("logs"))
-            )
+            raise ClutchestError(f"{place}: no log there; {_EXPECTED}" + ", ".join(shipped("logs")))
         for log in logs:
             found.setdefault(log.path.resolve(), log)
     return tuple(sorted(found.values(), key=lambda log: (log.vehicle, log.path)))

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from clutchest.callable_room import call_by
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError, nearest
 from clutchest.progress import Progress
 
@@ -39,6 +40,7 @@ def procedures(machine: Machine) -> dict[str, str]:
     return {NOISE: OF_EVERY_MACHINE[NOISE], **declared, ALL: OF_EVERY_MACHINE[ALL]}
 
 
+@checked
 def identify_vehicle(
     name: str,
     signals: Signals | Logs,

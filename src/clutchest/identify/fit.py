@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from clutchest import __version__
+from clutchest.errors import UnknownNameError, nearest
 from clutchest.paths import names_of
 from clutchest.shown import (
     LARGE,
@@ -95,8 +96,11 @@ class Validation:
     gained: float
 
     def error(self, name: str) -> ErrorChange:
-        """That of one quantity."""
-        return next(error for error in self.errors if error.name == name)
+        """That of one quantity.  Raises ClutchestError where there is none."""
+        names = [error.name for error in self.errors]
+        if name not in names:
+            raise UnknownNameError(f"no error of '{name}'{nearest(str(name), names)}")
+        return self.errors[names.index(name)]
 
     def as_dict(self) -> dict[str, Any]:
         """As ``fit.json`` has it."""

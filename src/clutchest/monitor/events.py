@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from clutchest.can.frames import Frames
 from clutchest.estimate.drive import Piece
@@ -25,6 +25,7 @@ class MonitorEvent:
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
+@runtime_checkable
 class Watcher(Protocol):
     """Receives all data of a drive and may raise events: fault tests."""
 

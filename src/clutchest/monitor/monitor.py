@@ -9,11 +9,13 @@ from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+import can
 from clutchest.can.frames import Frames
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.estimate.drive import Piece
 from clutchest.estimate.live_tracking import LiveTracking
@@ -28,9 +30,6 @@ from clutchest.reading.log import SPLIT_S, load_database
 from clutchest.reading.wanted import mapped_messages
 from clutchest.signals import Signal
 from clutchest.vehicle import Vehicle, load_vehicle
-
-if TYPE_CHECKING:
-    import can
 
 __all__ = ["Monitor", "MonitorEvent", "MonitorSettings", "SessionStatus", "Watcher"]
 
@@ -47,6 +46,7 @@ class Monitor:
     ``final`` is the state after the latest drive, ``written`` the files of a finished session.
     """
 
+    @checked
     def __init__(
         self,
         bus: can.BusABC,
@@ -54,7 +54,7 @@ class Monitor:
         settings: MonitorSettings | None = None,
         **options: Any,
     ) -> None:
-        self.settings = replace(settings or MonitorSettings(), **options)
+        self.settings = replace(MonitorSettings() if settings is None else settings, **options)
         self.vehicle = load_vehicle(vehicle)
         self.database = load_database(self.vehicle)
         names = mapped_messages(self.vehicle, self.database)
@@ -79,10 +79,12 @@ class Monitor:
         self._counters = CounterCheck(checked)
         self._begin_drive(self.settings.state)
 
+    @checked
     def add_watcher(self, watcher: Watcher) -> None:
         """Let one more watcher receive all data from now on."""
         self._watchers += (watcher,)
 
+    @checked
     def send(self, frames: Frames) -> None:
         """Put frames on the bus; while the interface is down they are lost."""
         self._reception.send(frames)
@@ -91,6 +93,7 @@ class Monitor:
         """End :meth:`run` soon; safe from a signal handler and from other threads."""
         self.stopped = True
 
+    @checked
     def run(self, duration: float | None = None, show: Show | None = None) -> SessionStatus:
         """Monitor for ``duration`` s, or until stopped.
 

@@ -19,9 +19,11 @@ class Outputs:
     """Files in ``out`` and a recording there, with ``serve`` also to a live viewer at ``address``;
     ``notes`` on an earlier session in this folder."""
 
-    def __init__(self, out: Path | None, vehicle: Vehicle, serve: tuple[int, int] | None) -> None:
+    def __init__(
+        self, out: str | Path | None, vehicle: Vehicle, serve: tuple[int, int] | None
+    ) -> None:
         self._provenance = provenance(vehicle, "")
-        self._session = None if out is None else Session(out, self._provenance)
+        self._session = None if out is None else Session(Path(out), self._provenance)
         self._recording = None
         self.address = ""
         if serve is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clutchest.checked import checked_fields
 from clutchest.monitor.events import Watcher
 from clutchest.progress import Progress
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     import can
 
 
+@checked_fields
 @dataclass(frozen=True, slots=True)
 class MonitorSettings:
     """How a :class:`~clutchest.monitor.monitor.Monitor` runs.
@@ -25,7 +27,7 @@ class MonitorSettings:
     ``watchers`` receive all data of every drive.
     """
 
-    out: Path | None = None
+    out: str | Path | None = None
     rate: float = 10.0
     state: Mapping[str, Any] | None = None
     serve: tuple[int, int] | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from clutchest.can.database import Database, Message, load
 from clutchest.can.deduplication import without_duplicates
 from clutchest.can.frame_filter import FrameFilter
 from clutchest.can.frames import Frames
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.reading.mapping import NoMappedFrame, signals_of
 from clutchest.reading.plausible import plausible
@@ -65,6 +67,7 @@ def as_signals(given: Signals | Logs, vehicle: Vehicle) -> Signals:
     return read_log(given, vehicle)
 
 
+@partial(checked, own=("window",))
 def read_log(
     paths: Logs,
     vehicle: Vehicle | str | Path,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from clutchest import memory_mapped
 from clutchest.budgets import STATE_BYTES, within
+from clutchest.checked import checked
 from clutchest.errors import ClutchestError
 from clutchest.estimate.run import Run, columns_of, log_of
 from clutchest.extras import installed
@@ -35,6 +36,7 @@ def json_text(value: Any, ascii_only: bool = False, indent: int | None = 2) -> s
     return readable(text) + "\n"
 
 
+@checked
 def write_run(
     run: Run,
     out: str | Path,

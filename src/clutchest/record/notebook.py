@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from clutchest.checked import checked
 from clutchest.diagnosis.result import Diagnosis
 from clutchest.estimate.run import Run
 from clutchest.extras import required
 
 
+@checked
 def view(
     run: Run, diagnosis: Diagnosis | None = None, *, width: int = 1200, height: int = 700
 ) -> None:
