@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchest.discovery.residual_curves import Nuisances
-from clutchest.discovery.several_errors import evidence_together
+from clutchest.discovery.several_errors import evidence_joined
 from clutchest.inference.unknowns import UnknownParameter
 from made_up import objective_of
 
@@ -21,8 +21,22 @@ def test_two_curves_of_one_equation_count_for_more_than_a_better_one_elsewhere()
     fit = objective.linearise_at(np.zeros(1))
     bare = Nuisances(fit, np.array([0]), objective.prior)
 
-    def of(columns: np.ndarray) -> float:
-        return evidence_together(bare, columns)
+    def of(*curves: np.ndarray) -> float:
+        return evidence_joined(bare, curves).evidence
 
-    assert max(of(own[:, :1]), of(own[:, 1:])) < of(elsewhere) < of(own)
+    assert max(of(own[:, :1]), of(own[:, 1:])) < of(elsewhere) < of(own[:, :1], own[:, 1:])
     assert of(rng.standard_normal((600, 3))) < 0.0
+
+
+def test_one_curve_that_explains_an_error_does_not_pay_for_others_that_do_not():
+    """All curves of an equation together say less than the one that is its error."""
+    rng = np.random.default_rng(9)
+    curves = [rng.standard_normal((600, 5)) for _ in range(8)]
+    measured = 0.5 * curves[2].sum(axis=1) + rng.standard_normal(600)
+    objective = objective_of(
+        lambda theta: (measured, np.ones((600, 1))), (UnknownParameter("level", 1.0),)
+    )
+    bare = Nuisances(objective.linearise_at(np.zeros(1)), np.array([0]), objective.prior)
+    joined = evidence_joined(bare, curves)
+    assert joined.which == (2,)
+    assert joined.evidence > evidence_joined(bare, [np.column_stack(curves)]).evidence + 20.0

@@ -103,10 +103,7 @@ def where_of(
     if verdict == "none":
         return None
     if verdict == "unknown":
-        first, *also = (
-            replace(_where(each[0].equation, each, peaks), p_value=each[0].p_value)
-            for each in (errors, *others)
-        )
+        first, *also = (_established(each, peaks) for each in (errors, *others))
         return replace(first, others=tuple(also))
     curves = {c.effect: c.form.curve for c in causes if c.form.refuted and c.form.curve is not None}
     if not curves:
@@ -122,6 +119,12 @@ def strongest_of(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where | N
     if not errors:
         return None
     return replace(_where(errors[0].equation, errors, peaks), p_value=errors[0].p_value)
+
+
+def _established(errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:
+    """The error of the first curve's equation, as significant as the most significant one there."""
+    where = _where(errors[0].equation, errors, peaks)
+    return replace(where, p_value=min(c.p_value for c in errors if c.equation == where.equation))
 
 
 def _where(equation: str, errors: Sequence[Curve], peaks: Mapping[str, str]) -> Where:

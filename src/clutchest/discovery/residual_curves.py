@@ -41,7 +41,8 @@ from clutchest.signals import Floats
 DRAWS = 1000
 NEGLIGIBLE = 3e-7  # of a curve, squared: a smaller remainder is no more than its inputs' noise
 BLOCK_TIME, BLOCK_READINGS = 2.0, 16  # s, and as many readings of a slow record at least
-CLEAR = 100.0  # times the power of a curve's noise, from which on a remainder is a curve
+FAINT = 1e-9  # of the largest, squared: a direction of noise that is none
+REGULATED = 0.2  # of its size: a covariate that moves less is held there
 ENTRIES = 1e7  # of derivatives, held at a time
 
 
@@ -163,9 +164,20 @@ class CurvesAt:
             CandidateCurve(term, error_term.equation, place[term], covariate, at)
             for covariate in self.varying()
             for at in knots(covariate, np.concatenate([v[covariate] for v in self.values]), acts)
+            if not self._regulated(covariate, at)
             for term, error_term in terms.items()
             if _is_tested(error_term, covariate, at)
         ]
+
+    def _regulated(self, covariate: str, at: Floats) -> bool:
+        """Whether a covariate with knots ``at`` is held at one value: it still moves by what a loop
+        has not yet put right, errors of the model among that.  The zero of °C says nothing."""
+        model, peaks = self.problem.compiled.model, self.problem.compiled.machine.peaks
+        warm = {s.name for s in model.states if s.unit == "°C"}
+        warm |= {i.name for i in model.inputs if i.unit == "°C"}
+        if peaks.get(covariate, covariate) in warm:
+            return False
+        return float(np.ptp(at)) < REGULATED * float(np.abs(at).max())
 
     def derivatives(
         self, tables: Sequence[CandidateCurve]
@@ -187,14 +199,21 @@ class CurvesAt:
         noise = EstimatedNoise(self.objective.noise_model, self.objective.stretches)
         return self._tested(beside, tables, seed, noise)
 
+    def beside_noise(self, beside: Nuisances, tables: Sequence[CandidateCurve]) -> Nuisances:
+        """What is free ``beside`` these curves, and what each would be with the noise that its
+        covariate lacks, less what it is.  A parameter by which the model has a straight curve holds
+        that noise, which is in the innovations as well: what is left of the two beside each other
+        is no error."""
+        columns = [self._by_noise(t) for t in tables if all(t.covariate in n for n in self.noise)]
+        if not columns:
+            return beside
+        noise = np.column_stack(columns)
+        strength, directions = np.linalg.eigh(_gram(noise))
+        return beside.also(noise @ directions[:, strength > FAINT * strength[-1]], np.inf)
+
     def _by_noise(self, table: CandidateCurve) -> Floats:
-        """Derivatives (K, c) by what a curve would be with the noise that its covariate lacks, less
-        what it is.  A parameter by which the model has a straight curve holds that noise, which is
-        in the innovations as well: what is left of the two beside each other is no error.  No rows
-        where it lacks none."""
+        """Derivatives (K, c) by the noise that a curve lacks."""
         name, columns = table.covariate, np.arange(len(table.at))
-        if not all(name in noise for noise in self.noise):
-            return np.zeros((0, len(columns)))
         drives = zip(self.values, self.noise, strict=True)
         off = [
             hats(v[name] + noise[name], table.at) - hats(v[name], table.at) for v, noise in drives
@@ -213,6 +232,7 @@ class CurvesAt:
         """The same, by the null of a ``noise`` whose colour is estimated, or by a known one."""
         choices = Counter(table.equation for table in tables)
         blocks = self.problem.blocks(block_time(self.problem))
+        beside = self.beside_noise(beside, tables)
         projection = Projection.of(beside.at, beside.free, beside.prior)
 
         def null(derivatives: Floats, c: Projected) -> Floats:
@@ -227,9 +247,7 @@ class CurvesAt:
         def judged(portion: list[CandidateCurve]) -> tuple[list[Curve], Floats]:
             derivatives, some = self._portion(portion)
             negligible = [
-                table.negligible * _gram(derivatives[:, columns])
-                + CLEAR * _gram(self._by_noise(table))
-                for table, columns in some
+                table.negligible * _gram(derivatives[:, columns]) for table, columns in some
             ]
             c = projection.out_of(derivatives.copy() if noise else derivatives)
             return _judged(projection.r, c, null(derivatives, c), negligible, blocks, choices, some)

@@ -2,13 +2,14 @@
 curves in those before, and backward elimination of those that stood in for others.
 
 What one wrong equation does shows in others too, and one curve there may be likelier than any one
-in itself: an error goes with several covariates.  So equations are ranked by all their curves
-together.
+in itself: an error goes with several covariates.  So equations are ranked by the likeliest sum of
+their curves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,20 +27,21 @@ from clutchest.inference.score_test import Projection
 from clutchest.signals import Floats
 
 MOST = 3  # equations
-COVARIATES = 8  # of an equation: curves over so many at once stand for its error
+COVARIATES = 8  # of an equation: so many curves at most are joined to its error
 WIDEST = 10.0  # standard deviation of these, in units of an error
 SEED = 5
 
 
 def several_errors(search: Search, errors: Sequence[Curve], level: float) -> list[list[Curve]]:
-    """The equations that have an error, each by its curves, the most likely first: those of the
-    model without a cause, ``errors``, and others that are significant at a family-wise ``level``
-    beside curves over all leading covariates of the rest."""
+    """The equations that have an error, each by its curves, those whose sum it is likeliest to be
+    first: of those of the model without a cause, ``errors``, and others that are significant at a
+    family-wise ``level`` beside curves over all leading covariates of the rest."""
     null = search.null.fit
     fit = search.objective.white_at(null.theta, null.shapes)
     at = CurvesAt.of(search.objective, fit)
     bare = Nuisances(fit, search.free(()), search.objective.prior)
-    found = [_of_equation(errors, errors[0].equation)]
+    apart = at.beside_noise(bare, at.every())
+    found = [_likeliest(apart, at, errors)]
     columns = [_columns(at, found[0])]
     while len(found) < MOST:
         beside = _beside(bare, columns)
@@ -49,39 +51,83 @@ def several_errors(search: Search, errors: Sequence[Curve], level: float) -> lis
             break
         found.append(_of_equation(left, left[0].equation))
         columns.append(_columns(at, found[-1]))
-    if len(found) == 1:
-        return found
-    first, *others = found
-    beside = _beside(bare, columns[1:])
-    again = _of_equation(at.tested(beside, at.every(), SEED), first[0].equation)
-    if not again or again[0].p_value >= level:
-        found, columns = others, columns[1:]
-    together = [evidence_together(bare, each) for each in columns]
-    return [found[i] for i in np.argsort(-np.array(together), kind="stable")]
+    if len(found) > 1:
+        first, *others = found
+        beside = _beside(bare, columns[1:])
+        again = _of_equation(at.tested(beside, at.every(), SEED), first[0].equation)
+        if not again or again[0].p_value >= level:
+            found, columns = others, columns[1:]
+    joined = [evidence_joined(apart, each) for each in columns]
+    ranked = sorted(range(len(found)), key=lambda i: -joined[i].evidence)
+    return [_first(found[i], joined[i].which) for i in ranked]
 
 
-def evidence_together(bare: Nuisances, columns: Floats) -> float:
-    """2 ln of the Bayes factor of an error of derivatives ``columns`` (K, c) against none."""
-    gram = columns.T @ columns
-    test = Projection.of(bare.at, bare.free, bare.prior).out_of(columns.copy())
-    return float(evidence(test.score, test.information, NEGLIGIBLE * gram))
+class Joined(NamedTuple):
+    """2 ln of the Bayes factor of an error that is a sum of curves, and ``which`` these are."""
+
+    evidence: float
+    which: tuple[int, ...]
+
+
+def evidence_joined(bare: Nuisances, curves: Sequence[Floats]) -> Joined:
+    """An error of derivatives ``curves`` ((K, c) each) against none, joined one by one as long as
+    each tells more than that it was one among them."""
+    columns = np.column_stack(curves)
+    negligible = NEGLIGIBLE * columns.T @ columns
+    ends = np.cumsum([each.shape[1] for each in curves])
+    own = [np.arange(end - each.shape[1], end) for end, each in zip(ends, curves, strict=True)]
+    test = Projection.of(bare.at, bare.free, bare.prior).out_of(columns)
+    rare = 2.0 * np.log(len(curves))
+
+    def joined(which: tuple[int, ...]) -> Joined:
+        some = np.concatenate([own[i] for i in which])
+        among = np.ix_(some, some)
+        of = evidence(test.score[some], test.information[among], negligible[among])
+        return Joined(float(of) - rare * len(which), which)
+
+    best = max(joined((i,)) for i in range(len(curves)))
+    while len(best.which) < len(curves):
+        left = [i for i in range(len(curves)) if i not in best.which]
+        more = max(joined((*best.which, i)) for i in left)
+        if more.evidence <= best.evidence:
+            break
+        best = more
+    return best
+
+
+def _likeliest(bare: Nuisances, at: CurvesAt, errors: Sequence[Curve]) -> list[Curve]:
+    """The curves of the equation whose error is the likeliest."""
+    each = [_of_equation(errors, name) for name in dict.fromkeys(c.equation for c in errors)]
+    return max(each, key=lambda own: evidence_joined(bare, _columns(at, own)).evidence)
+
+
+def _first(errors: Sequence[Curve], which: Sequence[int]) -> list[Curve]:
+    """The curves of an equation, those over ``which`` of its leading covariates first."""
+    leading = _leading(errors)
+    chosen = [leading[i] for i in which]
+    return chosen + [curve for curve in errors if not any(curve is each for each in chosen)]
 
 
 def _of_equation(errors: Sequence[Curve], equation: str) -> list[Curve]:
     return [curve for curve in errors if curve.equation == equation]
 
 
-def _beside(bare: Nuisances, columns: Sequence[Floats]) -> Nuisances:
-    return bare.also(np.column_stack(columns), WIDEST).explained()
+def _beside(bare: Nuisances, columns: Sequence[Sequence[Floats]]) -> Nuisances:
+    every = [column for each in columns for column in each]
+    return bare.also(np.column_stack(every), WIDEST).explained()
 
 
-def _columns(at: CurvesAt, errors: Sequence[Curve]) -> Floats:
-    """Derivatives (K, c) by the curves of one equation, one over each of its leading covariates."""
+def _leading(errors: Sequence[Curve]) -> list[Curve]:
+    """The best curve over each leading covariate of one equation's."""
+    best = {c.covariate: c for c in reversed(errors)}.values()
+    return sorted(best, key=lambda c: -c.evidence)[:COVARIATES]
+
+
+def _columns(at: CurvesAt, errors: Sequence[Curve]) -> list[Floats]:
+    """Derivatives (K, c) by the curve of one equation over each of its leading covariates."""
     place = places(at.problem)
-    leading = list({c.covariate: c for c in reversed(errors)}.values())
-    leading = sorted(leading, key=lambda c: -c.evidence)[:COVARIATES]
     tables = [
         CandidateCurve(c.error_term, c.equation, place[c.error_term], c.covariate, c.at)
-        for c in leading
+        for c in _leading(errors)
     ]
-    return np.column_stack([part for part, _ in at.derivatives(tables)])
+    return [part[:, columns] for part, some in at.derivatives(tables) for _, columns in some]

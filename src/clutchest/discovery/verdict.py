@@ -138,8 +138,8 @@ def _verdict(
         errors = _located(search) or errors
     several = several_errors(search, errors, UNNAMED) if unnamed else []
     if several:  # those of the leading equation first
-        leading = several[0][0].equation
-        errors = sorted(errors, key=lambda curve: curve.equation != leading)
+        leading = several[0]
+        errors = [*leading, *(c for c in errors if c.equation != leading[0].equation)]
     search = replace(search, best=best)
     return SearchVerdict(
         search,

@@ -176,8 +176,7 @@ def _locked(out: Path) -> IO[str]:
     file = (out / RUNNING).open("a+", encoding="utf-8")
     try:
         import fcntl
-    except ImportError:  # this platform has no such locks, and removes no file that is open
-        file.close()
+    except ImportError:  # this platform has no such locks
         return file
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -31,6 +31,7 @@ _TORQUE = (
     "energy",
     "time",
 )
+_DRAG = ("slip_speed", "gap", "oil_temp")
 _ANGLE_SENSOR = ("motor_angle", "temp_armature", "oil_temp", "time")
 _CURRENT_SENSOR = ("current", "temp_armature", "oil_temp", "time")
 _CLOCK = ("time",)
@@ -41,6 +42,13 @@ ERROR_TERMS: Mapping[str, ErrorTerm] = {
         covariates=_TORQUE,
         size=10.0,
         unit="%",
+    ),
+    "drag": ErrorTerm(
+        "torque",
+        {"drag_level": lambda value, g: value + 5.0 * g},
+        covariates=_DRAG,
+        size=5.0,
+        unit="Nm",
     ),
     "current": ErrorTerm(
         "current",
@@ -98,6 +106,6 @@ SEPARATING_SENSORS = (
     Separation(("motor", "axial_force"), "a torque sensor on the actuator's motor"),
 )
 SENSOR_FOR = {"": "a torque sensor on the half-shaft"}
-COVARIATES = {"slip_speed": "rad/s", "motor_torque": "Nm", "pack_force": "N"}
+COVARIATES = {"slip_speed": "rad/s", "motor_torque": "Nm", "pack_force": "N", "gap": "m"}
 RATES = {"voltage_rate": "armature_voltage"}
 PEAKS = {"temp_pack_peak": "temp_pack"}

@@ -11,6 +11,7 @@ BARE = 0.01  # of d_e: what is left of the axial damping without a pack
 def pack(q: Quantities) -> None:
     """F_c = c_cl.e (d_pp − x_fp) beyond the free play."""
     q.compression = ca.fmax(q.plate_position - q.free_play, 0.0)
+    q.gap = ca.fmax(q.free_play - q.plate_position, 0.0)
     q.pack_force = q.pack_stiffness * q.compression
     q.film_damping = q.axial_damping
 

@@ -41,6 +41,7 @@ def axial(q: Quantities) -> None:
     q.input_angle = q.motor_angle / q.gear_ratio
     angle = q.input_angle - q.gear_backlash  # behind the play
     q.contact = angle > 0  # f(α)
+    q.gap = ca.fmax(q.free_play - ca.fmax(angle, 0.0) / ramp, 0.0)
     plate = q.free_play + q.pack_force / q.pack_stiffness
     q.spring_force = belleville.force(q, q.spring_preload + plate)
     together = stiffness * ramp**2 + q.pack_stiffness

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from clutchest.casadi_later import ca
 from clutchest.models.model import Quantities
 
 
 def clutch_torque(q: Quantities) -> None:
     """Friction and drag together, and the heat they make."""
-    q.drag_torque = 0.0
+    q.drag_level = 0.0
+    q.drag_torque = q.drag_level * ca.sign(q.slip_speed)
     q.clutch_torque = q.friction_torque + q.drag_torque
     q.power = q.clutch_torque * q.slip_speed
 

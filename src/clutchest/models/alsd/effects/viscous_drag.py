@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from clutchest.casadi_later import ca
 from clutchest.models.effects.effect import Effect, Gains, Number
 
 
@@ -21,4 +22,4 @@ class ViscousDrag(Effect):
 
     def terms(self, g: Gains) -> Mapping[str, Any]:
         """See :meth:`Effect.terms`."""
-        return {"drag_torque": lambda torque, q: torque + g.coefficient * q.slip_speed / 10.0}
+        return {"drag_level": lambda level, q: level + g.coefficient * ca.fabs(q.slip_speed) / 10.0}
