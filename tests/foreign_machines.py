@@ -10,7 +10,12 @@ from types import ModuleType
 from clutchest.vehicle import Vehicle, load_vehicle
 
 MACHINES = Path(__file__).parents[1] / "machines"
-VEHICLES = {"emps": "emps.toml", "tanks": "tanks.toml", "servo": "sts3215.toml"}
+VEHICLES = {
+    "emps": "emps.toml",
+    "tanks": "tanks.toml",
+    "servo": "sts3215.toml",
+    "plate": "plate.toml",
+}
 
 
 def module(machine: str, name: str) -> ModuleType:

@@ -6,7 +6,6 @@ import contextlib
 import io
 import os
 import re
-import resource
 import runpy
 import shlex
 import subprocess
@@ -48,6 +47,7 @@ def demo() -> Run:
 def test_starts_without_what_is_heavy():
     """Beside the import of numpy alone, which takes some 0.15 s: whatever else the machine does
     meets both."""
+    resource = pytest.importorskip("resource", reason="POSIX counts the time of other processes")
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
 
     def seconds(*arguments: str) -> float:

@@ -17,7 +17,6 @@ from __future__ import annotations
 import argparse
 import faulthandler
 import json
-import resource
 import signal
 import sys
 from collections import Counter
@@ -96,6 +95,8 @@ def _judged(path: Path, name: str, content: bytes) -> str:
 
 def peak_MiB() -> float:
     """The most memory that this process has held."""
+    import resource  # of POSIX
+
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

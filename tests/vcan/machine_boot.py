@@ -6,6 +6,7 @@ Runs on nothing but Python's standard library, as process 1 of a kernel that has
 import ctypes
 import json
 import os
+import platform
 import socket
 import struct
 import subprocess
@@ -21,8 +22,8 @@ MODULES = (
     "fs/overlayfs/overlay",
 )
 LAYERS = "/run"
-LIBC = ctypes.CDLL(None, use_errno=True)
-FINIT_MODULE = {"x86_64": 313, "aarch64": 273}[os.uname().machine]
+LIBC = ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else ctypes.pythonapi
+FINIT_MODULE = {"x86_64": 313, "aarch64": 273}.get(platform.machine(), 0)
 POWER_OFF = 0x4321FEDC
 
 RTM_NEWLINK, NLM_F_REQUEST, NLM_F_ACK, NLM_F_CREATE = 16, 1, 4, 0x400

@@ -25,6 +25,7 @@ _IPV4 = (
     socket.IP_MULTICAST_IF,
     socket.IP_MULTICAST_TTL,
 )
+_LOOPBACK = ("lo", "lo0")  # as Linux calls it, and macOS
 
 
 def listen_on(sockets: Sequence[socket.socket], group: str, network: str) -> None:
@@ -38,8 +39,10 @@ def listen_on(sockets: Sequence[socket.socket], group: str, network: str) -> Non
         level, join, leave, where, hops = _options(sock)
         if not network:
             sock.setsockopt(level, hops, 0)
-            with suppress(OSError):
-                sock.setsockopt(level, join, _request(sock, group, socket.if_nametoindex("lo")))
+            for loopback in _LOOPBACK:
+                with suppress(OSError):
+                    index = socket.if_nametoindex(loopback)
+                    sock.setsockopt(level, join, _request(sock, group, index))
             continue
         try:
             index = socket.if_nametoindex(network)

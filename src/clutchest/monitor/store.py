@@ -176,7 +176,8 @@ def _locked(out: Path) -> IO[str]:
     file = (out / RUNNING).open("a+", encoding="utf-8")
     try:
         import fcntl
-    except ImportError:  # this platform has no such locks
+    except ImportError:  # this platform has no such locks, and removes no file that is open
+        file.close()
         return file
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

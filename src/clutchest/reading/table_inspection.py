@@ -14,7 +14,9 @@ from clutchest import units
 from clutchest.errors import ClutchestError
 from clutchest.models import machine_in_file, machine_of, shipped_machines
 from clutchest.models.machine import Machine
+from clutchest.models.thresholds import Thresholds
 from clutchest.paths import names_of
+from clutchest.reading.candidates import noise_of
 from clutchest.reading.drafting import guessed_parameters, origin_of_parameters
 from clutchest.reading.signal_table import RowTable, SignalTable
 from clutchest.reading.table_columns import TIME, clock_of, not_numbers, split_header
@@ -32,12 +34,14 @@ from clutchest.vehicle import (
 
 MOST_COLUMNS = 500  # of which values are read
 SLOWEST_S = 0.5  # between rows; larger steps are of ms
+GAP_PERIODS = 3.0  # of the slowest column, that a gap may last in the drafted file
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnStatistics:
     """One column: its ``unit`` as far as the table states it, ``count`` numbers from ``low`` to
-    ``high``, None without any; ``step`` the smallest change, ``period_s`` between numbers."""
+    ``high``, None without any; ``step`` the smallest change, ``period_s`` between numbers, and
+    their ``scatter`` about their neighbours."""
 
     column: str
     unit: str
@@ -46,6 +50,7 @@ class ColumnStatistics:
     high: float | None
     step: float | None
     period_s: float | None
+    scatter: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,22 +116,37 @@ class TableInspection:
             (),
             signals,
             guessed_parameters(self.machine),
+            modes={"gap": self._gap} if self._gap else {},
             model_file=self.model_file,
             columns=columns,
         )
         dump_vehicle(vehicle, path, self._heading(), target)
 
+    @property
+    def _gap(self) -> float:
+        """The longest gap, s, that is to be bridged, where samples are further apart than it is
+        for other logs; else 0."""
+        used = [found[0].period_s or 0.0 for found in self.candidates.values()]
+        slowest = max(used, default=0.0)
+        return float(f"{GAP_PERIODS * slowest:.3g}") if slowest > Thresholds().gap else 0.0
+
     def _map(
         self, name: str, found: ColumnStatistics, unit: str, like: SignalMap | None
     ) -> SignalMap:
         canonical = self.machine.units[name]
-        scale = units.parse(unit).scale / units.parse(canonical).scale
-        rounding = float(f"{(found.step or 0.0) * abs(scale) / np.sqrt(12.0):.3g}")
-        noise = max(like.noise if like else 0.0, rounding) or 1.0
-        whose = f"the shipped {self.machine.template}'s, or " if like else ""
-        source = f"guess: {whose}the column's own steps"
+        scale = abs(units.parse(unit).scale / units.parse(canonical).scale)
+        shown = max((found.step or 0.0) / np.sqrt(12.0), 0.0 if like else found.scatter)
+        noise = max(like.noise if like else 0.0, float(f"{shown * scale:.3g}")) or 1.0
+        whose = f"the shipped {self.machine.template}'s" if like else "the column's scatter"
         ar = like.noise_ar if like else 0.0
-        return SignalMap(name, BusSignal("", "", unit), noise, noise_ar=ar, noise_source=source)
+        return SignalMap(
+            name,
+            BusSignal("", "", unit),
+            noise,
+            noise_ar=ar,
+            noise_source=f"guess: {whose}, or the column's own steps",
+            period=float(f"{found.period_s:.3g}") if found.period_s and self._gap else None,
+        )
 
     def _heading(self) -> str:
         lines = [
@@ -212,6 +232,7 @@ def _surveyed(table: SignalTable, warnings: list[str]) -> _Surveyed:
             float(value.max()) if len(value) else None,
             float(steps.min()) if len(steps) else None,
             float(np.median(np.diff(when))) if len(when) > 1 else None,
+            noise_of(value),
         )
     left = len(table.units) - MOST_COLUMNS
     if left > 0:

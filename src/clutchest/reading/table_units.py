@@ -174,7 +174,8 @@ def check_steps(time: Floats, stated: bool, vehicle: Vehicle) -> None:
         raise ClutchestError(
             f"its rows are {step:.3g} s apart, more than the gap of {gap:g} s that can be bridged; "
             "is the time in ms? A header such as 'time [ms]' or [columns] of the vehicle file "
-            "states it"
+            "states it. Of a log that is as slow as that, [modes] gap states how long may be "
+            "bridged"
         )
 
 
