@@ -68,9 +68,7 @@ def test_what_was_printed_stands_between_the_marks_of_its_page() -> None:
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From top to bottom; a cell that raises ends it."""
-    nbformat = pytest.importorskip("nbformat")
-    client = pytest.importorskip("nbclient")
-    pytest.importorskip("ipykernel")
+    nbformat, client = map(importlib.import_module, ("nbformat", "nbclient"))  # of the extra "test"
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     book = nbformat.read(path, as_version=4)
     assert not any(cell.get("outputs") for cell in book.cells), "is kept without what it prints"

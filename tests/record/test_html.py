@@ -87,6 +87,7 @@ def test_a_diagnosis(healthy: clutchest.Diagnosis) -> None:
     text = diagnosis_page(healthy)
     assert len(read(text).images) == 1
     assert "no fault detected" in text and "Detection limits" in text
+    assert "detected in half of all cases" in text
     for monitor in healthy.monitors:
         assert f">{monitor.name}</td>" in text
 
@@ -96,7 +97,7 @@ def test_a_discovery(verdict: str) -> None:
     found = discovery(verdict)
     text = discovery_page(found)
     assert read(text).images
-    assert "Detection limits" in text
+    assert "Detection limits" in text and "detected in half of all cases" in text
     assert found.identifiability[0].effect in text
 
 
@@ -152,13 +153,20 @@ def test_a_fit(tmp_path: Path) -> None:
     assert len(read(text).images) == 1
     words_of = truck.machine.parameters
     what = next(p.what for p in words_of if p.key == "torque_cubic")
-    for words in ("1.300 … 1.700", "no ramp in these logs", "a note", "a warning", "a.log", what):
+    for words in (
+        "1.300 … 1.700 Nm/mm³",
+        "no ramp in these logs",
+        "a note",
+        "a warning",
+        "a.log",
+        what,
+    ):
         assert words in text
     assert "remark" in text  # a column that only what is not determined needs
     fine = {"torque_cubic": Fitted(0.03970837, "Nm/mm³", 1.4e-6, 0.03970563, 0.03971111, 0.5)}
     text = fit_page(replace(fit, parameters=fine), truck)
     assert "remark" not in text
-    assert "0.0397084 ± 1.4e-06 Nm/mm³" in text and "0.03970563 … 0.03971111" in text
+    assert "0.0397084 ± 1.4e-06 Nm/mm³" in text and "0.03970563 … 0.03971111 Nm/mm³" in text
 
 
 def test_a_fleet() -> None:

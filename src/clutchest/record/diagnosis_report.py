@@ -11,7 +11,7 @@ from clutchest.diagnosis.result import Diagnosis, Fault, Isolability
 from clutchest.diagnosis.structure import AffectedSensor
 from clutchest.models.machine import Machine
 from clutchest.quantity import Quantity
-from clutchest.record.report import plus_minus, sources, table
+from clutchest.record.report import LIMITS, plus_minus, sources, table
 from clutchest.shown import with_unit
 
 SEPARABILITY = "Separability (σ) from none and from every other; 4 or more: isolable"
@@ -77,7 +77,7 @@ def diagnosis_markdown(diagnosis: Diagnosis, pictures: Sequence[str] = ()) -> st
     rows = [(m.name, m.status, m.why) for m in diagnosis.monitors]
     parts += ["## Monitors", table(("monitor", "status", "why"), rows)]
     if diagnosis.isolability is not None:
-        parts += ["## Detection limits of this drive", _limits(diagnosis.isolability)]
+        parts += ["## Detection limits of this drive", LIMITS, _limits(diagnosis.isolability)]
         parts += [f"## {SEPARABILITY}", table(*separability(diagnosis.isolability))]
     if diagnosis.warnings:
         parts += ["## Warnings", "\n".join(f"- {text}" for text in diagnosis.warnings)]

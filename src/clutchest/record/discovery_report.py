@@ -21,7 +21,7 @@ from clutchest.models.declarations import Comparison
 from clutchest.models.effects import Effect
 from clutchest.quantity import Quantity
 from clutchest.record.error_curve import error_curve_words
-from clutchest.record.report import heading, table
+from clutchest.record.report import LIMITS, heading, table
 from clutchest.shipped import shipped
 from clutchest.shown import raised, rounded, with_unit
 from clutchest.signals import Counts
@@ -232,7 +232,9 @@ def report(
         if commands := next_commands(discovery):
             parts.append("To try it in simulation:\n\n" + _code(commands))
     parts += ["## Not detectable in this log", unexcited_words(discovery)]
-    parts += ["## Detection limits", _limits(discovery)] if discovery.identifiability else []
+    parts += (
+        ["## Detection limits", LIMITS, _limits(discovery)] if discovery.identifiability else []
+    )
     if discovery.misfit.levels:
         parts += ["## Residuals of the original model", _levels(discovery)]
     if discovery.warnings:

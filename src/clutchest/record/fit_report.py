@@ -8,6 +8,7 @@ from pathlib import Path
 from clutchest.identify.fit import Fit, FitRow, fit_rows, in_words
 from clutchest.paths import names_of
 from clutchest.record.report import heading, table
+from clutchest.shown import with_unit
 from clutchest.vehicle import Vehicle
 
 HEAD = ("what", "before", "fitted", "95 % interval", "remark, or why it is not determined")
@@ -20,9 +21,10 @@ HOW_TO_READ = (
 def fit_markdown(fit: Fit, before: Vehicle, pictures: Sequence[str] = ()) -> str:
     """One page of Markdown; ``before``: the vehicle that it started from, ``pictures`` are file
     names."""
+    units = [fitted.unit for fitted in fit.parameters.values()]
     rows = [
-        (_named(row), row.before, row.now, row.interval or "–", row.remark)
-        for row in fit_rows(fit, before)
+        (_named(row), row.before, row.now, _interval(row, unit), row.remark)
+        for row, unit in zip(fit_rows(fit, before), units, strict=True)
     ]
     head = HEAD if any(row[-1] for row in rows) else HEAD[:-1]
     count = sum(fitted.determined for fitted in fit.parameters.values())
@@ -42,6 +44,11 @@ def fit_markdown(fit: Fit, before: Vehicle, pictures: Sequence[str] = ()) -> str
     if fit.warnings:
         parts += ["## Warnings", "\n".join(f"- {text}" for text in fit.warnings)]
     return "\n\n".join(parts) + "\n"
+
+
+def _interval(row: FitRow, unit: str) -> str:
+    """The 95 % interval with its unit; a dash where there is none."""
+    return with_unit(row.interval, unit) if row.interval else "–"
 
 
 def _named(row: FitRow) -> str:

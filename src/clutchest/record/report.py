@@ -25,6 +25,10 @@ _HOW_TO_READ = (
 
 
 BITS = "One bit of information halves a standard deviation."
+LIMITS = (
+    "In drives like these one of that size is detected in half of all cases, a larger one more "
+    "often. A size without a unit is a pure number, as a rule a relative change: 0.1 is 10 %."
+)
 
 
 def plus_minus(quantity: Quantity, value: float | None, std: float | None) -> str:
