@@ -44,10 +44,12 @@ class FrictionRun:
     covariance: Floats
     of_current: Floats
 
-    def whitening(self, p: Parameters) -> Floats:
-        """What makes its errors independent, each of variance 1."""
+    def white_errors(self, p: Parameters) -> Floats:
+        """The errors, independent and of variance 1 at these parameters: by the variance at fixed
+        ones, noise of the accelerations would make the inertia the smaller."""
         inertia = p["motor_inertia"] / torque_constant(p, np.array(self.temp))
-        return np.linalg.inv(np.linalg.cholesky(inertia**2 * self.covariance + self.of_current))
+        root = np.linalg.cholesky(inertia**2 * self.covariance + self.of_current)
+        return np.asarray(np.linalg.solve(root, self.errors(p)))
 
     def friction(self, p: Parameters) -> Floats:
         """K_t i_a − J_1 dω_m1/dt, Nm, which T_f1 must be."""
@@ -74,12 +76,11 @@ def reduce(record: BenchRecord) -> EquationErrors | str:
     found, slips = list(runs(record)), break_aways(record)
     if not found and not slips:
         return "no run at constant current that lasts 0.08 s, and no slow break-away"
-    whitening = [run.whitening(record.parameters) for run in found]
     own = np.concatenate([np.zeros((0, 2)), *(slip.own for slip in slips)])
     cuts = np.cumsum([len(slip.own) for slip in slips])[:-1]
 
     def errors(p: Parameters, own: Floats) -> Floats:
-        parts = [w @ run.errors(p) for w, run in zip(whitening, found, strict=True)]
+        parts = [run.white_errors(p) for run in found]
         parts += [s.errors(p, o) for s, o in zip(slips, np.split(own, cuts), strict=False)]
         return np.concatenate(parts)
 
